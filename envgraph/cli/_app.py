@@ -168,8 +168,9 @@ def new(name: str, directory: Path | None, domain: str | None) -> None:
     files = write_domain(place, name) if domain is None else copy_domain(place, name, domain)
     for path in files:
         print_line(f"wrote {path}")
-    has_family = any(path.name == "family.toml" for path in files)
-    print_line(f"next: envgraph generate {place}" if has_family else f"next: envgraph check {files[0]}")
+    commands = {"family.toml": f"generate {place}", "problem.toml": f"optimise {place}"}
+    known = [commands[path.name] for path in files if path.name in commands]
+    print_line(f"next: envgraph {known[0] if known else f'check {files[0]}'}")
 
 
 @app.command()
@@ -464,6 +465,53 @@ def generate(
     generate_family(
         family, name=name, overrides=[*short, *overrides], generations=generations,
         resume=resume, force=force, directory=directory, format=format, workers=workers,
+    )  # fmt: skip
+
+
+@app.command()
+@click.argument(
+    "problem", help="A family file with [optimise], a directory with a problem.toml, or a bundled domain."
+)
+@_seed
+@click.option("--steps", type=click.IntRange(min=1), help="How many moves are tried.")
+@click.option(
+    "--set",
+    "overrides",
+    metavar="KEY=VALUE",
+    multiple=True,
+    help="Instead of what the file says: any key of it, such as optimise.strategy=beam.",
+)
+@click.option(
+    "--solution",
+    type=click.IntRange(min=1),
+    default=1,
+    help="Which one of a front is written, by its number.",
+)
+@click.option("--output", "-o", type=_PATH, help="Write the best model here: .model, .xmi or .json.")
+@click.option(
+    "--trace", type=_PATH, help="Write the rules that lead to it here, for `envgraph replay`: JSON lines."
+)
+@click.option("--picture", type=_PATH, help="Draw the front of the first two objectives here, as SVG.")
+@_format
+def optimise(
+    problem: str,
+    seed: int | None,
+    steps: int | None,
+    overrides: tuple[str, ...],
+    solution: int,
+    output: Path | None,
+    trace: Path | None,
+    picture: Path | None,
+    format: OutputFormat,
+) -> int:
+    """Find the model that is best by some queries, by applying rules. Exit code 1 if it violates a constraint."""
+    from envgraph.cli._optimise import optimise_model
+
+    given = {"seed": seed, "optimise.steps": steps}
+    short = [f"{key}={value}" for key, value in given.items() if value is not None]
+    return optimise_model(
+        problem, overrides=[*short, *overrides], solution=solution, output=output, trace=trace, picture=picture,
+        format=format,
     )  # fmt: skip
 
 

@@ -6,7 +6,7 @@ True
 """
 
 from envgraph.errors import shorten
-from envgraph.report._charts import COLOURS, Series, line_chart, ticks
+from envgraph.report._charts import COLOURS, Series, line_chart, standalone, ticks
 from envgraph.report._family_report import family_report, stage_rows, stage_table
 from envgraph.report._page import Card, Report, Section, Table, render_html
 from envgraph.report._training_report import Trained
@@ -24,6 +24,7 @@ __all__ = [
     "render_html",
     "stage_rows",
     "stage_table",
+    "standalone",
     "ticks",
 ]
 

@@ -27,6 +27,7 @@ class Series:
         label: for the legend.
         x, y: coordinates of the points, of one length.
         low, high: the band's edges at the points, or ().
+        marked: draw its points, too.
         dashed: draw it broken, for a baseline. So are, with longer dashes, lines for which no colour is left.
     """
 
@@ -36,6 +37,7 @@ class Series:
     low: tuple[float, ...] = ()
     high: tuple[float, ...] = ()
     dashed: bool = False
+    marked: bool = False
 
     def __post_init__(self) -> None:
         lengths = {len(self.x), len(self.y), *(len(edge) for edge in (self.low, self.high) if edge)}
@@ -94,6 +96,24 @@ def line_chart(series: Sequence[Series], *, x_label: str, y_label: str, title: s
     return "\n".join([*parts, "</svg>"])
 
 
+def standalone(chart: str) -> str:
+    """A chart as a file of its own: a page has the name space and the styles that this adds.
+
+    >>> chart = line_chart([Series("a", (0, 1), (2, 3))], x_label="x", y_label="y", title="t")
+    >>> standalone(chart).startswith('<svg xmlns="http://www.w3.org/2000/svg"')
+    True
+    """
+    head, rest = chart.split("\n", 1)
+    style = (
+        "text { font: 12px sans-serif; fill: #444 } .grid { stroke: #ddd } .axis, .tick { stroke: #888 } "
+        ".line { fill: none; stroke-width: 2 } .band { opacity: .16 }"
+    )
+    return (
+        head.replace("<svg ", '<svg xmlns="http://www.w3.org/2000/svg" ', 1)
+        + f'\n<style>{style}</style>\n<rect width="100%" height="100%" fill="white"/>\n{rest}\n'
+    )
+
+
 @dataclass(frozen=True, slots=True)
 class _Frame:
     """Maps data to pixels."""
@@ -138,7 +158,11 @@ class _Frame:
         if len(series.x) == 1:
             x, y = self.x(series.x[0]), self.y(series.y[0])
             return f'<circle cx="{x:.1f}" cy="{y:.1f}" r="3" style="fill: {colour}"/>'
-        return f'<polyline class="line" points="{self.points(series.x, series.y)}" style="stroke: {colour}"{dash}/>'
+        points = self.points(series.x, series.y)
+        line = f'<polyline class="line" points="{points}" style="stroke: {colour}"{dash}/>'
+        places = [point.partition(",") for point in points.split()] if series.marked else []
+        dots = [f'<circle cx="{x}" cy="{y}" r="3" style="fill: {colour}"/>' for x, _, y in places]
+        return "\n".join([line, *dots])
 
     def band(self, series: Series, colour: str) -> str:
         edge = self.points(series.x + series.x[::-1], series.high + series.low[::-1])

@@ -23,6 +23,7 @@ from envgraph.search._ga4cl import GridVariant, grid_rows, read_ga4cl, retype_gr
 from envgraph.search._generate import evolve, export_ga4cl, generate, import_ga4cl, resume
 from envgraph.search._lineage import LineageStep, lineage
 from envgraph.search._measures import MatchCount, PatternValue, ShortestPath, ShortestPlan
+from envgraph.search._optimise_file import optimise_domain
 from envgraph.search._options import Options
 from envgraph.search._outcome import Outcome, why_low
 from envgraph.search._paths import PathComplexity, count_paths
@@ -141,6 +142,7 @@ __all__ = [
     "make_vector_environment",
     "open_family",
     "optimise",
+    "optimise_domain",
     "option_problems",
     "random_families",
     "read_family",

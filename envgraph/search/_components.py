@@ -31,6 +31,7 @@ from envgraph.search._selection import (
     TournamentParents,
 )
 from envgraph.search.curricula import MOST_STATES, ChainTransfer, Learning, Levels, Objective
+from envgraph.search.optimising import Annealing, Beam, HillClimb, Strategy, TreeSearch
 from envgraph.solve.learning import TrainingSettings
 
 _MOST_BINS, _MOST_STEPS = 100_000, 100_000_000
@@ -62,6 +63,7 @@ MeasureFactory = Callable[[Options, Context], IndividualMeasure]
 DiversityFactory = Callable[[Options, Context], FamilyMeasure]
 ParentsFactory = Callable[[Options, Context], ParentSelection]
 SurvivorsFactory = Callable[[Options, Context], SurvivorSelection]
+StrategyFactory = Callable[[Options, Context], Strategy]
 ObjectiveFactory = Callable[[Options, Context], Callable[[Levels, int], Objective]]
 """What it gives makes the objective, from the levels that it will see and the number of threads that it may take."""
 
@@ -152,6 +154,21 @@ def _annealing(options: Options, context: Context) -> SurvivorSelection:
     )
 
 
+def _annealed_walk(options: Options, context: Context) -> Strategy:
+    del context
+    return Annealing(options.integer("runs", 1, 1) if options.given("runs") else None)
+
+
+def _beam_of_walks(options: Options, context: Context) -> Strategy:
+    del context
+    return Beam(options.integer("width", 20, 1), options.integer("branching", 5, 1))
+
+
+def _tree_search(options: Options, context: Context) -> Strategy:
+    del context
+    return TreeSearch(options.number("exploration", 0.1, 0, 1e9), options.integer("length", 10, 1))
+
+
 @dataclass(frozen=True, slots=True)
 class Components:
     """Factories by role and kind, and the code of declared functions; `with_` gives a copy with one more.
@@ -212,6 +229,17 @@ class Components:
         )
     )
 
+    strategy: Mapping[str, StrategyFactory] = field(
+        default_factory=lambda: MappingProxyType(
+            {
+                "simulated_annealing": _annealed_walk,
+                "hill_climbing": lambda options, context: HillClimb(options.integer("patience", 1000, 1)),
+                "beam": _beam_of_walks,
+                "tree_search": _tree_search,
+            }
+        )
+    )
+
     function: Mapping[str, Callable[..., object]] = field(default_factory=lambda: MappingProxyType({}))
 
     def kinds(self) -> dict[str, tuple[str, ...]]:
@@ -222,12 +250,13 @@ class Components:
             "objective": tuple(self.objective),
             "parents": tuple(self.parents),
             "survivors": tuple(self.survivors),
+            "strategy": tuple(self.strategy),
         }
 
     def with_(self, role: str, kind: str, factory: Callable[..., object]) -> Components:
         """A copy in which a kind of a role is made by a factory.
 
-        The roles are "measure", "diversity", "objective", "parents" and "survivors". With the role
+        The roles are "measure", "diversity", "objective", "parents", "survivors" and "strategy". With the role
         "function", `factory` is the code of the function of that name which the domain's queries declare.
         """
         known = getattr(self, role)

@@ -29,6 +29,7 @@ from envgraph.lang import (
     Files,
     ModelText,
     Name,
+    OptimiseSpec,
     TextFiles,
     Workspace,
     find_family,
@@ -52,6 +53,7 @@ from envgraph.search._problem import (
     Require,
 )
 from envgraph.search.curricula import CurriculumSettings, Levels, Objective
+from envgraph.search.optimising import Strategy
 
 EFFORT, MOST_LANES = 4_000_000_000, 1_000
 """Of a search for a whole family: steps of learners, which take one to two minutes; families improved at once."""
@@ -176,7 +178,7 @@ class Domain:
     def wrong_options(self) -> list[Diagnostic]:
         """All that is wrong with the options of the components."""
         problems: list[Diagnostic] = []
-        for make in (self._measures, self.settings, self.curriculum_search):
+        for make in (self._measures, self.settings, self.curriculum_search, self.strategy):
             try:
                 make()
             except LoadError as error:
@@ -309,6 +311,20 @@ class Domain:
         if has_errors(problems):
             raise LoadError(problems)
         return made, settings
+
+    def strategy(self) -> Strategy:
+        """How the best model is searched for, where the file has `[optimise]`; else the default.
+
+        Raises:
+            LoadError: options that make no sense; all problems at once.
+        """
+        spec = (self.spec.optimise or OptimiseSpec()).strategy
+        options = Options(spec)
+        made = self.components.strategy[spec.kind](options, self._context())
+        problems = _finished(options)
+        if problems:
+            raise LoadError(problems)
+        return made
 
     def check_initial(self, problem: Problem | None = None) -> list[Diagnostic]:
         """See that the initial model satisfies every constraint, and has a value of every measure.
@@ -465,6 +481,7 @@ def option_problems(spec: FamilySpec, workspace: Workspace) -> list[Diagnostic]:
         (_without(spec.diversity, "of"), known.diversity),
         (spec.search.parents, known.parents),
         (spec.search.survivors, known.survivors),
+        *([(spec.optimise.strategy, known.strategy)] if spec.optimise else []),
     ]
     context, problems = Context(workspace.metamodel, spec, None), list[Diagnostic]()
     for component, made in factories:
@@ -487,7 +504,7 @@ def domain_problems(spec: FamilySpec, workspace: Workspace) -> list[Diagnostic]:
     """What is wrong with a family whose files have no errors: options, and constraints that the model violates."""
     domain = Domain(spec, workspace)
     problems = domain.wrong_options()
-    if not problems:
+    if not problems and spec.optimise is None:  # which may begin anywhere
         try:
             problems += domain.check_initial()
         except LoadError as error:

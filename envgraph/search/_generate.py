@@ -85,6 +85,10 @@ def evolve(
     workers: int = 1,
 ) -> Family:
     """`generate` of a domain that has been read, in place of another run if that is to be overwritten."""
+    if domain.spec.optimise is not None:
+        place = Source(domain.spec.path, "").span(0, 0)
+        message, hint = "the file asks for one model, not for a family", "`envgraph optimise` finds it"
+        raise LoadError([Diagnostic("no-family", message, place, hint)])
     problem = domain.problem(domain.engine())
     texts = domain.workspace.bundle().texts
     with telling():  # the individuals whose states are visited are pieces of one work

@@ -108,6 +108,26 @@ class SearchSpec:
 
 
 @dataclass(frozen=True, slots=True)
+class OptimiseSpec:
+    """`[optimise]`: the file is about the one model that is best, not about a family.
+
+    Attributes:
+        maximise, minimise: names of measures, at least one in all.
+        strategy: how models are searched.
+        steps: how many moves are tried.
+        time_limit: seconds, or None.
+        target: a value of the only objective at which the search ends, or None.
+    """
+
+    maximise: tuple[Name, ...] = ()
+    minimise: tuple[Name, ...] = ()
+    strategy: ComponentSpec = ComponentSpec("strategy", "simulated_annealing")
+    steps: int = 10_000
+    time_limit: float | None = None
+    target: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class CurriculumSpec:
     """`[curriculum]`.
 
@@ -161,6 +181,7 @@ class FamilySpec:
         measures: in the order of the file; at least one.
         diversity: `options["of"]` is the name of a measure.
         objective: what a family is worth as a whole; None: families are as diverse as can be.
+        optimise: which model is searched for, if not a family.
         ga4cl: the classes whose standing rewards fill the reward schedule of that format.
         path: name of the file.
     """
@@ -179,6 +200,7 @@ class FamilySpec:
     search: SearchSpec = SearchSpec()
     curriculum: CurriculumSpec = CurriculumSpec()
     training: TrainingSpec = TrainingSpec()
+    optimise: OptimiseSpec | None = None
     ga4cl: tuple[Name, ...] = ()
     path: str = "family.toml"
     source: Source | None = field(default=None, compare=False, repr=False)

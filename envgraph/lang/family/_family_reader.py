@@ -20,6 +20,7 @@ from envgraph.lang.family._family import (
     FamilySpec,
     MutationSpec,
     Name,
+    OptimiseSpec,
     SearchSpec,
     Sequences,
     Strength,
@@ -30,7 +31,8 @@ from envgraph.lang.syntax._files import DiskFiles, Files, file_format, read_sour
 from envgraph.lang.syntax._formats import FORMATS
 from envgraph.lang.syntax._toml import TomlText, override, parse_toml
 
-FAMILY_FILE = "family.toml"
+FAMILY_FILE, PROBLEM_FILE = "family.toml", "problem.toml"
+"""What stands for its directory; the second, which says what to optimise, where there is no first."""
 _MOST = 100_000
 """Members of a family, and agents that are trained for each curriculum."""
 
@@ -140,9 +142,10 @@ def family_path(path: str, files: Files) -> str:
     """The name of a family file, from its path, its directory, or the name of a bundled domain or of a file in one."""
     name = files.name(path)
     if files.is_directory(name):
-        return files.name(f"{path}/{FAMILY_FILE}")
+        found = [files.name(f"{path}/{file}") for file in (FAMILY_FILE, PROBLEM_FILE)]
+        return next((one for one in found if files.exists(one)), found[0])
     if isinstance(files, DiskFiles) and path in bundled_domains() and name not in files.entries("."):
-        return DiskFiles().name(str(data_path("rules", path, FAMILY_FILE)))
+        return family_path(str(data_path("rules", path)), files)
     return files.name(bundled_file(path)) if isinstance(files, DiskFiles) else name
 
 
@@ -389,6 +392,7 @@ class _Reader:
             measures=measures,
             diversity=self._diversity(top, measures),
             objective=self._objective(top),
+            optimise=self._optimise(top, measures),
             mutation=_mutation(top.table("mutation")),
             search=_search(top.table("search")),
             curriculum=self._curriculum(top.table("curriculum"), measures),
@@ -432,7 +436,7 @@ class _Reader:
         names = list(top.table("measures").data) if measures else []
         of = component.options.get("of")
         if of is None:
-            if len(names) > 1:
+            if len(names) > 1 and "optimise" not in top:
                 span = component.span("") or self._text.value("diversity")
                 hint = f'write `of = "..."` in `[diversity]`: {_listed(names)}'
                 top.error("missing-key", "there are several measures to choose from", span, hint)
@@ -448,6 +452,25 @@ class _Reader:
     def _objective(self, top: _Section) -> ComponentSpec | None:
         section = top.table("objective")
         return section.component("objective", None) if section.there else None
+
+    def _optimise(self, top: _Section, measures: tuple[ComponentSpec, ...]) -> OptimiseSpec | None:
+        section = top.table("optimise")
+        if not section.there:
+            return None
+        spec, names = _read(section, "optimise", OptimiseSpec()), [one.name for one in measures]
+        for key, chosen in (("maximise", spec.maximise), ("minimise", spec.minimise)):
+            for one in chosen:
+                self._check_measure(section, key, one.text, names, one.span)
+        for one in spec.minimise:
+            if one in spec.maximise and one.span:
+                message = f"`{one}` is to be as large and as small as can be"
+                section.error("duplicate-name", message, one.span, "leave it out of one of the two lists")
+        if not {"maximise", "minimise"} & set(section.data):
+            section.missing("maximise", 'write `maximise = ["..."]`, or `minimise`: names of measures')
+        elif spec.target is not None and len(spec.maximise + spec.minimise) > 1:
+            hint = "leave it out: the search ends after `steps`"
+            section.error("bad-value", "several objectives have no target", section.span("target"), hint)
+        return spec
 
     def _curriculum(self, section: _Section, measures: tuple[ComponentSpec, ...]) -> CurriculumSpec:
         spec = _read(section, "curriculum", CurriculumSpec())
@@ -468,7 +491,9 @@ class _Reader:
             section.error("unknown-measure", f"unknown measure `{value}`", where, hint)
 
 
-Spec = TypeVar("Spec", ConstraintsSpec, CurriculumSpec, EpsilonSpec, MutationSpec, SearchSpec, TrainingSpec)
+Spec = TypeVar(
+    "Spec", ConstraintsSpec, CurriculumSpec, EpsilonSpec, MutationSpec, OptimiseSpec, SearchSpec, TrainingSpec
+)
 
 Field = Callable[[_Section, str, Any], Any]
 """Reads a key of a table, which has a default."""
@@ -555,6 +580,14 @@ _FIELDS: Final[Mapping[str, Mapping[str, Field]]] = {
         "time_limit": _number(0),
         "target": _unless_false(_number(), inf),
         "stagnation": _integer(1),
+    },
+    "optimise": {
+        "maximise": _names,
+        "minimise": _names,
+        "strategy": _Section.chosen,
+        "steps": _integer(1),
+        "time_limit": _number(0),
+        "target": _number(),
     },
     "curriculum": {
         "order": _Section.string,

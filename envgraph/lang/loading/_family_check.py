@@ -18,6 +18,7 @@ COMPONENTS: Mapping[str, Collection[str]] = MappingProxyType(
         "objective": ("learning", "chain_transfer"),
         "parents": ("random", "tournament", "elitist"),
         "survivors": ("simulated_annealing", "hill_climbing", "beam", "exact"),
+        "strategy": ("simulated_annealing", "hill_climbing", "beam", "tree_search"),
     }
 )
 """The kinds of components that come with envgraph, by role."""
@@ -53,7 +54,8 @@ def check_family(
     Args:
         spec: the family.
         workspace: of the files that it names.
-        components: the kinds that are known, by role ("measure", "diversity", "objective", "parents", "survivors").
+        components: the kinds that are known, by role ("measure", "diversity", "objective", "parents", "survivors",
+            "strategy").
     """
     return list(_Checker(spec, workspace, components).check())
 
@@ -84,6 +86,8 @@ class _Checker:
             yield from self._component(spec.objective, "objective")
         yield from self._component(spec.search.parents, "parents")
         yield from self._component(spec.search.survivors, "survivors")
+        if spec.optimise is not None:
+            yield from self._component(spec.optimise.strategy, "strategy")
         for name in spec.ga4cl:
             yield from self._class(name.text, name.span)
         yield from self._needs_behaviour()
@@ -168,7 +172,7 @@ class _Checker:
     def _component(self, component: ComponentSpec, role: str) -> Iterator[Diagnostic]:
         known = self._components.get(role, ())
         if component.kind not in known:
-            word = "name" if role in {"parents", "survivors"} else "kind"
+            word = "name" if role in {"parents", "survivors", "strategy"} else "kind"
             hint = did_you_mean(component.kind, known) or "there are " + ", ".join(
                 f"`{one}`" for one in known
             )

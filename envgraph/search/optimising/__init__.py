@@ -7,7 +7,7 @@ views what it is worth, and keeps it or takes it back.
 
 from envgraph.search.optimising._archive import Archive, Found
 from envgraph.search.optimising._climbing import Annealing, HillClimb
-from envgraph.search.optimising._goals import Goal, Standing, excess
+from envgraph.search.optimising._goals import Goal, Sense, Standing
 from envgraph.search.optimising._optimise import Optimum, Solution, optimise, pursue
 from envgraph.search.optimising._populations import Beam
 from envgraph.search.optimising._tree_search import TreeSearch
@@ -21,12 +21,12 @@ __all__ = [
     "Goal",
     "HillClimb",
     "Optimum",
+    "Sense",
     "Solution",
     "Standing",
     "Strategy",
     "TreeSearch",
     "Walk",
-    "excess",
     "optimise",
     "pursue",
 ]

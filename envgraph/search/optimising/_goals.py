@@ -81,16 +81,19 @@ class Standing(NamedTuple):
         )
 
 
-def excess(constraint: Constraint, engine: Engine) -> float:
+def excess(constraint: Constraint, engine: Engine) -> Callable[[], float]:
     """How far a model is from satisfying a constraint: matches that should not be there, or that are missing."""
-    match constraint:
-        case Forbid(pattern):
-            return float(engine.count(pattern))
-        case CountWithin(pattern, low, high):
-            count = engine.count(pattern)
-            return float(max(low - count, 0 if high is None else count - high, 0))
-        case _:
-            return 0.0 if constraint.holds(engine) else 1.0
+    if not isinstance(constraint, Forbid | CountWithin):
+        return lambda: 0.0 if constraint.holds(engine) else 1.0
+    low, high = (0, 0) if isinstance(constraint, Forbid) else (constraint.low, constraint.high)
+    _, pattern, arguments = engine.queries.question(constraint.pattern)
+    count = engine.matcher.count
+
+    def outside() -> float:
+        found = count(pattern, arguments)
+        return float(max(low - found, 0 if high is None else found - high, 0))
+
+    return outside
 
 
 def appraiser(
@@ -98,10 +101,12 @@ def appraiser(
 ) -> Callable[[], Standing]:
     """A function that says what the model at which the engine stands is worth."""
 
+    excesses = [excess(constraint, engine) for constraint in constraints]
+
     def appraise() -> Standing:
         violation = 0.0
-        for constraint in constraints:
-            violation += excess(constraint, engine)
+        for outside in excesses:
+            violation += outside()
         return Standing(violation, tuple([goal.cost(engine) for goal in goals]))
 
     return appraise

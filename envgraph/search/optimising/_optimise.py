@@ -13,7 +13,7 @@ from envgraph.errors import InvalidArgument, TransactionError
 from envgraph.graph import Version
 from envgraph.rewrite import Engine, Trace
 from envgraph.search._problem import Constraint, CountWithin, Forbid, Require
-from envgraph.search.optimising._archive import Found, steps_of
+from envgraph.search.optimising._archive import Archive, Found, steps_of
 from envgraph.search.optimising._climbing import Annealing
 from envgraph.search.optimising._goals import Goal, Sense, appraiser, watchable
 from envgraph.search.optimising._walk import Progress, Strategy, Walk
@@ -94,7 +94,7 @@ def optimise(
         seconds: for how long at most; with this limit the result may differ from run to run.
         target: a value that is good enough, for each objective one: the search ends there.
         seed: the one source of randomness.
-        progress: is told how many moves have been tried.
+        progress: is called now and then with how many moves have been tried, and what is best so far.
 
     Raises:
         InvalidArgument: an unknown name, no objective, or limits that make no sense.
@@ -136,15 +136,23 @@ def pursue(
     costs = None
     if target is not None:
         costs = tuple(-a if goal.sense == "maximise" else a for goal, a in zip(goals, target, strict=True))
+
+    def tell(done: int, archive: Archive) -> None:
+        if progress is not None:
+            best = next(iter(archive)).standing
+            values = (
+                f"{goal.name} {goal.value(cost):.6g}" for goal, cost in zip(goals, best.costs, strict=True)
+            )
+            violated = [f"{best.violation:g} violations"] if best.violation else []
+            progress(done, ", ".join([*violated, *values]))
+
     rng, before = np.random.default_rng(seed), engine.rng
     with _watching(engine, watchable(goals, constraints)):
         start = engine.model.state_hash()
         engine.rng = rng  # for choices inside of units
         try:
             appraise = appraiser(engine, goals, constraints)
-            walk = Walk(
-                engine, moves, appraise, rng, steps=steps, seconds=seconds, target=costs, progress=progress
-            )
+            walk = Walk(engine, moves, appraise, rng, steps=steps, seconds=seconds, target=costs, tell=tell)
             strategy.search(walk)
             front = tuple(_solution(engine, walk, found, goals, start) for found in walk.archive)
             engine.checkout(front[0].version, discard=True)

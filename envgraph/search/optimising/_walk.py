@@ -16,6 +16,7 @@ from envgraph.search.optimising._goals import Standing
 
 Progress = Callable[[int, str], None]
 """Is told how many moves have been tried, and what is best."""
+Tell = Callable[[int, Archive], None]
 
 
 class Strategy(Protocol):
@@ -38,7 +39,7 @@ class Walk:
         steps: how many moves may be tried.
         seconds: for how long; None without end. Then the result depends on the machine.
         target: costs that are good enough: the search ends there.
-        progress: see there.
+        tell: is called now and then with how many moves have been tried, and the best states.
 
     Attributes:
         rng: of all choices.
@@ -59,13 +60,13 @@ class Walk:
         steps: int,
         seconds: float | None = None,
         target: tuple[float, ...] | None = None,
-        progress: Progress | None = None,
+        tell: Tell | None = None,
     ) -> None:
         self.rng, self.steps, self.spent = rng, steps, 0
         self.archive = Archive()
         self._engine, self._moves, self._appraise = engine, tuple(moves), appraise
         self._end = None if seconds is None else monotonic() + seconds
-        self._target, self._progress = target, progress
+        self._target, self._tell = target, tell
         self._path: Path = None
         self._open: tuple[Savepoint, tuple[Firing, ...], Standing] | None = None
         self._reached = False
@@ -89,8 +90,8 @@ class Walk:
         """
         engine = self._engine
         self.spent += 1
-        if self._progress is not None and not self.spent % 256:
-            self._progress(self.spent, "")
+        if self._tell is not None and not self.spent % 256:
+            self._tell(self.spent, self.archive)
         chosen = engine.choose(self._moves, self.rng)
         if chosen is None:
             return None

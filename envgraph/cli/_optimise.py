@@ -1,0 +1,120 @@
+"""`envgraph optimise`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import inf, isfinite
+from pathlib import Path
+from typing import Any
+
+from envgraph.cli._convert import check_format
+from envgraph.cli._output import OutputFormat, print_json, print_line, print_table, progress_bar
+from envgraph.cli._query import write_model
+from envgraph.errors import InvalidArgument
+from envgraph.files import replace_file
+from envgraph.graph import model_to_json
+from envgraph.rewrite import trace_to_text
+from envgraph.search import Domain, Optimum, optimise_domain
+
+
+def optimise_model(
+    location: str,
+    *,
+    overrides: Sequence[str],
+    solution: int,
+    output: Path | None,
+    trace: Path | None,
+    picture: Path | None,
+    format: OutputFormat,
+) -> int:
+    """Find what a file asks for, print it, and write one solution of it; the exit code: 1 if it violates something.
+
+    Args:
+        location: a family file with `[optimise]`, its directory, or a bundled domain.
+        overrides: what holds instead of what the file says.
+        solution: which one of the front is written, from 1.
+        output: where the model is written.
+        trace: where the rules that lead to it are written, for `envgraph replay`.
+        picture: where the front is drawn, as SVG.
+        format: what to print.
+    """
+    if output is not None:
+        check_format(output)
+    domain = Domain.load(location, overrides=overrides)
+    spec = domain.spec.optimise
+    if picture is not None and spec is not None and len(spec.maximise + spec.minimise) < 2:
+        raise InvalidArgument("a front is drawn of two objectives or more, and the file has one")
+    with progress_bar("moves", spec.steps if spec else None) as advance:
+        engine, found = optimise_domain(domain, progress=advance)
+    if not 1 <= solution <= len(found.front):
+        raise InvalidArgument(f"there are {len(found.front)} solutions, and none has the number {solution}")
+    chosen = found.front[solution - 1]
+    engine.checkout(chosen.version)
+    broken = [str(one) for one in domain.problem(engine).violations()] if chosen.violation else []
+    if format is OutputFormat.JSON:
+        print_json(_data(domain, found) | {"violated": broken, "model": model_to_json(engine.model)})
+    else:
+        _print(domain, found)
+        if broken:
+            print_line(f"no model that satisfies all constraints was found: {', '.join(broken)}")
+    if output is not None:
+        write_model(engine, output, format)
+    for path, text in (
+        (trace, trace and trace_to_text(engine, chosen.trace)),
+        (picture, picture and _picture(domain, found)),
+    ):
+        if path is not None and text:
+            replace_file(path, text)
+            if format is OutputFormat.TEXT:
+                print_line(f"wrote {path}")
+    return int(bool(broken))
+
+
+def _data(domain: Domain, found: Optimum) -> dict[str, Any]:
+    """JSON-ready; where there is no value, null."""
+
+    def plain(values: Any) -> dict[str, float | None]:
+        return {name: value if isfinite(value) else None for name, value in values.items()}
+
+    return {
+        "name": domain.spec.name,
+        "steps": found.steps,
+        "objectives": {goal.name: goal.sense for goal in found.goals},
+        "initial": plain(found.initial),
+        "front": [
+            {"values": plain(one.values), "violation": one.violation, "applications": len(one.trace)}
+            for one in found.front
+        ],
+    }
+
+
+def _print(domain: Domain, found: Optimum) -> None:
+    def row(label: str, values: Any, applications: str) -> tuple[str, ...]:
+        return (
+            label,
+            *("no value" if value in (inf, -inf) else f"{value:.6g}" for value in values),
+            applications,
+        )
+
+    single = len(found.goals) == 1
+    rows = [row("initial", found.initial.values(), "")]
+    for number, one in enumerate(found.front, start=1):
+        rows.append(row("best" if single else str(number), one.values.values(), str(len(one.trace))))
+    columns = ("solution", *(goal.name for goal in found.goals), "applications")
+    moves = f"{found.steps:,} move{'s' * (found.steps != 1)} tried"
+    print_table(f"{domain.spec.name}: {moves}", columns, rows, range(1, len(columns)))
+
+
+def _picture(domain: Domain, found: Optimum) -> str:
+    """The front in the first two objectives."""
+    from envgraph.report import Series, line_chart, standalone
+
+    first, second = (goal.name for goal in found.goals[:2])
+    points = sorted({(one.values[first], one.values[second]) for one in found.front})
+    points = [point for point in points if all(map(isfinite, point))]
+    if not points:
+        raise InvalidArgument("there is no front to draw: no solution has a value of both objectives")
+    xs, ys = zip(*points, strict=True)
+    title = f"front of {domain.spec.name}"
+    chart = line_chart([Series("front", xs, ys, marked=True)], x_label=first, y_label=second, title=title)
+    return standalone(chart)
