@@ -205,6 +205,8 @@ def export_family(run: str, directory: Path, format: str, output: Path | None) -
     if format not in known:
         hint = did_you_mean(format, known) or f"there are {', '.join(known)}"
         raise InvalidArgument(f"unknown format `{format}`", hint)
+    if format in ("family", "ga4cl") and output is not None and output.suffix == ".svg":
+        raise InvalidArgument(f"`{output}` would be JSON", "write `--format svg` for a picture")
     family = open_family(run, directory)
     if format == "compiled":
         _export_program(family, output)

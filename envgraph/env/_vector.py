@@ -60,7 +60,7 @@ class VectorEnvironmentBase(VectorEnv[Any, Any, Any]):
         autoreset_mode: AutoresetMode | str,
     ) -> None:
         if num_envs < 1:
-            raise InvalidArgument(f"{num_envs} environments")
+            raise InvalidArgument(f"`num_envs` is {num_envs}, it must be at least 1")
         if max_episode_steps is not None and max_episode_steps < 1:
             raise InvalidArgument(f"a limit of {max_episode_steps} steps")
         self.num_envs = num_envs

@@ -88,7 +88,7 @@ def make_vec_spec(
         InvalidArgument: no environment, or an unknown mode.
     """
     if num_envs < 1:
-        raise InvalidArgument(f"{num_envs} environments")
+        raise InvalidArgument(f"`num_envs` is {num_envs}, it must be at least 1")
     if isinstance(vectorization_mode, VectorizeMode):
         vectorization_mode = vectorization_mode.value
     if vectorization_mode is None and (options.get("live") or options.get("engine") == "live"):

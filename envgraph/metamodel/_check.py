@@ -423,6 +423,7 @@ def _range_mistake(attribute: Attribute, mark: Annotation) -> tuple[str, str] | 
         return f"the values of the range of `{name}` are of type `{kind}`", hint
     lowest, highest, step = numbers
     if not lowest < highest:
+        hint = f"write `@range({highest}, {lowest})`" if highest < lowest else hint
         return f"the range of `{name}` ends at {highest}, which is not above {lowest}", hint
     if not step > 0:
         return f"the step of `{name}` is {step}, and has to be above 0", hint

@@ -94,6 +94,8 @@ class Options:
         if fits and -LARGEST <= value[0] < value[1] <= LARGEST:  # type: ignore[index]
             return float(value[0]), float(value[1])  # type: ignore[index]
         written = f"[{default[0]:g}, {default[1]:g}]"
+        if fits and value[1] < value[0]:  # type: ignore[index]
+            written = f"[{value[1]:g}, {value[0]:g}]"  # type: ignore[index]
         return self._wrong(name, "two numbers, the lower first", default, written)
 
     def given(self, name: str) -> bool:

@@ -195,6 +195,7 @@ def _condition(reading: Reading, tree: Tree[Token]) -> PatternCall | Negation | 
             written = f"`on {called[1] or ''}find {called[2]}`"
             hint = f"write {written} if this is a pattern; else put it into one, and ask for that"
         reading.error("wrong-condition", "`on` asks `find` or `neg find`", tree, hint)
+    reading.gap(tree)
     return None
 
 

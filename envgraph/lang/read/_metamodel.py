@@ -315,6 +315,7 @@ class _Reader:
             self._error(
                 "bad-multiplicity", "the lower bound is a number", tree, "write `[*]`, `[1..*]` or `[0..3]`"
             )
+            return 0, None
         return first or 0, last
 
     def _bound(self, tree: Tree[Token]) -> int | None:

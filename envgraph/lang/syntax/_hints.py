@@ -54,7 +54,7 @@ def _negation(grammar: Grammar, states: list[int], lexemes: Sequence[Lexeme], in
     if before[2] == "find" and before[3] == "neg":
         return f"write `neg find {word}(..)`"
     if before[3] == "not" and "not" not in keywords:
-        return "write `!`" if grammar.accepts(states, signs["&&"]) else "write `neg`"
+        return "write `!`" if grammar.accepts(states, signs["&&"]) else "write `neg` instead of `not`"
     return None
 
 
@@ -96,6 +96,8 @@ def habit(grammar: Grammar, states: list[int], lexemes: Sequence[Lexeme], index:
                 f"{expected}; several objects stand in brackets: `[{lexemes[index - 3].value}, {before[1]}]`"
             )
     if "observe" in keywords:
+        if (word, after) == (",", "with") or before == [",", "with"]:
+            return "leave out the `,` before `with`"
         if grammar.expected(states) == [keywords["up"]]:
             return f"a count has a highest value: write `up to {after if word[:2] == 'up' else 3}`"
         if word == "up" and grammar.accepts(states, keywords["in"]):

@@ -25,6 +25,7 @@ from envgraph.pattern import (
     CallAtom,
     Conjunction,
     Goal,
+    InstanceAtom,
     LinkAtom,
     ObjectType,
     arguments,
@@ -234,6 +235,8 @@ def _failure(
     relation = goal.alternatives[0][0] if isinstance(goal, Absence) else goal
     constraint = _block(relation.pattern) if isinstance(relation, CallAtom) else None
     constraint = constraint or (_written(span, conjunction, step.goal) if span else goal_text(step, names))
+    if isinstance(goal, InstanceAtom) and constraint == names(goal.variable):  # the type of a parameter
+        constraint = f"{constraint} : {goal.cls}"
     values: dict[int, Any] = {**dict(conjunction.constants), **partial}
     inner = witness = None
     if isinstance(goal, Absence):

@@ -177,6 +177,11 @@ def test_a_damaged_run_is_refused(refused: Call, run_store: Path, damage: str) -
         assert "runs/bad/run.sqlite is damaged: " in refused(*command)
 
 
+def test_a_family_is_not_written_as_json_into_a_picture(refused: Call) -> None:
+    said = refused("export", "nowhere", "-o", "family.svg")
+    assert "`family.svg` would be JSON" in said and "--format svg" in said
+
+
 @pytest.mark.parametrize(
     "command",
     [

@@ -8,6 +8,7 @@ import pytest
 
 from envgraph.errors import InvalidArgument
 from envgraph.graph import Model
+from envgraph.lang import TextFiles, load_workspace
 from envgraph.match import FREE, CompiledMatcher, NaiveMatcher, ViewMatcher
 from envgraph.metamodel import Attribute, Class, Metamodel, Reference, Scalar
 from envgraph.pattern import Library, Pattern
@@ -59,6 +60,17 @@ def test_where_there_is_no_object_the_constraint_that_asks_for_one_fails() -> No
     named.add(pattern("p(a)", [path("A.n", "a", "n")]))
     (failure,) = CompiledMatcher(Model(metamodel), named).why_not("p", {}).failures
     assert failure.constraint == "A(a)"
+
+
+def test_a_parameter_of_another_type_is_shown_with_its_type() -> None:
+    files = {
+        "m.metamodel": "metamodel m class Room {} class Ward extends Room { refers Room[0..1] next }",
+        "m.query": 'import "m.metamodel"\npattern free(ward : Ward) { neg Ward.next(ward, _); }\n',
+        "m.model": 'import "m.metamodel"\nmodel one : m { lobby : Room }\n',
+    }
+    engine = load_workspace(["m.model", "m.query"], files=TextFiles(files)).engine()
+    (failure,) = engine.why_not("free", ward=engine.model["lobby"]).failures
+    assert failure.constraint == "ward : Ward"
 
 
 def test_the_body_that_comes_furthest_is_first() -> None:

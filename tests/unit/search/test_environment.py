@@ -244,7 +244,7 @@ def test_what_makes_no_environment_is_told(family_file: Path) -> None:
     for live in (False, True):
         with pytest.raises(InvalidArgument, match="unknown autoreset mode 'never'"):
             envgraph.make_vec(family_file, autoreset_mode="never", live=live)
-        with pytest.raises(InvalidArgument, match="0 environments"):
+        with pytest.raises(InvalidArgument, match="`num_envs` is 0, it must be at least 1"):
             envgraph.make_vec(family_file, num_envs=0, live=live)
 
 

@@ -195,6 +195,7 @@ def test_any_key_of_the_family_file_can_be_overridden(tmp_path: Path) -> None:
         ("search.population=many", "--set:1:19: `population` is a whole number, not a string"),
         ("search.population=0.5", "--set:1:19: `population` is a whole number, not a fraction"),
         ("search.survivors.rounds=-1", "--set:1:25: `rounds` of `simulated_annealing` is a whole number from 0"),
+        ("diversity.range=[8, 2]", "hint: write `range = [2, 8]`"),
         ("diversity.of=fires", "--set:1:14: unknown measure `fires`"),
         ("mutation.rules=[grow]", "--set:1:17: invalid value"),
         ("model=nowhere.model", "nowhere.model`: there is no such file"),
