@@ -10,7 +10,7 @@ from envgraph import code
 from envgraph.env.compiled._facts import WordOf, call
 from envgraph.env.compiled._layout import BEYOND, RI, TOP, entry, failed, plus
 from envgraph.env.compiled._refused import NotCompiled
-from envgraph.env.compiled._tables import Keys, Links, Matches, Reached, Relation
+from envgraph.env.compiled._tables import Keys, LinkMatrix, Links, Matches, Reached, Relation
 from envgraph.env.compiled._terms import Term, Terms, as_float, literal, named
 from envgraph.match.plan import Kind, Plan, Step, ViewKey, call_key
 from envgraph.metamodel import Attribute, Scalar
@@ -320,6 +320,9 @@ class Body:
         """From one end of a link that changes to the other."""
         assert not isinstance(goal.reference, Attribute)
         facts, reference = self._facts, goal.reference
+        if (kept := facts.matrix(reference)) is not None:
+            self._follow_many(kept[0], near, far, forward is kept[1], sure)
+            return
         stored, same = facts.stored(reference)
         at_near = stored.at_source is (forward is same)
         if self._known(near) and self._known(far):
@@ -340,6 +343,20 @@ class Body:
                 self._give(far, local)
         else:
             raise AssertionError(goal)
+
+    def _follow_many(self, matrix: LinkMatrix, near: int, far: int, forward: bool, sure: bool) -> None:
+        """The same where both ends may have many."""
+        facts = self._facts
+        if self._known(far):
+            source, target = (near, far) if forward else (far, near)
+            ends = (source, matrix.reference.owner), (target, matrix.reference.target)
+            certain = (self._is_sure(*ends[0]), self._is_sure(*ends[1]))
+            found, guard = facts.matrix_cell(matrix, self.source(source), self.source(target), sure=certain)
+            for test in (*guard, code.equal(found, code.Constant(1))):
+                self.block.test(test)
+        else:
+            other, _ = facts.linked_with(self.block, matrix, self.source(near), forward=forward, sure=sure)
+            self._give(far, other)
 
     # --- calls
 

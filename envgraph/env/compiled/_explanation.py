@@ -10,6 +10,7 @@ from envgraph.env.compiled._refused import NotCompiled
 from envgraph.env.compiled._tables import (
     AttributeColumn,
     ClassSet,
+    LinkMatrix,
     Matches,
     Reached,
     SourceColumn,
@@ -31,7 +32,9 @@ def explanation(engine: Engine, behaviour: Behaviour) -> str:
 def _facts(program: Program) -> Iterator[str]:
     arrays, columns = program.arrays, [column for column, _ in program.layout.columns()]
     features = [str(one.attribute) for one in columns if isinstance(one, AttributeColumn)]
-    features += [str(one.reference) for one in columns if isinstance(one, TargetColumn | SourceColumn)]
+    features += [
+        str(one.reference) for one in columns if isinstance(one, TargetColumn | SourceColumn | LinkMatrix)
+    ]
     classes = [one.cls for one in columns if isinstance(one, ClassSet)]
     relations = program.layout.relations()
     patterns = [one.pattern for one in relations if isinstance(one, Matches)]

@@ -21,6 +21,7 @@ from envgraph.env.compiled._tables import (
     HowMany,
     Instances,
     Keys,
+    LinkMatrix,
     Links,
     Listed,
     One,
@@ -394,7 +395,7 @@ class Facts:
         """Where the links of a reference that changes are kept, and whether it is that reference and no opposite.
 
         Raises:
-            NotCompiled: both of its ends may have many, or both are one.
+            NotCompiled: both of its ends are one.
         """
         opposite = self.metamodel.opposite(reference)
         if opposite is not None and (opposite.index < reference.index):
@@ -403,11 +404,54 @@ class Facts:
             raise NotCompiled(f"a reference that is its own opposite, and changes (`{reference}`)")
         at_target = reference.containment or (opposite is not None and not opposite.many)
         source, target = self._sizes.extent(reference.owner), self._sizes.extent(reference.target)
-        if reference.many and not at_target:
-            raise NotCompiled(f"links with many at both ends that change (`{reference}`)")
+        assert at_target or not reference.many, "links with many at both ends have a matrix"
         at_source = not reference.many and (not at_target or source <= target)
         end = reference.owner if at_source else reference.target
         return Stored(reference, at_source, classes_below(self.metamodel, end)), True
+
+    def matrix(self, reference: Reference) -> tuple[LinkMatrix, bool] | None:
+        """Where links that change are kept if both ends may have many, and whether for it and not its opposite.
+
+        Raises:
+            NotCompiled: both ends are one.
+        """
+        opposite = self.metamodel.opposite(reference)
+        if opposite == reference:
+            raise NotCompiled(f"a reference that is its own opposite, and changes (`{reference}`)")
+        if not reference.many or reference.containment or (opposite is not None and not opposite.many):
+            return None
+        if opposite is not None and opposite.index < reference.index:
+            reference, same = opposite, False
+        else:
+            same = True
+        sources, targets = (classes_below(self.metamodel, end) for end in (reference.owner, reference.target))
+        return LinkMatrix(reference, sources, targets), same
+
+    def matrix_cell(
+        self, matrix: LinkMatrix, source: code.Expression, target: code.Expression, *, sure: tuple[bool, bool]
+    ) -> tuple[code.Index, list[code.Expression]]:
+        """The cell of two objects, and what has to hold before it is looked at."""
+        row, first = self.place(matrix.sources, source, sure=sure[0])
+        column, second = self.place(matrix.targets, target, sure=sure[1])
+        return self.matrix_entry(matrix, row, column), [*first, *second]
+
+    def matrix_entry(self, matrix: LinkMatrix, row: code.Expression, column: code.Expression) -> code.Index:
+        """The cell at two places."""
+        before = code.Operation("*", (row, self._count(matrix.targets)))
+        return cell(plus(self.layout.offset(matrix), before, column))
+
+    def linked_with(
+        self, block: code.Block, matrix: LinkMatrix, node: code.Expression, *, forward: bool, sure: bool
+    ) -> tuple[code.Local, code.Index]:
+        """What follows is done for each target of an object, or each source of it, of which this is the cell."""
+        near, far = (matrix.sources, matrix.targets) if forward else (matrix.targets, matrix.sources)
+        here, guard = self.place(near, node, sure=sure)
+        for test in guard:
+            block.test(test)
+        other, there = self.each(block, far)
+        linked = self.matrix_entry(matrix, here, there) if forward else self.matrix_entry(matrix, there, here)
+        block.test(code.equal(linked, code.Constant(1)))
+        return other, linked
 
     def link_cell(
         self, stored: Stored, node: code.Expression, *, sure: bool
@@ -428,6 +472,8 @@ class Facts:
             type_ = Links(reference).types(self.library)[1 - position]
             values = Values(keys, 1 - position, (1 - position,), type_)
             return table(plus(self.layout.offset(values), node))
+        if self.matrix(reference) is not None:
+            return None
         stored, same = self.stored(reference)
         if stored.at_source is (forward is same):
             place, guard = self.link_cell(stored, node, sure=sure)

@@ -76,15 +76,15 @@ def nth_bit(word, number):
     return lowest_bit(word)
 
 
-def slide(A, start, used, RI, top, nothing):
-    """Entries for new objects move to where these go, as the rows from `top` on say: to a place before, or nowhere."""
+def slide(A, start, step, used, RI, top, nothing):
+    """Entries for new objects, so far apart, move as the rows from `top` on say: to a place before, or nowhere."""
     kept = 0
     for number in range(used):
         if RI[top + number, 0] >= 0:
-            A[start + kept] = A[start + number]
+            A[start + kept * step] = A[start + number * step]
             kept += 1
     for number in range(kept, used):
-        A[start + number] = nothing
+        A[start + number * step] = nothing
 
 
 def slide_bits(S, words, place, used, RI, top):

@@ -19,6 +19,7 @@ from envgraph.env.compiled._tables import (
     Bits,
     ClassSet,
     Column,
+    LinkMatrix,
     Made,
     One,
     Relation,
@@ -134,7 +135,7 @@ class Layout:
 
     def columns(self) -> list[tuple[Column, int]]:
         """The columns of states, each with the place in the vector of offsets that says where it begins."""
-        kinds = AttributeColumn | TargetColumn | SourceColumn | ClassSet
+        kinds = AttributeColumn | TargetColumn | SourceColumn | LinkMatrix | ClassSet
         return [(symbol, number) for symbol, number in self._numbers.items() if isinstance(symbol, kinds)]
 
     def stored(self) -> list[tuple[Column | Made, int]]:

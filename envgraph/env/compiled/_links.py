@@ -7,6 +7,7 @@ from envgraph.env.compiled._blocks import Frame
 from envgraph.env.compiled._facts import Stored, call
 from envgraph.env.compiled._refused import NotCompiled
 from envgraph.env.compiled._site import MISSING, Site
+from envgraph.env.compiled._tables import LinkMatrix
 from envgraph.metamodel import Reference
 from envgraph.pattern import ObjectType
 from envgraph.rewrite.plans import Link, Rehome, SetTargets, Unlink
@@ -36,16 +37,35 @@ class Links:
         )
         return stored, place, self._site.slots[other], guard
 
+    def _kept(
+        self, source: int, reference: Reference, target: int
+    ) -> tuple[code.Index, code.Expression, code.Expression, list[code.Expression]]:
+        """The cell that keeps a link, what it is with the link and without, and what has to hold for there to be it."""
+        facts, kept = self._facts, self._facts.matrix(reference)
+        if kept is None:
+            _, place, other, guard = self._ends(source, reference, target)
+            return place, other, MISSING, guard
+        matrix, same = kept
+        first, second = (source, target) if same else (target, source)
+        ends = (first, matrix.reference.owner), (second, matrix.reference.target)
+        place, guard = facts.matrix_cell(
+            matrix,
+            self._site.slots[first],
+            self._site.slots[second],
+            sure=(self._site.sure(*ends[0]), self._site.sure(*ends[1])),
+        )
+        return place, code.Constant(1), code.Constant(0), guard
+
     def linked(self, source: int, reference: Reference, target: int) -> code.Expression:
         if self._facts.changes.fixed_feature(reference):
             raise AssertionError(reference)
-        _, place, other, guard = self._ends(source, reference, target)
-        return code.joined("and", [*guard, code.equal(place, other)], True)
+        place, value, _, guard = self._kept(source, reference, target)
+        return code.joined("and", [*guard, code.equal(place, value)], True)
 
     def unlink(self, unlink: Unlink) -> None:
-        _, place, _, _ = self._ends(unlink.source, unlink.reference, unlink.target)
+        place, _, nothing, _ = self._kept(unlink.source, unlink.reference, unlink.target)
         test = self.linked(unlink.source, unlink.reference, unlink.target)
-        self._site.add(code.If(test, (code.Assign(place, MISSING),)))
+        self._site.add(code.If(test, (code.Assign(place, nothing),)))
 
     def leave_containers(self, move: Rehome) -> None:
         """An object leaves its container, unless that is where it is to go."""
@@ -105,10 +125,10 @@ class Links:
             self._check_homeless(content, end, reference)
         self._check_room(reference, self._site.slots[source], source, forward=True)
         self._check_room(reference, self._site.slots[target], target, forward=False)
-        _, place, other, guard = self._ends(source, reference, target)
+        place, value, _, guard = self._kept(source, reference, target)
         for test in guard:
             self._site.unless(test)
-        made = (*self._site.statements, code.Assign(place, other))
+        made = (*self._site.statements, code.Assign(place, value))
         self._site.statements = before
         there = code.Operation(">=", (self._site.slots[target], code.Constant(0)))
         missing_ = code.inverse(self.linked(source, reference, target))
@@ -181,8 +201,13 @@ class Links:
         if one is not None:
             self._site.unless(code.Operation("<", (one, code.Constant(0))))
         else:
-            stored, _ = self._facts.stored(reference)
-            self._site.unless(code.Operation("<", (call(self._holders(stored), node), code.Constant(upper))))
+            kept = self._facts.matrix(reference)
+            counted = (
+                self._holders(self._facts.stored(reference)[0])
+                if kept is None
+                else self._partners(kept[0], forward is kept[1])
+            )
+            self._site.unless(code.Operation("<", (call(counted, node), code.Constant(upper))))
 
     def _holders(self, stored: Stored) -> str:
         """The function that counts the objects whose cell has another."""
@@ -195,6 +220,19 @@ class Links:
             body = (code.Assign(number, code.Constant(0)), *block.body(), code.Return(number))
             with module.writing():
                 name = module.keep(("holders", stored), module.add("holders", (wanted,), body))
+        return name
+
+    def _partners(self, matrix: LinkMatrix, forward: bool) -> str:
+        """The function that counts the targets of an object, or its sources."""
+        module, facts = self._facts.module, self._facts
+        name = module.named(("partners", matrix, forward))
+        if name is None:
+            block, wanted, number = code.Block(), module.fresh("v", "object"), code.Local("n", "int")
+            facts.linked_with(block, matrix, wanted, forward=forward, sure=False)
+            block.add(code.Assign(number, code.Constant(1), "+="))
+            body = (code.Assign(number, code.Constant(0)), *block.body(), code.Return(number))
+            with module.writing():
+                name = module.keep(("partners", matrix, forward), module.add("partners", (wanted,), body))
         return name
 
     def set_target(self, change: SetTargets) -> None:

@@ -95,6 +95,16 @@ class Objects:
         """The links of an object that goes, at one end of a reference: refused where they would dangle."""
         facts = self._facts
         opposite = facts.metamodel.opposite(reference)
+        if (kept := facts.matrix(reference)) is not None:
+            sure = facts.metamodel.is_a(cls, reference.owner if forward else reference.target)
+            block = code.Block()
+            _, linked = facts.linked_with(block, kept[0], node, forward=forward, sure=sure)
+            if self._site.plan.lossy:
+                block.add(code.Assign(linked, code.Constant(0)))
+            else:
+                block.add(failed(REFUSED), self._site.leave)
+            self._site.add(*block.body())
+            return
         stored, _ = facts.stored(reference)
         content = reference.containment if not forward else opposite is not None and opposite.containment
         if stored.at_source is forward:

@@ -364,6 +364,22 @@ class SourceColumn:
 
 
 @dataclass(frozen=True, slots=True)
+class LinkMatrix:
+    """Whether each object at one end of a reference has a link to each at the other, where both may have many."""
+
+    reference: Reference
+    sources: tuple[str, ...]
+    targets: tuple[str, ...]
+    is_float = False
+
+    def initial(self, member: Member) -> Sequence[Cell]:
+        """The column in the initial state, row by row."""
+        links = {(int(source), int(target)) for source, target in member.rows(Links(self.reference))}
+        ends = members(member, self.sources), members(member, self.targets)
+        return [int((source, target) in links) for source in ends[0] for target in ends[1]]
+
+
+@dataclass(frozen=True, slots=True)
 class ClassSet:
     """Which of the objects of a group are of a class: a bit for each."""
 
@@ -510,7 +526,7 @@ class Seats:
 
 OfRows: TypeAlias = "Bits | Values | Starts | Listed | SetsOf"
 Table: TypeAlias = "OfRows | Places | Holders | HowMany | Words | Spare | Bound | Keyed | IndexOf | Seats"
-Column: TypeAlias = "AttributeColumn | TargetColumn | SourceColumn | ClassSet"
+Column: TypeAlias = "AttributeColumn | TargetColumn | SourceColumn | LinkMatrix | ClassSet"
 
 
 def keys_of(relation: Relation, library: Library, bound: Sequence[int]) -> tuple[Keys, tuple[int, ...]]:

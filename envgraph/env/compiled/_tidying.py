@@ -11,6 +11,7 @@ from envgraph.env.compiled._tables import (
     ClassSet,
     Column,
     HowMany,
+    LinkMatrix,
     Made,
     Places,
     Spare,
@@ -52,10 +53,33 @@ def tidied(facts: Facts, group: tuple[str, ...]) -> code.Body:
     )
 
 
+def _matrix_moved(
+    facts: Facts, matrix: LinkMatrix, first: code.Local, used: code.Local
+) -> list[code.Statement]:
+    """What happens to the rows of new objects, and to their columns."""
+    layout = facts.layout
+    start, width = layout.offset(matrix), table(layout.offset(HowMany(matrix.targets)))
+    found: list[code.Statement] = []
+    for classes, across, step in (
+        (matrix.sources, matrix.targets, width),
+        (matrix.targets, matrix.sources, ONE),
+    ):
+        if not facts.changes.created.isdisjoint(classes):
+            place, number = table(plus(layout.offset(Places(classes)), first)), facts.module.fresh("n")
+            apart = (place, width, number, ONE) if classes is matrix.sources else (place, ONE, number, width)
+            begin = [code.Operation("*", pair) for pair in (apart[:2], apart[2:])]
+            slid = code.Do(code.call("slide", S, plus(start, *begin), step, used, RI, TOP, ZERO))
+            count = table(layout.offset(HowMany(across)))
+            found.append(code.For(number, code.call("range", count), (slid,)))
+    return found
+
+
 def _moved(facts: Facts, column: Column, first: code.Local, used: code.Local) -> list[code.Statement]:
     """What happens to a column."""
     layout = facts.layout
     start = layout.offset(column)
+    if isinstance(column, LinkMatrix):
+        return _matrix_moved(facts, column, first, used)
     classes = column.group if isinstance(column, ClassSet) else column.classes
     found: list[code.Statement] = []
     if not facts.changes.created.isdisjoint(classes):
@@ -67,7 +91,7 @@ def _moved(facts: Facts, column: Column, first: code.Local, used: code.Local) ->
                 absent(column.attribute.type) if isinstance(column, AttributeColumn) else code.Constant(-1)
             )
             array = F if column.is_float else S
-            found.append(code.Do(code.call("slide", array, plus(start, place), used, RI, TOP, nothing)))
+            found.append(code.Do(code.call("slide", array, plus(start, place), ONE, used, RI, TOP, nothing)))
     if not isinstance(column, ClassSet | AttributeColumn):
         count = table(layout.offset(HowMany(classes)))
         found.append(code.Do(code.call("renumber", S, start, count, first, RI, TOP)))

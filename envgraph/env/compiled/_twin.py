@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from itertools import product
 from typing import Any
 
 from numpy.typing import NDArray
@@ -15,6 +16,7 @@ from envgraph.env.compiled._tables import (
     WORD,
     AttributeColumn,
     ClassSet,
+    LinkMatrix,
     Links,
     SourceColumn,
     TargetColumn,
@@ -40,7 +42,7 @@ class Twin:
         self._objects = [*member.objects]
         self._columns = [(column, int(offsets[number])) for column, number in layout.columns()]
         for column, _ in self._columns:
-            if isinstance(column, TargetColumn | SourceColumn):
+            if isinstance(column, TargetColumn | SourceColumn | LinkMatrix):
                 member.rows(Links(column.reference))  # asked for while the model is in its initial state
 
     @contextmanager
@@ -60,13 +62,16 @@ class Twin:
     def _restore(self, state: Numbers, floats: Numbers) -> None:
         member, model, objects = self._member, self._member.model, self._objects
         for column, _ in self._columns:
-            if isinstance(column, TargetColumn | SourceColumn):
+            if isinstance(column, TargetColumn | SourceColumn | LinkMatrix):
                 for source, target in member.rows(Links(column.reference)):
                     model.unlink(member.objects[int(source)], column.reference, member.objects[int(target)])
         del objects[len(member.objects) :]
         self._restore_classes(state)
         for column, start in self._columns:
             if isinstance(column, ClassSet):
+                continue
+            if isinstance(column, LinkMatrix):
+                self._restore_links(column, state[start:])
                 continue
             for place, number in enumerate(members(member, column.classes)):
                 value = (floats if column.is_float else state)[start + place]
@@ -80,6 +85,12 @@ class Twin:
                     other = objects[int(value)]
                     ends = (node, other) if isinstance(column, TargetColumn) else (other, node)
                     model.link(ends[0], column.reference, ends[1])
+
+    def _restore_links(self, matrix: LinkMatrix, cells: Numbers) -> None:
+        pairs = product(members(self._member, matrix.sources), members(self._member, matrix.targets))
+        for (source, target), linked in zip(pairs, cells, strict=False):  # behind them are other columns
+            if linked:
+                self._member.model.link(self._objects[source], matrix.reference, self._objects[target])
 
     def _restore_classes(self, state: Numbers) -> None:
         member, model = self._member, self._member.model

@@ -56,6 +56,8 @@ class Pit extends Spot
     contains Item[0..2] bag
     refers Item[0..1] wants
     refers Man[0..1] friend opposite friend
+    refers Spot[*] visited
+    refers Item[0..2] likes opposite fans
 }
 
 @key(id) class Item {
@@ -66,6 +68,7 @@ class Pit extends Spot
     refers Spot[0..1] at
     refers Item[0..1] pair opposite paired
     refers Item[0..1] paired opposite pair
+    refers Man[*] fans opposite likes
 }
 class Heavy extends Item
 
@@ -160,7 +163,45 @@ GO = "rule go(m : Man, s : Spot) { lhs { m : Man; s : Spot; } modify { set m.at 
 GONE = "action go(s : Spot) = go(adam, s)\n"
 OTHERS = "observe m.at among Pit or none for m : Man\nobserve i.pair among Heavy or none for i : Item"
 
+MANY = """
+rule visit(m : Man) { lhs { m : Man; s : Spot; neg Man.visited(m, s); } modify { create m -visited-> s; } }
+rule forget { lhs { m : Man -visited-> s : Spot; } modify { delete m -visited-> s; } }
+rule like(m : Man) { lhs { m : Man; i : Item; } modify { create m -likes-> i; } }
+rule fan { lhs { i : Item; m : Man; check i.id < 3; } modify { create i -fans-> m; } }
+rule unlike { lhs { i : Item -fans-> m : Man; } modify { delete i -fans-> m; } }
+rule trade { lhs { m : Man -likes-> i : Item; n : Man; } modify { delete m -likes-> i; create n -likes-> i; } }
+rule tour { lhs { m : Man; }
+    forall { lhs { s : Spot; check s.x > 0; neg Man.visited(m, s); } modify { create m -visited-> s; } }
+    forall { lhs { m -visited-> t : Spot; check t.x < 1; } modify { delete m -visited-> t; } } modify { } }
+"""
+LIKED = """
+pattern shared(m : Man, n : Man, i : Item) { Man.likes(m, i); Item.fans(i, n); m != n; }
+pattern seen(m : Man, s : Spot) { Man.visited(m, s); Spot.n(s, n); check(n < 3); }
+pattern everywhere(m : Man) { Man(m); neg find unseen(m, _); }
+pattern unseen(m : Man, s : Spot) { Man(m); Spot(s); neg Man.visited(m, s); }
+"""
+LIKES = (
+    "action visit(m : Man) = visit(m) reward 1 else reward -1\naction forget = forget() reward 2\n"
+    "action like(m : Man) = like(m) reward 3\naction fan = fan()\naction unlike = unlike()\n"
+    "action trade = trade() reward 4\naction tour = tour()\n"
+    "on find shared(_, _, i) reward i.id * 0.1\non find everywhere(adam) terminate success\n"
+)
+SEEN = (
+    "observe count find shared(_, _, _) up to 9\nobserve count find seen(adam, _) up to 5\n"
+    "observe find unseen(adam, _)\nobserve adam.at among Spot or none"
+)
+
 CORNERS = {
+    "links with many at both ends": Corner(MANY, LIKES + "on find seen(adam, _) reward 5\n" + SEEN, LIKED),
+    "links with many at both ends, of what is deleted": Corner(
+        MANY
+        + """
+        @semantics(spo) rule drop { lhs { i : Item; check i.id > 2; } modify { delete i; } }
+        rule kill { lhs { i : Item; } modify { delete i; } }
+        """,
+        LIKES + "action drop = drop() reward 6\naction kill = kill() reward 7 else reward -7\n" + SEEN,
+        LIKED,
+    ),
     "things that are in one container, and in another": Corner(
         """
         rule put { lhs { b : Box; i : Item; } modify { create b -item-> i; } }
@@ -961,7 +1002,6 @@ REFUSED = {
     "strings that a rule puts together": 'lhs { s : Spot; } modify { set s.tag += "x"; }',
     "keys that change": "lhs { s : Spot; } modify { set s.x += 1; }",
     "many values that a rule sets": 'lhs { s : Spot; } modify { set s.marks = ["x"]; }',
-    "links with many at both ends that change": "lhs { b : Box; s : Spot; } modify { create b -likes-> s; }",
     "a reference that is its own opposite": "lhs { m : Man; n : Man; } modify { set m.friend = n; }",
     "containers that a rule deletes": "lhs { b : Box; } modify { delete b; }",
     "containers that a rule moves": "lhs { y : Yard; b : Box; } modify { move b to y.boxes; }",

@@ -12,7 +12,7 @@ from envgraph.env.compiled import Batch, NotCompiled, enumerated, program_of
 from envgraph.errors import EvaluationError
 from tests.profile import NIGHTLY
 from tests.unit.env.side_by_side import mutants, step_side_by_side
-from tests.unit.env.test_compiled_corners import STEPS, Corner, refusal, written
+from tests.unit.env.test_compiled_corners import LIKED, LIKES, MANY, STEPS, Corner, refusal, written
 
 BORN = "rule born { lhs { y : Yard; } modify { create y -boxes-> b : Box { size = 4 }; } }\n"
 MADE = """
@@ -113,6 +113,22 @@ CORNERS = {
         SIZES + "pattern late(i : Item) { Item.id(i, n); check n > 6 && n % 2 == 0; }",
         "adam : Man, eve : Man",
     ),
+    "links with many at both ends, of new objects": Corner(
+        MADE + DROP + MANY,
+        "action make(m : Man) = make(m, _)\naction drop = drop() reward 0.25\n" + LIKES + LOOK,
+        SIZES + LIKED,
+    ),
+    "men and spots that are new": Corner(
+        """
+        rule dig { lhs { y : Yard; s : Spot; most == max Spot.x(_, #); neg Spot.east(s, _); }
+            modify { create y -spots-> t : Spot { x = most + 1, west = s }; } }
+        @semantics(spo) rule fill { lhs { s : Spot; neg Spot.east(s, _); check s.x > 2; } modify { delete s; } }
+        rule visit { lhs { m : Man; s : Spot; check (s.x + m.hunger) % 2 == 1; } modify { create m -visited-> s; } }
+        """,
+        "action dig = dig() reward 1\naction fill = fill() reward 2\naction visit = visit()\n"
+        "on find seen(m, s) reward m.hunger * 0.1 + s.x\n" + LOOK,
+        SIZES + LIKED,
+    ),
     "new spots are reached along closures": Corner(
         """
         rule dig { lhs { y : Yard; s : Spot; most == max Spot.x(_, #); neg Spot.east(s, _); }
@@ -169,14 +185,14 @@ def test_states_that_differ_by_ids_alone_are_no_table(tmp_path: Path) -> None:
         enumerated(program_of(engine, behaviour, native=False))
 
 
-MANY = """
+CROWD = """
 rule many { lhs { y : Yard; } forall { lhs { s : Spot; m : Man; }
     modify { create y -boxes-> b : Box { size = s.x }; } } modify { } }
 """
 
 
 def test_more_new_objects_in_a_step_than_there_is_space_for_are_an_error(tmp_path: Path) -> None:
-    engine, behaviour = written(tmp_path, Corner(MANY, "action many = many()\nobserve adam.kind"))
+    engine, behaviour = written(tmp_path, Corner(CROWD, "action many = many()\nobserve adam.kind"))
     batch = Batch(program_of(engine, behaviour, native=False, spare=5), [0])
     batch.reset(np.ones(1, dtype=np.bool_))
     with pytest.raises(EvaluationError, match="more objects in one step than there is space for"):
