@@ -463,7 +463,7 @@ def _evidence(engine: Engine, violated: Constraint) -> str:
         return f": there is {engine.first(violated.pattern)}"
     if isinstance(violated, CountWithin):
         return f": there are {engine.count(violated.pattern)}"
-    return ""
+    return ": no way there was found" if isinstance(violated, Reachable) else ""
 
 
 def _only(found: Sequence[Placed], file: Name) -> Placed:

@@ -77,7 +77,7 @@ def test_whether_an_end_is_reached_is_not_asked_of_a_model_that_is_wrong(refused
     said = refused("check", "forest")
     assert "violates `forbid solvable`" in said and "reachable" not in said
     path.write_text(path.read_text().replace('forbid = ["solvable"]', ""))
-    assert "violates `reachable failure`" in refused("check", "forest")
+    assert "violates `reachable failure`: no way there was found" in refused("check", "forest")
 
 
 def test_check_tells_of_agents_whom_nobody_plays(refused: Call) -> None:
