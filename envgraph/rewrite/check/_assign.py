@@ -75,7 +75,7 @@ class AssignmentReader:
         self, owner: Variable, feature: str, operator: Operator, span: Span | None
     ) -> Attribute | Reference | None:
         name = owner.name
-        cls = self.scope.after(name) if self.scope.is_object(name, owner.span or span) else None
+        cls = self.scope.after(name) if self.scope.is_object(name, owner.span or span, matched=True) else None
         found = self.scope.feature(cls, feature, span) if cls else None
         if found is None:
             return None
@@ -164,7 +164,9 @@ class AssignmentReader:
         for part in value if isinstance(value, tuple) else (value,):
             where = part.span or span
             if isinstance(part, Variable):
-                if self.scope.is_object(part.name, where) and self.scope.fits(part.name, reference, where):
+                if self.scope.is_object(part.name, where, matched=True) and self.scope.fits(
+                    part.name, reference, where
+                ):
                     found.append(self.scope.slot(part.name))
             else:
                 slot = self._value(part, ObjectType(reference.target), where, needed=False)
