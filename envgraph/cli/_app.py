@@ -772,3 +772,79 @@ def reproduce(
         force=force,
         format=format,
     )
+
+
+@app.command()
+@click.argument(
+    "families",
+    nargs=-1,
+    required=True,
+    help="A family file with `[audit]`, a directory with an audit.toml, or the name of a bundled domain; several are "
+    "judged apart and together.",
+)
+@click.option(
+    "--seeds",
+    type=click.IntRange(min=2),
+    show_default="as in the file",
+    help="Students of each decisive method.",
+)
+@click.option(
+    "--controls",
+    type=click.IntRange(min=2),
+    show_default="as in the file",
+    help="Students of each other method, no more than --seeds.",
+)
+@click.option(
+    "--steps",
+    type=click.IntRange(min=8 * 4096),
+    show_default="as in the file",
+    help="Steps of each student, with all that it costs to score levels.",
+)
+@click.option("--methods", show_default="all", help="Some methods by their names, separated by semicolons.")
+@click.option(
+    "--set",
+    "overrides",
+    metavar="KEY=VALUE",
+    multiple=True,
+    help="Instead of what the file says, as in `generate`.",
+)
+@click.option(
+    "--workers",
+    "--jobs",
+    type=click.IntRange(min=1),
+    default=1,
+    help="How many students learn at a time; changes no result.",
+)
+@click.option("--force", is_flag=True, help="Replace an audit of other files or with other settings.")
+@click.option("--directory", "-d", type=_PATH, default=Path("audits"), help="Where audits are kept.")
+@_format
+def audit(
+    families: tuple[str, ...],
+    seeds: int | None,
+    controls: int | None,
+    steps: int | None,
+    methods: str | None,
+    overrides: tuple[str, ...],
+    workers: int,
+    force: bool,
+    directory: Path,
+    format: OutputFormat,
+) -> None:
+    """Say what the scores by which curricula choose levels rank, teach and cost, beside exact regret and learnability.
+
+    An audit that was interrupted goes on where it was. Writes audit.html, its figures, and tables as CSV.
+    """
+    from envgraph.cli._audit import audit_scores
+
+    audit_scores(
+        families,
+        directory,
+        seeds=seeds,
+        controls=controls,
+        steps=steps,
+        methods=methods,
+        workers=workers,
+        force=force,
+        overrides=overrides,
+        format=format,
+    )

@@ -37,7 +37,7 @@ from envgraph.behaviour import (
 from envgraph.env._agents import unbound
 from envgraph.env._explore import DEFAULT_LIMIT, Explored, TooManyStates, enumerate_states, explore
 from envgraph.env._gymnasium import EnvgraphEnv, EnvgraphLiveEnv, check_render_mode
-from envgraph.env._keys import KeyIndex, SameKey, indexed_classes
+from envgraph.env._keys import KeyIndex, SameKey, indexed_classes, key_reader
 from envgraph.env._reaching import can_end
 from envgraph.env._simulator import Outcome, Simulator
 from envgraph.env._table_file import read_explored, write_explored
@@ -106,6 +106,7 @@ __all__ = [
     "environment_spec",
     "explore",
     "indexed_classes",
+    "key_reader",
     "legend",
     "make_vec_spec",
     "read_explored",

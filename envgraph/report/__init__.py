@@ -6,6 +6,8 @@ True
 """
 
 from envgraph.errors import shorten
+from envgraph.report._audit_charts import Interval, Panel, interval_chart, scatter_chart
+from envgraph.report._audit_report import audit_figures, audit_report
 from envgraph.report._charts import COLOURS, Series, line_chart, standalone, ticks
 from envgraph.report._family_report import family_report, stage_rows, stage_table
 from envgraph.report._page import Card, Report, Section, Table, render_html
@@ -14,14 +16,20 @@ from envgraph.report._training_report import Trained
 __all__ = [
     "COLOURS",
     "Card",
+    "Interval",
+    "Panel",
     "Report",
     "Section",
     "Series",
     "Table",
     "Trained",
+    "audit_figures",
+    "audit_report",
     "family_report",
+    "interval_chart",
     "line_chart",
     "render_html",
+    "scatter_chart",
     "stage_rows",
     "stage_table",
     "standalone",

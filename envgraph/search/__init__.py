@@ -52,6 +52,7 @@ from envgraph.search._selection import (
 )
 from envgraph.search._shown import caption, family_svg
 from envgraph.search._store import Generation, Individual, RunStore, Trace
+from envgraph.search._variation import Variation
 from envgraph.search.optimising import (
     Annealing,
     Beam,
@@ -117,6 +118,7 @@ __all__ = [
     "Trace",
     "TreeSearch",
     "Variance",
+    "Variation",
     "Verification",
     "Walk",
     "acceptance",

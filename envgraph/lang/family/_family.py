@@ -182,6 +182,7 @@ class FamilySpec:
         diversity: `options["of"]` is the name of a measure.
         objective: what a family is worth as a whole; None: families are as diverse as can be.
         optimise: which model is searched for, if not a family.
+        audit: what students see, and how they learn, where scores of levels are audited.
         ga4cl: the classes whose standing rewards fill the reward schedule of that format.
         path: name of the file.
     """
@@ -196,6 +197,7 @@ class FamilySpec:
     measures: tuple[ComponentSpec, ...] = ()
     diversity: ComponentSpec = ComponentSpec("diversity", "binned_entropy")
     objective: ComponentSpec | None = None
+    audit: ComponentSpec | None = None
     mutation: MutationSpec = MutationSpec()
     search: SearchSpec = SearchSpec()
     curriculum: CurriculumSpec = CurriculumSpec()

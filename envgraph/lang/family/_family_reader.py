@@ -313,14 +313,18 @@ class _Section:
             elif word not in self.data and self.there:
                 self.missing(word, f'write `{word} = "..."`')
             return None
+        found = self.options(role, kind.text, word)
+        return replace(found, spans={**found.spans, "kind": kind.span or self.span()})
+
+    def options(self, role: str, kind: str | None = None, word: str | None = None) -> ComponentSpec:
+        """This table as options, all but the key that names the kind; the kind is by default the role."""
         spans = {key: self.span(key) for key in self.data} | {"": self.span()}
         for key, value in self.data.items():
             items = range(len(value)) if isinstance(value, list) else ()
             spans |= {f"{key}[{index}]": self.span(key, index) for index in items}
         spans |= {f"{key} =": self.text.key(*self.path, key) for key in self.data}
-        spans["kind"] = kind.span or spans[""]
         options = {key: value for key, value in self.data.items() if key != word}
-        return ComponentSpec(role, kind.text, options, spans)
+        return ComponentSpec(role, kind or role, options, spans)
 
     def chosen(self, key: str, default: ComponentSpec) -> ComponentSpec:
         """`key = { name = "...", option = ... }`, or the name alone."""
@@ -393,6 +397,7 @@ class _Reader:
             diversity=self._diversity(top, measures),
             objective=self._objective(top),
             optimise=self._optimise(top, measures),
+            audit=self._audit(top),
             mutation=_mutation(top.table("mutation")),
             search=_search(top.table("search")),
             curriculum=self._curriculum(top.table("curriculum"), measures),
@@ -448,6 +453,10 @@ class _Reader:
             )
         self._check_measure(top, "of", of, names, component.span("of"))
         return component
+
+    def _audit(self, top: _Section) -> ComponentSpec | None:
+        section = top.table("audit")
+        return section.options("audit") if section.there else None
 
     def _objective(self, top: _Section) -> ComponentSpec | None:
         section = top.table("objective")

@@ -2,9 +2,11 @@
 
 `train_curriculum` trains one learner on tables, on plain lists or compiled; `train_program` trains it where there are
 too many states for these. `Learners` and `ProgramLearners` are many, which a search asks what they make of a family.
+`PolicyLearner` learns on many levels by what it sees of them, so that it knows what to do on others.
 """
 
 from envgraph.solve.learning._learners import Judgement, Learners, ProgramLearners
+from envgraph.solve.learning._policy import LevelTables, Played, PolicyLearner, PolicySettings
 from envgraph.solve.learning._programs import InProgram, ProgramTraining, train_learner, train_program
 from envgraph.solve.learning._settings import Epsilon, TrainingSettings
 from envgraph.solve.learning._stage import Stage, StageOutcome, Table, flatten
@@ -29,6 +31,10 @@ __all__ = [
     "InProgram",
     "Judgement",
     "Learners",
+    "LevelTables",
+    "Played",
+    "PolicyLearner",
+    "PolicySettings",
     "ProgramLearners",
     "ProgramTraining",
     "Stage",

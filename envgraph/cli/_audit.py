@@ -1,0 +1,176 @@
+"""`envgraph audit`."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Sequence
+from dataclasses import asdict, replace
+from importlib.metadata import version
+from pathlib import Path
+from typing import Final
+
+from envgraph import __version__
+from envgraph.cli._output import OutputFormat, print_json, print_line, print_table, progress_bar
+from envgraph.errors import InvalidArgument, did_you_mean
+from envgraph.files import replace_file
+from envgraph.lang import DiskFiles, bundled_domains
+from envgraph.learn.audit import (
+    METHODS,
+    AuditSettings,
+    Finding,
+    Method,
+    Study,
+    audit,
+    audit_settings,
+    findings_of,
+    summaries,
+    write_audit,
+)
+from envgraph.report import audit_figures, audit_report, render_html, standalone
+from envgraph.search import Domain
+
+AUDIT_FILE: Final = "audit.toml"
+
+
+def audit_scores(
+    families: Sequence[str],
+    directory: Path,
+    *,
+    seeds: int | None,
+    controls: int | None,
+    steps: int | None,
+    methods: str | None,
+    workers: int,
+    force: bool,
+    overrides: Sequence[str],
+    format: OutputFormat,
+) -> None:
+    """Audit each family, and write tables, figures and the page.
+
+    Raises:
+        InvalidArgument: a method is unknown, two families have one name, or a directory has another audit.
+        LoadError: all that is wrong with a file.
+    """
+    chosen = _methods(methods)
+    found: list[tuple[Domain, AuditSettings]] = []
+    for family in families:
+        domain = Domain.load(_file(family), overrides=overrides)
+        settings = audit_settings(domain)
+        settings = replace(
+            settings,
+            seeds=seeds or settings.seeds,
+            controls=controls or settings.controls,
+            steps=steps or settings.steps,
+        )
+        found.append((domain, settings))
+    names = [domain.spec.name for domain, _ in found]
+    if len(set(names)) < len(names):
+        raise InvalidArgument("two of the families have the same name, and would share a directory")
+    studies = [
+        _study(domain, settings, directory / domain.spec.name, chosen, workers, force)
+        for domain, settings in found
+    ]
+    findings = findings_of(studies)
+    write_audit(studies, findings, directory)
+    for name, chart in audit_figures(studies, findings).items():
+        replace_file(directory / f"{name}.svg", standalone(chart))
+    page = directory / "audit.html"
+    replace_file(page, render_html(audit_report(studies, findings, _facts(found))))
+    _print(studies, findings, page, format)
+
+
+def _study(
+    domain: Domain,
+    settings: AuditSettings,
+    directory: Path,
+    methods: Sequence[Method],
+    workers: int,
+    force: bool,
+) -> Study:
+    with progress_bar(f"{domain.spec.name}", None) as advance:
+        return audit(
+            domain,
+            settings,
+            directory,
+            methods=methods,
+            workers=workers,
+            force=force,
+            progress=lambda done, total, what: advance(done, f"of {total:,} {what}"),
+        )
+
+
+def _file(family: str) -> str:
+    """The file that is meant: a path, or that of a directory or a bundled domain."""
+    files = DiskFiles()
+    known = family in bundled_domains() or files.is_directory(files.name(family))
+    return f"{family.rstrip('/')}/{AUDIT_FILE}" if known else family
+
+
+def _methods(names: str | None) -> list[Method]:
+    """Those that are named, separated by semicolons since their names have commas; and what all are compared with."""
+    if names is None:
+        return list(METHODS)
+    known = {method.name: method for method in METHODS}
+    wanted = [METHODS[0].name, *(name.strip() for name in names.split(";"))]
+    for name in wanted:
+        if name not in known:
+            hint = did_you_mean(name, known) or "there are " + ", ".join(f"`{one}`" for one in known)
+            raise InvalidArgument(f"unknown method `{name}`", hint)
+    return [method for method in METHODS if method.name in wanted]
+
+
+def _print(studies: Sequence[Study], findings: Sequence[Finding], page: Path, format: OutputFormat) -> None:
+    if format is OutputFormat.JSON:
+        rows = [asdict(one) for study in studies for one in summaries(study)]
+        claims = [{**asdict(one), "verdict": one.verdict} for one in findings]
+        print_json({"page": str(page), "methods": rows, "claims": claims})
+        return
+    for study in studies:
+        found = summaries(study)
+        lines = [
+            (
+                one.method,
+                str(one.seeds),
+                f"{one.success:.3f}",
+                f"{one.gain:+.3f}",
+                f"{one.gain_low:+.3f} to {one.gain_high:+.3f}",
+                f"{one.improvement:.2f}",
+                f"{one.hard:.3f}",
+            )
+            for one in found
+        ]
+        columns = ("method", "seeds", "success", "minus DR", "95 % interval", "PoI", "hard levels")
+        print_table(f"{study.name}: exact success on held-out levels", columns, lines, (1, 2, 3, 5, 6))
+    for one in findings:
+        print_line(str(one))
+    print_line(f"page: {page}")
+
+
+def _facts(found: Sequence[tuple[Domain, AuditSettings]]) -> dict[str, str]:
+    """How to make the same again."""
+    facts = {}
+    for domain, settings in found:
+        policy = settings.policy
+        seeds, others = settings.seeds - 1, min(settings.seeds, settings.controls) - 1
+        facts[domain.spec.name] = ", ".join(
+            (
+                f"{domain.spec.path}, seed {domain.spec.seed} of the levels",
+                f"seeds of students 0 to {seeds}, of methods that are not decisive 0 to {others}",
+                f"{settings.steps:,} steps",
+                f"sees {', '.join((*settings.sees, *settings.knows))}",
+                f"{policy.hidden} hidden units",
+                f"{policy.epochs} epochs of {policy.minibatches} minibatches",
+                f"{policy.levels} levels x {policy.steps} steps a batch",
+                f"learning rate {policy.learning_rate:g}",
+                f"entropy {policy.entropy:g}",
+                f"discount {policy.discount:g}",
+                f"lambda {policy.smoothing:g}",
+                f"episodes of {policy.limit} steps",
+                f"rewards times {settings.scale:g}",
+            )
+        )
+    facts["definitions"] = "docs/evidence.md"
+    facts["versions"] = (
+        f"envgraph {__version__}, Python {platform.python_version()}, NumPy {version('numpy')}"
+    )
+    return facts

@@ -1,0 +1,56 @@
+"""Scores of levels, audited: what they rank, teach and cost, beside exact regret and exact learnability.
+
+`audit` runs students on levels that mutation rules make, one for each method and seed; `findings_of` says which claims
+stand. Methods, their parts and the claims are named in `METHODS` and `CONTRASTS`, before anything is run. The method is
+told in `docs/evidence.md`.
+"""
+
+from envgraph.errors import shorten
+from envgraph.learn.audit._claims import POOLED, Finding, findings_of, rank_values, two_way_interval
+from envgraph.learn.audit._levels import AuditLevels, make_levels
+from envgraph.learn.audit._methods import CONTRASTS, METHODS, PROBED, Buffer, Contrast, Method, Sifting
+from envgraph.learn.audit._ranks import Ranking, rank_correlation, ranking
+from envgraph.learn.audit._run import PROBES, ROLLOUTS, SHOWN_ROLLOUTS, Run, run_method
+from envgraph.learn.audit._scheduler import Batch, Scheduler, Student, score_levels
+from envgraph.learn.audit._settings import AuditSettings, audit_settings
+from envgraph.learn.audit._study import Study, audit, read_run
+from envgraph.learn.audit._tables import Summary, summaries, write_audit
+
+__all__ = [
+    "CONTRASTS",
+    "METHODS",
+    "POOLED",
+    "PROBED",
+    "PROBES",
+    "ROLLOUTS",
+    "SHOWN_ROLLOUTS",
+    "AuditLevels",
+    "AuditSettings",
+    "Batch",
+    "Buffer",
+    "Contrast",
+    "Finding",
+    "Method",
+    "Ranking",
+    "Run",
+    "Scheduler",
+    "Sifting",
+    "Student",
+    "Study",
+    "Summary",
+    "audit",
+    "audit_settings",
+    "findings_of",
+    "make_levels",
+    "rank_correlation",
+    "rank_values",
+    "ranking",
+    "read_run",
+    "run_method",
+    "score_levels",
+    "summaries",
+    "two_way_interval",
+    "write_audit",
+]
+
+shorten(globals(), __all__)

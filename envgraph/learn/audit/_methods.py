@@ -1,0 +1,154 @@
+"""What is compared: ways to choose the levels that a student learns on, each made of the same few parts."""
+
+from __future__ import annotations
+
+from typing import Final, Literal, get_args
+
+from envgraph.code import dataclass
+
+Score = Literal["random", "PVL", "L1", "MaxMC", "MNA", "SFL", "exact regret", "exact learnability"]
+SCORES: Final[tuple[Score, ...]] = get_args(Score)
+
+PROBED: Final[tuple[Score, ...]] = ("PVL", "L1", "MaxMC", "MNA", "SFL", "exact learnability")
+"""Scores whose ranks are audited; the exact regret is what they are compared with."""
+
+
+@dataclass(frozen=True, slots=True)
+class Buffer:
+    """Levels that are replayed: prioritised level replay (Jiang et al. 2021a).
+
+    Attributes:
+        size: how many are kept, those with the highest scores.
+        replay: probability that a batch is of these.
+        temperature: a level at rank r is replayed in proportion to r ** (-1 / temperature).
+        staleness: share of the probability that goes by how long a level has not been replayed.
+        fresh_learned: whether students learn on levels that are played for the first time; robust replay does not
+            (Jiang et al. 2021b).
+    """
+
+    size: int = 500
+    replay: float = 0.5
+    temperature: float = 0.3
+    staleness: float = 0.3
+    fresh_learned: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class Sifting:
+    """Levels that are sought out now and then: sampling for learnability (Rutherford et al. 2024).
+
+    Attributes:
+        episodes: that are played on each candidate; None: its exact score is known without.
+        counted: whether the steps of these episodes count.
+        every: batches between two searches.
+        candidates: fresh levels that are looked at.
+        best: how many of these are kept until the next search.
+        share: of each batch that is drawn from them.
+    """
+
+    episodes: int | None
+    counted: bool = True
+    every: int = 25
+    candidates: int = 256
+    best: int = 32
+    share: float = 0.5
+
+
+@dataclass(frozen=True, slots=True)
+class Method:
+    """A way to choose levels.
+
+    Attributes:
+        name: as it is shown.
+        score: of levels, for buffer or sifting.
+        buffer, sifting: one of them, or neither: then levels are drawn at random.
+        solvable: whether the generator gives solvable levels alone.
+        decisive: whether it has all seeds; it takes part in a claim about what teaches.
+    """
+
+    name: str
+    score: Score | None = None
+    buffer: Buffer | None = None
+    sifting: Sifting | None = None
+    solvable: bool = False
+    decisive: bool = False
+
+
+ROBUST: Final = Buffer(fresh_learned=False)
+
+METHODS: Final = (
+    Method("DR", decisive=True),
+    Method("DR, solvable only", solvable=True, decisive=True),
+    Method("PLR, random score", "random", Buffer(), decisive=True),
+    Method("PLR, PVL", "PVL", Buffer()),
+    Method("PLR, L1", "L1", Buffer()),
+    Method("PLR, MaxMC", "MaxMC", Buffer(), decisive=True),
+    Method("PLR, MNA", "MNA", Buffer()),
+    Method("robust PLR, PVL", "PVL", ROBUST),
+    Method("robust PLR, MaxMC", "MaxMC", ROBUST),
+    Method("SFL, 4 rollouts", "SFL", sifting=Sifting(4)),
+    Method("SFL, 16 rollouts", "SFL", sifting=Sifting(16)),
+    Method("SFL, 16 rollouts uncounted", "SFL", sifting=Sifting(16, counted=False)),
+    Method("SFL, exact learnability", "exact learnability", sifting=Sifting(None)),
+    Method("PLR, exact regret", "exact regret", Buffer(), decisive=True),
+    Method("PLR, exact learnability", "exact learnability", Buffer(), decisive=True),
+    Method("PLR, MaxMC, solvable only", "MaxMC", Buffer(), solvable=True),
+    Method("PLR, exact learnability, solvable only", "exact learnability", Buffer(), solvable=True),
+)
+"""All methods; the first is what others are compared with."""
+
+
+@dataclass(frozen=True, slots=True)
+class Contrast:
+    """What is claimed of two methods, before anything is run.
+
+    Attributes:
+        claim: in words.
+        part: of the ladder from domain randomisation to exact scores: what the difference is due to.
+        method, other: names of methods; the claim is that the first succeeds more often.
+    """
+
+    claim: str
+    part: str
+    method: str
+    other: str
+
+
+CONTRASTS: Final = (
+    Contrast("a buffer of levels helps, whatever is in it", "buffer", "PLR, random score", "DR"),
+    Contrast("leaving unsolvable levels out helps", "filter", "DR, solvable only", "DR"),
+    Contrast(
+        "positive value loss teaches more than a random score", "score", "PLR, PVL", "PLR, random score"
+    ),
+    Contrast("L1 value loss teaches more than a random score", "score", "PLR, L1", "PLR, random score"),
+    Contrast("MaxMC teaches more than a random score", "score", "PLR, MaxMC", "PLR, random score"),
+    Contrast("MNA teaches more than a random score", "score", "PLR, MNA", "PLR, random score"),
+    Contrast(
+        "exact regret teaches more than a random score", "score", "PLR, exact regret", "PLR, random score"
+    ),
+    Contrast(
+        "exact learnability teaches more than leaving unsolvable levels out",
+        "score",
+        "PLR, exact learnability",
+        "DR, solvable only",
+    ),
+    Contrast(
+        "exact learnability teaches more than exact regret",
+        "score",
+        "PLR, exact learnability",
+        "PLR, exact regret",
+    ),
+    Contrast("SFL teaches more than no choice at all", "score", "SFL, 16 rollouts", "DR"),
+    Contrast(
+        "the steps of SFL's rollouts cost what it teaches",
+        "cost",
+        "SFL, 16 rollouts uncounted",
+        "SFL, 16 rollouts",
+    ),
+    Contrast(
+        "SFL with exact scores teaches more than with rollouts that cost nothing",
+        "precision",
+        "SFL, exact learnability",
+        "SFL, 16 rollouts uncounted",
+    ),
+)

@@ -1,0 +1,171 @@
+"""A run of an audit: one student that learns by one method, and what is exact of it on other levels."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import Any, Final
+
+import numpy as np
+from numpy.random import SeedSequence, default_rng
+
+from envgraph.code import dataclass
+from envgraph.learn.audit._levels import AuditLevels
+from envgraph.learn.audit._methods import METHODS, PROBED, Method
+from envgraph.learn.audit._ranks import ranking
+from envgraph.learn.audit._scheduler import Scheduler, exact_scores, score_levels
+from envgraph.learn.audit._settings import AuditSettings
+from envgraph.solve.learning import PolicyLearner
+
+POINTS: Final = 8
+"""Of a learning curve, at equal distances; scores are probed at the first, second, fourth and last of them."""
+
+PROBES: Final = (1, 2, 4, 8)
+ROLLOUTS: Final = (1, 4, 16, 64, 256)
+"""Episodes from which scores are estimated."""
+
+PROBING_SEEDS: Final = 10
+"""Students whose levels scores are asked of; all learn by domain randomisation."""
+
+SHOWN_ROLLOUTS: Final = 16
+_SCHEDULER, _PROBE = 3, 4
+_TOGETHER: Final = 8
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """What came of a run; everything is exact of the student's stochastic policy.
+
+    Attributes:
+        method, seed: which run it is.
+        steps, updates: at each point of the curve: steps of the environment so far, with what scoring cost, and batches
+            that were learned on.
+        curve: mean success on the held-out levels at these points.
+        success: of each held-out level, at the end.
+        hard: of each hard level.
+        regret: mean over the held-out levels.
+        greedy: mean success of the likeliest actions on the held-out levels.
+        learned_solvable: share of the levels learned on that are solvable.
+        rankings: what scores rank, for students that are probed: one for each point, number of rollouts and score.
+        shown: at the middle of training, exact regret and success of the probed levels and what scores make of them
+            from 16 rollouts; of the first student that is probed.
+    """
+
+    method: str
+    seed: int
+    steps: tuple[int, ...]
+    updates: tuple[int, ...]
+    curve: tuple[float, ...]
+    success: tuple[float, ...]
+    hard: tuple[float, ...]
+    regret: float
+    greedy: float
+    learned_solvable: float
+    rankings: tuple[dict[str, Any], ...] = ()
+    shown: dict[str, list[float]] | None = None
+
+    @property
+    def final(self) -> float:
+        """Mean success on the held-out levels at the end."""
+        return float(np.mean(self.success))
+
+
+def run_method(
+    levels: AuditLevels, settings: AuditSettings, method: Method, seed: int, *, native: bool | None = None
+) -> Run:
+    """Train a student by a method.
+
+    The first weights and what the student draws depend on the seed alone, so that runs of different methods are paired.
+
+    Args:
+        levels: to learn and to be tested on.
+        settings: of the audit.
+        method: how levels are chosen.
+        seed: of everything.
+        native: see `PolicyLearner`.
+    """
+    student = PolicyLearner(levels.tables, settings.policy, seed, native=native)
+    rng = default_rng(SeedSequence(seed, spawn_key=(_SCHEDULER,)))
+    scheduler = Scheduler(method, levels, settings.policy.levels, rng)
+    steps = updates = solvable = learned = 0
+    curve: list[tuple[int, int, float]] = []
+    rankings: list[dict[str, Any]] = []
+    shown: dict[str, list[float]] | None = None
+    while len(curve) < POINTS:
+        batch = scheduler.propose(student)
+        played = student.play(batch.levels)
+        steps += batch.cost + played.steps
+        if batch.learn:
+            student.improve(rng)
+            updates += 1
+            learned += len(batch.levels)
+            solvable += int(levels.solvable[batch.levels].sum())
+        scheduler.told(student, batch, played)
+        while len(curve) < POINTS and steps >= settings.steps * (len(curve) + 1) / POINTS:
+            curve.append((steps, updates, float(student.evaluate(levels.held_out)[0].mean())))
+            if method == METHODS[0] and seed < PROBING_SEEDS and len(curve) in PROBES:
+                found, values = probe(levels, student, seed, len(curve) / POINTS)
+                rankings += found
+                if seed == 0 and len(curve) == PROBES[2]:
+                    shown = values
+    success, value = student.evaluate(levels.held_out)
+    return Run(
+        method=method.name,
+        seed=seed,
+        steps=tuple(point[0] for point in curve),
+        updates=tuple(point[1] for point in curve),
+        curve=tuple(point[2] for point in curve),
+        success=tuple(success.tolist()),
+        hard=tuple(student.evaluate(levels.hard)[0].tolist()),
+        regret=float((levels.optimum[levels.held_out] - value).mean()),
+        greedy=float(student.evaluate(levels.held_out, greedy=True)[0].mean()),
+        learned_solvable=solvable / max(1, learned),
+        rankings=tuple(rankings),
+        shown=shown,
+    )
+
+
+def probe(
+    levels: AuditLevels, student: PolicyLearner, seed: int, at: float
+) -> tuple[list[dict[str, Any]], dict[str, list[float]]]:
+    """What scores rank, estimated twice from each number of rollouts, on levels that are not learned on.
+
+    Args:
+        levels: of the audit.
+        student: as it is now; it stays so.
+        seed: of the rollouts.
+        at: how much of the training is done, from 0 to 1.
+
+    Returns:
+        A mapping for each number of rollouts and score; and the exact values and scores by 16 rollouts of each level.
+    """
+    chosen = levels.probed
+    success, _ = student.evaluate(chosen)
+    regret = exact_scores("exact regret", levels, chosen, student)
+    solvable = levels.solvable[chosen]
+    shown = {"regret": regret.tolist(), "success": success.tolist(), "solvable": solvable.tolist()}
+    rankings: list[dict[str, Any]] = []
+    for rollouts in ROLLOUTS:
+        estimates = [_estimates(levels, student, rollouts, seed, at, again) for again in (0, 1)]
+        for score in PROBED:
+            first, second = (one[score] for one in estimates)
+            found = ranking(first, second, regret, success, solvable)
+            rankings.append({"at": at, "rollouts": rollouts, "score": score, **asdict(found)})
+            if rollouts == SHOWN_ROLLOUTS:
+                shown[score] = first.tolist()
+    return rankings, shown
+
+
+def _estimates(
+    levels: AuditLevels, student: PolicyLearner, rollouts: int, seed: int, at: float, again: int
+) -> dict[str, Any]:
+    """Every score of the probed levels, all from the same episodes."""
+    key = (_PROBE, seed, rollouts, round(at * POINTS), again)
+    rng = default_rng(SeedSequence(seed, spawn_key=key))
+    twin = student.twin(int(rng.integers(2**31)))
+    found: dict[str, list[Any]] = {score: [] for score in PROBED}
+    for begin in range(0, len(levels.probed), _TOGETHER):
+        chosen = levels.probed[begin : begin + _TOGETHER]
+        played = twin.play(chosen, rollouts)
+        for score in PROBED:
+            found[score].append(score_levels(score, levels, chosen, twin, played, rng))
+    return {score: np.concatenate(parts) for score, parts in found.items()}

@@ -1,0 +1,123 @@
+"""What `[audit]` of a family file says."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from envgraph.code import dataclass
+from envgraph.errors import Diagnostic, LoadError, did_you_mean
+from envgraph.lang import ComponentSpec
+from envgraph.metamodel import Scalar
+from envgraph.pattern import ObjectType
+from envgraph.search import Domain, Options
+from envgraph.solve.learning import PolicySettings
+
+MOST_LEVELS: Final = 100_000
+
+
+@dataclass(frozen=True, slots=True)
+class AuditSettings:
+    """An audit, without its methods.
+
+    Attributes:
+        sees: patterns whose first parameter is an object that the environment observes; the other values of their rows
+            are what a student sees of it.
+        knows: patterns whose rows a student knows of the level, wherever it is.
+        levels: for training.
+        held_out: solvable levels that students are tested on; half as many again are hard ones.
+        probed: levels that scores are asked of.
+        steps: of the environment, of each student, all that it costs to score levels included.
+        seeds: of the decisive methods; others have `controls`.
+        controls: see `seeds`.
+        scale: rewards are multiplied by it for the student, which learns best from returns of about 1.
+        policy: how students learn.
+    """
+
+    sees: tuple[str, ...]
+    knows: tuple[str, ...]
+    levels: int
+    held_out: int
+    probed: int
+    steps: int
+    seeds: int
+    controls: int
+    scale: float
+    policy: PolicySettings
+
+
+def audit_settings(domain: Domain) -> AuditSettings:
+    """The settings of a domain's family file.
+
+    Raises:
+        LoadError: it has no `[audit]`, no environment or no end of episodes, or something in `[audit]` makes no sense.
+    """
+    spec = domain.spec
+    top = spec.source.span(0, 0) if spec.source else None
+    if spec.audit is None:
+        hint = 'write `[audit]` and `sees = ["..."]`: patterns that say what a student sees'
+        raise LoadError([Diagnostic("missing-key", "the family file has no `[audit]`", top, hint)])
+    behaviour = domain.behaviour
+    problems: list[Diagnostic] = []
+    limit = spec.limit or (behaviour.limit if behaviour else None)
+    if behaviour is None:
+        hint = 'write `environment = "name.environment"` at the top'
+        problems.append(Diagnostic("missing-key", "an audit needs an environment", spec.audit.span(), hint))
+    elif limit is None:
+        hint = "write `limit = 64` at the top"
+        problems.append(Diagnostic("missing-key", "episodes have no end", spec.audit.span(), hint))
+    elif behaviour.agents:
+        message = "an audit has one student, and this environment several agents"
+        problems.append(Diagnostic("bad-audit", message, behaviour.agents[0].span))
+    options = Options(spec.audit)
+    names = [*(options.names("sees") if options.given("sees") else ())]
+    known = [*(options.names("knows") if options.given("knows") else ())]
+    settings = AuditSettings(
+        sees=tuple(names),
+        knows=tuple(known),
+        levels=options.integer("levels", 6000, 64, MOST_LEVELS),
+        held_out=options.integer("held_out", 400, 20, MOST_LEVELS),
+        probed=options.integer("probed", 300, 20, MOST_LEVELS),
+        steps=options.integer("steps", 1_000_000, 8 * 4096),
+        seeds=options.integer("seeds", 100, 2),
+        controls=options.integer("controls", 30, 2),
+        scale=options.number("scale", 1.0, 1e-6, 1e6),
+        policy=PolicySettings(
+            hidden=options.integer("hidden", 64, 1, 4096),
+            learning_rate=options.number("learning_rate", 0.002, 1e-9, 1.0),
+            entropy=options.number("entropy", 0.05, 0.0, 10.0),
+            discount=options.number("discount", 0.97, 0.0, 1.0),
+            limit=limit or 1,
+        ),
+    )
+    options.finish()
+    problems += options.problems
+    problems += _wrong_patterns(domain, spec.audit, "sees", names, anchored=True)
+    problems += _wrong_patterns(domain, spec.audit, "knows", known, anchored=False)
+    if problems:
+        raise LoadError(problems)
+    return settings
+
+
+def _wrong_patterns(
+    domain: Domain, spec: ComponentSpec, key: str, names: list[str], *, anchored: bool
+) -> list[Diagnostic]:
+    """Patterns that are unknown, or whose rows are nothing that a student could see."""
+    registration = domain.workspace.registration
+    assert registration is not None, "the files have no errors"
+    library, problems = registration.library, list[Diagnostic]()
+    for place, name in enumerate(names):
+        span = spec.spans.get(f"{key}[{place}]") or spec.span(key)
+        pattern = library.resolve(name)
+        if pattern is None:
+            hint = did_you_mean(name, [one.rpartition(".")[2] for one in library.names()])
+            problems.append(Diagnostic("unknown-pattern", f"unknown pattern `{name}`", span, hint))
+            continue
+        types = library.parameter_types(pattern.qualified_name)
+        if anchored and not (types and isinstance(types[0], ObjectType)):
+            message = f"the first parameter of `{name}` is no object"
+            hint = f"give it the object that the student looks from, or name it in `knows` instead of `{key}`"
+            problems.append(Diagnostic("wrong-type", message, span, hint))
+        elif any(one is Scalar.FLOAT for one in types):
+            message = f"`{name}` gives a float, of which there are too many to see each by itself"
+            problems.append(Diagnostic("wrong-type", message, span, "give a whole number, or an enum"))
+    return problems

@@ -1,0 +1,192 @@
+"""An audit: all runs of all methods, kept one by one, so that an audit that was interrupted goes on."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, fields
+from functools import lru_cache
+from hashlib import sha256
+from pathlib import Path
+from typing import Any, Final
+
+from envgraph.code import dataclass
+from envgraph.errors import InvalidArgument
+from envgraph.files import replace_file
+from envgraph.learn.audit._levels import AuditLevels, make_levels
+from envgraph.learn.audit._methods import METHODS, Method
+from envgraph.learn.audit._run import Run, run_method
+from envgraph.learn.audit._settings import AuditSettings
+from envgraph.search import Domain
+
+FORMAT: Final = 1
+"""Raised when the same files give other results than before."""
+
+Progress = Callable[[int, int, str], None]
+"""Is told how much is done, of how much, and of what."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Study:
+    """The runs of an audit of one domain.
+
+    Attributes:
+        name: of the domain.
+        levels: that students learned on and were tested on.
+        settings: of the audit.
+        runs: method by method in the order of `METHODS`, and by seed.
+    """
+
+    name: str
+    levels: AuditLevels
+    settings: AuditSettings
+    runs: tuple[Run, ...]
+
+    def of(self, method: str) -> dict[int, Run]:
+        """The runs of a method by their seeds."""
+        return {run.seed: run for run in self.runs if run.method == method}
+
+    @property
+    def methods(self) -> list[str]:
+        """Those that were run, in their order."""
+        return list(dict.fromkeys(run.method for run in self.runs))
+
+
+def audit(
+    domain: Domain,
+    settings: AuditSettings,
+    directory: Path,
+    *,
+    methods: Sequence[Method] = METHODS,
+    workers: int = 1,
+    force: bool = False,
+    progress: Progress = lambda done, total, what: None,
+) -> Study:
+    """Run an audit, or go on with it: a run whose result stands in the directory is not run again.
+
+    Args:
+        domain: of the levels.
+        settings: of the audit.
+        directory: where levels and results are kept; it is made where it is missing.
+        methods: some of `METHODS`.
+        workers: how many runs at a time; changes no result.
+        force: begin anew where the directory has another audit.
+        progress: see `Progress`.
+
+    Raises:
+        InvalidArgument: the directory has another audit, or a result in it cannot be read.
+        EvaluationError: the mutation rules make too few levels.
+    """
+    _claim(directory, _about(domain, settings), force)
+    levels_file = directory / "levels.npz"
+    if not levels_file.exists():
+        make_levels(domain, settings, lambda done, total: progress(done, total, "levels")).save(levels_file)
+    planned = [(method, seed) for method, seed in _planned(settings, methods)]
+    missing = [one for one in planned if not _file(directory, *one).exists()]
+    known = len(planned) - len(missing)
+    progress(known, len(planned), "runs")
+    for done in _finished(directory, settings, missing, workers):
+        progress(known + done, len(planned), "runs")
+    order = {method.name: place for place, method in enumerate(METHODS)}
+    runs = sorted(
+        (read_run(_file(directory, *one)) for one in planned), key=lambda run: (order[run.method], run.seed)
+    )
+    return Study(domain.spec.name, AuditLevels.load(levels_file), settings, tuple(runs))
+
+
+def read_run(path: Path) -> Run:
+    """The result of a run.
+
+    Raises:
+        InvalidArgument: it cannot be read as such.
+    """
+    try:
+        data: dict[str, Any] = json.loads(path.read_text("utf-8"))
+        values: dict[str, Any] = {}
+        for one in fields(Run):
+            value = data[one.name]
+            values[one.name] = tuple(value) if isinstance(value, list) else value
+        return Run(**values)
+    except (OSError, ValueError, LookupError, TypeError) as error:
+        raise InvalidArgument(f"{path}: not the result of a run; remove it, and it is run again") from error
+
+
+def _planned(settings: AuditSettings, methods: Sequence[Method]) -> Iterator[tuple[Method, int]]:
+    """Seed by seed, so that an audit that is stopped has as many of each method."""
+    for seed in range(max(settings.seeds, settings.controls)):
+        for method in methods:
+            if seed < (settings.seeds if method.decisive else min(settings.seeds, settings.controls)):
+                yield method, seed
+
+
+def _finished(
+    directory: Path, settings: AuditSettings, missing: Sequence[tuple[Method, int]], workers: int
+) -> Iterator[int]:
+    """Runs what is missing, and counts."""
+    place = str(directory)
+    if workers == 1:
+        for count, one in enumerate(missing, 1):
+            _work(place, settings, *one)
+            yield count
+        return
+    from joblib import Parallel, delayed
+
+    pool = Parallel(n_jobs=workers, return_as="generator_unordered")
+    ended = pool(delayed(_work)(place, settings, *one) for one in missing)
+    yield from (count for count, _ in enumerate(ended, 1))
+
+
+def _work(directory: str, settings: AuditSettings, method: Method, seed: int) -> None:
+    """One run, and its result in a file."""
+    run = run_method(_levels(directory), settings, method, seed)
+    path = _file(Path(directory), method, seed)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    replace_file(path, json.dumps(asdict(run)))
+
+
+@lru_cache(maxsize=1)
+def _levels(directory: str) -> AuditLevels:
+    return AuditLevels.load(Path(directory) / "levels.npz")
+
+
+def _file(directory: Path, method: Method, seed: int) -> Path:
+    name = "_".join("".join(one if one.isalnum() else " " for one in method.name).split())
+    return directory / "runs" / f"{name}.{seed}.json"
+
+
+def _about(domain: Domain, settings: AuditSettings) -> dict[str, Any]:
+    """What all runs depend on: the texts, and the settings but for the number of seeds."""
+    texts = sorted(text for name, text in domain.workspace.sources.items() if name != domain.spec.path)
+    rules = [str(rule) for rule in domain.spec.mutation.rules], domain.spec.mutation.initial_applications
+    counted = {name: value for name, value in asdict(settings).items() if name not in ("seeds", "controls")}
+    about = {
+        "format": FORMAT,
+        "seed": domain.spec.seed,
+        "mutation": rules,
+        "constraints": repr(domain.spec.constraints),
+    }
+    digest = sha256("\0".join(texts).encode("utf-8", "surrogatepass")).hexdigest()
+    found: dict[str, Any] = json.loads(json.dumps({**about, "settings": counted, "texts": digest}))
+    return found
+
+
+def _claim(directory: Path, about: dict[str, Any], force: bool) -> None:
+    """See that a directory has this audit, or none."""
+    path = directory / "audit.json"
+    if path.exists():
+        try:
+            known = json.loads(path.read_text("utf-8"))
+        except ValueError:
+            known = None
+        if known == about:
+            return
+        if not force:
+            raise InvalidArgument(
+                f"{directory} has another audit: of other files, or with other settings",
+                "give `--force` to replace it, or another `--directory`",
+            )
+        (directory / "levels.npz").unlink(missing_ok=True)
+        for file in (directory / "runs").glob("*.json"):
+            file.unlink()
+    directory.mkdir(parents=True, exist_ok=True)
+    replace_file(path, json.dumps(about, indent=1))

@@ -1,0 +1,194 @@
+"""What an audit found, as rows for CSV files, the terminal and the page."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from envgraph.code import dataclass
+from envgraph.files import replacing
+from envgraph.learn._intervals import bootstrap_interval, probability_of_improvement
+from envgraph.learn.audit._claims import Finding, paired, two_way_interval
+from envgraph.learn.audit._methods import METHODS
+from envgraph.learn.audit._study import Study
+from envgraph.solve import cvar
+
+WORST: Final = 0.3
+"""The share of the held-out levels that is looked at for the worst case."""
+
+BASE: Final = METHODS[0].name
+
+
+@dataclass(frozen=True, slots=True)
+class Summary:
+    """All runs of a method in a domain; success is exact, on levels that nobody learned on.
+
+    Attributes:
+        domain, method, seeds: which runs they are.
+        success: mean over seeds and held-out levels.
+        low, high: interval at 95 % over seeds; the value itself for a single seed.
+        gain, gain_low, gain_high: mean paired difference to domain randomisation, with its interval over seeds and
+            levels; 0 for that itself.
+        improvement: probability that a run is better than one of domain randomisation with one of the same seeds.
+        hard: mean success on the hard levels.
+        worst: mean of the worst 30 % of the held-out levels (CVaR, by the mean success over seeds of each level).
+        regret: mean exact regret on the held-out levels.
+        greedy: mean success of the likeliest actions.
+        updates: mean number of batches that were learned on.
+        at_equal_updates: mean paired difference to domain randomisation after as many updates.
+        learned_solvable: share of the levels learned on that are solvable.
+    """
+
+    domain: str
+    method: str
+    seeds: int
+    success: float
+    low: float
+    high: float
+    gain: float
+    gain_low: float
+    gain_high: float
+    improvement: float
+    hard: float
+    worst: float
+    regret: float
+    greedy: float
+    updates: float
+    at_equal_updates: float
+    learned_solvable: float
+
+
+def summaries(study: Study) -> list[Summary]:
+    """One summary a method, in their order."""
+    base = study.of(BASE)
+    found = []
+    for method in study.methods:
+        runs = study.of(method)
+        finals = [run.final for run in runs.values()]
+        low, high = bootstrap_interval(finals) or (finals[0], finals[0])
+        differences = paired(study, method, BASE) if method != BASE else None
+        gain, gain_low, gain_high, improvement = 0.0, 0.0, 0.0, 0.5
+        if differences is not None:
+            gain = float(differences.mean())
+            gain_low, gain_high = two_way_interval(differences)
+            others = [base[seed].final for seed in runs if seed in base]
+            improvement = float(probability_of_improvement(finals, others))
+        levels = np.mean([run.success for run in runs.values()], axis=0)
+        equal = [
+            run.final - float(np.interp(run.updates[-1], base[seed].updates, base[seed].curve))
+            for seed, run in runs.items()
+            if seed in base
+        ]
+        found.append(
+            Summary(
+                domain=study.name,
+                method=method,
+                seeds=len(runs),
+                success=float(np.mean(finals)),
+                low=low,
+                high=high,
+                gain=gain,
+                gain_low=gain_low,
+                gain_high=gain_high,
+                improvement=improvement,
+                hard=float(np.mean([run.hard for run in runs.values()])),
+                worst=cvar(levels, WORST),
+                regret=float(np.mean([run.regret for run in runs.values()])),
+                greedy=float(np.mean([run.greedy for run in runs.values()])),
+                updates=float(np.mean([run.updates[-1] for run in runs.values()])),
+                at_equal_updates=float(np.mean(equal)) if equal else 0.0,
+                learned_solvable=float(np.mean([run.learned_solvable for run in runs.values()])),
+            )
+        )
+    return found
+
+
+def write_audit(studies: Sequence[Study], findings: Sequence[Finding], directory: Path) -> list[Path]:
+    """Write `methods.csv`, `runs.csv`, `curves.csv`, `levels.csv`, `rankings.csv` and `claims.csv` into a directory.
+
+    Equal audits give equal files. `levels.csv` has the success of each run on each held-out level.
+    """
+    directory.mkdir(parents=True, exist_ok=True)
+    names = Summary.__dataclass_fields__
+    rankings = [
+        {"domain": study.name, "seed": run.seed, **one}
+        for study in studies
+        for run in study.runs
+        for one in run.rankings
+    ]
+    files: dict[str, tuple[Sequence[str], Iterable[Sequence[Any]]]] = {
+        "methods": (
+            tuple(names),
+            ([getattr(one, name) for name in names] for study in studies for one in summaries(study)),
+        ),
+        "runs": (
+            (
+                "domain",
+                "method",
+                "seed",
+                "success",
+                "hard",
+                "regret",
+                "greedy",
+                "updates",
+                "learned_solvable",
+            ),
+            (
+                (
+                    study.name,
+                    run.method,
+                    run.seed,
+                    run.final,
+                    float(np.mean(run.hard)),
+                    run.regret,
+                    run.greedy,
+                    run.updates[-1],
+                    run.learned_solvable,
+                )
+                for study in studies
+                for run in study.runs
+            ),
+        ),
+        "curves": (
+            ("domain", "method", "seed", "steps", "updates", "success"),
+            (
+                (study.name, run.method, run.seed, *point)
+                for study in studies
+                for run in study.runs
+                for point in zip(run.steps, run.updates, run.curve, strict=True)
+            ),
+        ),
+        "levels": (
+            ("domain", "method", "seed", "level", "success"),
+            (
+                (study.name, run.method, run.seed, level, success)
+                for study in studies
+                for run in study.runs
+                for level, success in zip(study.levels.held_out.tolist(), run.success, strict=True)
+            ),
+        ),
+        "rankings": (
+            tuple(rankings[0]) if rankings else ("domain",),
+            (tuple(one.values()) for one in rankings),
+        ),
+        "claims": (
+            ("verdict", *Finding.__dataclass_fields__),
+            (
+                (one.verdict, *(getattr(one, name) for name in Finding.__dataclass_fields__))
+                for one in findings
+            ),
+        ),
+    }
+    paths = []
+    for name, (columns, rows) in files.items():
+        path = directory / f"{name}.csv"
+        with replacing(path) as draft, draft.open("w", encoding="utf-8", newline="") as file:
+            writer = csv.writer(file, lineterminator="\n")
+            writer.writerow(columns)
+            writer.writerows(rows)
+        paths.append(path)
+    return paths

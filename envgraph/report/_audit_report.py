@@ -1,0 +1,334 @@
+"""What the page of an audit says."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from math import log2
+
+import numpy as np
+
+from envgraph.learn import bootstrap_interval
+from envgraph.learn.audit import (
+    POOLED,
+    PROBED,
+    ROLLOUTS,
+    SHOWN_ROLLOUTS,
+    Finding,
+    Study,
+    Summary,
+    rank_values,
+    summaries,
+)
+from envgraph.report._audit_charts import Interval, Panel, interval_chart, scatter_chart
+from envgraph.report._charts import Series, line_chart
+from envgraph.report._page import Report, Section, Table
+
+_ESTIMATED = tuple(score for score in PROBED if not score.startswith("exact"))
+_KINDS = ("unsolvable", "hopeless (p < .05)", "in between", "mastered (p > .95)")
+_DRAWN = ("DR", "DR, solvable only", "PLR, random score", "PLR, MaxMC", "SFL, 16 rollouts")
+_DRAWN_EXACT = ("SFL, exact learnability", "PLR, exact regret", "PLR, exact learnability")
+
+
+def audit_report(
+    studies: Sequence[Study], findings: Sequence[Finding], facts: Mapping[str, str] | None = None
+) -> Report:
+    """The report of an audit of one or several domains.
+
+    Args:
+        studies: of the domains.
+        findings: `findings_of` them.
+        facts: how to make the same again.
+    """
+    names = ", ".join(study.name for study in studies)
+    counts = {word: sum(one.verdict == word for one in findings) for word in ("stands", "fails", "undecided")}
+    said = ", ".join(f"{count} {word}" for word, count in counts.items())
+    sections = [_claims(findings)]
+    for study in studies:
+        sections += [_ranks(study), _taught(study, findings)]
+    if len(studies) > 1:
+        sections.append(_pooled(findings))
+    return Report(
+        title=f"Scores of levels, audited: {names}",
+        summary=f"What scores that choose levels rank, teach and cost, beside exact regret and exact learnability. Of "
+        f"{len(findings)} claims that were named before the runs: {said}.",
+        sections=tuple(sections),
+        facts=facts or {},
+    )
+
+
+def audit_figures(studies: Sequence[Study], findings: Sequence[Finding]) -> dict[str, str]:
+    """The charts of the page by the names of files."""
+    found: dict[str, str] = {}
+    for study in studies:
+        name = "".join(one if one.isalnum() else "_" for one in study.name)
+        charts = (*_ranks(study).charts, *_taught(study, findings).charts)
+        found |= {f"{name}_figure{number}": chart for number, chart in enumerate(charts, 1)}
+    return found
+
+
+def _claims(findings: Sequence[Finding]) -> Section:
+    domains = list(dict.fromkeys(one.domain for one in findings))
+    known = {(one.claim, one.domain): one for one in findings}
+    rows = tuple(
+        (claim, *(_verdict(known.get((claim, domain))) for domain in domains))
+        for claim in dict.fromkeys(one.claim for one in findings)
+    )
+    text = (
+        "A claim says that something is above 0: a difference of success between two ways to choose levels, paired by "
+        "seeds, or a rank correlation. It stands where it is, and the sign-flip test over seeds gives p < .05 after "
+        "Holm's correction for all claims of this page. It fails where it is below 0 likewise, or where, with ten "
+        "seeds or more, the whole interval lies below .01. Otherwise it is undecided. Intervals are at 95 %; those of "
+        "differences are over seeds and over levels."
+    )
+    return Section(
+        "Which claims stand",
+        (text,),
+        tables=(Table("Named before the runs; each with its interval.", ("claim", *domains), rows),),
+    )
+
+
+def _verdict(one: Finding | None) -> str:
+    return "" if one is None else f"{one.verdict}: {one.value:+.3f} ({one.low:+.3f} to {one.high:+.3f})"
+
+
+def _ranks(study: Study) -> Section:
+    """Figures 1 and 2, and table 1."""
+    charts = []
+    shown = next((run.shown for run in study.runs if run.shown), None)
+    if shown is not None:
+        charts.append(_scatter(shown))
+    probed = [run for run in study.runs if run.rankings]
+    if probed:
+        charts.append(_along_rollouts(study))
+    rows = []
+    for score in PROBED:
+        values = {name: rank_values(study, score, name) for name in _COLUMNS}
+        if values["regret"]:
+            rows.append((score, *(_spread(values[name]) for name in _COLUMNS)))
+    solvable = study.levels.solvable[study.levels.probed].mean()
+    text = (
+        f"Students that learn by domain randomisation were stopped four times, and every score was asked of "
+        f"{len(study.levels.probed)} levels that they never learn on, {solvable:.0%} of them solvable. Rank "
+        f"correlations over all levels come in part from the unsolvable ones, which have no regret: those over "
+        f"solvable levels alone say what a score makes of difficulty.",
+        f"Figure 1: each score from {SHOWN_ROLLOUTS} rollouts beside exact regret, half way through the training of "
+        f"one student. Figure 2: rank correlation with exact regret over solvable levels by the number of rollouts; "
+        f"what does not rise with them is bias. Mean and interval over {len(probed)} students.",
+    )
+    table = Table(
+        f"Table 1: what scores from {SHOWN_ROLLOUTS} rollouts rank, and what their highest tenth is; mean over four "
+        f"points of training and {len(probed)} students, with the half width of an interval at 95 %. By chance a tenth "
+        f"has {1 - solvable:.2f} unsolvable levels. Capture is its regret as a share of what the true tenth has.",
+        ("score", *_COLUMNS.values()),
+        tuple(rows),
+        frozenset(range(1, 1 + len(_COLUMNS))),
+    )
+    return Section(f"{study.name}: what scores rank", text, tuple(charts), (table,))
+
+
+_COLUMNS = {
+    "regret_solvable": "regret, solvable only",
+    "regret": "regret, all",
+    "learnability": "learnability",
+    "success": "success",
+    "unsolvable": "unsolvable",
+    "hopeless": "hopeless",
+    "mastered": "mastered",
+    "capture": "capture",
+    "repeat": "repeat",
+}
+
+
+def _spread(values: Sequence[float]) -> str:
+    interval = bootstrap_interval(values)
+    mean = float(np.mean(values))
+    return f"{mean:.2f}" if interval is None else f"{mean:.2f} ± {(interval[1] - interval[0]) / 2:.2f}"
+
+
+def _scatter(shown: Mapping[str, Sequence[float]]) -> str:
+    panels = []
+    for score in PROBED:
+        kinds: list[list[tuple[float, float]]] = [[], [], [], []]
+        for regret, success, solvable, value in zip(
+            shown["regret"], shown["success"], shown["solvable"], shown[score], strict=True
+        ):
+            kind = 0 if not solvable else 1 if success < 0.05 else 3 if success > 0.95 else 2
+            kinds[kind].append((regret, value))
+        panels.append(Panel(score, tuple(map(tuple, kinds))))
+    return scatter_chart(
+        panels, _KINDS, x_label="exact regret", y_label="score", title="Figure 1: scores beside exact regret"
+    )
+
+
+def _along_rollouts(study: Study) -> str:
+    series = []
+    for score in _ESTIMATED:
+        found = [rank_values(study, score, "regret_solvable", rollouts) for rollouts in ROLLOUTS]
+        edges = [bootstrap_interval(values) or (values[0], values[0]) for values in found]
+        series.append(
+            Series(
+                score,
+                tuple(log2(rollouts) for rollouts in ROLLOUTS),
+                tuple(float(np.mean(values)) for values in found),
+                tuple(low for low, _ in edges),
+                tuple(high for _, high in edges),
+            )
+        )
+    return line_chart(
+        series,
+        x_label="rollouts, as a power of 2",
+        y_label="rank correlation with regret",
+        title="Figure 2: rank correlation with exact regret over solvable levels, by the number of rollouts",
+    )
+
+
+def _taught(study: Study, findings: Sequence[Finding]) -> Section:
+    """Figures 3 and 4, and tables 2 and 3."""
+    found = summaries(study)
+    levels, settings = study.levels, study.settings
+    solvable = levels.solvable[levels.training].mean()
+    text = (
+        f"Each student makes {settings.steps:,} steps, all that scoring costs included, on levels out of "
+        f"{len(levels.training):,}, {solvable:.0%} of them solvable. Success is exact: the probability with which the "
+        f"student's policy reaches its end within {settings.policy.limit} steps, on {len(levels.held_out)} solvable "
+        f"levels that it never learns on, and on {len(levels.hard)} whose shortest plans are longer than those of 80 % "
+        f"of them. Exact scores cost no steps, which is a privilege that a table gives.",
+        "Figure 3: differences to domain randomisation, paired by seeds, with intervals over seeds and levels, and the "
+        "probability of improvement. Figure 4: success along training, first by steps, then by updates: methods that "
+        "throw steps away are compared fairly by the second.",
+    )
+    gains = [one for one in found if one.method != "DR" and one.seeds > 1]
+    charts = []
+    if gains:
+        charts.append(_gains(gains, f"Figure 3: {study.name}, success minus that of domain randomisation"))
+    charts += [_curves(study, "steps"), _curves(study, "updates")]
+    return Section(
+        f"{study.name}: what scores teach", text, tuple(charts), (_methods(found), _ladder(study, findings))
+    )
+
+
+def _gains(rows: Sequence[Summary], title: str) -> str:
+    return interval_chart(
+        [
+            Interval(
+                one.method,
+                one.gain,
+                one.gain_low,
+                one.gain_high,
+                f"{one.gain:+.3f}, PoI {one.improvement:.2f}",
+                not one.gain_low <= 0.0 <= one.gain_high,
+            )
+            for one in rows
+        ],
+        x_label="success minus that of domain randomisation",
+        title=title,
+    )
+
+
+def _curves(study: Study, by: str) -> str:
+    series = []
+    for method in (*_DRAWN, *_DRAWN_EXACT):
+        runs = list(study.of(method).values())
+        if not runs:
+            continue
+        curves = np.array([run.curve for run in runs])
+        places = np.mean([getattr(run, by) for run in runs], axis=0)
+        edges = [bootstrap_interval(column) or (column[0], column[0]) for column in curves.T]
+        series.append(
+            Series(
+                method,
+                tuple(map(float, places)),
+                tuple(curves.mean(axis=0).tolist()),
+                tuple(float(low) for low, _ in edges),
+                tuple(float(high) for _, high in edges),
+                dashed=method in _DRAWN_EXACT,
+            )
+        )
+    title = f"Figure 4: {study.name}, success on held-out levels by {by}"
+    return line_chart(series, x_label=by, y_label="success on held-out levels", title=title)
+
+
+def _methods(found: Sequence[Summary]) -> Table:
+    rows = tuple(
+        (
+            one.method,
+            str(one.seeds),
+            f"{one.success:.3f}",
+            "" if one.method == "DR" else f"{one.gain:+.3f}",
+            "" if one.method == "DR" else f"{one.at_equal_updates:+.3f}",
+            f"{one.hard:.3f}",
+            f"{one.worst:.3f}",
+            f"{one.regret:.3f}",
+            f"{one.greedy:.3f}",
+            f"{one.updates:.0f}",
+            f"{one.learned_solvable:.0%}",
+        )
+        for one in found
+    )
+    columns = (
+        "method",
+        "seeds",
+        "success",
+        "minus DR",
+        "at equal updates",
+        "hard levels",
+        "worst 30 %",
+        "regret",
+    )
+    return Table(
+        "Table 3: every method. Success of the stochastic policy, of its likeliest actions (greedy), and of the worst "
+        "30 % of the levels (CVaR); the difference to domain randomisation with as many steps, and after as many "
+        "updates; the mean exact regret; and how many of the levels that were learned on are solvable.",
+        (*columns, "greedy", "updates", "solvable"),
+        rows,
+        frozenset(range(1, 11)),
+    )
+
+
+def _ladder(study: Study, findings: Sequence[Finding]) -> Table:
+    parts = {
+        "buffer": "a buffer alone",
+        "filter": "a filter alone",
+        "score": "the score",
+        "cost": "what rollouts cost",
+        "precision": "precision alone",
+    }
+    rows = tuple(
+        (
+            parts[one.part],
+            f"{one.method} minus {one.other}",
+            f"{one.value:+.3f}",
+            f"{one.low:+.3f} to {one.high:+.3f}",
+            "< .001" if one.p_value < 0.001 else f"{one.p_value:.3f}",
+            f"{one.improvement:.2f}",
+            str(one.seeds),
+            one.verdict,
+        )
+        for one in findings
+        if one.domain == study.name and one.part in parts
+    )
+    return Table(
+        "Table 2: the ladder from domain randomisation to exact scores: what a gain is due to. p is that of the paired "
+        "sign-flip test after Holm, PoI the probability of improvement.",
+        ("part", "difference", "success", "interval", "p", "PoI", "seeds", "the claim"),
+        rows,
+        frozenset({2, 4, 5, 6}),
+    )
+
+
+def _pooled(findings: Sequence[Finding]) -> Section:
+    rows = [
+        Interval(
+            f"{one.method} - {one.other}"[:42],
+            one.value,
+            one.low,
+            one.high,
+            f"{one.value:+.3f}, {one.verdict}",
+            one.verdict != "undecided",
+        )
+        for one in findings
+        if one.domain == POOLED
+    ]
+    text = "Each domain counts the same; intervals are over seeds and over the levels of each domain."
+    chart = interval_chart(rows, x_label="difference of success", title="Figure 3, all domains together")
+    return Section("All domains together", (text,), (chart,))

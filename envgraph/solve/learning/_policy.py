@@ -1,0 +1,286 @@
+"""A learner whose policy carries over to levels that it has never seen: a network on what it sees, trained with PPO."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import fields
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from envgraph.code import dataclass
+from envgraph.env.compiled import functions, has_numba, kernels, streams
+from envgraph.errors import InvalidArgument
+from envgraph.solve.learning import _policy_loop
+
+CALLED: Final = ("forget", "collect", "advantages", "measure", "improve", "expect")
+
+TOGETHER: Final = 64
+"""Levels that are evaluated at a time: what is known of their states stays in the processor's cache."""
+
+Ints = NDArray[np.int64]
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LevelTables:
+    """Many environments with the same actions, one after the other in flat arrays; L levels, S states in all.
+
+    What is seen of a state is a set of inputs, which are 1 there and 0 elsewhere. Numbers of states go
+    through all levels.
+
+    Attributes:
+        first: int64 [L + 1], where the states of a level begin.
+        start_first: int64 [L + 1], where its start states begin.
+        starts, start_chance: int64 and float64, the start states of all levels, and their probabilities.
+        to, chance, reward, ended: int32, float64, float64 and int8 [S * A * K], as in `Tabular`.
+        seen_first: int64 [S + 1], where the inputs of a state begin.
+        seen: int32, the inputs that are 1.
+        inputs, actions, width: how many inputs there are; A; K.
+    """
+
+    first: Ints
+    start_first: Ints
+    starts: Ints
+    start_chance: Floats
+    to: NDArray[np.int32]
+    chance: Floats
+    reward: Floats
+    ended: NDArray[np.int8]
+    seen_first: Ints
+    seen: NDArray[np.int32]
+    inputs: int
+    actions: int
+    width: int
+
+    @property
+    def arrays(self) -> tuple[NDArray[Any], ...]:
+        """The arrays, in the order in which the loops have them."""
+        return tuple(getattr(self, one.name) for one in fields(self)[:10])
+
+    def __len__(self) -> int:
+        return len(self.first) - 1
+
+    def states(self, chosen: Ints) -> int:
+        """How many states some levels have together."""
+        return int((self.first[chosen + 1] - self.first[chosen]).sum())
+
+
+@dataclass(frozen=True, slots=True)
+class PolicySettings:
+    """Proximal policy optimisation (Schulman et al. 2017).
+
+    Attributes:
+        hidden: units of the one hidden layer, rectified.
+        learning_rate: of Adam.
+        epochs: how often the steps of a batch are gone through.
+        minibatches: parts of a batch, whole levels each.
+        levels: that a batch has.
+        steps: of each level in a batch.
+        clip: how far the probability of an action may move from 1 times the old one.
+        entropy, value: weights of these parts of the loss.
+        norm: the greatest norm of a gradient.
+        discount: of rewards.
+        smoothing: the lambda of generalised advantage estimation.
+        limit: steps of an episode.
+    """
+
+    hidden: int = 64
+    learning_rate: float = 0.002
+    epochs: int = 3
+    minibatches: int = 4
+    levels: int = 32
+    steps: int = 128
+    clip: float = 0.2
+    entropy: float = 0.05
+    value: float = 0.5
+    norm: float = 0.5
+    discount: float = 0.97
+    smoothing: float = 0.95
+    limit: int = 64
+
+    def __post_init__(self) -> None:
+        if self.levels % self.minibatches:
+            raise InvalidArgument("`levels` must be a multiple of `minibatches`")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Played:
+    """What was found while levels were played; float64, an entry a level.
+
+    Attributes:
+        steps: how many in all.
+        positive: mean of the positive part of the advantage (positive value loss, Jiang et al. 2021b).
+        absolute: mean of its absolute value (L1 value loss, Jiang et al. 2021a).
+        best_return: mean of the best return ever seen on the level minus the value (MaxMC, Jiang et al. 2021b).
+        negative: minus the mean of the lambda-average of n-step advantages, each the least of those up to it; 0 where
+            no episode ended in success.
+        success: share of the finished episodes that ended in success.
+    """
+
+    steps: int
+    positive: Floats
+    absolute: Floats
+    best_return: Floats
+    negative: Floats
+    success: Floats
+
+
+class PolicyLearner:
+    """A policy and its values on levels, in one network with one hidden layer.
+
+    Everything that it draws comes from one stream of numbers. Numba and Python give the same bit for bit; without numba
+    it takes hundreds of times as long.
+
+    Args:
+        tables: the levels.
+        settings: how it learns.
+        seed: of the weights and of everything that is drawn.
+        native: whether numba compiles the loops; None: if that is installed.
+
+    Attributes:
+        parameters: float64, see `_policy_loop`.
+        best: float64 [levels], the greatest return that was seen on each level; minus infinity where none was.
+    """
+
+    def __init__(
+        self, tables: LevelTables, settings: PolicySettings, seed: int, *, native: bool | None = None
+    ) -> None:
+        self._tables, self._settings = tables, settings
+        self._native = native = has_numba() if native is None else native
+        self._do = functions("", (kernels, _policy_loop), CALLED, native=native)
+        inputs, hidden, outputs = tables.inputs, settings.hidden, tables.actions + 1
+        self._shape = inputs, hidden, outputs, tables.width
+        rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(1,)))
+        seen = max(1.0, len(tables.seen) / max(1, len(tables.seen_first) - 1))
+        second = rng.standard_normal((hidden, outputs)) / np.sqrt(hidden)
+        second[:, :-1] *= 0.01
+        first = rng.standard_normal((inputs, hidden)) * np.sqrt(2.0 / seen)
+        self.parameters = np.concatenate([first.ravel(), np.zeros(hidden), second.ravel(), np.zeros(outputs)])
+        self._streams = streams([np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(2,)))])
+        self._rows = np.full(len(tables.seen_first) - 1, -1, np.int32)
+        self._moments = (
+            np.zeros_like(self.parameters),
+            np.zeros_like(self.parameters),
+            np.zeros_like(self.parameters),
+        )
+        self._time = np.ones(2)
+        self.best = np.full(len(tables), -np.inf)
+        self._capacity = 0
+        self._tracks: tuple[NDArray[Any], ...] = ()
+        self._advantages = np.zeros(0)
+        self._most = 0
+        self._room(1)
+
+    def twin(self, seed: int) -> PolicyLearner:
+        """A learner with the same parameters, and a stream of its own: what it plays leaves no trace in this one."""
+        found = PolicyLearner(self._tables, self._settings, seed, native=self._native)
+        found.parameters[:] = self.parameters
+        return found
+
+    def play(self, chosen: Ints, episodes: int | None = None) -> Played:
+        """Play levels, `settings.steps` steps of each, or a number of episodes.
+
+        Args:
+            chosen: int64, the levels; `improve` learns from these, if they are as many as in a batch.
+            episodes: how many, each to its end, or None.
+        """
+        settings = self._settings
+        most = settings.steps if episodes is None else episodes * settings.limit
+        self._prepare(chosen)
+        self._ensure_tracks(len(chosen), most)
+        tracks = self._tracks
+        arrays, student = self._tables.arrays, self._student
+        self._do["collect"](
+            arrays, student, chosen, self._streams, most, episodes or most + 1, settings.limit, tracks
+        )
+        discount, smoothing = settings.discount, settings.smoothing
+        self._do["advantages"](student, tracks, most, discount, smoothing, self._advantages)
+        scores, best = np.zeros((len(chosen), 6)), self.best[chosen]
+        self._do["measure"](student, tracks, most, discount, smoothing, self._advantages, best, scores)
+        np.maximum.at(self.best, chosen, best)
+        finished = np.maximum(scores[:, 4], 1.0)
+        positive, absolute, best_return, negative = scores[:, :4].T
+        return Played(
+            int(tracks[5].sum()), positive, absolute, best_return, negative, scores[:, 5] / finished
+        )
+
+    def improve(self, rng: np.random.Generator) -> None:
+        """Learn from what was played last; `rng` mixes the levels."""
+        settings = self._settings
+        count = len(self._tracks[5])
+        size = count // settings.minibatches
+        rates = settings.learning_rate, settings.norm, settings.clip, settings.entropy, settings.value
+        optimiser = *self._moments, *self._scratch, self._time
+        for _ in range(settings.epochs):
+            order = rng.permutation(count)
+            for begin in range(0, size * settings.minibatches, size):
+                self._do["improve"](
+                    self._tables.arrays,
+                    self._student,
+                    optimiser,
+                    self._tracks,
+                    self._most,
+                    self._advantages,
+                    order,
+                    (begin, begin + size),
+                    rates,
+                )
+
+    def evaluate(self, chosen: Ints | Sequence[int], *, greedy: bool = False) -> tuple[Floats, Floats]:
+        """Exact success probability and discounted return within the limit, of each of some levels.
+
+        The distribution over states is carried forward step by step, as in `envgraph.solve.evaluate_policy`.
+
+        Args:
+            chosen: the levels.
+            greedy: whether the likeliest action is always taken.
+        """
+        chosen = np.asarray(chosen, np.int64)
+        found = np.zeros((len(chosen), 2))
+        sizes = np.diff(self._tables.first)
+        present, after = np.zeros(sizes.max()), np.zeros(sizes.max())
+        limit, discount = self._settings.limit, self._settings.discount
+        for begin in range(0, len(chosen), TOGETHER):
+            part = chosen[begin : begin + TOGETHER]
+            self._prepare(part)
+            self._do["expect"](
+                self._tables.arrays,
+                self._student,
+                part,
+                limit,
+                discount,
+                greedy,
+                present,
+                after,
+                found[begin : begin + TOGETHER],
+            )
+        return found[:, 0], found[:, 1]
+
+    # --- room
+
+    def _prepare(self, chosen: Ints) -> None:
+        """Nothing is known of any state, and there is room for those of some levels."""
+        self._do["forget"](self._tables.arrays, self._student)
+        self._room(self._tables.states(np.unique(chosen)))
+
+    def _room(self, states: int) -> None:
+        if states <= self._capacity:
+            return
+        self._capacity = states = max(states, 2 * self._capacity)
+        _, hidden, outputs, _ = self._shape
+        visited, count = np.zeros(states, np.int64), np.zeros(1, np.int64)
+        known = np.zeros(states * hidden), np.zeros(states * outputs)
+        self._student = self.parameters, self._rows, visited, count, *known, self._shape
+        slots, used = np.full(states, -1, np.int64), np.zeros(states, np.int64)
+        sums = np.zeros(states * (outputs + 1))
+        self._scratch = np.zeros(states * hidden), np.zeros(states * outputs), slots, used, sums
+
+    def _ensure_tracks(self, levels: int, most: int) -> None:
+        if self._tracks and (len(self._tracks[5]), self._most) == (levels, most):
+            return
+        self._most, size = most, levels * most
+        at, after, action, how = (np.zeros(size, np.int64) for _ in range(4))
+        self._tracks = at, after, action, np.zeros(size), how, np.zeros(levels, np.int64)
+        self._advantages = np.zeros(size)

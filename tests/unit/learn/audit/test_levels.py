@@ -1,0 +1,148 @@
+"""Levels that rules make, and what a student sees of them."""
+
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from envgraph.env import Tabular, enumerate_states
+from envgraph.errors import EvaluationError, LoadError
+from envgraph.lang import data_path
+from envgraph.learn.audit import AuditLevels, audit_settings, make_levels
+from envgraph.learn.audit._levels import Sight, _decoded
+from envgraph.search import Domain
+from envgraph.solve import certify
+
+SMALL = {"levels": 8, "probed": 2, "held_out": 4}
+
+
+@pytest.fixture(scope="module")
+def domain() -> Domain:
+    return Domain.load("network/audit.toml")
+
+
+@pytest.fixture(scope="module")
+def levels(domain: Domain) -> AuditLevels:
+    return make_levels(domain, replace(audit_settings(domain), **SMALL))
+
+
+def test_groups_are_disjoint_and_tests_solvable(levels: AuditLevels) -> None:
+    groups = levels.training, levels.probed, levels.held_out, levels.hard
+    assert [len(one) for one in groups] == [8, 2, 4, 2]
+    assert np.concatenate(groups).tolist() == list(range(16))
+    assert levels.solvable[levels.held_out].all()
+    assert not levels.solvable[levels.training].all()
+    assert levels.plan[levels.hard].min() > np.quantile(levels.plan[levels.held_out], 0.8)
+
+
+def test_tables_are_those_of_the_levels(domain: Domain, levels: AuditLevels) -> None:
+    policy = audit_settings(domain).policy
+    for number in (0, 3, 11):
+        begin, end = levels.tables.first[number : number + 2]
+        one = table_of(levels, number)
+        found = certify(one, limit=policy.limit, discount=policy.discount)
+        assert found.optimal_return == pytest.approx(levels.optimum[number])
+        assert (found.shortest_plan if found.solvable else 0) == levels.plan[number]
+        assert one.n_states == end - begin
+
+
+def table_of(levels: AuditLevels, number: int) -> Tabular:
+    """The table of a level once more."""
+    tables = levels.tables
+    begin, end = tables.first[number : number + 2]
+    shape = (end - begin, tables.actions, tables.width)
+    rows = slice(begin * tables.actions, end * tables.actions)
+    starts = slice(*tables.start_first[number : number + 2])
+    return Tabular(
+        next_state=(tables.to[rows] - begin).reshape(shape).astype(np.int32),
+        probability=tables.chance[rows].reshape(shape),
+        reward=tables.reward[rows].reshape(shape),
+        terminated=tables.ended[rows].reshape(shape),
+        observation=np.arange(end - begin),
+        start_states=(tables.starts[starts] - begin).astype(np.int32),
+        start_probability=tables.start_chance[starts],
+        n_observations=int(end - begin),
+        observation_shape=(int(end - begin),),
+        action_names=tuple(map(str, range(tables.actions))),
+    )
+
+
+def test_a_student_sees_the_rows_of_the_patterns_from_where_it_is(domain: Domain) -> None:
+    engine, keys = domain.engine(), domain.keys()
+    assert domain.behaviour is not None
+    sight = Sight(domain, engine, keys, audit_settings(domain))
+    table = enumerate_states(engine, domain.behaviour, keys)
+    seen = sight.of(table)
+    names = {number: feature for feature, number in sight.features.items()}
+    at, destination = _decoded(table).T
+    routers = [key[0] for key in keys.of_class("Router")]
+    for state, features in enumerate(seen):
+        here, there = routers[at[state]], routers[destination[state]]
+        following = {"l": "a"}.get(here, chr(ord(here) + 1))
+        found = {names[one] for one in features}
+        assert ("0:itself", (f"('{here}',)",)) in found
+        assert ("1:itself", (f"('{there}',)",)) in found
+        assert {row for name, row in found if name == "0:ahead"} == {(f"('{following}',)",)}
+
+
+def test_levels_are_read_back(levels: AuditLevels, tmp_path: Path) -> None:
+    levels.save(tmp_path / "levels.npz")
+    again = AuditLevels.load(tmp_path / "levels.npz")
+    assert again.tables.to.tolist() == levels.tables.to.tolist()
+    assert again.tables.seen.tolist() == levels.tables.seen.tolist()
+    assert (again.tables.inputs, again.drawn) == (levels.tables.inputs, levels.drawn)
+    assert again.plan.tolist() == levels.plan.tolist()
+
+
+def test_too_few_levels_are_an_error_that_says_what_to_do(
+    domain: Domain, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("envgraph.learn.audit._levels.PATIENCE", 1)
+    with pytest.raises(EvaluationError, match="too few different levels") as raised:
+        make_levels(domain, replace(audit_settings(domain), levels=8, probed=2, held_out=20))
+    assert "initial_applications" in str(raised.value)
+
+
+def wrong(tmp_path: Path, old: str, new: str) -> str:
+    """What is said of a copy of the network's audit with something else in it."""
+    shutil.copytree(data_path("rules", "network"), tmp_path / "network")
+    path = tmp_path / "network" / "audit.toml"
+    path.write_text(path.read_text().replace(old, new))
+    with pytest.raises(LoadError) as raised:
+        audit_settings(Domain.load(str(path)))
+    return str(raised.value).replace(str(tmp_path), "")
+
+
+def test_all_that_is_wrong_is_said_with_its_place(tmp_path: Path) -> None:
+    said = wrong(
+        tmp_path,
+        'sees = ["itself", "ahead", "behind", "onward"]',
+        'sees = ["itself", "ahaed"]\nhiden = 64\nlevels = "many"',
+    )
+    assert "did you mean `hidden`?" in said
+    assert "`levels` of `audit` is a whole number from 64" in said
+    line = 'sees = ["itself", "ahaed"]'
+    caret = said.index("unknown pattern `ahaed`")
+    shown = said[caret:].split("\n")
+    assert shown[1].endswith(line)
+    assert shown[2].index("^") - shown[1].index(line) == line.index('"ahaed"')
+    assert "did you mean `ahead`?" in said
+
+
+def test_a_family_without_an_audit_says_what_to_write(tmp_path: Path) -> None:
+    said = wrong(tmp_path, '[audit]\nsees = ["itself", "ahead", "behind", "onward"]', "")
+    assert "the family file has no `[audit]`" in said
+    assert "patterns that say what a student sees" in said
+
+
+def test_floats_are_not_seen(tmp_path: Path) -> None:
+    shutil.copytree(data_path("rules", "network"), tmp_path / "network")
+    query = tmp_path / "network" / "audit.query"
+    slow = "pattern slow(router : Router, latency : float) { Router.ports.latency(router, latency); }"
+    query.write_text(f"{query.read_text()}\n{slow}\n")
+    path = tmp_path / "network" / "audit.toml"
+    path.write_text(path.read_text().replace('"onward"', '"slow"'))
+    with pytest.raises(LoadError, match="`slow` gives a float"):
+        audit_settings(Domain.load(str(path)))

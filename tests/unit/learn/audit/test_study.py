@@ -1,0 +1,175 @@
+"""Runs, and audits that go on."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from envgraph.errors import InvalidArgument
+from envgraph.learn.audit import (
+    METHODS,
+    SHOWN_ROLLOUTS,
+    AuditLevels,
+    AuditSettings,
+    Method,
+    Run,
+    Sifting,
+    Study,
+    findings_of,
+    run_method,
+    summaries,
+    write_audit,
+)
+from envgraph.learn.audit import _run as one_run
+from envgraph.learn.audit import _study as module
+from envgraph.learn.audit._study import audit, read_run
+from envgraph.search import Domain
+from tests.unit.learn.audit.small_levels import corridors, settings
+
+FEW = [METHODS[0], METHODS[1], METHODS[2]]
+
+
+@pytest.fixture(scope="module")
+def domain() -> Domain:
+    return Domain.load("keydoor/audit.toml")
+
+
+@pytest.fixture
+def prepared(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A directory with levels; runs have their results at once."""
+    corridors().save(tmp_path / "levels.npz")
+    monkeypatch.setattr(module, "run_method", at_once)
+    return tmp_path
+
+
+def at_once(levels: AuditLevels, given: AuditSettings, method: Method, seed: int) -> Run:
+    return run(method.name, seed, np.random.default_rng([seed, len(method.name)]).random(8))
+
+
+def test_a_run_counts_all_steps_and_is_the_same_again() -> None:
+    levels, given = corridors(), settings()
+    first, again = (run_method(levels, given, FEW[2], 1, native=False) for _ in range(2))
+    assert first == again
+    assert len(first.steps) == len(first.curve) == 8
+    assert first.steps[-1] >= given.steps > first.steps[-2]
+    sifting = Method("x", "SFL", sifting=Sifting(4, candidates=8, best=2))
+    sifted = run_method(levels, given, sifting, 1, native=False)
+    assert sifted.updates[-1] < given.steps / 32, "the rollouts took the steps"
+
+
+def test_probing_leaves_no_trace_in_the_student(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(one_run, "ROLLOUTS", (1, SHOWN_ROLLOUTS))
+    levels, given = corridors(), settings()
+    first = run_method(levels, given, METHODS[0], 0, native=False)
+    unprobed = run_method(levels, given, replace(METHODS[0], name="other"), 0, native=False)
+    assert first.rankings
+    assert first.shown is not None
+    assert not unprobed.rankings
+    assert (first.success, first.curve) == (unprobed.success, unprobed.curve)
+
+
+def files(directory: Path) -> dict[str, str]:
+    return {path.name: path.read_text() for path in sorted((directory / "runs").glob("*.json"))}
+
+
+def test_an_interrupted_audit_goes_on_to_the_same_result(prepared: Path, domain: Domain) -> None:
+    given = replace(settings(), seeds=2)
+
+    def stop(done: int, total: int, what: str) -> None:
+        if done == 2:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        audit(domain, given, prepared, methods=FEW, progress=stop)
+    before = files(prepared)
+    assert len(before) == 2
+    study = audit(domain, given, prepared, methods=FEW)
+    after = files(prepared)
+    assert before.items() <= after.items()
+    assert [(run.method, run.seed) for run in study.runs] == [
+        (method.name, seed) for method in FEW for seed in (0, 1)
+    ]
+    for path in (prepared / "runs").glob("*.json"):
+        path.unlink()
+    audit(domain, given, prepared, methods=FEW)
+    assert files(prepared) == after
+
+
+def test_more_seeds_go_on_and_other_settings_are_refused(prepared: Path, domain: Domain) -> None:
+    given = replace(settings(), seeds=2, controls=2)
+    audit(domain, given, prepared, methods=FEW[:1])
+    study = audit(domain, replace(given, seeds=3), prepared, methods=FEW[:1])
+    assert sorted(study.of("DR")) == [0, 1, 2]
+    with pytest.raises(InvalidArgument, match="has another audit"):
+        audit(domain, replace(given, steps=9_999), prepared, methods=FEW[:1])
+
+
+def test_a_damaged_result_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "DR.0.json"
+    path.write_text(json.dumps({"method": "DR"}))
+    with pytest.raises(InvalidArgument, match=r"DR\.0\.json: not the result of a run; remove it"):
+        read_run(path)
+
+
+def run(method: str, seed: int, success: np.ndarray) -> Run:
+    points = tuple(range(1, 9))
+    curve = tuple(float(success.mean()) * point / 8 for point in points)
+    return Run(method, seed, points, points, curve, tuple(success.tolist()), (0.5,), 0.1, 0.2, 0.3)
+
+
+def study(gain: float, noise: float, seeds: int = 12) -> Study:
+    """Domain randomisation, and solvable levels only, which gain so much."""
+    rng, runs = np.random.default_rng(0), []
+    for name, more in (("DR", 0.0), ("DR, solvable only", gain)):
+        for seed in range(seeds):
+            base = np.random.default_rng(seed).random(8) * 0.2 + 0.4
+            runs.append(run(name, seed, base + more + rng.standard_normal(8) * noise))
+    return Study("Corridors", corridors(), settings(), tuple(runs))
+
+
+@pytest.mark.parametrize(
+    ("gain", "noise", "seeds", "verdict"),
+    [
+        (0.1, 0.02, 12, "stands"),
+        (-0.1, 0.02, 12, "fails"),
+        (0.0, 0.004, 12, "fails"),
+        (0.02, 0.3, 12, "undecided"),
+        (0.1, 0.02, 3, "undecided"),
+        (-0.1, 0.02, 3, "undecided"),
+    ],
+)
+def test_a_verdict_goes_by_interval_and_test(gain: float, noise: float, seeds: int, verdict: str) -> None:
+    (found,) = findings_of([study(gain, noise, seeds)])
+    assert found.claim == "leaving unsolvable levels out helps"
+    assert found.verdict == verdict
+
+
+def test_several_domains_are_also_judged_together() -> None:
+    one, other = study(0.1, 0.02), replace_name(study(0.06, 0.02), "Others")
+    found = {finding.domain: finding for finding in findings_of([one, other])}
+    assert list(found) == ["Corridors", "Others", "all domains"]
+    assert found["all domains"].value == pytest.approx((found["Corridors"].value + found["Others"].value) / 2)
+    assert found["all domains"].low < found["all domains"].value < found["all domains"].high
+
+
+def replace_name(one: Study, name: str) -> Study:
+    return Study(name, one.levels, one.settings, one.runs)
+
+
+def test_equal_updates_are_read_off_the_curve_of_domain_randomisation() -> None:
+    levels = np.full(8, 0.8)
+    robust = replace(run("robust PLR, PVL", 0, levels), updates=(1, 1, 2, 2, 3, 3, 4, 4))
+    found = summaries(Study("x", corridors(), settings(), (run("DR", 0, levels), robust)))
+    assert found[1].at_equal_updates == pytest.approx(0.8 - 0.4)
+
+
+def test_tables_are_written_and_equal_audits_give_equal_files(tmp_path: Path) -> None:
+    one = study(0.1, 0.02)
+    for name in ("a", "b"):
+        write_audit([one], findings_of([one]), tmp_path / name)
+    texts = {path.name: path.read_text() for path in (tmp_path / "a").iterdir()}
+    assert texts == {path.name: path.read_text() for path in (tmp_path / "b").iterdir()}
+    assert texts["claims.csv"].splitlines()[1].startswith("stands,Corridors,filter,")
+    assert len(texts["levels.csv"].splitlines()) == 1 + 2 * 12 * 8
