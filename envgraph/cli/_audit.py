@@ -29,7 +29,7 @@ from envgraph.learn.audit import (
 from envgraph.report import audit_figures, audit_report, render_html, standalone
 from envgraph.search import Domain
 
-AUDIT_FILE: Final = "audit.toml"
+AUDIT_FILE: Final = "audit/audit.toml"
 
 
 def audit_scores(

@@ -20,7 +20,7 @@ SMALL = {"levels": 8, "probed": 2, "held_out": 4}
 
 @pytest.fixture(scope="module")
 def domain() -> Domain:
-    return Domain.load("network/audit.toml")
+    return Domain.load("network/audit/audit.toml")
 
 
 @pytest.fixture(scope="module")
@@ -108,7 +108,7 @@ def test_too_few_levels_are_an_error_that_says_what_to_do(
 def wrong(tmp_path: Path, old: str, new: str) -> str:
     """What is said of a copy of the network's audit with something else in it."""
     shutil.copytree(data_path("rules", "network"), tmp_path / "network")
-    path = tmp_path / "network" / "audit.toml"
+    path = tmp_path / "network" / "audit" / "audit.toml"
     path.write_text(path.read_text().replace(old, new))
     with pytest.raises(LoadError) as raised:
         audit_settings(Domain.load(str(path)))
@@ -139,10 +139,10 @@ def test_a_family_without_an_audit_says_what_to_write(tmp_path: Path) -> None:
 
 def test_floats_are_not_seen(tmp_path: Path) -> None:
     shutil.copytree(data_path("rules", "network"), tmp_path / "network")
-    query = tmp_path / "network" / "audit.query"
+    query = tmp_path / "network" / "audit" / "audit.query"
     slow = "pattern slow(router : Router, latency : float) { Router.ports.latency(router, latency); }"
     query.write_text(f"{query.read_text()}\n{slow}\n")
-    path = tmp_path / "network" / "audit.toml"
+    path = tmp_path / "network" / "audit" / "audit.toml"
     path.write_text(path.read_text().replace('"onward"', '"slow"'))
     with pytest.raises(LoadError, match="`slow` gives a float"):
         audit_settings(Domain.load(str(path)))

@@ -33,7 +33,7 @@ FEW = [METHODS[0], METHODS[1], METHODS[2]]
 
 @pytest.fixture(scope="module")
 def domain() -> Domain:
-    return Domain.load("keydoor/audit.toml")
+    return Domain.load("keydoor/audit/audit.toml")
 
 
 @pytest.fixture
