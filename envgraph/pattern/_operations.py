@@ -56,17 +56,29 @@ def add(left: Value, right: Value) -> Value:
     """`left + right`: concatenation as soon as one side is a string."""
     if isinstance(left, str) or isinstance(right, str):
         return text(left) + text(right)
-    return _arithmetic(lambda a, b: a + b, left, right)
+    try:
+        result = left + right
+    except OverflowError as error:
+        raise _overflow(error) from None
+    return result if result - result == 0 else finite(result)
 
 
 def subtract(left: Number, right: Number) -> Number:
     """`left - right`."""
-    return _arithmetic(lambda a, b: a - b, left, right)
+    try:
+        result = left - right
+    except OverflowError as error:
+        raise _overflow(error) from None
+    return result if result - result == 0 else finite(result)
 
 
 def multiply(left: Number, right: Number) -> Number:
     """`left * right`."""
-    return _arithmetic(lambda a, b: a * b, left, right)
+    try:
+        result = left * right
+    except OverflowError as error:
+        raise _overflow(error) from None
+    return result if result - result == 0 else finite(result)
 
 
 def chain(first: Any, *rest: Any) -> Any:
@@ -80,12 +92,8 @@ def chain(first: Any, *rest: Any) -> Any:
     return first
 
 
-def _arithmetic(operation: Callable[[Any, Any], Any], left: Number, right: Number) -> Number:
-    try:
-        result: Number = operation(left, right)
-    except OverflowError as error:
-        raise EvaluationError(f"overflow: {error}") from None
-    return result if isinstance(result, int) else finite(result)
+def _overflow(error: OverflowError) -> EvaluationError:
+    return EvaluationError(f"overflow: {error}")
 
 
 def divide(left: Number, right: Number) -> Number:
@@ -99,7 +107,11 @@ def divide(left: Number, right: Number) -> Number:
     if isinstance(left, int) and isinstance(right, int):
         quotient = left // right
         return quotient + 1 if quotient < 0 and quotient * right != left else quotient
-    return _arithmetic(lambda a, b: a / b, left, right)
+    try:
+        result = left / right
+    except OverflowError as error:
+        raise _overflow(error) from None
+    return result if result - result == 0 else finite(result)
 
 
 def remainder(left: Number, right: Number) -> Number:
@@ -170,7 +182,11 @@ def _round(number: Number) -> int:
 def _modulo(left: Number, right: Number) -> Number:
     if right == 0:
         raise EvaluationError("division by zero")
-    return _arithmetic(lambda a, b: a % b, left, right)
+    try:
+        result = left % right
+    except OverflowError as error:
+        raise _overflow(error) from None
+    return result if result - result == 0 else finite(result)
 
 
 def _to_int(number: Number) -> int:

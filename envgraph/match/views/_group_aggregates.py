@@ -25,6 +25,19 @@ class Grouped(Protocol):
         """The tuples under the values at some positions."""
 
 
+class Values(dict[Row, Any]):
+    """Values of groups; a group that is not there has that of nothing, without being put in."""
+
+    __slots__ = ("empty",)
+
+    def __init__(self, empty: Any) -> None:
+        super().__init__()
+        self.empty = empty
+
+    def __missing__(self, key: Row) -> Any:
+        return self.empty
+
+
 class Fold(Operator):
     """The value of an aggregate for each group of a view; a group that is not there has the value of nothing.
 
@@ -45,7 +58,7 @@ class Fold(Operator):
         self.function = function
         self.column = column
         self.empty = aggregate(function, [])
-        self.values: dict[Row, Any] = {}
+        self.values = Values(self.empty)
         self._table = source.group_table(group)
         self._bare = len(group) == 1
         self.group = group
@@ -85,7 +98,7 @@ class Fold(Operator):
 
     def value(self, key: Row) -> Any:
         """The value of a group; None if there is none."""
-        return self.values.get(key, self.empty)
+        return self.values[key]
 
     def process(self) -> None:
         dirty = self._dirty.copy()

@@ -150,7 +150,7 @@ class Network:
             case "group", Rows():
                 return operator.group(symbol.positions).table.get
             case "fold", Fold():
-                return operator.value
+                return operator.values.__getitem__
             case "reach", ClosureOperator():
                 return operator.reached.get
             case "starts", ClosureOperator():

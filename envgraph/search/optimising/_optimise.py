@@ -18,6 +18,9 @@ from envgraph.search.optimising._climbing import Annealing
 from envgraph.search.optimising._goals import Goal, Sense, appraiser, watchable
 from envgraph.search.optimising._walk import Progress, Strategy, Walk
 
+_LARGE = 256
+"""Objects from which on patterns are watched: the domain of `benchmarks/bench_assignment.py` is faster then."""
+
 Objectives = str | Goal | Iterable[str | Goal]
 
 
@@ -79,8 +82,9 @@ def optimise(
 ) -> Optimum:
     """Search for the model that is best by some objectives, from that of an engine, by applying rules.
 
-    Patterns that objectives and constraints ask about are watched meanwhile, so that a step costs what it changes. The
-    engine stands at the best model afterwards.
+    Patterns that objectives and constraints ask about are watched meanwhile, so that a step costs what it changes; in
+    models of less than 256 objects, where looking is faster, only those that are `incremental`. The engine stands at
+    the best model afterwards.
 
     Args:
         engine: outside of a transaction.
@@ -209,14 +213,18 @@ def _check(
 
 @contextmanager
 def _watching(engine: Engine, patterns: Sequence[str]) -> Iterator[None]:
-    """Patterns are watched inside, where that is possible: while somebody holds a version they cannot be."""
-    known = set(engine.watched)
-    names = {name: engine.catalog.asked(name)[0].definition for name in patterns}
-    new = [name for name in patterns if names[name] not in known]
+    """Patterns are watched inside, unless looking for their matches is as fast, or somebody holds a version."""
+    known, large = set(engine.watched), len(engine.model) >= _LARGE
+    new = []
+    for name in patterns:
+        found = engine.library.get(engine.catalog.asked(name)[1])
+        wanted = large if found.strategy is None else found.strategy == "incremental"
+        if wanted and found.qualified_name not in known and not engine.library.inputs(found.qualified_name):
+            new.append(found.qualified_name)
     try:
         engine.watch(*new)
     except (InvalidArgument, TransactionError):
-        new = []  # the naive matcher, another engine of this model, patterns that need arguments, or a held version
+        new = []  # the naive matcher, another engine that watches this model, or a version that is held
     try:
         yield
     finally:

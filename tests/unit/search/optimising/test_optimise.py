@@ -18,6 +18,7 @@ from envgraph.search.optimising import (
     Optimum,
     Strategy,
     TreeSearch,
+    Walk,
     optimise,
 )
 from tests.oracle.test_assignment import cra, random_model, value
@@ -90,9 +91,31 @@ def test_one_seed_has_one_result_and_views_change_none(strategy: Strategy) -> No
     first, second = text(envgraph.open("assignment"), 5), text(envgraph.open("assignment"), 5)
     assert first == second
     engine = envgraph.open("assignment")
-    held = engine.commit()  # nothing can be watched now
+    engine.watch("craIndex", "unassigned")
     assert text(engine, 5) == first
-    assert held.model is engine.model
+
+
+def test_patterns_of_large_models_are_watched_meanwhile() -> None:
+    def watched(engine: Engine) -> tuple[str, ...]:
+        seen: list[tuple[str, ...]] = []
+
+        class Watched:
+            def search(self, walk: Walk) -> None:
+                seen.append(engine.watched)
+
+        search(engine, Watched())
+        assert not engine.watched
+        return seen[0]
+
+    small = envgraph.open("assignment")
+    assert watched(small) == ()
+    large = envgraph.open("assignment")
+    for number in range(250):
+        large.model.create("Attribute", name=f"a{number}")
+    assert watched(large) == ("assignment.craIndex", "assignment.unassigned")
+    held = large.commit()
+    assert watched(large) == (), "while a version is held nothing new can be watched"
+    assert held.model is large.model
 
 
 def test_a_search_leaves_the_engine_as_it_was_but_for_the_model() -> None:
