@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 from envgraph import code
 from envgraph.env.compiled._facts import WordOf, call
 from envgraph.env.compiled._layout import BEYOND, RI, TOP, entry, failed, plus
+from envgraph.env.compiled._matrices import linked_with, matrix_cell
 from envgraph.env.compiled._refused import NotCompiled
-from envgraph.env.compiled._tables import Keys, LinkMatrix, Links, Matches, Reached, Relation
+from envgraph.env.compiled._tables import Keys, LinkMatrix, Links, Matches, Reached, Relation, matrix_of
 from envgraph.env.compiled._terms import Term, Terms, as_float, literal, named
 from envgraph.match.plan import Kind, Plan, Step, ViewKey, call_key
 from envgraph.metamodel import Attribute, Scalar
@@ -320,7 +321,7 @@ class Body:
         """From one end of a link that changes to the other."""
         assert not isinstance(goal.reference, Attribute)
         facts, reference = self._facts, goal.reference
-        if (kept := facts.matrix(reference)) is not None:
+        if (kept := matrix_of(facts.metamodel, reference)) is not None:
             self._follow_many(kept[0], near, far, forward is kept[1], sure)
             return
         stored, same = facts.stored(reference)
@@ -351,11 +352,11 @@ class Body:
             source, target = (near, far) if forward else (far, near)
             ends = (source, matrix.reference.owner), (target, matrix.reference.target)
             certain = (self._is_sure(*ends[0]), self._is_sure(*ends[1]))
-            found, guard = facts.matrix_cell(matrix, self.source(source), self.source(target), sure=certain)
+            found, guard = matrix_cell(facts, matrix, self.source(source), self.source(target), sure=certain)
             for test in (*guard, code.equal(found, code.Constant(1))):
                 self.block.test(test)
         else:
-            other, _ = facts.linked_with(self.block, matrix, self.source(near), forward=forward, sure=sure)
+            other, _ = linked_with(facts, self.block, matrix, self.source(near), forward=forward, sure=sure)
             self._give(far, other)
 
     # --- calls

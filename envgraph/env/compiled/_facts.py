@@ -21,7 +21,6 @@ from envgraph.env.compiled._tables import (
     HowMany,
     Instances,
     Keys,
-    LinkMatrix,
     Links,
     Listed,
     One,
@@ -35,6 +34,7 @@ from envgraph.env.compiled._tables import (
     Words,
     classes_below,
     keys_of,
+    matrix_of,
 )
 from envgraph.match.plan import LiveSizes
 from envgraph.metamodel import Attribute, Reference, Scalar
@@ -274,15 +274,15 @@ class Facts:
         node = self.module.fresh("v", "object")
         holders = self.layout.offset(Holders(classes))
         if self.layout.single(classes):
-            block.test(code.Operation(">", (self._count(classes), code.Constant(0))))
+            block.test(code.Operation(">", (self.count(classes), code.Constant(0))))
             block.add(code.Assign(node, table(holders)))
             return node, code.Constant(0)
         place = self.module.fresh("i")
-        block.loop(place, code.call("range", self._count(classes)))
+        block.loop(place, code.call("range", self.count(classes)))
         block.add(code.Assign(node, table(plus(holders, place))))
         return node, place
 
-    def _count(self, classes: tuple[str, ...]) -> code.Expression:
+    def count(self, classes: tuple[str, ...]) -> code.Expression:
         return table(self.layout.offset(HowMany(classes)))
 
     def instances(self, block: code.Block, cls: str, exact: bool = False) -> code.Local:
@@ -409,50 +409,6 @@ class Facts:
         end = reference.owner if at_source else reference.target
         return Stored(reference, at_source, classes_below(self.metamodel, end)), True
 
-    def matrix(self, reference: Reference) -> tuple[LinkMatrix, bool] | None:
-        """Where links that change are kept if both ends may have many, and whether for it and not its opposite.
-
-        Raises:
-            NotCompiled: both ends are one.
-        """
-        opposite = self.metamodel.opposite(reference)
-        if opposite == reference:
-            raise NotCompiled(f"a reference that is its own opposite, and changes (`{reference}`)")
-        if not reference.many or reference.containment or (opposite is not None and not opposite.many):
-            return None
-        if opposite is not None and opposite.index < reference.index:
-            reference, same = opposite, False
-        else:
-            same = True
-        sources, targets = (classes_below(self.metamodel, end) for end in (reference.owner, reference.target))
-        return LinkMatrix(reference, sources, targets), same
-
-    def matrix_cell(
-        self, matrix: LinkMatrix, source: code.Expression, target: code.Expression, *, sure: tuple[bool, bool]
-    ) -> tuple[code.Index, list[code.Expression]]:
-        """The cell of two objects, and what has to hold before it is looked at."""
-        row, first = self.place(matrix.sources, source, sure=sure[0])
-        column, second = self.place(matrix.targets, target, sure=sure[1])
-        return self.matrix_entry(matrix, row, column), [*first, *second]
-
-    def matrix_entry(self, matrix: LinkMatrix, row: code.Expression, column: code.Expression) -> code.Index:
-        """The cell at two places."""
-        before = code.Operation("*", (row, self._count(matrix.targets)))
-        return cell(plus(self.layout.offset(matrix), before, column))
-
-    def linked_with(
-        self, block: code.Block, matrix: LinkMatrix, node: code.Expression, *, forward: bool, sure: bool
-    ) -> tuple[code.Local, code.Index]:
-        """What follows is done for each target of an object, or each source of it, of which this is the cell."""
-        near, far = (matrix.sources, matrix.targets) if forward else (matrix.targets, matrix.sources)
-        here, guard = self.place(near, node, sure=sure)
-        for test in guard:
-            block.test(test)
-        other, there = self.each(block, far)
-        linked = self.matrix_entry(matrix, here, there) if forward else self.matrix_entry(matrix, there, here)
-        block.test(code.equal(linked, code.Constant(1)))
-        return other, linked
-
     def link_cell(
         self, stored: Stored, node: code.Expression, *, sure: bool
     ) -> tuple[code.Index, list[code.Expression]]:
@@ -472,7 +428,7 @@ class Facts:
             type_ = Links(reference).types(self.library)[1 - position]
             values = Values(keys, 1 - position, (1 - position,), type_)
             return table(plus(self.layout.offset(values), node))
-        if self.matrix(reference) is not None:
+        if matrix_of(self.metamodel, reference) is not None:
             return None
         stored, same = self.stored(reference)
         if stored.at_source is (forward is same):

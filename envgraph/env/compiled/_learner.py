@@ -21,8 +21,13 @@ FIRST: Final = 4_096
 
 @dataclass(frozen=True, slots=True)
 class Rates:
-    """How Q-learning goes on: see `TrainingSettings` of `envgraph.learn`, whose factors these are."""
+    """How learning goes on: see `TrainingSettings` of `envgraph.learn`, whose factors these are.
 
+    Attributes:
+        agent: 0 for Q-learning, 1 for SARSA, 2 for expected SARSA.
+    """
+
+    agent: int
     rate: float
     discount: float
     step_decay: float
@@ -31,7 +36,7 @@ class Rates:
 
 
 class Learner:
-    """Learns values of the actions of a program's environments by Q-learning.
+    """Learns values of the actions of a program's environments.
 
     Values of observations go with it to other programs of the behaviour: see `enter`.
 
@@ -112,8 +117,8 @@ class Learner:
         """
         marks = np.asarray(points, dtype=np.int64)
         curve = np.zeros(len(marks)), np.zeros(len(marks), np.int64), np.zeros(len(marks), np.int64)
-        counts = np.array([0, 0, self.count, 0, limit, 0, 0, 0], dtype=np.int64)
-        levels = np.array([epsilon, 0.0])
+        counts = np.array([0, 0, self.count, 0, limit, 0, 0, 0, -1, 0], dtype=np.int64)
+        levels = np.array([epsilon, 0.0, 0.0])
         with self._stream(rng) as stream:
             while True:
                 how = self._functions["learn"](
@@ -126,6 +131,7 @@ class Learner:
                     self._initial,
                     self._of_states,
                     draws,
+                    rates.agent,
                     rates.rate,
                     rates.discount,
                     rates.step_decay,

@@ -21,6 +21,14 @@ def best_of(Q, key):
     return best
 
 
+def mean_of(Q, key, epsilon):
+    """The value of what an agent does that explores so often."""
+    total = 0.0
+    for action in range(Q.shape[1]):
+        total += Q[key, action]
+    return (1.0 - epsilon) * best_of(Q, key) + epsilon * (total / Q.shape[1])
+
+
 def greedy(Q, key):
     """The best action of a key, the lowest of equals."""
     found = 0
@@ -60,9 +68,10 @@ def present_key(T, G, L, K, S, F, BITS, RI, RF, D, m, C, KEYS, NONE, HASHED, cou
 
 def learn(
     T, G, L, S, F, BITS, RI, RF, D, m, S0, F0, R, C, KEYS, HASHED, Q, INITIAL, OF_STATES, DRAWS,
-    RATE, DISCOUNT, STEP_DECAY, EPISODE_DECAY, MINIMUM, LIMIT, POINTS, REWARDS, EPISODES, SUCCESSES, COUNTS, LEVELS,
+    AGENT, RATE, DISCOUNT, STEP_DECAY, EPISODE_DECAY, MINIMUM, LIMIT,
+    POINTS, REWARDS, EPISODES, SUCCESSES, COUNTS, LEVELS,
 ):  # fmt: skip
-    """Steps of Q-learning until the last of the points; how it ended."""
+    """Steps of learning until the last of the points; how it ended."""
     T, G, L, S, F, BITS = fixed(T), fixed(G), vector(L), matrix(S), matrix(F), matrix(BITS)
     RI, RF, D, R, C = matrix(RI), matrix(RF), vector(D), matrix(R), matrix(C)
     S0, F0, NONE, KEYS, space = fixed(S0), fixed(F0), matrix(KEYS[:, :0]), matrix(KEYS), len(KEYS)
@@ -89,6 +98,10 @@ def learn(
         v = uniform(R, 0) if DRAWS & OUTCOMES else 0.0
         w = uniform(R, 0) if DRAWS & STARTS else 0.0
         action = min(int(u / epsilon * Q.shape[1]), Q.shape[1] - 1) if u < epsilon else greedy(Q, key)
+        if COUNTS[8] >= 0:  # a step of SARSA whose value waits for this action
+            old = Q[COUNTS[8], COUNTS[9]]
+            Q[COUNTS[8], COUNTS[9]] = old + RATE * (LEVELS[2] + DISCOUNT * Q[key, action] - old)
+            COUNTS[8] = -1
         D[0] = v
         reward, ended = step_one(T[m], G[m], L, K, S[0], F[0], RI, RF, D, 0, action)
         following = -1
@@ -102,12 +115,17 @@ def learn(
             Q[following] = INITIAL
             count += 1
         total += reward
-        target = reward
-        if ended == 0:
-            target = reward + DISCOUNT * best_of(Q, following)
-        Q[key, action] = Q[key, action] + RATE * (target - Q[key, action])
-        key = following
         left -= 1
+        if AGENT == 1 and ended == 0 and left > 0 and step + 1 < POINTS[-1]:
+            COUNTS[8], COUNTS[9], LEVELS[2] = key, action, reward
+        else:
+            target = reward
+            if ended == 0:
+                target = reward + DISCOUNT * (
+                    best_of(Q, following) if AGENT == 0 else mean_of(Q, following, epsilon)
+                )
+            Q[key, action] = Q[key, action] + RATE * (target - Q[key, action])
+        key = following
         epsilon = max(MINIMUM, epsilon * STEP_DECAY)
         if ended != 0 or left == 0:
             episodes += 1

@@ -5,9 +5,10 @@ from __future__ import annotations
 from envgraph import code
 from envgraph.env.compiled._blocks import Frame
 from envgraph.env.compiled._facts import Stored, call
+from envgraph.env.compiled._matrices import linked_with, matrix_cell
 from envgraph.env.compiled._refused import NotCompiled
 from envgraph.env.compiled._site import MISSING, Site
-from envgraph.env.compiled._tables import LinkMatrix
+from envgraph.env.compiled._tables import LinkMatrix, matrix_of
 from envgraph.metamodel import Reference
 from envgraph.pattern import ObjectType
 from envgraph.rewrite.plans import Link, Rehome, SetTargets, Unlink
@@ -41,14 +42,15 @@ class Links:
         self, source: int, reference: Reference, target: int
     ) -> tuple[code.Index, code.Expression, code.Expression, list[code.Expression]]:
         """The cell that keeps a link, what it is with the link and without, and what has to hold for there to be it."""
-        facts, kept = self._facts, self._facts.matrix(reference)
+        facts, kept = self._facts, matrix_of(self._facts.metamodel, reference)
         if kept is None:
             _, place, other, guard = self._ends(source, reference, target)
             return place, other, MISSING, guard
         matrix, same = kept
         first, second = (source, target) if same else (target, source)
         ends = (first, matrix.reference.owner), (second, matrix.reference.target)
-        place, guard = facts.matrix_cell(
+        place, guard = matrix_cell(
+            facts,
             matrix,
             self._site.slots[first],
             self._site.slots[second],
@@ -201,7 +203,7 @@ class Links:
         if one is not None:
             self._site.unless(code.Operation("<", (one, code.Constant(0))))
         else:
-            kept = self._facts.matrix(reference)
+            kept = matrix_of(self._facts.metamodel, reference)
             counted = (
                 self._holders(self._facts.stored(reference)[0])
                 if kept is None
@@ -228,7 +230,7 @@ class Links:
         name = module.named(("partners", matrix, forward))
         if name is None:
             block, wanted, number = code.Block(), module.fresh("v", "object"), code.Local("n", "int")
-            facts.linked_with(block, matrix, wanted, forward=forward, sure=False)
+            linked_with(facts, block, matrix, wanted, forward=forward, sure=False)
             block.add(code.Assign(number, code.Constant(1), "+="))
             body = (code.Assign(number, code.Constant(0)), *block.body(), code.Return(number))
             with module.writing():

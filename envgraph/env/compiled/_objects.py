@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from envgraph import code
 from envgraph.env.compiled._layout import cell, failed, plus
+from envgraph.env.compiled._matrices import linked_with
 from envgraph.env.compiled._member import absent
 from envgraph.env.compiled._site import MISSING, REFUSED, Site
-from envgraph.env.compiled._tables import WORD, ClassSet
+from envgraph.env.compiled._tables import WORD, ClassSet, matrix_of
 from envgraph.env.compiled._terms import literal
 from envgraph.metamodel import Attribute, Reference
 from envgraph.rewrite.plans import ChangeClass, Delete, New
@@ -95,10 +96,10 @@ class Objects:
         """The links of an object that goes, at one end of a reference: refused where they would dangle."""
         facts = self._facts
         opposite = facts.metamodel.opposite(reference)
-        if (kept := facts.matrix(reference)) is not None:
+        if (kept := matrix_of(facts.metamodel, reference)) is not None:
             sure = facts.metamodel.is_a(cls, reference.owner if forward else reference.target)
             block = code.Block()
-            _, linked = facts.linked_with(block, kept[0], node, forward=forward, sure=sure)
+            _, linked = linked_with(facts, block, kept[0], node, forward=forward, sure=sure)
             if self._site.plan.lossy:
                 block.add(code.Assign(linked, code.Constant(0)))
             else:

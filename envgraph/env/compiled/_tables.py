@@ -379,6 +379,23 @@ class LinkMatrix:
         return [int((source, target) in links) for source in ends[0] for target in ends[1]]
 
 
+def matrix_of(metamodel: Metamodel, reference: Reference) -> tuple[LinkMatrix, bool] | None:
+    """Where links that change are kept if both ends may have many, and whether for it and not its opposite.
+
+    Raises:
+        NotCompiled: both ends are one.
+    """
+    opposite = metamodel.opposite(reference)
+    if opposite == reference:
+        raise NotCompiled(f"a reference that is its own opposite, and changes (`{reference}`)")
+    if not reference.many or reference.containment or (opposite is not None and not opposite.many):
+        return None
+    same = opposite is None or reference.index < opposite.index
+    kept = reference if same or opposite is None else opposite
+    ends = (classes_below(metamodel, end) for end in (kept.owner, kept.target))
+    return LinkMatrix(kept, *ends), same
+
+
 @dataclass(frozen=True, slots=True)
 class ClassSet:
     """Which of the objects of a group are of a class: a bit for each."""

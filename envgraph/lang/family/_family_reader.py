@@ -604,7 +604,7 @@ _FIELDS: Final[Mapping[str, Mapping[str, Field]]] = {
         "initial": _choice("last", "ordered"),
     },
     "training": {
-        "agent": _choice("q_learning"),
+        "agent": _choice("q_learning", "sarsa", "expected_sarsa"),
         "learning_rate": lambda section, key, default: section.positive(key, default, 1),
         "discount": _number(0, 1),
         "epsilon": lambda section, key, default: _epsilon(section.table(key)),

@@ -1,4 +1,4 @@
-"""Q-learning of learners side by side, each as the loop on lists (`_q_learning`), bit for bit.
+"""Temporal-difference learning of learners side by side, each as on lists (`_q_learning`, `_sarsa`), bit for bit.
 
 The text of these functions stands behind that of `_kernels` of compiled environments, which draws the numbers: NumPy's
 PCG64. Nothing may be reordered without the loop on lists, and each expression is as it stands there.
@@ -24,6 +24,14 @@ def best_value(q, seen):
     return best
 
 
+def expected_value(q, seen, epsilon):
+    """The value of what an agent does that explores so often."""
+    total = 0.0
+    for action in range(q.shape[1]):
+        total += q[seen, action]
+    return (1.0 - epsilon) * best_value(q, seen) + epsilon * (total / q.shape[1])
+
+
 def drawn_place(cumulative, first, draw):
     found = 0
     while cumulative[first + found] <= draw:
@@ -47,7 +55,7 @@ def learn(arrays, values, rows, epsilons, factors, limit, points, curve):
     next_state, following, rewards, terminated, cumulative, starts, start_seen, start_cumulative, shape = (
         arrays
     )
-    rate, discount, step_decay, episode_decay, minimum = factors
+    agent, rate, discount, step_decay, episode_decay, minimum = factors
     n_actions, n_outcomes = shape
     several = len(starts) > 1
     for learner in range(len(values)):
@@ -55,6 +63,7 @@ def learn(arrays, values, rows, epsilons, factors, limit, points, curve):
         start = drawn_place(start_cumulative, 0, uniform(rows, learner)) if several else 0
         state, seen, left = starts[start], start_seen[start], limit
         point, total, episodes, successes = 0, 0.0, 0, 0
+        pending, chosen, earned = -1, 0, 0.0  # a step of SARSA whose value waits for the next action
         for step in range(1, points[-1] + 1):
             u = uniform(rows, learner)
             v = uniform(rows, learner) if n_outcomes > 1 else 0.0
@@ -63,18 +72,28 @@ def learn(arrays, values, rows, epsilons, factors, limit, points, curve):
                 action = int(u / epsilon * n_actions)
             else:
                 action = greedy_action(q, seen)
+            if pending >= 0:
+                old = q[pending, chosen]
+                q[pending, chosen] = old + rate * (earned + discount * q[seen, action] - old)
+                pending = -1
             at = (state * n_actions + action) * n_outcomes
             if n_outcomes > 1:
                 at += drawn_place(cumulative, at, v)
             reward, state, after, ended = rewards[at], next_state[at], following[at], terminated[at]
             total += reward
-            target = reward
-            if ended == 0:
-                target = reward + discount * best_value(q, after)
-            old = q[seen, action]
-            q[seen, action] = old + rate * (target - old)
-            seen = after
             left -= 1
+            if agent == 1 and ended == 0 and left > 0 and step < points[-1]:
+                pending, chosen, earned = seen, action, reward
+            else:
+                target = reward
+                if ended == 0:
+                    following_value = (
+                        best_value(q, after) if agent == 0 else expected_value(q, after, epsilon)
+                    )
+                    target = reward + discount * following_value
+                old = q[seen, action]
+                q[seen, action] = old + rate * (target - old)
+            seen = after
             epsilon = max(minimum, epsilon * step_decay)
             if ended != 0 or left == 0:
                 episodes += 1

@@ -20,9 +20,9 @@ Outcome = tuple[float, int, int, int]
 
 def run_stage(table: Table, stage: Stage, q: NDArray[np.float64], rng: np.random.Generator) -> StageOutcome:
     """Train on a table; `q` [observations, actions] is changed in place."""
-    rate, discount, step_decay, episode_decay, minimum = stage.factors
+    _, rate, discount, step_decay, episode_decay, minimum = stage.factors
     each_step, stochastic, n_actions = step_decay != 1.0, table.n_outcomes > 1, table.n_actions
-    transitions, chances = _transitions(table), table.cumulative.reshape(-1, table.n_outcomes).tolist()
+    transitions, chances = transitions_of(table), table.cumulative.reshape(-1, table.n_outcomes).tolist()
     starts = list(zip(table.start_states.tolist(), table.start_observations.tolist(), strict=True))
     start_chances = table.start_cumulative.tolist()
 
@@ -36,7 +36,7 @@ def run_stage(table: Table, stage: Stage, q: NDArray[np.float64], rng: np.random
     curve: list[tuple[float, int, int]] = []
     state, seen = starts[bisect_right(start_chances, rng.random())] if len(starts) > 1 else starts[0]
     for before, after in pairwise([0, *stage.points]):
-        for u, v, w in _draws(table, after - before, rng):
+        for u, v, w in draws_of(table, after - before, rng):
             action = int(u / epsilon * n_actions) if u < epsilon else greedy[seen]
             at = state * n_actions + action
             choice = transitions[at]
@@ -70,7 +70,7 @@ def run_stage(table: Table, stage: Stage, q: NDArray[np.float64], rng: np.random
     return StageOutcome(epsilon, curve)
 
 
-def _transitions(table: Table) -> list[list[Outcome]]:
+def transitions_of(table: Table) -> list[list[Outcome]]:
     """The outcomes of each action of each state."""
     columns: tuple[list[Any], ...] = (
         table.reward.tolist(),
@@ -82,7 +82,7 @@ def _transitions(table: Table) -> list[list[Outcome]]:
     return [flat[start : start + table.n_outcomes] for start in range(0, len(flat), table.n_outcomes)]
 
 
-def _draws(table: Table, steps: int, rng: np.random.Generator) -> Iterator[tuple[float, float, float]]:
+def draws_of(table: Table, steps: int, rng: np.random.Generator) -> Iterator[tuple[float, float, float]]:
     """Rows (u, v, w) of so many steps; 0 for what the table does not need."""
     for start in range(0, steps, BLOCK):
         block = rng.random((min(BLOCK, steps - start), table.draws))

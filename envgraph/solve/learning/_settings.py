@@ -5,10 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import field, fields
 from math import isfinite
-from typing import Any, Literal, get_args
+from typing import Any, Final, Literal, get_args
 
 from envgraph.code import dataclass
 from envgraph.errors import InvalidArgument, did_you_mean
+
+Agent = Literal["q_learning", "sarsa", "expected_sarsa"]
+AGENTS: Final[tuple[Agent, ...]] = get_args(Agent)
 
 Per = Literal["episode", "step"]
 Reset = Literal["stage", "never"]
@@ -42,9 +45,13 @@ class Epsilon:
 
 @dataclass(frozen=True, slots=True)
 class TrainingSettings:
-    """Tabular Q-learning and its evaluation.
+    """Tabular temporal-difference learning and its evaluation.
 
     Attributes:
+        agent: what a step's value is moved towards: reward + discount * the value of what follows. "q_learning"
+            (Watkins 1989): that of the best action there; "sarsa" (Rummery and Niranjan 1994): that of the action
+            taken there; "expected_sarsa" (van Seijen et al. 2009): the mean over what the agent does there. Where an
+            episode or a stage is cut, so that there is no next action, SARSA takes the mean as well.
         learning_rate: weight of a new target in the Q-value, in (0, 1].
         discount: weight of the next state's value, in [0, 1].
         epsilon: exploration.
@@ -62,6 +69,7 @@ class TrainingSettings:
     0.995
     """
 
+    agent: Agent = "q_learning"
     learning_rate: float = 0.1
     discount: float = 0.99
     epsilon: Epsilon = field(default_factory=Epsilon)
@@ -73,6 +81,7 @@ class TrainingSettings:
     checkpoint: int = 1_000
 
     def __post_init__(self) -> None:
+        _one_of("agent", self.agent, AGENTS)
         _within("learning_rate", self.learning_rate, 0.0, 1.0)
         if self.learning_rate == 0:
             raise InvalidArgument("`learning_rate` must be positive")
@@ -88,7 +97,7 @@ class TrainingSettings:
 
         Args:
             spec: a mapping, or an object with attributes, of the names above; what is missing or None keeps its
-                default. `epsilon` is one in turn. `agent` may be there and must be "q_learning".
+                default. `epsilon` is one in turn.
             overrides: values that win over the spec, such as the `limit` of an environment; None is ignored.
 
         Raises:
@@ -97,20 +106,19 @@ class TrainingSettings:
         >>> TrainingSettings.from_spec({"seeds": 5, "epsilon": {"minimum": 0.1}}, limit=50).epsilon.minimum
         0.1
         """
-        _one_of("agent", _chosen(spec, ("agent",)).get("agent", "q_learning"), ("q_learning",))
-        values = _read(spec, cls, also=("agent",)) | _read(overrides, cls)
+        values = _read(spec, cls) | _read(overrides, cls)
         epsilon = values.get("epsilon")
         if epsilon is not None and not isinstance(epsilon, Epsilon):
             values["epsilon"] = Epsilon(**_read(epsilon, Epsilon))
         return cls(**values)
 
 
-def _read(spec: object, cls: type[Any], also: tuple[str, ...] = ()) -> dict[str, Any]:
+def _read(spec: object, cls: type[Any]) -> dict[str, Any]:
     """The fields of a dataclass that a spec has a value for."""
     names = tuple(one.name for one in fields(cls))
     if isinstance(spec, Mapping):
         for key in spec:
-            if key not in names and key not in also:
+            if key not in names:
                 hint = did_you_mean(str(key), names)
                 raise InvalidArgument(f"unknown training setting `{key}`", hint)
     return _chosen(spec, names)

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from envgraph.code import dataclass
 from envgraph.env import Tabular
 from envgraph.solve._evaluation import accumulate
-from envgraph.solve.learning._settings import TrainingSettings
+from envgraph.solve.learning._settings import AGENTS, TrainingSettings
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -83,11 +83,12 @@ class Stage:
     settings: TrainingSettings
 
     @property
-    def factors(self) -> tuple[float, float, float, float, float]:
-        """Learning rate, discount, the factors on epsilon after a step and after an episode, and its minimum."""
+    def factors(self) -> tuple[int, float, float, float, float, float]:
+        """Number of the agent among `AGENTS`, learning rate, discount; of epsilon decays (step, episode), minimum."""
         settings, epsilon = self.settings, self.settings.epsilon
         decays = (1.0, epsilon.decay) if epsilon.per == "episode" else (epsilon.decay, 1.0)
-        return settings.learning_rate, settings.discount, *decays, epsilon.minimum
+        agent = AGENTS.index(settings.agent)
+        return agent, settings.learning_rate, settings.discount, *decays, epsilon.minimum
 
     @property
     def points(self) -> list[int]:

@@ -1,8 +1,9 @@
-"""Tabular Q-learning over a sequence of environments, with a choice of two equal loops.
+"""Tabular learning over a sequence of environments, with a choice of two equal loops.
 
 Watkins and Dayan 1992: Q(o, a) += learning_rate * (reward + discount * max Q(o', .) - Q(o, a)), where nothing follows
-a terminated step. What is not in the formula is as published with the paper: the greedy action is the lowest of equals;
-each environment begins a new episode; an episode that reaches the time limit is over, but its last step bootstraps.
+a terminated step; SARSA has other values of what follows (`TrainingSettings.agent`). What is not in the formula is as
+published with the paper: the greedy action is the lowest of equals; each environment begins a new episode; an episode
+that reaches the time limit is over, but its last step bootstraps.
 """
 
 from __future__ import annotations
@@ -177,7 +178,7 @@ def train(
 
     `begins` is called with the place of each stage before it, when `q` has what was learned up to there.
     """
-    run_stage = _loop(backend)
+    run_stage = _loop(backend, settings)
     epsilon = settings.epsilon.start
     outcomes: list[tuple[Stage, StageOutcome]] = []
     for place, (table, length) in enumerate(zip(tables, steps, strict=True)):
@@ -192,12 +193,14 @@ def train(
 
 
 def _loop(
-    backend: Backend,
+    backend: Backend, settings: TrainingSettings
 ) -> Callable[[Table, Stage, NDArray[np.float64], np.random.Generator], StageOutcome]:
     if backend == "numba":
         from envgraph.solve.learning._compiled import run_stage
-    else:
+    elif settings.agent == "q_learning":
         from envgraph.solve.learning._q_learning import run_stage
+    else:
+        from envgraph.solve.learning._sarsa import run_stage
     return run_stage
 
 

@@ -21,6 +21,7 @@ from envgraph.learn import (
     train_program,
 )
 from envgraph.solve.learning import Stage, train_learner
+from envgraph.solve.learning._settings import Agent
 from tests.unit.env.side_by_side import BUNDLED, EXTRA, family_keys, mutants, opened
 
 KEYDOOR = BUNDLED / "keydoor"
@@ -30,14 +31,17 @@ def keydoor_files() -> list[object]:
     return [KEYDOOR / "two_rooms.model", KEYDOOR / "keydoor.environment"]
 
 
-@pytest.mark.parametrize("native", [False, True], ids=["python", "numba"])
-def test_values_of_observations_are_those_of_a_table(native: bool) -> None:
+@pytest.mark.parametrize(
+    ("native", "agent"),
+    [(False, "q_learning"), (True, "q_learning"), (True, "sarsa"), (True, "expected_sarsa")],
+)
+def test_values_of_observations_are_those_of_a_table(native: bool, agent: Agent) -> None:
     if native:
         pytest.importorskip("numba")
     engine, behaviour = opened(*keydoor_files())  # type: ignore[arg-type]
     engines = mutants(engine, behaviour, 2)
     keys = family_keys(engines, behaviour)
-    settings = TrainingSettings(steps_per_environment=700, limit=30, checkpoint=100)
+    settings = TrainingSettings(agent=agent, steps_per_environment=700, limit=30, checkpoint=100)
     tables = [explore(each, behaviour, keys).tabular for each in engines]
     assert all(table.deterministic and len(table.start_states) == 1 for table in tables)
     wanted = train_curriculum(tables, settings, np.random.default_rng(3))

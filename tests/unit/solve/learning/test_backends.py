@@ -16,6 +16,7 @@ from envgraph.learn import (
     train_curriculum,
 )
 from envgraph.solve.learning import _q_learning, _training
+from envgraph.solve.learning._settings import AGENTS, Agent
 from envgraph.solve.learning._training import COMPILING_PAYS, Backend, choose_backend
 from tests.unit.learn.forest_tables import published_family
 from tests.unit.learn.small_tables import random_table
@@ -49,10 +50,11 @@ def test_loops_agree_on_the_published_family() -> None:
     [Epsilon(), Epsilon(decay=0.999, per="step", reset="never"), Epsilon(start=0.0, minimum=0.0)],
     ids=["episode", "step", "greedy"],
 )
-def test_loops_agree_on_random_tables(outcomes: int, starts: int, epsilon: Epsilon) -> None:
-    for seed in range(5):
+@pytest.mark.parametrize("agent", AGENTS)
+def test_loops_agree_on_random_tables(agent: Agent, outcomes: int, starts: int, epsilon: Epsilon) -> None:
+    for seed in range(5 if agent == "q_learning" else 2):
         tables = [random_table(seed * 2 + stage, outcomes, starts) for stage in range(2)]
-        settings = replace(SETTINGS, epsilon=epsilon, learning_rate=0.3, initial_value=0.5)
+        settings = replace(SETTINGS, agent=agent, epsilon=epsilon, learning_rate=0.3, initial_value=0.5)
         assert_identical(trained(tables, settings, "python"), trained(tables, settings, "numba"))
 
 
