@@ -1,0 +1,460 @@
+"""Commands on families and problems: what they are called and what they take. What they do is in other modules."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from envgraph.cli._app import app
+from envgraph.cli._options import (
+    PATH,
+    directory_option,
+    force_option,
+    format_option,
+    metamodel_option,
+    noted,
+    run_argument,
+    seed_option,
+    unresolved_option,
+    variant_option,
+)
+from envgraph.cli._output import OutputFormat, ShowFormat
+from envgraph.errors import InvalidArgument
+
+
+@app.command()
+@click.argument("family", help="A family.toml, a directory with one, or the name of a bundled domain.")
+@click.option("--name", show_default="that of the family", help="Name of the run.")
+@seed_option
+@click.option("--generations", type=click.IntRange(min=0), help="Instead of the number in the file.")
+@click.option("--population", type=click.IntRange(min=1), help="Instead of the size in the file.")
+@click.option(
+    "--set",
+    "overrides",
+    metavar="KEY=VALUE",
+    multiple=True,
+    help="Instead of what the file says: any key of it, such as search.population=10.",
+)
+@click.option(
+    "--resume",
+    is_flag=True,
+    help="Go on with a run that was interrupted, or, with a larger --generations, one that has ended.",
+)
+@click.option(
+    "--workers",
+    type=click.IntRange(min=1),
+    default=1,
+    help="How many threads train the learners of an objective; changes no result.",
+)
+@force_option
+@directory_option
+@format_option
+def generate(
+    family: str,
+    name: str | None,
+    seed: int | None,
+    generations: int | None,
+    population: int | None,
+    overrides: tuple[str, ...],
+    resume: bool,
+    workers: int,
+    force: bool,
+    directory: Path,
+    format: OutputFormat,
+) -> None:
+    """Evolve a family of environments from one model."""
+    from envgraph.cli._family import generate_family
+
+    if resume and (seed is not None or population is not None or overrides or force):
+        raise InvalidArgument(
+            "a resumed run keeps what it began with, but for --generations: leave the others out"
+        )
+    given = {"seed": seed, "search.generations": generations, "search.population": population}
+    short = [] if resume else [f"{key}={value}" for key, value in given.items() if value is not None]
+    generate_family(
+        family, name=name, overrides=[*short, *overrides], generations=generations,
+        resume=resume, force=force, directory=directory, format=format, workers=workers,
+    )  # fmt: skip
+
+
+@app.command()
+@click.argument(
+    "problem", help="A family file with [optimise], a directory with a problem.toml, or a bundled domain."
+)
+@seed_option
+@click.option("--steps", type=click.IntRange(min=1), help="How many moves are tried.")
+@click.option(
+    "--set",
+    "overrides",
+    metavar="KEY=VALUE",
+    multiple=True,
+    help="Instead of what the file says: any key of it, such as optimise.strategy=beam.",
+)
+@click.option(
+    "--solution",
+    type=click.IntRange(min=1),
+    default=1,
+    help="Which one of a front is written, by its number.",
+)
+@click.option("--output", "-o", type=PATH, help="Write the best model here: .model, .xmi or .json.")
+@click.option(
+    "--trace", type=PATH, help="Write the rules that lead to it here, for `envgraph replay`: JSON lines."
+)
+@click.option("--picture", type=PATH, help="Draw the front of the first two objectives here, as SVG.")
+@format_option
+def optimise(
+    problem: str,
+    seed: int | None,
+    steps: int | None,
+    overrides: tuple[str, ...],
+    solution: int,
+    output: Path | None,
+    trace: Path | None,
+    picture: Path | None,
+    format: OutputFormat,
+) -> int:
+    """Find the model that is best by some queries, by applying rules. Exit code 1 if it violates a constraint."""
+    from envgraph.cli._optimise import optimise_model
+
+    given = {"seed": seed, "optimise.steps": steps}
+    short = [f"{key}={value}" for key, value in given.items() if value is not None]
+    return optimise_model(
+        problem, overrides=[*short, *overrides], solution=solution, output=output, trace=trace, picture=picture,
+        format=format,
+    )  # fmt: skip
+
+
+@app.command("verify")
+@click.argument(
+    "run", help="A run: its name below `runs`, its directory or its run.sqlite; or a family file (.json)."
+)
+@directory_option
+@format_option
+def verify_(run: str, directory: Path, format: OutputFormat) -> None:
+    """Print what is certain of each environment of a family, computed twice by different means.
+
+    The fewest steps to success, how likely a random walk succeeds, and the optimal return. Exit code 1 where the two
+    differ.
+    """
+    from envgraph.cli._verify import verify_family
+
+    verify_family(run, directory, format)
+
+
+@app.command("runs")
+@directory_option
+@format_option
+def runs_(directory: Path, format: OutputFormat) -> None:
+    """List the runs that there are."""
+    from envgraph.cli._runs import list_runs
+
+    list_runs(directory, format)
+
+
+@app.command()
+@click.argument(
+    "run",
+    help="A run: its name below `runs`, its directory or its run.sqlite; or a family file (.json), a model "
+    "(.model, .xmi) or a metamodel (.metamodel, .ecore).",
+)
+@variant_option
+@click.option(
+    "--lineage", metavar="VARIANT", help="The rules that made this environment of a run, and where."
+)
+@click.option("--rejections", is_flag=True, help="Why models were turned down in a run, and how often.")
+@directory_option
+@metamodel_option
+@unresolved_option
+@click.option(
+    "--format",
+    type=click.Choice(ShowFormat, case_sensitive=False),
+    default=ShowFormat.TEXT.value,
+    callback=noted,
+    help="text or json; models and metamodels also as a picture: dot or svg.",
+)
+def show(
+    run: str,
+    variant: str | None,
+    lineage: str | None,
+    rejections: bool,
+    directory: Path,
+    metamodel: tuple[str, ...],
+    allow_unresolved: bool,
+    format: ShowFormat,
+) -> None:
+    """Print a family: its measures and its maps. Or a model or a metamodel: what is in it, or a picture of it."""
+    from envgraph.cli._inputs import DEFINITIONS, METAMODELS, MODELS, Inputs
+    from envgraph.cli._picture import show_file
+    from envgraph.lang import DiskFiles, file_format
+
+    shown = file_format(DiskFiles(), run)
+    if shown in (*MODELS, *METAMODELS):
+        show_file(run, variant, Inputs(metamodel, allow_unresolved), format)
+        return
+    if shown in DEFINITIONS:
+        raise InvalidArgument(f"`{run}` is no run, model or metamodel; `envgraph check {run}` reads it")
+    from envgraph.cli._family import show_family, show_lineage, show_rejections
+
+    if format in (ShowFormat.DOT, ShowFormat.SVG):
+        raise InvalidArgument(
+            f"`envgraph export {run} --format svg` draws a run; `show` draws models and metamodels"
+        )
+    if lineage is not None:
+        show_lineage(run, directory, lineage, OutputFormat(format.value))
+    elif rejections:
+        show_rejections(run, directory, OutputFormat(format.value))
+    else:
+        show_family(run, directory, variant, OutputFormat(format.value))
+
+
+@app.command()
+@run_argument
+@click.option(
+    "--format",
+    default="family",
+    help="family (all there is, as JSON), ga4cl (maps of letters), svg (a picture) or compiled (a folder with a Python "
+    "package that steps the environments, and needs NumPy and numba alone).",
+)
+@click.option("--output", "-o", type=PATH, show_default="standard output", help="Where to.")
+@directory_option
+def export(run: str, format: str, output: Path | None, directory: Path) -> None:
+    """Write a family in another format."""
+    from envgraph.cli._family import export_family
+
+    export_family(run, directory, format, output)
+
+
+@app.command("import")
+@click.argument("file", type=PATH, help="A ga4cl file: maps as rows of letters.")
+@click.option(
+    "--domain",
+    default="burning_forest",
+    help="What else an environment is: a family.toml, its directory, or a bundled domain.",
+)
+@click.option("--name", show_default="that of the file", help="Name of the run.")
+@force_option
+@directory_option
+@format_option
+def import_(
+    file: Path, domain: str, name: str | None, force: bool, directory: Path, format: OutputFormat
+) -> None:
+    """Read a published family, measure it, and keep it as a run."""
+    from envgraph.cli._family import import_family
+
+    import_family(file, domain, name, directory, force, format)
+
+
+@app.command()
+@run_argument
+@click.option(
+    "--steps",
+    show_default="as in family.toml",
+    help="Training steps for each environment; several budgets are separated by commas. "
+    "A baseline gets as many steps as the whole family together.",
+)
+@click.option(
+    "--seeds",
+    type=click.IntRange(min=1),
+    show_default="as in family.toml",
+    help="How many agents for each curriculum.",
+)
+@click.option(
+    "--curricula",
+    show_default="as in family.toml, and the baselines",
+    help="Some of suffixes (E1-E6, E2-E6 ...), full (E1-E6), baselines (each environment alone) and direct "
+    "(the target alone), separated by commas. With a curriculum among them, agents are also trained on the "
+    "family up to each environment, and evaluated there.",
+)
+@click.option(
+    "--controls",
+    show_default="all but random, where there is a curriculum",
+    help="What the curriculum is compared with, each with as many steps: some of direct (the target alone), optimistic "
+    "(likewise, with higher values at first), reversed, shuffled (other orders, the target last), randomised (an "
+    "environment drawn for each episode) and random (families that nothing has selected, one a seed), separated by "
+    "commas; or all, or none.",
+)
+@click.option(
+    "--workers",
+    type=click.IntRange(min=1),
+    default=1,
+    help="How many agents learn at a time; changes no result.",
+)
+@click.option("--resume", is_flag=True, help="Go on with a training that was interrupted.")
+@click.option(
+    "--force",
+    is_flag=True,
+    help="Replace results of as many steps, or a training that was interrupted, if there are any.",
+)
+@directory_option
+@format_option
+def train(
+    run: str,
+    steps: str | None,
+    seeds: int | None,
+    curricula: str | None,
+    controls: str | None,
+    workers: int,
+    resume: bool,
+    force: bool,
+    directory: Path,
+    format: OutputFormat,
+) -> None:
+    """Train agents on curricula, single environments and controls, and evaluate them on the target."""
+    from envgraph.cli._learn import train_agents
+
+    train_agents(
+        run,
+        directory,
+        steps=steps,
+        seeds=seeds,
+        curricula=curricula,
+        controls=controls,
+        workers=workers,
+        resume=resume,
+        force=force,
+        format=format,
+    )
+
+
+@app.command()
+@run_argument
+@click.option("--output", "-o", type=PATH, show_default="report.html in the run", help="Where to.")
+@directory_option
+@format_option
+def report(run: str, output: Path | None, directory: Path, format: OutputFormat) -> None:
+    """Write one self-contained HTML page: the family, the search, the training; and print a short table."""
+    from envgraph.cli._learn import write_report
+
+    write_report(run, directory, output, format)
+
+
+@app.command()
+@click.argument("what", metavar="paper")
+@click.option(
+    "--output", "-o", type=PATH, default=Path("reproduction"), help="The directory of what is written."
+)
+@click.option(
+    "--seeds",
+    type=click.IntRange(min=1),
+    default=200,
+    help="How many agents for each curriculum, and how many families of our own.",
+)
+@click.option(
+    "--steps",
+    default="10000,50000,100000",
+    help="Training steps for each environment; several budgets are separated by commas.",
+)
+@click.option(
+    "--times/--no-times", default=True, help="Whether to measure how long generation takes (table 4)."
+)
+@click.option(
+    "--workers",
+    type=click.IntRange(min=1),
+    default=1,
+    help="How many agents learn at a time; changes no result.",
+)
+@click.option("--force", is_flag=True, help="Replace what an earlier one has written.")
+@format_option
+def reproduce(
+    what: str,
+    output: Path,
+    seeds: int,
+    steps: str,
+    times: bool,
+    workers: int,
+    force: bool,
+    format: OutputFormat,
+) -> None:
+    """Make the paper's experiments again, with many seeds and controls: which of its claims hold.
+
+    Writes a page, its tables as CSV and its charts as SVG.
+    """
+    from envgraph.cli._reproduce import reproduce_paper
+
+    reproduce_paper(
+        what,
+        output,
+        seeds=seeds,
+        steps=steps,
+        times=times,
+        workers=workers,
+        force=force,
+        format=format,
+    )
+
+
+@app.command()
+@click.argument(
+    "families",
+    nargs=-1,
+    required=True,
+    help="A family file with `[audit]`, a directory with an audit.toml, or the name of a bundled domain; several are "
+    "judged apart and together.",
+)
+@click.option(
+    "--seeds",
+    type=click.IntRange(min=2),
+    show_default="as in the file",
+    help="Students of each decisive method.",
+)
+@click.option(
+    "--controls",
+    type=click.IntRange(min=2),
+    show_default="as in the file",
+    help="Students of each other method, no more than --seeds.",
+)
+@click.option(
+    "--steps",
+    type=click.IntRange(min=8 * 4096),
+    show_default="as in the file",
+    help="Steps of each student, with all that it costs to score levels.",
+)
+@click.option("--methods", show_default="all", help="Some methods by their names, separated by semicolons.")
+@click.option(
+    "--set",
+    "overrides",
+    metavar="KEY=VALUE",
+    multiple=True,
+    help="Instead of what the file says, as in `generate`.",
+)
+@click.option(
+    "--workers",
+    "--jobs",
+    type=click.IntRange(min=1),
+    default=1,
+    help="How many students learn at a time; changes no result.",
+)
+@click.option("--force", is_flag=True, help="Replace an audit of other files or with other settings.")
+@click.option("--directory", "-d", type=PATH, default=Path("audits"), help="Where audits are kept.")
+@format_option
+def audit(
+    families: tuple[str, ...],
+    seeds: int | None,
+    controls: int | None,
+    steps: int | None,
+    methods: str | None,
+    overrides: tuple[str, ...],
+    workers: int,
+    force: bool,
+    directory: Path,
+    format: OutputFormat,
+) -> None:
+    """Say what the scores by which curricula choose levels rank, teach and cost, beside exact regret and learnability.
+
+    An audit that was interrupted goes on where it was. Writes audit.html, its figures, and tables as CSV.
+    """
+    from envgraph.cli._audit import audit_scores
+
+    audit_scores(
+        families,
+        directory,
+        seeds=seeds,
+        controls=controls,
+        steps=steps,
+        methods=methods,
+        workers=workers,
+        force=force,
+        overrides=overrides,
+        format=format,
+    )

@@ -1,0 +1,71 @@
+"""Arguments and options that several commands take."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Final
+
+import click
+
+from envgraph.cli._output import OutputFormat, ShowFormat
+
+RUNS = Path("runs")
+
+PATH: Final = click.Path(path_type=Path)
+
+
+def noted(
+    context: click.Context, parameter: click.Parameter, format: OutputFormat | ShowFormat
+) -> OutputFormat | ShowFormat:
+    """Tells `main` what errors are printed as."""
+    context.find_root().obj.append(format.value)
+    return format
+
+
+format_option = click.option(
+    "--format",
+    type=click.Choice(OutputFormat, case_sensitive=False),
+    default=OutputFormat.TEXT.value,
+    callback=noted,
+    help="How to print the result, and errors: for people, or as one JSON document.",
+)
+run_argument = click.argument(
+    "run", help="A run: its name below `runs`, its directory or its run.sqlite; or a family file (.json)."
+)
+directory_option = click.option("--directory", "-d", type=PATH, default=RUNS, help="Where runs are kept.")
+seed_option = click.option(
+    "--seed", type=click.IntRange(min=0), help="The one source of randomness; instead of the one in the file."
+)
+model_argument = click.argument("model", help="A .model or .xmi file, any model of EMF, or one as JSON.")
+model_or_run_argument = click.argument(
+    "model",
+    help="A .model or .xmi file, any model of EMF, or one as JSON; with --variant a run or a family file (.json).",
+)
+variant_option = click.option(
+    "--variant", help="Only this environment of a run or family: its name (E6) or number."
+)
+metamodel_option = click.option(
+    "--metamodel",
+    "-m",
+    multiple=True,
+    help="A .ecore or .metamodel file; the other files may import it by its uri, or not at all. "
+    "Several .ecore files, each with this option before it, become one metamodel.",
+)
+unresolved_option = click.option(
+    "--allow-unresolved",
+    is_flag=True,
+    help="Leave links of EMF models to files and objects that are nowhere out, with a warning.",
+)
+definitions_argument = click.argument("definitions", metavar="FILE", help="A .query, .vql or .rules file.")
+where_option = click.option(
+    "--where",
+    "-w",
+    metavar="NAME=VALUE",
+    multiple=True,
+    help="Fix a parameter: an object by its name, or a value.",
+)
+force_option = click.option(
+    "--force",
+    is_flag=True,
+    help="Replace the run of that name, with its training and report, if there is one.",
+)
