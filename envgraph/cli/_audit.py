@@ -13,7 +13,7 @@ from envgraph import __version__
 from envgraph.cli._output import OutputFormat, print_json, print_line, print_table, progress_bar
 from envgraph.errors import InvalidArgument, did_you_mean
 from envgraph.files import replace_file
-from envgraph.lang import DiskFiles, bundled_domains
+from envgraph.lang import DiskFiles, bundled_domains, data_path
 from envgraph.learn.audit import (
     METHODS,
     AuditSettings,
@@ -102,8 +102,15 @@ def _study(
 def _file(family: str) -> str:
     """The file that is meant: a path, or that of a directory or a bundled domain."""
     files = DiskFiles()
-    known = family in bundled_domains() or files.is_directory(files.name(family))
-    return f"{family.rstrip('/')}/{AUDIT_FILE}" if known else family
+    if files.is_directory(files.name(family)):
+        return f"{family.rstrip('/')}/{AUDIT_FILE}"
+    if family not in bundled_domains():
+        return family
+    audited = [name for name in bundled_domains() if data_path("rules", name, AUDIT_FILE).is_file()]
+    if family not in audited:
+        hint = "those with one are " + ", ".join(f"`{name}`" for name in audited)
+        raise InvalidArgument(f"the bundled domain `{family}` has no `{AUDIT_FILE}`", hint)
+    return f"{family}/{AUDIT_FILE}"
 
 
 def _methods(names: str | None) -> list[Method]:

@@ -50,6 +50,11 @@ def _problems(files: Sequence[str], inputs: Inputs) -> list[Diagnostic]:
 
         ask = option_problems if workspace.errors else domain_problems
         found += [one for spec in workspace.families for one in ask(spec, workspace)]
+        audited = [spec for spec in workspace.families if spec.audit is not None]
+        if audited and not workspace.errors:
+            from envgraph.learn.audit import audit_problems
+
+            found += [one for spec in audited for one in audit_problems(spec, workspace)]
     return sort_diagnostics(found)
 
 

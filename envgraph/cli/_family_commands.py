@@ -389,8 +389,8 @@ def reproduce(
     "families",
     nargs=-1,
     required=True,
-    help="A family file with `[audit]`, a directory with an audit.toml, or the name of a bundled domain; several are "
-    "judged apart and together.",
+    help="A family file with `[audit]`, a directory with an audit/audit.toml, or the name of a bundled domain; several "
+    "are judged apart and together.",
 )
 @click.option(
     "--seeds",

@@ -41,7 +41,7 @@ def audit_report(
     """
     names = ", ".join(study.name for study in studies)
     counts = {word: sum(one.verdict == word for one in findings) for word in ("stands", "fails", "undecided")}
-    said = ", ".join(f"{count} {word}" for word, count in counts.items())
+    said = ", ".join(f"{word} {count}" for word, count in counts.items())
     sections = [_claims(findings)]
     for study in studies:
         sections += [_ranks(study), _taught(study, findings)]

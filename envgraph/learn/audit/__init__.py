@@ -12,7 +12,7 @@ from envgraph.learn.audit._methods import CONTRASTS, METHODS, PROBED, Buffer, Co
 from envgraph.learn.audit._ranks import Ranking, rank_correlation, ranking
 from envgraph.learn.audit._run import PROBES, ROLLOUTS, SHOWN_ROLLOUTS, Run, run_method
 from envgraph.learn.audit._scheduler import Batch, Scheduler, Student, score_levels
-from envgraph.learn.audit._settings import AuditSettings, audit_settings
+from envgraph.learn.audit._settings import AuditSettings, audit_problems, audit_settings
 from envgraph.learn.audit._study import Study, audit, read_run
 from envgraph.learn.audit._tables import Summary, summaries, write_audit
 
@@ -39,6 +39,7 @@ __all__ = [
     "Study",
     "Summary",
     "audit",
+    "audit_problems",
     "audit_settings",
     "findings_of",
     "make_levels",

@@ -6,7 +6,7 @@ from typing import Final
 
 from envgraph.code import dataclass
 from envgraph.errors import Diagnostic, LoadError, did_you_mean
-from envgraph.lang import ComponentSpec
+from envgraph.lang import ComponentSpec, FamilySpec, Workspace
 from envgraph.metamodel import Scalar
 from envgraph.pattern import ObjectType
 from envgraph.search import Domain, Options
@@ -43,6 +43,17 @@ class AuditSettings:
     controls: int
     scale: float
     policy: PolicySettings
+
+
+def audit_problems(spec: FamilySpec, workspace: Workspace) -> list[Diagnostic]:
+    """What is wrong with the `[audit]` of a family whose files have no other errors; nothing where there is none."""
+    if spec.audit is None:
+        return []
+    try:
+        audit_settings(Domain(spec, workspace))
+    except LoadError as error:
+        return list(error.diagnostics)
+    return []
 
 
 def audit_settings(domain: Domain) -> AuditSettings:

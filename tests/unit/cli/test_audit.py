@@ -1,0 +1,66 @@
+"""Audits on the command line."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from envgraph.cli import main
+from tests.profile import AT_NIGHT
+
+Call = Callable[..., str]
+
+
+@pytest.fixture
+def envgraph(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Call:
+    """Runs a command in an empty directory; what it prints, or, where it is to fail, all that it says."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "200")
+
+    def run(*arguments: object, code: int = 0) -> str:
+        monkeypatch.setattr(sys, "argv", ["envgraph", *map(str, arguments)])
+        found = main()
+        out, err = capsys.readouterr()
+        assert found == code, out + err
+        return out if code == 0 else out + err
+
+    return run
+
+
+def test_what_is_wrong_is_said_before_anything_is_made(envgraph: Call, tmp_path: Path) -> None:
+    assert "did you mean `PLR, MaxMC`?" in envgraph("audit", "network", "--methods", "PLR, MaxCM", code=1)
+    assert "those with one are `burning_forest`" in envgraph("audit", "railway", code=1)
+    assert "did you mean `network`?" in envgraph("audit", "netwrok", code=1)
+    assert "have the same name" in envgraph("audit", "network", "network", code=1)
+    assert "did you mean `held_out`?" in envgraph("audit", "network", "--set", "audit.hold_out=3", code=1)
+    assert not [*tmp_path.iterdir()]
+
+
+def test_a_wrong_audit_is_found_by_check(envgraph: Call, tmp_path: Path) -> None:
+    envgraph("new", "street")
+    family = tmp_path / "street" / "family.toml"
+    family.write_text(family.read_text() + '\n[audit]\nsees = ["nothing"]\n')
+    said = envgraph("check", "street", code=1)
+    assert "unknown pattern `nothing`" in said
+    assert '| sees = ["nothing"]' in said
+
+
+@AT_NIGHT
+def test_workers_change_nothing_and_an_audit_goes_on(envgraph: Call, tmp_path: Path) -> None:
+    few = ("--seeds", 2, "--steps", 40_000, "--methods", "DR, solvable only; PLR, MaxMC; SFL, 4 rollouts")
+    small = [word for key in ("levels=100", "held_out=20", "probed=20") for word in ("--set", f"audit.{key}")]
+    envgraph("audit", "network", *few, *small, "-d", "one")
+    printed = envgraph("audit", "network", *few, *small, "-d", "two", "--workers", 2, "--format", "json")
+    for name in ("claims", "methods", "runs", "curves", "levels", "rankings"):
+        one, two = (tmp_path / place / f"{name}.csv" for place in ("one", "two"))
+        assert one.read_text() == two.read_text()
+    assert (tmp_path / "one" / "audit.html").read_text() == (tmp_path / "two" / "audit.html").read_text()
+    for path in [*(tmp_path / "two" / "Routing" / "runs").iterdir()][:3]:
+        path.unlink()
+    again = envgraph("audit", "network", *few, *small, "-d", "two", "--format", "json")
+    assert json.loads(again) == json.loads(printed)
+    assert "has another audit" in envgraph("audit", "network", "--steps", 50_000, *small, "-d", "two", code=1)
