@@ -46,8 +46,9 @@ def total(values: Collection[int | float]) -> int | float | None:
     >>> total([0.1] * 10), total([2, 3]), total([])
     (1.0, 5, 0)
     """
-    if any(isinstance(value, float) for value in values):
-        return _finite(values)
+    for value in values:
+        if isinstance(value, float):
+            return _finite(values)
     result = sum(map(int, values))
     return result if fits(result) else None
 

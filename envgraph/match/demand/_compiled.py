@@ -177,11 +177,12 @@ class CompiledMatcher:
 
     def _specialised(self, pattern: str, bound: tuple[int, ...], mode: Mode) -> Function:
         question = (pattern, bound, mode)
-        if question not in self._answers:
+        answer = self._answers.get(question)
+        if answer is None:
             check_bound(self.library, pattern, bound)
             check_nesting(self.calls, pattern)
-            self._answers[question] = self._program.answering(pattern, bound, mode)
-        return self._answers[question]
+            answer = self._answers[question] = self._program.answering(pattern, bound, mode)
+        return answer
 
     def build(self, source: Source, held: Callable[[Held], object]) -> Function:
         """The function of a generated source; `held` gives what views hold."""

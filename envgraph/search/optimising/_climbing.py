@@ -16,8 +16,8 @@ from envgraph.search._selection import acceptance
 from envgraph.search.optimising._goals import Standing
 from envgraph.search.optimising._walk import Walk
 
-_COOLING = 0.01
-"""Temperature at the end of a run over that at its beginning."""
+_WARM, _COLD = 0.3, 0.01
+"""Temperature at the beginning and the end of a run, in mean increases: the best of several on the contest's inputs."""
 
 Energy = Callable[[Standing], float]
 
@@ -26,9 +26,8 @@ Energy = Callable[[Standing], float]
 class Annealing:
     """Simulated annealing: random moves, worse ones with a probability that falls.
 
-    The temperature is automatic: at first it is the mean of all increases of cost that moves have led to, so that such
-    a move is accepted with probability 1/e, and it falls exponentially to a hundredth of that. A move with fewer
-    violations is always accepted, one with more never.
+    The temperature is automatic: it falls exponentially from three tenths to a hundredth of the mean of all increases
+    of cost that moves have led to so far. A move with fewer violations is always accepted, one with more never.
 
     Attributes:
         runs: how often it begins anew at the start; moves are shared out evenly. None: once, or ten times for each of
@@ -68,12 +67,22 @@ class Annealing:
                 if 0 < increase < inf:
                     increases, total = increases + 1, total + increase
                     time = (walk.spent - begin) / (end - begin)
-                    accepted = walk.rng.random() < acceptance(increase, total / increases * _COOLING**time)
+                    accepted = walk.rng.random() < acceptance(increase, _temperature(total / increases, time))
             if accepted:
                 walk.keep()
                 here = there
             else:
                 walk.undo()
+
+
+def _temperature(increase: float, time: float) -> float:
+    """The temperature at a time from 0 to 1, by the mean increase of cost that a move leads to.
+
+    >>> [round(_temperature(2.0, time), 3) for time in (0.0, 0.5, 1.0)]
+    [0.6, 0.11, 0.02]
+    """
+    found: float = increase * _WARM * (_COLD / _WARM) ** time
+    return found
 
 
 @dataclass(frozen=True, slots=True)
