@@ -81,7 +81,7 @@ def main() -> None:
 
 def _large(directory: Path) -> None:
     """Making an environment of many states, again, and having Gymnasium check it."""
-    for file in bundled_domain("keydoor").iterdir():
+    for file in bundled_domain("keydoor").glob("*.*"):
         (directory / file.name).write_text(file.read_text("utf-8"), "utf-8")
     (directory / "two_rooms.model").write_text(SIX_KEYS, "utf-8")
     os.environ["ENVGRAPH_CACHE"] = str(directory / "cache")

@@ -181,7 +181,7 @@ def _to_the_maximum(size: int, population: int, seed: int) -> tuple[float, int, 
 
 def forest(folder: Path, size: int, seed: int) -> None:
     """Write a forest whose tiles are random, a quarter of them on fire, and that can be crossed."""
-    for file in bundled_domain("burning_forest").iterdir():
+    for file in bundled_domain("burning_forest").glob("*.*"):
         (folder / file.name).write_text(re.sub(r'"\w+FixedLocation", ', "", file.read_text()))
     rng = random.Random(f"{size} {seed}")
     while True:

@@ -15,7 +15,7 @@ from envgraph.search import Domain
 from tests.profile import examples
 
 DIRECTORY = bundled_domain("burning_forest")
-TEXTS = {path.name: path.read_text(encoding="utf-8") for path in sorted(DIRECTORY.iterdir())}
+TEXTS = {path.name: path.read_text(encoding="utf-8") for path in sorted(DIRECTORY.glob("*.*"))}
 LANGUAGES = [name for name in TEXTS if PurePosixPath(name).suffix != ".toml"]
 FAMILY = "family.toml"
 SECONDS = 5.0

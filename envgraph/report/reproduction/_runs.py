@@ -255,7 +255,7 @@ def generation_times(
 
 def _write_forest(folder: Path, size: int) -> None:
     """The domain with a target of some size."""
-    for file in bundled_domain(DOMAIN).iterdir():
+    for file in bundled_domain(DOMAIN).glob("*.*"):
         text = file.read_text("utf-8")
         if file.name == "target_8x8.model":
             text = re.sub(r"(?m)^( +[A-Z]{8}\n)+", lambda rows: _grown(rows[0], size), text)

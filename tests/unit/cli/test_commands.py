@@ -113,7 +113,7 @@ def test_a_bundled_domain_can_be_copied_to_start_from(envgraph: Envgraph, domain
     done = ok(envgraph("new", "mine", "--domain", domain))
     assert "wrote mine/" in done.out and "next: envgraph " in done.out
     names = sorted(path.name for path in Path("mine").iterdir())
-    assert names == sorted(path.name for path in bundled_domain(domain).iterdir())
+    assert names == sorted(path.name for path in bundled_domain(domain).glob("*.*"))
     ok(envgraph("check", *(f"mine/{name}" for name in names)))
     again = envgraph("new", "mine", "--domain", domain)
     assert again.code == 1 and "exists already" in again.err

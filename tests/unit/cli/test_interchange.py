@@ -167,7 +167,7 @@ def test_a_family_of_files_of_other_tools_is_the_same(run: Run, tmp_path: Path) 
     shutil.copytree(bundled_domain("burning_forest"), directory)
     for name, converted in (("target_8x8.model", "target.xmi"), ("burning_forest.metamodel", "forest.ecore")):
         assert run("convert", directory / name, directory / converted)[0] == 0
-    for path in directory.iterdir():
+    for path in directory.glob("*.*"):
         if path.suffix in (".model", ".metamodel"):
             path.unlink()
         else:

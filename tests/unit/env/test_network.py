@@ -18,7 +18,7 @@ CITIES = ("Amsterdam", "Berlin", "Budapest", "Geneva", "Lisbon")
 
 
 def loaded() -> tuple[Engine, Behaviour]:
-    texts = {path.name: path.read_text() for path in FILES.iterdir() if path.suffix != ".toml"}
+    texts = {path.name: path.read_text() for path in FILES.glob("*.*") if path.suffix != ".toml"}
     workspace = load_workspace(["backbone.model", "network.environment"], files=TextFiles(texts))
     return workspace.engine(), workspace.behaviour()
 

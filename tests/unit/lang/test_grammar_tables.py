@@ -14,7 +14,7 @@ from envgraph.lang import bundled_domain, data_path
 from envgraph.lang.syntax._grammar import RECOVERY, build
 from envgraph.lang.syntax._parsing import parse_tokens
 
-TEXTS = {path.suffix[1:]: path.read_text(encoding="utf-8") for path in bundled_domain("keydoor").iterdir()}
+TEXTS = {path.suffix[1:]: path.read_text(encoding="utf-8") for path in bundled_domain("keydoor").glob("*.*")}
 
 
 @pytest.fixture

@@ -11,7 +11,7 @@ from envgraph.errors import LoadError
 from envgraph.lang import TextFiles, data_path, load_family, load_workspace
 
 DOMAIN = data_path("rules", "burning_forest")
-TEXTS = {path.name: path.read_text(encoding="utf-8") for path in sorted(DOMAIN.iterdir())}
+TEXTS = {path.name: path.read_text(encoding="utf-8") for path in sorted(DOMAIN.glob("*.*"))}
 LANGUAGE_FILES = [name for name in TEXTS if PurePosixPath(name).suffix != ".toml"]
 BRACKETS = ["{", "}", "(", ")", "[", "]", '"', '"""', "'", "/*", "*/", "//", "#"]
 SIGNS = [";", ",", "=", ":", "::", "..", "->", "-", "@", "\\", "\x00", "é", "🔥", "9" * 30, "", "\n", " "]

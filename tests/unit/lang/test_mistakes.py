@@ -12,7 +12,7 @@ from envgraph.lang import Bundle, TextFiles, bundled_domain, load_family, load_w
 from envgraph.search import Domain
 
 DOMAIN = bundled_domain("burning_forest")
-TEXTS = {path.name: path.read_text(encoding="utf-8") for path in sorted(DOMAIN.iterdir())}
+TEXTS = {path.name: path.read_text(encoding="utf-8") for path in sorted(DOMAIN.glob("*.*"))}
 METAMODEL = "metamodel m class A { int i refers A[1] next contains A[0..*] parts }"
 
 

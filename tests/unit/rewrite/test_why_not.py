@@ -21,7 +21,7 @@ def hall() -> Engine:
 
 
 def hall_with(name: str, text: str) -> Engine:
-    files = {path.name: path.read_text() for path in HALL.iterdir() if path.suffix != ".toml"}
+    files = {path.name: path.read_text() for path in HALL.glob("*.*") if path.suffix != ".toml"}
     files[name] = text
     return load_workspace(["small_hall.model", name], files=TextFiles(files)).engine()
 

@@ -132,7 +132,7 @@ def test_what_is_not_compiled_is_told_or_steps_on_the_live_engine(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     source = bundled_domain("keydoor")
-    for file in source.iterdir():
+    for file in source.glob("*.*"):
         text = file.read_text("utf-8")
         if file.suffix == ".environment":
             text = text.replace("action take            = take(hero)", "action take = grab(hero)")

@@ -281,7 +281,7 @@ def copied(tmp_path: Path, **changes: tuple[str, str]) -> Path:
     """The bundled domain in a directory of its own, with texts replaced."""
     from envgraph.lang import bundled_domain
 
-    for file in bundled_domain("burning_forest").iterdir():
+    for file in bundled_domain("burning_forest").glob("*.*"):
         text = file.read_text()
         changed = file.suffix != ".toml" or file.name == "family.toml"
         before, after = changes.get(file.suffix.removeprefix("."), ("", "")) if changed else ("", "")
@@ -440,7 +440,7 @@ def test_a_path_may_name_a_reference_with_its_class(tmp_path: Path) -> None:
 
 def test_declared_functions_are_components(tmp_path: Path) -> None:
     source = data_path("rules", "keydoor")
-    for file in source.iterdir():
+    for file in source.glob("*.*"):
         text = file.read_text(encoding="utf-8")
         if file.name == "keydoor.query":
             text += "\nfunction far(x : int) : bool;\n"

@@ -31,7 +31,7 @@ STRENGTH = ("mutation.strength=heavy_tailed",)
 @pytest.fixture
 def forest(tmp_path: Path) -> str:
     """All paths to the right and down are blocked, and by many fires each; there is a detour."""
-    for file in bundled_domain("burning_forest").iterdir():
+    for file in bundled_domain("burning_forest").glob("*.*"):
         (tmp_path / file.name).write_text(file.read_text())
     rows = "\n                ".join("".join(TILES[row : row + SIZE]) for row in range(0, SIZE * SIZE, SIZE))
     (tmp_path / "target_8x8.model").write_text(
