@@ -102,7 +102,8 @@ def optimise(
 
     Raises:
         InvalidArgument: an unknown name, no objective, or limits that make no sense.
-        EvaluationError: an objective has a value that is no number, or a rule computes one that has no value.
+        EvaluationError: an objective has a value that is no number, or a rule computes one that has no value. The model
+            is as before then, and after an interruption.
         TransactionError: inside a transaction.
 
     >>> from envgraph import open
@@ -157,9 +158,13 @@ def pursue(
         try:
             appraise = appraiser(engine, goals, constraints)
             walk = Walk(engine, moves, appraise, rng, steps=steps, seconds=seconds, target=costs, tell=tell)
-            strategy.search(walk)
-            front = tuple(_solution(engine, walk, found, goals, start) for found in walk.archive)
-            engine.checkout(front[0].version, discard=True)
+            try:
+                strategy.search(walk)
+                front = tuple(_solution(engine, walk, found, goals, start) for found in walk.archive)
+                engine.checkout(front[0].version, discard=True)
+            except BaseException:
+                walk.abandon()
+                raise
         finally:
             engine.rng = before
     return Optimum(front, _values(goals, walk.start), walk.spent, tuple(goals))
@@ -207,6 +212,9 @@ def _check(
         raise InvalidArgument(f"`steps` is a number from 1, not {steps!r}")
     if target is not None and (len(target) != len(goals) or not all(-inf < one < inf for one in target)):
         raise InvalidArgument(f"`target` has a number for each of the {len(goals)} objectives")
+    if engine.events.active:
+        message = "event rules would change models that are only tried"
+        raise InvalidArgument(message, "search on `engine.copy()`, which has none")
     if engine.model.in_transaction:
         raise TransactionError("an optimisation goes back and forth: it cannot be inside a transaction")
 

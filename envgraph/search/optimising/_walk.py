@@ -138,6 +138,12 @@ class Walk:
         self._engine.checkout(found.version, discard=True)
         self.here, self._path = found.standing, found.path
 
+    def abandon(self) -> None:
+        """Take the open move back, if there is one, and stand at the start."""
+        if self._open is not None:
+            self.undo()
+        self.go(self.start)
+
     def _note(self) -> None:
         if self.archive.wants(self.here):
             self.archive.put(self.found())

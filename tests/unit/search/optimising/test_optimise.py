@@ -8,7 +8,7 @@ from math import inf
 import pytest
 
 import envgraph
-from envgraph.errors import InvalidArgument, TransactionError
+from envgraph.errors import EvaluationError, InvalidArgument, TransactionError
 from envgraph.rewrite import Engine, trace_to_text
 from envgraph.search.optimising import (
     Annealing,
@@ -248,3 +248,37 @@ def test_where_an_objective_has_no_value_any_that_has_one_is_better() -> None:
     )  # a value only where there is a single class
     assert found.initial == {"cohesionOf": inf}
     assert found.best.values["cohesionOf"] == 0.0
+
+
+def test_an_error_in_the_middle_leaves_the_model_as_it_was() -> None:
+    class Fails:
+        def __init__(self) -> None:
+            self.asked = 0
+
+        def evaluate(self, engine: Engine) -> float:
+            self.asked += 1
+            return float("nan") if self.asked > 20 else float(self.asked)
+
+    engine = envgraph.open("assignment")
+    state = engine.model.state_hash()
+    with pytest.raises(EvaluationError, match="objective `odd` is no number"):
+        optimise(engine, MOVES, maximise=Goal("odd", Fails()), steps=100)
+    assert engine.model.state_hash() == state
+    assert not engine.model.in_transaction
+    search(engine, steps=20)
+
+
+def test_units_and_derived_groups_are_moves() -> None:
+    engine = envgraph.open("network")
+    found = optimise(engine, ["age", "wiring"], maximise="connected", steps=60, seed=3)
+    assert found.best.values["connected"] >= found.initial["connected"]
+    again = envgraph.open("network")
+    again.replay(found.best.trace)
+    assert again.model.state_hash() == engine.model.state_hash()
+
+
+def test_event_rules_are_refused() -> None:
+    engine = envgraph.open("assignment")
+    engine.on("unassigned", appear=lambda: None)
+    with pytest.raises(InvalidArgument, match="event rules"):
+        search(engine)
