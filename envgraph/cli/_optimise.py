@@ -47,7 +47,9 @@ def optimise_model(
     with progress_bar("moves", spec.steps if spec else None) as advance:
         engine, found = optimise_domain(domain, progress=advance)
     if not 1 <= solution <= len(found.front):
-        raise InvalidArgument(f"there are {len(found.front)} solutions, and none has the number {solution}")
+        count = len(found.front)
+        known = "there is one solution" if count == 1 else f"there are {count} solutions"
+        raise InvalidArgument(f"{known}, and none has the number {solution}")
     chosen = found.front[solution - 1]
     engine.checkout(chosen.version)
     broken = [str(one) for one in domain.problem(engine).violations()] if chosen.violation else []

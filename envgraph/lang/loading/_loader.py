@@ -23,7 +23,7 @@ from envgraph.errors import (
     limit,
 )
 from envgraph.lang.family._family import FamilySpec
-from envgraph.lang.family._family_reader import FAMILY_FILE, read_family
+from envgraph.lang.family._family_reader import FAMILY_FILE, PROBLEM_FILE, read_family
 from envgraph.lang.loading._checking import check, conformance
 from envgraph.lang.loading._family_check import COMPONENTS, check_family
 from envgraph.lang.loading._import_check import (
@@ -247,8 +247,10 @@ class _Loader:
             self.roots.append(name)
             self._read(name)
             return
-        family, known = in_directory(directory, FAMILY_FILE), self._known_files(directory)
-        found = [name for name in known if not name.endswith(".toml")] + [family] * (family in known)
+        known = self._known_files(directory)
+        found = [name for name in known if not name.endswith(".toml")]
+        families = (in_directory(directory, file) for file in (FAMILY_FILE, PROBLEM_FILE))
+        found += [family for family in families if family in known]
         if not found:
             self.order.setdefault(directory, len(self.order))
             place = Source(directory, "").span(0, 0)

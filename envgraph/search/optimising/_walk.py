@@ -19,6 +19,10 @@ Progress = Callable[[int, str], None]
 Tell = Callable[[int, Archive], None]
 
 
+_SHORTENED = 1024
+"""Moves that are kept after which a version is made, and let go: what led there takes less memory then."""
+
+
 class Strategy(Protocol):
     """How models are searched: it calls the verbs of a walk until it is `over`."""
 
@@ -68,6 +72,7 @@ class Walk:
         self._end = None if seconds is None else monotonic() + seconds
         self._target, self._tell = target, tell
         self._path: Path = None
+        self._kept = 0
         self._open: tuple[Savepoint, tuple[Firing, ...], Standing] | None = None
         self._reached = False
         self.here = appraise()
@@ -117,6 +122,9 @@ class Walk:
         self._open = None
         self._engine.model.release(savepoint)
         self._path = (self._path, firings)
+        self._kept += 1
+        if not self._kept % _SHORTENED:
+            self._engine.commit()
         self._note()
 
     def undo(self) -> None:
