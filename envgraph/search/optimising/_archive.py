@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from itertools import count
 
 from envgraph.code import dataclass
 from envgraph.graph import Version
@@ -74,14 +73,25 @@ def ranked(standings: list[Standing]) -> list[int]:
     Non-dominated sorting and crowding distance are those of NSGA-II (Deb, Pratap, Agarwal and Meyarivan 2002, III);
     with one goal this is the order of costs. Equals keep their order.
     """
-    left, order = list(range(len(standings))), list[int]()
-    while left:
-        front = [one for one in left if not any(standings[other].dominates(standings[one]) for other in left)]
-        distance = _crowding([standings[one].costs for one in front])
-        places = dict(zip(front, count()))
-        order += sorted(front, key=lambda one: -distance[places[one]])
-        chosen = set(front)
-        left = [one for one in left if one not in chosen]
+    everything = range(len(standings))
+    if len(standings[0].costs) == 1:
+        return sorted(everything, key=standings.__getitem__)
+    worse = [[two for two in everything if standings[one].dominates(standings[two])] for one in everything]
+    better, order = [0] * len(standings), list[int]()  # how many are better and not in the order yet
+    for dominated in worse:
+        for one in dominated:
+            better[one] += 1
+    front = [one for one in everything if not better[one]]
+    while front:
+        distance = dict(zip(front, _crowding([standings[one].costs for one in front]), strict=True))
+        order += sorted(front, key=lambda one: -distance[one])
+        left = list[int]()
+        for one in front:
+            for two in worse[one]:
+                better[two] -= 1
+                if not better[two]:
+                    left.append(two)
+        front = sorted(left)
     return order
 
 
