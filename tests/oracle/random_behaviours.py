@@ -111,7 +111,7 @@ def _tame(dice: Dice, metamodel: Metamodel) -> Metamodel:
         if reference.many
         and not reference.containment
         and ((opposite := metamodel.opposite(reference)) is None or opposite.many)
-        and dice.chance(80)
+        and dice.chance(30)
     }
     classes = []
     for cls in metamodel.class_list:
