@@ -56,10 +56,10 @@ def did_you_mean(name: str, known: Iterable[str]) -> str | None:
 
 
 def nearest(name: str, known: Iterable[str]) -> str | None:
-    """The known name that is nearest to `name`, or None when none is near.
+    """The known name that is nearest to `name`, or None when none is near; the only one that it is the first word of.
 
-    >>> nearest("metods", ["methods", "fields"])
-    'methods'
+    >>> nearest("metods", ["methods", "fields"]), nearest("steps", ["seeds", "steps_per_environment"])
+    ('methods', 'steps_per_environment')
     """
     candidates = sorted(set(known))
     folded = {candidate.casefold(): candidate for candidate in reversed(candidates)}
@@ -69,6 +69,9 @@ def nearest(name: str, known: Iterable[str]) -> str | None:
         return None
     if not name.isascii() and _latin(name) in candidates:
         return _latin(name)
+    longer = [one for one in candidates if one.startswith(f"{name}_")]
+    if len(longer) == 1:
+        return longer[0]
     if len(candidates) > _MANY:
         candidates = [one for one in candidates if one[:2] == name[:2] and abs(len(one) - len(name)) < 3][
             :_MANY
