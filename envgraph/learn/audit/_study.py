@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from envgraph.code import dataclass
-from envgraph.errors import InvalidArgument
+from envgraph.errors import EvaluationError, InvalidArgument
 from envgraph.files import replace_file
 from envgraph.learn.audit._levels import AuditLevels, make_levels
 from envgraph.learn.audit._methods import METHODS, Method
@@ -75,12 +75,14 @@ def audit(
 
     Raises:
         InvalidArgument: the directory has another audit, or a result in it cannot be read.
-        EvaluationError: the mutation rules make too few levels.
+        EvaluationError: the mutation rules make too few levels, or too few that are solvable.
     """
     _claim(directory, _about(domain, settings), force)
     levels_file = directory / "levels.npz"
     if not levels_file.exists():
         make_levels(domain, settings, lambda done, total: progress(done, total, "levels")).save(levels_file)
+    levels = AuditLevels.load(levels_file)
+    _check_solvable(levels, domain, settings)
     planned = [(method, seed) for method, seed in _planned(settings, methods)]
     missing = [one for one in planned if not _file(directory, *one).exists()]
     known = len(planned) - len(missing)
@@ -91,7 +93,17 @@ def audit(
     runs = sorted(
         (read_run(_file(directory, *one)) for one in planned), key=lambda run: (order[run.method], run.seed)
     )
-    return Study(domain.spec.name, AuditLevels.load(levels_file), settings, tuple(runs))
+    return Study(domain.spec.name, levels, settings, tuple(runs))
+
+
+def _check_solvable(levels: AuditLevels, domain: Domain, settings: AuditSettings) -> None:
+    found, wanted = int(levels.solvable[levels.training].sum()), settings.policy.levels
+    if found < wanted:
+        message = f"{found} of the {len(levels.training):,} levels for training are solvable, and a batch has {wanted}"
+        span = domain.spec.audit.span("levels") if domain.spec.audit else None
+        raise EvaluationError(
+            message, span, "ask for more `levels`, or for fewer mutations: `initial_applications`"
+        )
 
 
 def read_run(path: Path) -> Run:

@@ -52,7 +52,7 @@ def test_a_wrong_audit_is_found_by_check(envgraph: Call, tmp_path: Path) -> None
 @AT_NIGHT
 def test_workers_change_nothing_and_an_audit_goes_on(envgraph: Call, tmp_path: Path) -> None:
     few = ("--seeds", 2, "--steps", 40_000, "--methods", "DR, solvable only; PLR, MaxMC; SFL, 4 rollouts")
-    small = [word for key in ("levels=100", "held_out=20", "probed=20") for word in ("--set", f"audit.{key}")]
+    small = [word for key in ("levels=200", "held_out=20", "probed=20") for word in ("--set", f"audit.{key}")]
     envgraph("audit", "network", *few, *small, "-d", "one")
     printed = envgraph("audit", "network", *few, *small, "-d", "two", "--workers", 2, "--format", "json")
     for name in ("claims", "methods", "runs", "curves", "levels", "rankings"):
