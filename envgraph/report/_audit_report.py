@@ -83,12 +83,12 @@ def _claims(findings: Sequence[Finding]) -> Section:
     return Section(
         "Which claims stand",
         (text,),
-        tables=(Table("Named before the runs; each with its interval.", ("claim", *domains), rows),),
+        tables=(Table("Claims named before the runs, and the value of each; tables 1 and 2 have the intervals.", ("claim", *domains), rows),),
     )
 
 
 def _verdict(one: Finding | None) -> str:
-    return "" if one is None else f"{one.verdict}: {one.value:+.3f} ({one.low:+.3f} to {one.high:+.3f})"
+    return "" if one is None else f"{one.verdict} {one.value:+.3f}"
 
 
 def _ranks(study: Study) -> Section:

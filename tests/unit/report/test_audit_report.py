@@ -24,7 +24,7 @@ def test_the_page_has_every_claim_with_its_verdict_in_each_domain() -> None:
     assert "Others <i>" not in page
     for one in findings:
         assert one.claim in page
-        assert f"{one.verdict}: {one.value:+.3f}" in page
+        assert f"{one.verdict} {one.value:+.3f}" in page
     assert "stands 1, fails 2, undecided 0" in page
     figures = audit_figures(studies, findings)
     assert [name for name in figures if name.startswith("Corridors")] == [
