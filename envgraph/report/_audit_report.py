@@ -80,11 +80,8 @@ def _claims(findings: Sequence[Finding]) -> Section:
         "seeds or more, the whole interval lies below .01. Otherwise it is undecided. Intervals are at 95 %; those of "
         "differences are over seeds and over levels."
     )
-    return Section(
-        "Which claims stand",
-        (text,),
-        tables=(Table("Claims named before the runs, and the value of each; tables 1 and 2 have the intervals.", ("claim", *domains), rows),),
-    )
+    about = "Claims named before the runs, and the value of each; tables 1 and 2 have the intervals."
+    return Section("Which claims stand", (text,), tables=(Table(about, ("claim", *domains), rows),))
 
 
 def _verdict(one: Finding | None) -> str:
