@@ -16,7 +16,7 @@ from envgraph.cli._family import REPORT, TRAINING, run_directory
 from envgraph.cli._output import OutputFormat, print_json, print_line, print_table, progress_bar
 from envgraph.env import Tabular, TooManyStates
 from envgraph.env.compiled import NotCompiled
-from envgraph.errors import InvalidArgument, did_you_mean, listed
+from envgraph.errors import EvaluationError, InvalidArgument, did_you_mean, listed
 from envgraph.files import replace_file
 from envgraph.learn import (
     CONTROLS,
@@ -253,24 +253,35 @@ def budgets_of(steps: str) -> list[int]:
 def _members(family: Family) -> list[FamilyMember]:
     """The environments as tables, for which their states are visited; else in a compiled program."""
     order = str(family.domain.spec.curriculum.order or family.domain.spec.diversity.options["of"])
-    with progress_bar("environments", len(family.members)) as advance:
-        members = []
-        for place, member in enumerate(family.members):
-            advance(place, member.name)
-            try:
+    members = []
+    try:
+        with progress_bar("environments", len(family.members)) as advance:
+            for place, member in enumerate(family.members):
+                advance(place, member.name)
                 tabular = family.explored(member).tabular
-            except TooManyStates as error:
-                return _in_program(family, order, error)
-            members.append(FamilyMember(member.name, tabular, member.measures[order]))
+                members.append(FamilyMember(member.name, tabular, member.measures[order]))
+    except TooManyStates as error:
+        return _in_program(family, order, error)
     return members
 
 
 def _in_program(family: Family, order: str, error: TooManyStates) -> list[FamilyMember]:
-    """The environments in a compiled program; raises the error if there is none."""
+    """The environments in a compiled program, which standard error is told.
+
+    Raises:
+        EvaluationError: there is none.
+    """
     try:
         program = family.program(family.members)
-    except NotCompiled:
-        raise error from None
+    except NotCompiled as refused:
+        raise EvaluationError(
+            f"{error.message}, and it is not compiled: it has {refused.construct}",
+            refused.span,
+            "agents learn in a table of fewer states and outcomes, or in the program of a behaviour without that",
+        ) from None
+    sys.stderr.write(
+        f"{error.message}: agents learn in the compiled program, and nothing is kept as a table\n"
+    )
     return [
         FamilyMember(member.name, InProgram(program, number), member.measures[order])
         for number, member in enumerate(family.members)

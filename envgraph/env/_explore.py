@@ -21,8 +21,11 @@ from envgraph.rewrite import Engine
 DEFAULT_LIMIT = 250_000
 """About half a minute, and half a gigabyte: nobody should wait longer to be told that there are too many."""
 
-Progress = Callable[[int], None]
-"""Is told how many states were found so far, now and then."""
+OUTCOMES = 10_000_000
+"""Outcomes of actions that there may be in all states together: they take the time and the space, too."""
+
+Progress = Callable[[int, int], None]
+"""Is told how many states were found so far, and how many outcomes of actions (0: not counted), now and then."""
 
 
 def enumerate_states(
@@ -36,14 +39,15 @@ def enumerate_states(
         engine: its model is the initial state.
         behaviour: what the environment does.
         keys: indices of objects over a family; those of the engine's model alone if None.
-        limit: how many states there may be.
+        limit: how many states there may be; of outcomes of actions in them, 10 million.
 
     Returns:
         The states numbered breadth first from the start states, by action and outcome; outcomes of one action that
         follow each other and are the same are put together.
 
     Raises:
-        EvaluationError: more states than the limit, or an observed object without an index.
+        TooManyStates: more states than the limit, or too many outcomes.
+        EvaluationError: an observed object has no index, or one action too many outcomes.
         ResolutionError: the behaviour has errors.
         RuleError: a rule matches but cannot be applied.
     """
@@ -51,11 +55,12 @@ def enumerate_states(
 
 
 class TooManyStates(EvaluationError):
-    """An environment has more states than it may."""
+    """An environment has more states than it may, or more outcomes of actions in all of them together."""
 
-    def __init__(self, behaviour: Behaviour, limit: int) -> None:
+    def __init__(self, behaviour: Behaviour, limit: int, outcomes: int | None = None) -> None:
+        most = f"{limit:,} states" if outcomes is None else f"{outcomes:,} outcomes of actions in its states"
         super().__init__(
-            f"environment `{behaviour.name}` has more than {limit} states",
+            f"environment `{behaviour.name}` has more than {most}",
             behaviour.span,
             'do without a table (`engine="compiled"`, `envgraph.learn.train_program`), or raise the limit; where rules '
             "create objects, states may have no end: keep a pool of objects, and a flag that says which are there",
@@ -80,13 +85,17 @@ def explore(
     keys: KeyIndex | None = None,
     *,
     limit: int = DEFAULT_LIMIT,
+    outcomes: int = OUTCOMES,
     pictures: bool = False,
     progress: Progress | None = None,
 ) -> Explored:
-    """`enumerate_states`, with a picture of every state if the behaviour says how to draw it."""
+    """`enumerate_states`, with a picture of every state if the behaviour says how to draw it.
+
+    There may be so many `outcomes` of actions in all states together.
+    """
     simulator = Simulator(engine, behaviour, keys)
     painter = simulator.painter() if pictures and behaviour.draw is not None else None
-    search = _Search(simulator, limit, painter, progress)
+    search = _Search(simulator, limit, outcomes, painter, progress)
     search.run()
     return search.result()
 
@@ -109,12 +118,14 @@ class _Search:
     not over even where a step to it would have ended the episode.
 
     Attributes:
+        most: how many outcomes there may be.
         number: of each state, in the order of the walk.
         rows: outcomes of every state; None while it has not been left.
     """
 
     simulator: Simulator
     limit: int
+    most: int
     painter: Painter | None
     progress: Progress | None = None
     number: dict[tuple[int, int, bool], int] = field(default_factory=dict)
@@ -123,6 +134,7 @@ class _Search:
     turns: list[int] = field(default_factory=list)
     scenes: list[Scene] = field(default_factory=list)
     starts: list[tuple[float, int]] = field(default_factory=list)
+    made: int = 0
     _drawn: dict[Scene, Scene] = field(default_factory=dict)
 
     def run(self) -> None:
@@ -143,6 +155,7 @@ class _Search:
                     row = self.rows[state]
                     assert row is not None
                     row[action].append((probability, found, reward, terminated))
+                    self._count()
                 if fresh and terminated == GOES_ON:
                     self.rows[found] = [[] for _ in self.simulator.action_names]
                     stack.append((self._leave(), found))
@@ -176,9 +189,15 @@ class _Search:
         if self.painter is not None:
             scene = self.painter.scene()
             self.scenes.append(self._drawn.setdefault(scene, scene))
-        if self.progress is not None and not len(self.rows) % 100:
-            self.progress(len(self.rows))
         return len(self.rows) - 1, True
+
+    def _count(self) -> None:
+        """See that there are not too many outcomes, and say how many there are."""
+        self.made += 1
+        if self.made > self.most:
+            raise TooManyStates(self.simulator.behaviour, self.limit, outcomes=self.most)
+        if self.progress is not None and not self.made % 100:
+            self.progress(len(self.rows), self.made)
 
     # --- arrays
 

@@ -125,7 +125,7 @@ class _Search:
             return None
         self._known.add(key)
         if self._progress is not None and not len(self._known) % 100:
-            self._progress(len(self._known))
+            self._progress(len(self._known), 0)
         look = self._simulator.look()
         seen = look in self._looks
         self._looks.add(look)

@@ -61,10 +61,12 @@ def telling(show: Show | None = None) -> Iterator[Tell]:
 
 
 @contextmanager
-def counting(what: str) -> Iterator[Callable[[int], None]]:
-    """`telling` of work that counts something."""
+def counting(what: str) -> Iterator[Callable[[int, int], None]]:
+    """`telling` of work that counts something, and the outcomes of that, if there are any."""
     with telling() as tell:
-        yield lambda count: tell(f"{what}: {count:,}")
+        yield lambda count, outcomes: tell(
+            f"{what}: {count:,}" + (f", {outcomes:,} outcomes" if outcomes else "")
+        )
 
 
 @contextmanager

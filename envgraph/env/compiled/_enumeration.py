@@ -10,14 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from envgraph.behaviour import Behaviour
-from envgraph.env._explore import DEFAULT_LIMIT, Explored, Progress, TooManyStates, explore
+from envgraph.env._explore import DEFAULT_LIMIT, OUTCOMES, Explored, Progress, TooManyStates, explore
 from envgraph.env._keys import KeyIndex
 from envgraph.env._simulator import MOST_OUTCOMES
 from envgraph.env._tabular import Tabular
 from envgraph.env.compiled._batch import longer, space_of, tables_of
 from envgraph.env.compiled._kernels import CAPACITY
 from envgraph.env.compiled._layout import TURN
-from envgraph.env.compiled._listing import DONE, SPACE
+from envgraph.env.compiled._listing import DONE, PAUSED, SPACE
 from envgraph.env.compiled._native import has_numba
 from envgraph.env.compiled._program import Program, program_of, program_over
 from envgraph.env.compiled._refused import NotCompiled
@@ -27,6 +27,8 @@ CHOICES: Final = 1_000
 """Choices that one step may make."""
 FIRST: Final = 1_024
 """States and outcomes that there is space for at first."""
+TOLD: Final = 100_000
+"""Outcomes after which progress is told."""
 
 Array = NDArray[Any]
 
@@ -40,10 +42,11 @@ def enumerated(
         program: the compiled behaviour.
         member: number of the member.
         limit: how many states there may be.
-        progress: is told of the number of states, now and then.
+        progress: is told of the numbers of states and outcomes, now and then.
 
     Raises:
-        EvaluationError: more states than the limit, too many outcomes, or an observation without a value.
+        TooManyStates: as `explore`.
+        EvaluationError: too many outcomes of an action, or an observation without a value.
         RuleError: a rule matches but cannot be applied.
         NotCompiled: in some state there is more than a program has space for, or a larger int; or rules delete objects
             that others have created, which makes states equal that differ on the live engine, by the ids of objects.
@@ -54,7 +57,8 @@ def enumerated(
 
 
 FEW: Final = 2_000
-"""States that the live engine visits in less time than it takes to load a compiled program."""
+FEW_OUTCOMES: Final = 20_000
+"""States, and outcomes, that the live engine visits in less time than it takes to load a compiled program."""
 
 
 def explored(
@@ -70,7 +74,7 @@ def explored(
     if pictures or limit <= FEW or not has_numba():
         return explore(engine, behaviour, keys, limit=limit, pictures=pictures, progress=progress)
     with suppress(TooManyStates):
-        return explore(engine, behaviour, keys, limit=FEW, progress=progress)
+        return explore(engine, behaviour, keys, limit=FEW, outcomes=FEW_OUTCOMES, progress=progress)
     with suppress(NotCompiled):
         program = program_of(engine, behaviour, keys=keys)
         return Explored(enumerated(program, limit=limit, progress=progress), ())
@@ -139,9 +143,9 @@ class Visit:
     def table(self) -> Tabular:
         """Visit all states."""
         states, beginnings, chances = self.begin()
-        head, used = 0, 0
+        head, used, made = 0, 0, 0
         while True:
-            how, head, states, used, action = self._kernels["visit"](
+            how, head, states, used, made, action = self._kernels["visit"](
                 *self._world(),
                 self._member,
                 self.floats.view(np.int64),
@@ -151,9 +155,11 @@ class Visit:
                 head,
                 states,
                 used,
+                made,
                 self._actions,
                 MOST_OUTCOMES,
                 self._limit,
+                made + TOLD,
                 self.starts,
                 self.to,
                 self.chance,
@@ -162,13 +168,16 @@ class Visit:
             )
             if states > self._limit:
                 raise TooManyStates(self._program.behaviour, self._limit)
+            if made > OUTCOMES:
+                raise TooManyStates(self._program.behaviour, self._limit, outcomes=OUTCOMES)
             if how == DONE:
                 return self._result(states, used, beginnings, chances)
-            if how != SPACE:
+            if how not in (SPACE, PAUSED):
                 self._raise(head, action)
             if self._progress is not None:
-                self._progress(states)
-            self._grow(states, used)
+                self._progress(states, made)
+            if how == SPACE:
+                self._grow(states, used)
 
     def _world(self) -> tuple[Array, ...]:
         arrays = self._program.arrays
@@ -207,7 +216,8 @@ class Visit:
             self._grow(0, len(self.to))
 
     def _grow(self, states: int, used: int) -> None:
-        """More space for what is nearly full."""
+        """More space for what is nearly full: for states, else for outcomes, of which one state may have many."""
+        outcomes = 2 * used >= len(self.to)
         if 2 * states >= len(self.states) - 1 or states == 0:
             size = 4 * len(self.states)
             for name in ("states", "floats", "components", "observations"):
@@ -215,7 +225,9 @@ class Visit:
             self.starts = longer(self.starts, size * self._actions + 1)
             self.hashed = np.full(4 * size, -1, dtype=np.int64)
             self._kernels["hash_all"](self.states, self.floats.view(np.int64), self.hashed, 0, states)
-        if 2 * used >= len(self.to):
+        else:
+            outcomes = True
+        if outcomes:
             for name in ("to", "ended", "chance", "reward"):
                 setattr(self, name, longer(getattr(self, name), 4 * len(self.to)))
 

@@ -7,8 +7,9 @@ outside get arrays, and make vectors and matrices of them.
 # ruff: noqa: F821
 # mypy: ignore-errors
 
-DONE, SPACE, WRONG, MANY, FOUND = 0, 1, 2, 3, 4
-"""How a visit ends: all is done, arrays are full, an error of the environment, too many outcomes, what was sought."""
+DONE, SPACE, WRONG, MANY, FOUND, PAUSED = 0, 1, 2, 3, 4, 5
+"""How a visit ends: all is done, arrays are full, an error of the environment, too many outcomes of an action, what was
+sought, or as many outcomes as were wanted."""
 MADE, CHANCE, KNOWN, SCRIPT = 0, 1, 2, 3
 """Places of `D`: choices made, their probability, choices that the script says; then place and count of each."""
 
@@ -114,19 +115,22 @@ def visit_starts(T, G, L, S, F, RI, RF, D, m, S0, F0, BITS, HASHED, C, OBS, TO, 
 
 
 def visit(
-    T, G, L, S, F, RI, RF, D, m, BITS, HASHED, C, OBS, head, count, used, ACTIONS, MOST, LIMIT,
+    T, G, L, S, F, RI, RF, D, m, BITS, HASHED, C, OBS, head, count, used, made, ACTIONS, MOST, LIMIT, WANTED,
     STARTS, TO, P, REWARD, END,
 ):  # fmt: skip
     """Leave states in the order of their numbers, by every action; new ones get the next numbers.
 
-    Returns how it ended, the state that is left next, how many states there are, and how many outcomes.
+    Returns how it ended, the state that is left next, how many states there are, how many outcomes, how many times one
+    was made before equal ones were put together, and the action.
     """
     space = len(S)
     T, G, L, S, F, RI, RF = fixed(T), fixed(G), vector(L), matrix(S), matrix(F), matrix(RI), matrix(RF)
     BITS, C = matrix(BITS), matrix(C)
     K = places(L)
     while head < count <= LIMIT:
-        first = used
+        if made >= WANTED:
+            return PAUSED, head, count, used, made, 0
+        first, before = used, made
         for action in range(ACTIONS):
             STARTS[head * ACTIONS + action] = used
             if S[head, 0] != 0:
@@ -135,7 +139,7 @@ def visit(
             number, last = 0, used
             while True:
                 if count + 1 >= space or used >= len(TO):
-                    return SPACE, head, count, first, action
+                    return SPACE, head, count, first, before, action
                 for column in range(width(S)):
                     S[count, column] = S[head, column]
                 for column in range(width(F)):
@@ -144,13 +148,13 @@ def visit(
                 reward, end = step_one(T[m], G[m], L, K, S[count], F[count], RI, RF, D, 0, action)
                 number += 1
                 if number > MOST or crowded(D):
-                    return MANY, head, count, first, action
+                    return MANY, head, count, first, before, action
                 if S[count, 0] != 0:
-                    return WRONG, head, count, first, action
+                    return WRONG, head, count, first, before, action
                 chance = D[CHANCE]
                 found = enter(T, G, L, K, S, F, RI, RF, D, m, BITS, HASHED, C, OBS, count, end > 0)
                 if found < 0:
-                    return WRONG, head, count, first, action
+                    return WRONG, head, count, first, before, action
                 count += found == count
                 if (
                     used > last
@@ -164,9 +168,10 @@ def visit(
                     used += 1
                 if not next_script(D):
                     break
+            made += number
         head += 1
         STARTS[head * ACTIONS] = used
-    return DONE, head, count, used, 0
+    return DONE, head, count, used, made, 0
 
 
 def expand(

