@@ -46,8 +46,7 @@ def main(targets: int = 2, large: int = 1) -> None:
     )
     show("paper's E6, 2k", BUNDLED / "teaching.toml", (), (1_500, 2_000))
     lengths = (3_000, 5_000, 10_000, 20_000, 50_000)
-    several = f"objective.steps=[{', '.join(map(str, lengths))}]"
-    show("paper's E6, each of five", BUNDLED / "teaching.toml", (several, "objective.effort=12e9"), lengths)
+    show("paper's E6, each of five", BUNDLED / "budgets.toml", (), lengths)
     free = ("objective.lanes=2", "objective.effort=2e9")
     for number in range(targets):
         with target(8, number, (0.25, 0.4), 1e-5) as path:
