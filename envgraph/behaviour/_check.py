@@ -207,8 +207,7 @@ class _Checker(CallChecking, ViewChecking):
             return
         inner = {**scope, **self._condition(effect.condition, scope)}
         self.reward(effect.reward, inner)
-        if effect.apply is not None:
-            self.call(effect.apply, inner)
+        self.branches(effect.apply, inner)
 
     def _condition(self, condition: PatternCall | Negation, scope: Scope) -> Scope:
         """Check a condition; returns the variables that it matches."""

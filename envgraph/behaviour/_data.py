@@ -69,12 +69,12 @@ class EachStep:
 
 @dataclass(frozen=True, slots=True)
 class OnFind:
-    """`on find p(..) reward e terminate success|failure apply r(..)`; the condition may be negated."""
+    """`on find p(..) reward e terminate success|failure apply branches`; the condition may be negated."""
 
     condition: PatternCall | Negation
     reward: Expression | None = None
     terminate: Literal["success", "failure"] | None = None
-    apply: RuleCall | None = None
+    apply: tuple[Branch, ...] = ()
     span: Span | None = field(default=None, compare=False, repr=False)
 
 

@@ -120,10 +120,9 @@ def readings(behaviour: Behaviour) -> list[Reading]:
 def _callers(owner: Behaviour | Agent) -> tuple[Caller, ...]:
     found = [Caller(branch.call, early=True) for action in owner.actions for branch in action.branches]
     for effect in owner.effects:
-        if isinstance(effect, EachStep):
-            found += [Caller(branch.call, early=True) for branch in effect.apply]
-        elif effect.apply is not None:
-            found.append(Caller(effect.apply, ends=effect.terminate is not None))
+        early = isinstance(effect, EachStep)
+        ends = isinstance(effect, OnFind) and effect.terminate is not None
+        found += [Caller(branch.call, early=early, ends=ends) for branch in effect.apply]
     return tuple(found)
 
 

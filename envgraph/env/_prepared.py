@@ -118,7 +118,7 @@ class PreparedClause:
     names: tuple[str, ...]
     reward: Reward | None
     ends: int
-    apply: PreparedCall | None
+    apply: Alternatives | None
 
 
 @dataclass(frozen=True, slots=True)

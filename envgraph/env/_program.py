@@ -232,7 +232,7 @@ class Program:
             question.free,
             self._reward(effect.reward, types),
             ENDS[effect.terminate],
-            self._call(effect.apply) if effect.apply else None,
+            self._alternatives(effect.apply) if effect.apply else None,
         )
 
     def _ask(self, condition: PatternCall | Negation, types: Types) -> Question:

@@ -316,14 +316,12 @@ class _Builder:
             return EachStep(self._reward(self._scope) if not apply or dice.chance(40) else None, apply)
         condition, free = self._condition(dice.chance(25))
         scope = {**self._scope, **free}
-        call = None
-        if dice.chance(35):
-            call = self._call(scope)[0]
+        apply = self._branches(scope)[0] if dice.chance(35) else ()
         return OnFind(
             condition,
             self._reward(scope) if dice.chance(65) else None,
             dice.one([None, None, None, "success", "failure"]),  # type: ignore[arg-type]
-            call,
+            apply,
         )
 
     def _condition(self, negative: bool) -> tuple[PatternCall | Negation, dict[str, StaticType]]:

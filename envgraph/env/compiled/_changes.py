@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from types import MappingProxyType
 
-from envgraph.behaviour import Agent, Behaviour, EachStep, RuleCall
+from envgraph.behaviour import Agent, Behaviour, RuleCall
 from envgraph.code import dataclass
 from envgraph.env.compiled._refused import NotCompiled, standing
 from envgraph.errors import Span
@@ -40,10 +40,7 @@ def calls_of(behaviour: Behaviour) -> Iterator[RuleCall]:
         for action in owner.actions:
             yield from (branch.call for branch in action.branches)
         for effect in owner.effects:
-            if isinstance(effect, EachStep):
-                yield from (branch.call for branch in effect.apply)
-            elif effect.apply is not None:
-                yield effect.apply
+            yield from (branch.call for branch in effect.apply)
 
 
 def plan_of(engine: Engine, call: RuleCall) -> RulePlan:

@@ -338,7 +338,7 @@ class Turn:
             parameters: what the parameters of each stand for.
         """
         writer = self.writer
-        waiting = sum(isinstance(one, OnFind) and one.apply is not None for one, _ in self.effects)
+        waiting = sum(isinstance(one, OnFind) and bool(one.apply) for one, _ in self.effects)
         writer.levels = waiting
         if waiting:
             top = writer.module.fresh("t")
@@ -431,12 +431,12 @@ class Turn:
         writer.assign(number, ZERO)
         alive = writer.bound_alive(question, self.scope)
         top = writer.top
-        if effect.apply is not None:
+        if effect.apply:
             place = len(self._pending)
             top = plus(TOP, code.Operation("*", (CAPACITY, code.Constant(place)))) if place else TOP
             self._pending.append(Pending(effect, types, question, number, top))
         rewarded = effect.reward is not None and _names(effect.reward, question.free)
-        if effect.apply is not None or rewarded:
+        if effect.apply or rewarded:
             function = writer.matching.rows(writer.key(question))
             writer.module.uses(function, writer.levels)
         elif effect.reward is not None:
@@ -445,7 +445,7 @@ class Turn:
             function = writer.matching.exists(writer.key(question, free=False))
         writer.module.uses(function, writer.levels)
         found: code.Expression = call(function, *values, top=top)
-        if effect.apply is None and effect.reward is None:
+        if not effect.apply and effect.reward is None:
             found = code.Choice(found, ONE, ZERO)
         if isinstance(effect.condition, Negation):
             gone = self._gone(question, types)
@@ -510,7 +510,6 @@ class Turn:
 
     def _apply_row(self, each: Pending, row: code.Local, first: code.Local) -> None:
         writer, question = self.writer, each.question
-        assert each.clause.apply is not None
         scope = {**self.scope, **self._row(question, plus(each.top, row), sure=False)}
         holds = writer.module.fresh("holds")
         bound = len(question.bound) + len(question.free)
@@ -529,8 +528,7 @@ class Turn:
         writer.assign(first, ZERO)
 
         def write() -> None:
-            assert each.clause.apply is not None
-            self._remember(writer.run(each.clause.apply, scope).done)
+            self._remember(writer.alternatives(each.clause.apply, scope).done)
 
         writer.when(code.equal(holds, ONE), write)
 

@@ -170,14 +170,14 @@ def on_find_of(reading: Reading, tree: Tree[Token]) -> OnFind | None:
     if not (parts.reward or parts.terminate or parts.apply):
         reading.error("empty-clause", "this does nothing", tree, "add `reward`, `terminate` or `apply`")
     condition = _condition(reading, asked)
-    call = _one_call(reading, parts.apply) if parts.apply else None
+    branches = branches_of(reading, trees(parts.apply.children)[0]) if parts.apply else ()
     if condition is None:
         return None
     return OnFind(
         condition,
         expression_of(reading, trees(parts.reward.children)[0]) if parts.reward else None,
         _end(parts.terminate) if parts.terminate else None,
-        call,
+        branches,
         reading.span(tree),
     )
 
@@ -219,12 +219,12 @@ def on_reset_of(reading: Reading, tree: Tree[Token]) -> OnReset | None:
 
 
 def _one_call(reading: Reading, apply: Tree[Token]) -> RuleCall | None:
-    """The one rule after `apply` of an `on` clause."""
+    """The one rule after `apply` of `on reset`."""
     branches = trees(apply.children)[0]
     first = trees(branches.children)[0]
     if len(trees(branches.children)) > 1 or tokens(first.children):
-        hint = "apply a unit that chooses by `@weight`, or write `each step apply` for what happens once in a step"
-        reading.error("misplaced-part", "`on` applies one rule, without a probability", branches, hint)
+        hint = "apply a unit that chooses by `@weight`"
+        reading.error("misplaced-part", "`on reset` applies one rule, without a probability", branches, hint)
         return None
     return _rule_call(reading, trees(first.children)[0])
 

@@ -150,7 +150,12 @@ def behaviour() -> Behaviour:
             OnFind(find("onGoal", "truck"), Constant(10.0), "success"),
             OnFind(find("onFire", "truck"), Constant(-1.0), "failure"),
             OnFind(find("onVegetation", "truck"), Unary("-", Constant(0.1))),
-            OnFind(find("onFreshWater", "truck", "water"), Constant(1.0), None, call("collect", "water")),
+            OnFind(
+                find("onFreshWater", "truck", "water"),
+                Constant(1.0),
+                None,
+                (Branch(1.0, call("collect", "water")),),
+            ),
         ),
         observations=(
             ObserveObject(Navigation(Variable("truck"), "currentState"), "Tile"),

@@ -585,6 +585,33 @@ CORNERS = {
         """,
         "pattern lit(s : Spot) { Spot.lit(s, true); Spot.men(s, _); }",
     ),
+    "a chance for each match": Corner(
+        """
+        rule light(s : Spot) { lhs { s : Spot; check !s.lit; } modify { set s.lit = true; } }
+        rule dark(s : Spot) { lhs { s : Spot; } modify { set s.lit = false; } }
+        rule spread(s : Spot, out n : int) { lhs { t : Spot; check !t.lit; Spot.n(t, n); }
+            modify { set t.lit = true; } }
+        rule away(m : Man) { lhs { s : Spot; neg Man.at(m, s); } modify { set m.at = s; } }
+        @semantics(spo) rule kill(i : Item) { lhs { i : Item; } modify { delete i; } }
+        """,
+        """
+        action light(s : Spot) = 0.8: light(s)
+        action rest = nothing()
+        on find unlit(s) apply 0.1: light(s)
+        on find lit(s) reward 1 apply 0.2: dark(s) | 0.3: spread(s, _) | 0.1: nothing()
+        on find near(i, j) apply 0.05: kill(i) | 0.05: kill(j)
+        on neg find lit(_) apply 0.5: away(adam)
+        observe adam.at among Spot or none
+        observe s.lit for s : Spot
+        observe count find item(_) up to 5
+        """,
+        """
+        pattern lit(s : Spot) { Spot.lit(s, true); }
+        pattern unlit(s : Spot) { Spot.lit(s, false); }
+        pattern item(i : Item) { Item(i); }
+        pattern near(i : Item, j : Item) { Item(i); Item(j); i != j; }
+        """,
+    ),
     "matches that each other's `apply` takes away": Corner(
         """
         rule eat(i : Item) { lhs { i : Item -pair-> j : Item; }

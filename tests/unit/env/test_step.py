@@ -223,6 +223,26 @@ def test_an_apply_may_choose_among_matches() -> None:
     assert [(p, up) for p, up, _ in found] == [(0.5, "a"), (0.5, "b")]
 
 
+def test_each_match_has_a_chance_of_its_own() -> None:
+    text = "action wait = nothing()\non find up(coin) reward 1 apply 0.1: turnOver(coin) | 0.3: nothing()"
+    found: dict[str, float] = defaultdict(float)
+    for probability, up, outcome in outcomes(text):
+        assert outcome.reward == 2.0
+        found[up] += probability
+    assert found == {
+        "ab": pytest.approx(0.81),
+        "a": pytest.approx(0.09),
+        "b": pytest.approx(0.09),
+        "": pytest.approx(0.01),
+    }
+
+
+def test_nothing_is_drawn_for_a_match_that_has_gone() -> None:
+    # Of the two pairs, (b, a) and (a, b), the second is gone when the first was turned over.
+    text = "action wait = nothing()\non find pair(x, y) apply 0.25: turnOver(x)"
+    assert [(p, up) for p, up, _ in outcomes(text)] == [(0.25, "a"), (0.1875, "b"), (0.5625, "ab")]
+
+
 def test_the_observation_is_made_after_the_applies() -> None:
     text = "action wait = nothing()\non find any(hand) apply count(hand, 2)\nobserve hand.moves in 0..3"
     assert [o.observation for _, _, o in outcomes(text)] == [2]

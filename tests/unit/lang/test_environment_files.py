@@ -107,7 +107,13 @@ def test_an_action_becomes_its_data(text: str, data: Action) -> None:
                 PatternCall("p", (x, EnumLiteral(None, "red"))),
                 Binary("*", Navigation(a, "n"), Constant(2)),
                 "success",
-                RuleCall("r", (x,)),
+                once("r", x),
+            ),
+        ),
+        (
+            "on find p(x) apply 0.1: r(x) | 0.2: nothing()",
+            OnFind(
+                PatternCall("p", (x,)), apply=(Branch(0.1, RuleCall("r", (x,))), Branch(0.2, RuleCall(None)))
             ),
         ),
         ("on neg find p(_) reward 1", OnFind(Negation(PatternCall("p", (Variable("_"),))), Constant(1))),
