@@ -22,7 +22,7 @@ action grab(coin : Coin) = 0.9: grab(hand, coin, value) reward value else reward
 on reset apply turn()
 each step reward -0.01 apply 0.3: turn() | 0.2: drop(hand)
 on find pair(x, _) reward x.value
-on find down(coin) reward 0.5 apply 0.7: turnBack(coin) | 0.1: lose(coin)
+on find down(coin) reward 0.5 apply 0.7: turnBack(coin) | 0.1: drop(hand)
 on find held(hand, coin) apply turn()
 on neg find up(_) terminate failure
 observe hand.holds among Coin or none
