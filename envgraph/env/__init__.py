@@ -35,13 +35,14 @@ from envgraph.behaviour import (
     check_behaviour,
 )
 from envgraph.env._agents import unbound
-from envgraph.env._explore import DEFAULT_LIMIT, Explored, TooManyStates, enumerate_states, explore
+from envgraph.env._explore import DEFAULT_LIMIT, Explored, enumerate_states, explore
 from envgraph.env._gymnasium import EnvgraphEnv, EnvgraphLiveEnv, check_render_mode
 from envgraph.env._keys import KeyIndex, SameKey, indexed_classes, key_reader
 from envgraph.env._reaching import can_end
 from envgraph.env._simulator import Outcome, Simulator
 from envgraph.env._table_file import read_explored, write_explored
 from envgraph.env._tabular import Tabular
+from envgraph.env._too_many import TooManyStates
 from envgraph.env._vector import EnvgraphVectorEnv
 from envgraph.env.registration import (
     Environment,

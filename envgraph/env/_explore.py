@@ -14,8 +14,8 @@ from envgraph.code import dataclass
 from envgraph.env._keys import KeyIndex
 from envgraph.env._simulator import GOES_ON, Simulator
 from envgraph.env._tabular import Tabular
+from envgraph.env._too_many import TooManyStates
 from envgraph.env.scene._scene import Painter, Scene
-from envgraph.errors import EvaluationError
 from envgraph.rewrite import Engine
 
 DEFAULT_LIMIT = 250_000
@@ -46,25 +46,12 @@ def enumerate_states(
         follow each other and are the same are put together.
 
     Raises:
-        TooManyStates: more states than the limit, or too many outcomes.
-        EvaluationError: an observed object has no index, or one action too many outcomes.
+        TooManyStates: more states than the limit, or too many outcomes, of all actions together or of one in a state.
+        EvaluationError: an observed object has no index.
         ResolutionError: the behaviour has errors.
         RuleError: a rule matches but cannot be applied.
     """
     return explore(engine, behaviour, keys, limit=limit).tabular
-
-
-class TooManyStates(EvaluationError):
-    """An environment has more states than it may, or more outcomes of actions in all of them together."""
-
-    def __init__(self, behaviour: Behaviour, limit: int, outcomes: int | None = None) -> None:
-        most = f"{limit:,} states" if outcomes is None else f"{outcomes:,} outcomes of actions in its states"
-        super().__init__(
-            f"environment `{behaviour.name}` has more than {most}",
-            behaviour.span,
-            'do without a table (`engine="compiled"`, `envgraph.learn.train_program`), or raise the limit; where rules '
-            "create objects, states may have no end: keep a pool of objects, and a flag that says which are there",
-        )
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,8 +14,9 @@ from envgraph.env._keys import KeyIndex, indexed_classes
 from envgraph.env._prepared import Choices, PreparedAction, PreparedClause, PreparedEach, Scope
 from envgraph.env._program import Program
 from envgraph.env._sampling import Draw
+from envgraph.env._too_many import TooManyOutcomes
 from envgraph.env.scene._scene import DRAW_HINT, Painter
-from envgraph.errors import EvaluationError, InvalidArgument, ResolutionError, Severity
+from envgraph.errors import InvalidArgument, ResolutionError, Severity
 from envgraph.graph import Savepoint
 from envgraph.match import Row
 from envgraph.rewrite import Engine
@@ -189,16 +190,12 @@ class Simulator:
         The caller takes each outcome back before the next is asked for: it rolls its savepoint back, or shelves it.
 
         Raises:
-            EvaluationError: there are too many of them.
+            TooManyOutcomes: there are more than 10,000 of them.
         """
         prepared, turn = self._action(action), self.turn
         for number, choices in enumerate(_all_choices()):
             if number >= MOST_OUTCOMES:
-                raise EvaluationError(
-                    f"action `{prepared.name}` has more than {MOST_OUTCOMES} outcomes in one state",
-                    self.behaviour.span,
-                    'in a unit, `all r;` takes every match without a choice; or `engine="live"` steps without a table',
-                )
+                raise TooManyOutcomes(self.behaviour, prepared.name, MOST_OUTCOMES)
             self.turn = turn
             savepoint = self._model.savepoint()
             try:

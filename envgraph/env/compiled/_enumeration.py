@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from envgraph.behaviour import Behaviour
-from envgraph.env._explore import DEFAULT_LIMIT, OUTCOMES, Explored, Progress, TooManyStates, explore
+from envgraph.env._explore import DEFAULT_LIMIT, OUTCOMES, Explored, Progress, explore
 from envgraph.env._keys import KeyIndex
 from envgraph.env._simulator import MOST_OUTCOMES
 from envgraph.env._tabular import Tabular
+from envgraph.env._too_many import TooManyStates
 from envgraph.env.compiled._batch import longer, space_of, tables_of
 from envgraph.env.compiled._kernels import CAPACITY
 from envgraph.env.compiled._layout import TURN
@@ -46,7 +47,7 @@ def enumerated(
 
     Raises:
         TooManyStates: as `explore`.
-        EvaluationError: too many outcomes of an action, or an observation without a value.
+        EvaluationError: an observation without a value.
         RuleError: a rule matches but cannot be applied.
         NotCompiled: in some state there is more than a program has space for, or a larger int; or rules delete objects
             that others have created, which makes states equal that differ on the live engine, by the ids of objects.

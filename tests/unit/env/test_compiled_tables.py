@@ -108,6 +108,18 @@ def test_outcomes_are_bounded_like_states_and_told(tmp_path: Path, monkeypatch: 
         explore(engine, behaviour, outcomes=39)
 
 
+def test_too_many_outcomes_of_one_action_are_too_many_for_a_table(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    engine, behaviour = die(tmp_path)
+    for module in ("_simulator", "compiled._enumeration"):
+        monkeypatch.setattr(f"envgraph.env.{module}.MOST_OUTCOMES", 9)
+    with pytest.raises(TooManyStates, match="action `roll` has more than 9 outcomes in one state"):
+        enumerated(program_of(engine, behaviour, native=False))
+    with pytest.raises(TooManyStates, match="action `roll` has more than 9 outcomes in one state"):
+        explore(engine, behaviour)
+
+
 def test_few_states_of_many_outcomes_are_left_to_the_program(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
