@@ -139,8 +139,8 @@ def _print(studies: Sequence[Study], findings: Sequence[Finding], page: Path, fo
                 one.method,
                 str(one.seeds),
                 f"{one.success:.3f}",
-                f"{one.gain:+.3f}",
-                f"{one.gain_low:+.3f} to {one.gain_high:+.3f}",
+                f"{one.gain:+z.3f}",
+                f"{one.gain_low:+z.3f} to {one.gain_high:+z.3f}",
                 f"{one.improvement:.2f}",
                 f"{one.hard:.3f}",
             )

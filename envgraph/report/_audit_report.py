@@ -85,7 +85,7 @@ def _claims(findings: Sequence[Finding]) -> Section:
 
 
 def _verdict(one: Finding | None) -> str:
-    return "" if one is None else f"{one.verdict} {one.value:+.3f}"
+    return "" if one is None else f"{one.verdict} {one.value:+z.3f}"
 
 
 def _ranks(study: Study) -> Section:
@@ -212,7 +212,7 @@ def _gains(rows: Sequence[Summary], title: str) -> str:
                 one.gain,
                 one.gain_low,
                 one.gain_high,
-                f"{one.gain:+.3f}, PoI {one.improvement:.2f}",
+                f"{one.gain:+z.3f}, PoI {one.improvement:.2f}",
                 not one.gain_low <= 0.0 <= one.gain_high,
             )
             for one in rows
@@ -251,8 +251,8 @@ def _methods(found: Sequence[Summary]) -> Table:
             one.method,
             str(one.seeds),
             f"{one.success:.3f}",
-            "" if one.method == "DR" else f"{one.gain:+.3f}",
-            "" if one.method == "DR" else f"{one.at_equal_updates:+.3f}",
+            "" if one.method == "DR" else f"{one.gain:+z.3f}",
+            "" if one.method == "DR" else f"{one.at_equal_updates:+z.3f}",
             f"{one.hard:.3f}",
             f"{one.worst:.3f}",
             f"{one.regret:.3f}",
@@ -294,8 +294,8 @@ def _ladder(study: Study, findings: Sequence[Finding]) -> Table:
         (
             parts[one.part],
             f"{one.method} minus {one.other}",
-            f"{one.value:+.3f}",
-            f"{one.low:+.3f} to {one.high:+.3f}",
+            f"{one.value:+z.3f}",
+            f"{one.low:+z.3f} to {one.high:+z.3f}",
             "< .001" if one.p_value < 0.001 else f"{one.p_value:.3f}",
             f"{one.improvement:.2f}",
             str(one.seeds),
@@ -320,7 +320,7 @@ def _pooled(findings: Sequence[Finding]) -> Section:
             one.value,
             one.low,
             one.high,
-            f"{one.value:+.3f}, {one.verdict}",
+            f"{one.value:+z.3f}, {one.verdict}",
             one.verdict != "undecided",
         )
         for one in findings

@@ -74,7 +74,7 @@ class Finding:
 
     def __str__(self) -> str:
         chance = "p < 0.001" if self.p_value < 0.001 else f"p = {self.p_value:.2g}"
-        numbers = f"{self.value:+.3f} [{self.low:+.3f}, {self.high:+.3f}], {chance}, {self.seeds} seeds"
+        numbers = f"{self.value:+z.3f} [{self.low:+z.3f}, {self.high:+z.3f}], {chance}, {self.seeds} seeds"
         return f"{self.domain}: {self.claim}: {self.verdict} ({numbers})"
 
 
