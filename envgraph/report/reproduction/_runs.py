@@ -14,6 +14,7 @@ from typing import Final
 from envgraph.code import dataclass
 from envgraph.env.compiled import Tables
 from envgraph.errors import InvalidArgument, Source
+from envgraph.files import replace_file
 from envgraph.lang import bundled_domain
 from envgraph.learn import (
     Curriculum,
@@ -259,7 +260,7 @@ def _write_forest(folder: Path, size: int) -> None:
         text = file.read_text("utf-8")
         if file.name == "target_8x8.model":
             text = re.sub(r"(?m)^( +[A-Z]{8}\n)+", lambda rows: _grown(rows[0], size), text)
-        (folder / file.name).write_text(text, "utf-8")
+        replace_file(folder / file.name, text)
 
 
 def _grown(text: str, size: int) -> str:
