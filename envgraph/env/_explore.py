@@ -14,7 +14,7 @@ from envgraph.code import dataclass
 from envgraph.env._keys import KeyIndex
 from envgraph.env._simulator import GOES_ON, Simulator
 from envgraph.env._tabular import Tabular
-from envgraph.env._too_many import TooManyStates
+from envgraph.env._too_many import TooManyStates, check_entries
 from envgraph.env.scene._scene import Painter, Scene
 from envgraph.rewrite import Engine
 
@@ -194,6 +194,7 @@ class _Search:
         place = {state: position for position, state in enumerate(order)}
         rows = [self._merged(self.rows[state], place) for state in order]
         shape = len(order), len(self.simulator.action_names), max(len(o) for row in rows for o in row)
+        check_entries(self.simulator.behaviour, shape)
         next_state = np.repeat(np.arange(len(order), dtype=np.int32), shape[1] * shape[2]).reshape(shape)
         probability, reward = np.zeros(shape), np.zeros(shape)
         terminated = np.zeros(shape, dtype=np.int8)

@@ -2,8 +2,14 @@
 
 from __future__ import annotations
 
+from math import prod
+from typing import Final
+
 from envgraph.behaviour import Behaviour
 from envgraph.errors import EvaluationError
+
+MOST_ENTRIES: Final = 50_000_000
+"""Of a table, with 21 bytes each: it has room for the outcomes of each action in each state that the widest has."""
 
 
 class TooManyStates(EvaluationError):
@@ -29,3 +35,26 @@ class TooManyOutcomes(TooManyStates):
             behaviour.span,
             'in a unit, `all r;` takes every match without a choice; `engine="compiled"` and "live" need no table',
         )
+
+
+class TooLargeTable(TooManyStates):
+    """Few states have so many outcomes that a table with room for them in all states takes too much memory."""
+
+    def __init__(self, behaviour: Behaviour, states: int, actions: int, outcomes: int) -> None:
+        EvaluationError.__init__(
+            self,
+            f"the table of environment `{behaviour.name}` is too large: {states:,} states, {actions} actions, up to "
+            f"{outcomes:,} outcomes of one",
+            behaviour.span,
+            'do without a table: `engine="compiled"`, `envgraph.learn.train_program`',
+        )
+
+
+def check_entries(behaviour: Behaviour, shape: tuple[int, int, int]) -> None:
+    """See that a table of states, actions and outcomes can be made.
+
+    Raises:
+        TooManyStates: it would be too large.
+    """
+    if prod(shape) > MOST_ENTRIES:
+        raise TooLargeTable(behaviour, *shape)

@@ -14,7 +14,7 @@ from envgraph.env._explore import DEFAULT_LIMIT, OUTCOMES, Explored, Progress, e
 from envgraph.env._keys import KeyIndex
 from envgraph.env._simulator import MOST_OUTCOMES
 from envgraph.env._tabular import Tabular
-from envgraph.env._too_many import TooManyStates
+from envgraph.env._too_many import TooManyStates, check_entries
 from envgraph.env.compiled._batch import longer, space_of, tables_of
 from envgraph.env.compiled._kernels import CAPACITY
 from envgraph.env.compiled._layout import TURN
@@ -258,6 +258,7 @@ class Visit:
         counts = np.diff(bounds)
         width = max(1, int(counts.max(initial=1)))
         shape = states, actions, width
+        check_entries(program.behaviour, shape)
         rows = np.repeat(np.arange(states * actions), counts)
         places = np.arange(used) - bounds[:-1][rows]
         next_state = np.repeat(np.arange(states, dtype=np.int32), actions * width).reshape(-1, width)

@@ -120,6 +120,19 @@ def test_too_many_outcomes_of_one_action_are_too_many_for_a_table(
         explore(engine, behaviour)
 
 
+def test_a_table_with_too_much_room_is_not_made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    engine, behaviour = die(tmp_path)
+    program = program_of(engine, behaviour, native=False)
+    monkeypatch.setattr("envgraph.env._too_many.MOST_ENTRIES", 40)
+    assert_equal_tables(enumerated(program), explore(engine, behaviour).tabular)
+    monkeypatch.setattr("envgraph.env._too_many.MOST_ENTRIES", 39)
+    message = "is too large: 2 states, 2 actions, up to 10 outcomes of one"
+    with pytest.raises(TooManyStates, match=message):
+        enumerated(program)
+    with pytest.raises(TooManyStates, match=message):
+        explore(engine, behaviour)
+
+
 def test_few_states_of_many_outcomes_are_left_to_the_program(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
