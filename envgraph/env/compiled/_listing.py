@@ -175,23 +175,28 @@ def visit(
 
 
 def expand(
-    T, G, L, S, F, RI, RF, D, m, BITS, HASHED, C, OBS, head, last, count, ACTIONS, MOST, SOUGHT, BEFORE, BY
+    T, G, L, S, F, RI, RF, D, m, BITS, HASHED, C, OBS, head, last, count, made, ACTIONS, MOST, WANTED, SOUGHT,
+    BEFORE, BY,
 ):  # fmt: skip
     """Leave some states by every action, until an episode ends as is sought; new states get the next numbers.
 
-    Returns how it ended, the state that is left next, how many states there are, and the action.
+    Returns how it ended, the state that is left next, how many states there are, how many times one was made, and the
+    action.
     """
     space = len(S)
     T, G, L, S, F, RI, RF = fixed(T), fixed(G), vector(L), matrix(S), matrix(F), matrix(RI), matrix(RF)
     BITS, C = matrix(BITS), matrix(C)
     K = places(L)
     while head < last:
+        if made >= WANTED:
+            return PAUSED, head, count, made, 0
+        before = made
         for action in range(ACTIONS):
             begin_script(D)
             number = 0
             while True:
                 if count + 1 >= space:
-                    return SPACE, head, count, action
+                    return SPACE, head, count, before, action
                 for column in range(width(S)):
                     S[count, column] = S[head, column]
                 for column in range(width(F)):
@@ -200,22 +205,23 @@ def expand(
                 _, end = step_one(T[m], G[m], L, K, S[count], F[count], RI, RF, D, 0, action)
                 number += 1
                 if number > MOST or crowded(D):
-                    return MANY, head, count, action
+                    return MANY, head, count, before, action
                 if S[count, 0] != 0:
-                    return WRONG, head, count, action
+                    return WRONG, head, count, before, action
                 if end == SOUGHT:
-                    return FOUND, head, count, action
+                    return FOUND, head, count, before, action
                 if end == 0:
                     found = enter(T, G, L, K, S, F, RI, RF, D, m, BITS, HASHED, C, OBS, count, 0)
                     if found < 0:
-                        return WRONG, head, count, action
+                        return WRONG, head, count, before, action
                     if found == count:
                         BEFORE[count], BY[count] = head, action
                         count += 1
                 if not next_script(D):
                     break
+            made += number
         head += 1
-    return DONE, head, count, 0
+    return DONE, head, count, made, 0
 
 
 def forget_last(S, BITS, HASHED, first, count):

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from contextlib import closing, suppress
 from dataclasses import replace
-from math import inf, isfinite, isinf
-from time import process_time
+from math import inf, isfinite
 from typing import Any, Final
 
 import numpy as np
@@ -18,8 +17,8 @@ from envgraph.env._keys import KeyIndex, indexed_classes
 from envgraph.env._simulator import MOST_OUTCOMES, Simulator
 from envgraph.env._too_many import TooManyStates
 from envgraph.env.compiled._batch import longer
-from envgraph.env.compiled._enumeration import FIRST, Visit
-from envgraph.env.compiled._listing import DONE, FOUND, SPACE
+from envgraph.env.compiled._enumeration import FEW, FEW_OUTCOMES, FIRST, TOLD, Visit
+from envgraph.env.compiled._listing import DONE, FOUND, PAUSED, SPACE
 from envgraph.env.compiled._program import Program, program_over
 from envgraph.pattern import Negation, PatternCall, Variable
 from envgraph.rewrite import Engine
@@ -27,12 +26,6 @@ from envgraph.rewrite import Engine
 BREADTH: Final = 20_000
 WIDTH: Final = 500
 """States that are met breadth first; and how many a beam then keeps at each step."""
-FEW: Final = 2_000
-"""States that Python meets in less time than it takes to load a compiled program."""
-PATIENCE: Final = 3.0
-"""Seconds after which Python leaves even those to the compiled program: their steps may have thousands of outcomes."""
-SLICE: Final = 4
-"""States that Python leaves between two looks at the clock."""
 SEARCHES_OF_PYTHON: Final = 20
 """Small searches that take Python as long as that."""
 MOST_MATCHES: Final = 255
@@ -180,7 +173,7 @@ class Plans:
         self._searches += 1
         if program.native and self._searches <= SEARCHES_OF_PYTHON:
             slow = _Search(replace(program, native=False), self._outcome, 0, BREADTH, WIDTH, FEW, progress)
-            slow.patience = PATIENCE
+            slow.outcomes = FEW_OUTCOMES
             with suppress(TooManyStates):
                 return slow, slow.plan(guides)
         search = _Search(program, self._outcome, 0, BREADTH, WIDTH, None, progress)
@@ -226,10 +219,10 @@ class _Search(Visit):
 
     Attributes:
         before, by: of each state, the one that it was met from, and the action; -1 for those that an episode begins in.
-        patience: seconds after which it is given up.
+        outcomes: how many it may make before it is given up; None: any number.
     """
 
-    patience = inf
+    outcomes: int | None = None
 
     def __init__(
         self,
@@ -254,7 +247,7 @@ class _Search(Visit):
         first, (last, _, _) = 0, self.begin()
         self.before[:last] = -1
         met, depth, cut = last, 0, False
-        left, self._ends = _Layer(0, ()), process_time() + self.patience
+        left, self._made = _Layer(0, ()), 0
         horizon = self._program.behaviour.limit or HORIZON
         while first < last and (depth < horizon or not cut):
             if last > self._limit and last - first > self._width:
@@ -281,10 +274,7 @@ class _Search(Visit):
         """The state and the action that lead to the end, if any of a layer do, and how many states there are now."""
         head, states = first, last
         while True:
-            if process_time() > self._ends:
-                raise TooManyStates(self._program.behaviour, states)
-            until = last if isinf(self.patience) else min(head + SLICE, last)
-            how, head, states, action = self._kernels["expand"](
+            how, head, states, self._made, action = self._kernels["expand"](
                 *self._world(),
                 self._member,
                 self.floats.view(np.int64),
@@ -292,23 +282,26 @@ class _Search(Visit):
                 self.components,
                 self.observations,
                 head,
-                until,
+                last,
                 states,
+                self._made,
                 self._actions,
                 MOST_OUTCOMES,
+                self._made + TOLD if self.outcomes is None else self.outcomes,
                 self._outcome,
                 self.before,
                 self.by,
             )
             if self._progress is not None:
-                self._progress(states, 0)
-            if how == DONE and head < last:
-                continue
+                self._progress(states, self._made)
+            if how == PAUSED and self.outcomes is not None:
+                raise TooManyStates(self._program.behaviour, self._limit, outcomes=self.outcomes)
             if how in {DONE, FOUND}:
                 return ((head, action) if how == FOUND else None), states
-            if how != SPACE:
+            if how == SPACE:
+                self._grow(states, 0)
+            elif how != PAUSED:
                 self._raise(head, action)
-            self._grow(states, 0)
 
     def _cut(self, first: int, last: int, kept: np.ndarray[tuple[int], np.dtype[np.int64]]) -> int:
         """Keep some states of the last layer, and forget the others; how many there are then."""

@@ -164,13 +164,25 @@ def test_a_beam_that_dies_out_goes_on_with_what_it_had_left_out() -> None:
     assert ends_after(engine, behaviour, plan) == 5
 
 
-def test_python_gives_a_search_up_that_takes_long_for_few_states() -> None:
+def test_python_gives_a_search_up_whose_few_states_have_many_outcomes() -> None:
     engine, behaviour = opened(SOKOBAN / "small.model", SOKOBAN / "sokoban.environment")
     program = program_of(engine, behaviour, native=False)
     search = _planning._Search(program, 1, 0, 20_000, 500, None, None)
-    search.patience = 0.0
-    with pytest.raises(TooManyStates):
+    plan = search.plan(0)
+    search = _planning._Search(program, 1, 0, 20_000, 500, None, None)
+    search.outcomes = len(program.action_names) * plan.states  # of each action in a state there is one
+    assert search.plan(0) == plan
+    search = _planning._Search(program, 1, 0, 20_000, 500, None, None)
+    search.outcomes = 40
+    with pytest.raises(TooManyStates, match="more than 40 outcomes"):
         search.plan(0)
+
+
+def test_a_search_that_pauses_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    engine, behaviour = opened(SOKOBAN / "small.model", SOKOBAN / "sokoban.environment")
+    whole = found(engine, behaviour)
+    monkeypatch.setattr(_planning, "TOLD", 7)
+    assert found(engine, behaviour) == whole
 
 
 def test_guides_are_what_stands_in_the_way() -> None:
