@@ -293,7 +293,7 @@ class _Search(Visit):
                 self.by,
             )
             if self._progress is not None:
-                self._progress(states, self._made)
+                self._progress(states, 0)
             if how == PAUSED and self.outcomes is not None:
                 raise TooManyStates(self._program.behaviour, self._limit, outcomes=self.outcomes)
             if how in {DONE, FOUND}:
