@@ -54,4 +54,4 @@ def pytest_collection_finish() -> None:
     """Modules and tests are here to stay: the garbage collector need not look at them, nor so often at the rest."""
     gc.collect()
     gc.freeze()
-    gc.set_threshold(20_000)
+    gc.set_threshold(200_000)

@@ -10,7 +10,7 @@ from hypothesis import settings
 from envgraph.match import FREE, NaiveMatcher
 from envgraph.rewrite import Engine
 from tests.property.interrupting import Trip
-from tests.property.snapshots import facts
+from tests.property.snapshots import facts, spelt
 from tests.unit.rewrite.graphs import chain, engine
 
 ONCE, TWICE = (1_000, 300) if settings().max_examples > 100 else (8, 2)
@@ -51,7 +51,7 @@ class World:
 
     def state(self) -> object:
         """The facts."""
-        return sorted(map(repr, facts(self.model)))
+        return spelt(facts(self.model))
 
     def check(self) -> None:
         """Assert that everything is right."""
