@@ -11,6 +11,7 @@ from numpy.random import default_rng
 from numpy.typing import NDArray
 
 from envgraph.code import dataclass
+from envgraph.learn._comparison import SIGNIFICANT
 from envgraph.learn._intervals import bootstrap_interval, probability_of_improvement
 from envgraph.learn._significance import holm, permutation_test
 from envgraph.learn.audit._methods import CONTRASTS, PROBED, Contrast
@@ -19,7 +20,6 @@ from envgraph.learn.audit._study import Study
 
 Verdict = Literal["stands", "fails", "undecided"]
 
-SIGNIFICANT: Final = 0.05
 MARGIN: Final = 0.01
 """A gain in success that is smaller is none: where the whole interval lies below it, the claim fails."""
 

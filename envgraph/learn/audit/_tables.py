@@ -113,35 +113,19 @@ def write_audit(studies: Sequence[Study], findings: Sequence[Finding], directory
     Equal audits give equal files. `levels.csv` has the success of each run on each held-out level.
     """
     directory.mkdir(parents=True, exist_ok=True)
-    names = Summary.__dataclass_fields__
+    names, stated = tuple(Summary.__dataclass_fields__), tuple(Finding.__dataclass_fields__)
+    of_run = ("domain", "method", "seed")
+    runs = [((study.name, run.method, run.seed), study, run) for study in studies for run in study.runs]
     rankings = [
-        {"domain": study.name, "seed": run.seed, **one}
-        for study in studies
-        for run in study.runs
-        for one in run.rankings
+        {"domain": study.name, "seed": run.seed, **one} for _, study, run in runs for one in run.rankings
     ]
     files: dict[str, tuple[Sequence[str], Iterable[Sequence[Any]]]] = {
-        "methods": (
-            tuple(names),
-            ([getattr(one, name) for name in names] for study in studies for one in summaries(study)),
-        ),
+        "methods": (names, (_values(one, names) for study in studies for one in summaries(study))),
         "runs": (
-            (
-                "domain",
-                "method",
-                "seed",
-                "success",
-                "hard",
-                "regret",
-                "greedy",
-                "updates",
-                "learned_solvable",
-            ),
+            (*of_run, "success", "hard", "regret", "greedy", "updates", "learned_solvable"),
             (
                 (
-                    study.name,
-                    run.method,
-                    run.seed,
+                    *of,
                     run.final,
                     float(np.mean(run.hard)),
                     run.regret,
@@ -149,39 +133,30 @@ def write_audit(studies: Sequence[Study], findings: Sequence[Finding], directory
                     run.updates[-1],
                     run.learned_solvable,
                 )
-                for study in studies
-                for run in study.runs
+                for of, _, run in runs
             ),
         ),
         "curves": (
-            ("domain", "method", "seed", "steps", "updates", "success"),
+            (*of_run, "steps", "updates", "success"),
             (
-                (study.name, run.method, run.seed, *point)
-                for study in studies
-                for run in study.runs
+                (*of, *point)
+                for of, _, run in runs
                 for point in zip(run.steps, run.updates, run.curve, strict=True)
             ),
         ),
         "levels": (
-            ("domain", "method", "seed", "level", "success"),
+            (*of_run, "level", "success"),
             (
-                (study.name, run.method, run.seed, level, success)
-                for study in studies
-                for run in study.runs
-                for level, success in zip(study.levels.held_out.tolist(), run.success, strict=True)
+                (*of, *pair)
+                for of, study, run in runs
+                for pair in zip(study.levels.held_out.tolist(), run.success, strict=True)
             ),
         ),
         "rankings": (
             tuple(rankings[0]) if rankings else ("domain",),
             (tuple(one.values()) for one in rankings),
         ),
-        "claims": (
-            ("verdict", *Finding.__dataclass_fields__),
-            (
-                (one.verdict, *(getattr(one, name) for name in Finding.__dataclass_fields__))
-                for one in findings
-            ),
-        ),
+        "claims": (("verdict", *stated), (_values(one, ("verdict", *stated)) for one in findings)),
     }
     paths = []
     for name, (columns, rows) in files.items():
@@ -192,3 +167,7 @@ def write_audit(studies: Sequence[Study], findings: Sequence[Finding], directory
             writer.writerows(rows)
         paths.append(path)
     return paths
+
+
+def _values(one: object, names: Iterable[str]) -> list[Any]:
+    return [getattr(one, name) for name in names]
