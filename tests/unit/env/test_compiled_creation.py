@@ -152,7 +152,11 @@ def test_it_steps_as_the_live_engine_does(name: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "name", ["items are made and dropped", *(["several at once, one inside the other"] if NIGHTLY else [])]
+    "name",
+    [
+        "arrivals by chance, and each that waits may leave",
+        *(["items are made and dropped", "several at once, one inside the other"] if NIGHTLY else []),
+    ],
 )
 def test_compiled_by_numba_too(name: str, tmp_path: Path) -> None:
     pytest.importorskip("numba")

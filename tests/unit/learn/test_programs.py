@@ -22,6 +22,7 @@ from envgraph.learn import (
 )
 from envgraph.solve.learning import Stage, train_learner
 from envgraph.solve.learning._settings import Agent
+from tests.profile import NIGHTLY
 from tests.unit.env.side_by_side import BUNDLED, EXTRA, family_keys, mutants, opened
 
 KEYDOOR = BUNDLED / "keydoor"
@@ -111,7 +112,7 @@ def test_experiments_run_in_programs_and_do_not_depend_on_workers() -> None:
         run_experiment(tables, settings, curricula)
 
 
-@pytest.mark.parametrize("native", [False, True], ids=["python", "numba"])
+@pytest.mark.parametrize("native", [False, *([True] if NIGHTLY else [])])
 def test_a_learner_goes_from_program_to_program_as_from_member_to_member(native: bool) -> None:
     """Also to a program with another text, which assumes less of its members."""
     if native:
