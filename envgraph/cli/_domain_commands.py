@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
@@ -11,14 +12,16 @@ from envgraph.cli._options import (
     PATH,
     definitions_argument,
     format_option,
-    metamodel_option,
+    inputs_options,
     model_argument,
     model_or_run_argument,
-    unresolved_option,
     variant_option,
     where_option,
 )
 from envgraph.cli._output import OutputFormat, print_line
+
+if TYPE_CHECKING:  # it reads the languages, which not every command does
+    from envgraph.cli._inputs import Inputs
 
 
 @app.command()
@@ -47,24 +50,21 @@ def new(name: str, directory: Path | None, domain: str | None) -> None:
     required=True,
     help="Files of any of the languages, family files, directories, or bundled domains.",
 )
-@metamodel_option
-@unresolved_option
+@inputs_options
 @click.option(
     "--ignore", metavar="CODE", multiple=True, help="Leave out warnings of this code; may be repeated."
 )
 @format_option
 def check(
     files: tuple[str, ...],
-    metamodel: tuple[str, ...],
-    allow_unresolved: bool,
+    inputs: Inputs,
     ignore: tuple[str, ...],
     format: OutputFormat,
 ) -> int:
     """Read files and everything they import, and print all problems: position, line, hint. Exit code 1 on errors."""
     from envgraph.cli._check import check_files
-    from envgraph.cli._inputs import Inputs
 
-    return check_files(files, Inputs(metamodel, allow_unresolved), format, ignore)
+    return check_files(files, inputs, format, ignore)
 
 
 @app.command("format")
@@ -96,32 +96,22 @@ def format_(files: tuple[str, ...], check: bool, stdout: bool, language: str | N
 @model_or_run_argument
 @click.argument("queries", metavar="QUERYFILE", help="A .query or .vql file.")
 @click.argument("pattern", help="Name of a pattern, simple or qualified.")
-@click.option(
-    "--where",
-    "-w",
-    metavar="NAME=VALUE",
-    multiple=True,
-    help="Fix a parameter: an object by its name, or a value.",
-)
+@where_option
 @variant_option
-@metamodel_option
-@unresolved_option
+@inputs_options
 @format_option
 def match(
     model: str,
     queries: str,
     pattern: str,
     where: tuple[str, ...],
-    variant: str | None,
-    metamodel: tuple[str, ...],
-    allow_unresolved: bool,
+    inputs: Inputs,
     format: OutputFormat,
 ) -> None:
     """Print the matches of a pattern in a model."""
-    from envgraph.cli._inputs import Inputs
     from envgraph.cli._query import print_matches
 
-    print_matches(model, queries, pattern, where, Inputs(metamodel, allow_unresolved, variant), format)
+    print_matches(model, queries, pattern, where, inputs, format)
 
 
 @app.command()
@@ -130,27 +120,23 @@ def match(
 @click.argument("name", help="Name of a pattern, rule or environment.")
 @where_option
 @variant_option
-@metamodel_option
-@unresolved_option
+@inputs_options
 @format_option
 def explain(
     model: str,
     definitions: str,
     name: str,
     where: tuple[str, ...],
-    variant: str | None,
-    metamodel: tuple[str, ...],
-    allow_unresolved: bool,
+    inputs: Inputs,
     format: OutputFormat,
 ) -> None:
     """Print how the matches of a pattern or rule are found: the plan, with the rows of each step, and its source.
 
     Of an environment it says whether it is compiled, and else what keeps it from that.
     """
-    from envgraph.cli._inputs import Inputs
     from envgraph.cli._reasons import print_plan
 
-    print_plan(model, definitions, name, where, Inputs(metamodel, allow_unresolved, variant), format)
+    print_plan(model, definitions, name, where, inputs, format)
 
 
 @app.command("why-not")
@@ -159,24 +145,20 @@ def explain(
 @click.argument("name", help="Name of a pattern, rule, unit or derived group.")
 @where_option
 @variant_option
-@metamodel_option
-@unresolved_option
+@inputs_options
 @format_option
 def why_not(
     model: str,
     definitions: str,
     name: str,
     where: tuple[str, ...],
-    variant: str | None,
-    metamodel: tuple[str, ...],
-    allow_unresolved: bool,
+    inputs: Inputs,
     format: OutputFormat,
 ) -> None:
     """Print why a pattern or rule has no match, or a unit fails: how far it comes, and what is in the way."""
-    from envgraph.cli._inputs import Inputs
     from envgraph.cli._reasons import print_reasons
 
-    print_reasons(model, definitions, name, where, Inputs(metamodel, allow_unresolved, variant), format)
+    print_reasons(model, definitions, name, where, inputs, format)
 
 
 @app.command()
@@ -192,8 +174,7 @@ def why_not(
     "not given is the only object of its class.",
 )
 @variant_option
-@metamodel_option
-@unresolved_option
+@inputs_options
 @click.option(
     "--times", type=click.IntRange(min=1), default=1, help="How often; ends early when nothing matches."
 )
@@ -207,9 +188,7 @@ def apply(
     rules: str,
     rule: str,
     where: tuple[str, ...],
-    variant: str | None,
-    metamodel: tuple[str, ...],
-    allow_unresolved: bool,
+    inputs: Inputs,
     times: int,
     seed: int,
     output: Path | None,
@@ -218,7 +197,6 @@ def apply(
     format: OutputFormat,
 ) -> int:
     """Apply a rule to a model, at matches drawn at random, and print what was done. Exit code 1 if that is nothing."""
-    from envgraph.cli._inputs import Inputs
     from envgraph.cli._query import apply_rule
 
     applied = apply_rule(
@@ -226,7 +204,7 @@ def apply(
         rules,
         rule,
         where,
-        inputs=Inputs(metamodel, allow_unresolved, variant),
+        inputs=inputs,
         times=times,
         seed=seed,
         output=output,
@@ -240,24 +218,20 @@ def apply(
 @model_argument
 @click.argument("rules", metavar="RULESFILE", help="A .rules file.")
 @click.argument("trace", type=PATH, help="What `envgraph apply --trace` wrote.")
-@metamodel_option
-@unresolved_option
+@inputs_options
 @click.option("--output", "-o", type=PATH, help="Write the resulting model here: .model, .xmi or .json.")
 @format_option
 def replay(
     model: str,
     rules: str,
     trace: Path,
-    metamodel: tuple[str, ...],
-    allow_unresolved: bool,
+    inputs: Inputs,
     output: Path | None,
     format: OutputFormat,
 ) -> None:
     """Do again what a trace says, and compare each state with the recorded one. Exit code 1 where they differ."""
-    from envgraph.cli._inputs import Inputs
     from envgraph.cli._replay import replay_trace
 
-    inputs = Inputs(metamodel, allow_unresolved)
     replay_trace(model, rules, trace, inputs=inputs, output=output, format=format)
 
 
@@ -266,15 +240,13 @@ def replay(
 @click.argument(
     "output", type=PATH, help="Where to: a metamodel as .ecore; a model as .model, .xmi or .json."
 )
-@metamodel_option
-@unresolved_option
+@inputs_options
 @click.option("--lossy", is_flag=True, help="Write what can be kept, although warnings say what is lost.")
-def convert(file: str, output: Path, metamodel: tuple[str, ...], allow_unresolved: bool, lossy: bool) -> None:
+def convert(file: str, output: Path, inputs: Inputs, lossy: bool) -> None:
     """Write a metamodel or a model in a format of other tools: Ecore, XMI, JSON.
 
     Exit code 1 if something of it cannot be kept, which warnings say; then nothing is written.
     """
     from envgraph.cli._convert import convert_file
-    from envgraph.cli._inputs import Inputs
 
-    convert_file(file, output, Inputs(metamodel, allow_unresolved), lossy=lossy)
+    convert_file(file, output, inputs, lossy=lossy)

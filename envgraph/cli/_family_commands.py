@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -126,9 +127,7 @@ def optimise(
 
 
 @app.command("verify")
-@click.argument(
-    "run", help="A run: its name below `runs`, its directory or its run.sqlite; or a family file (.json)."
-)
+@run_argument
 @directory_option
 @format_option
 def verify_(run: str, directory: Path, format: OutputFormat) -> None:
@@ -288,33 +287,11 @@ def import_(
 )
 @directory_option
 @format_option
-def train(
-    run: str,
-    steps: str | None,
-    seeds: int | None,
-    curricula: str | None,
-    controls: str | None,
-    workers: int,
-    resume: bool,
-    force: bool,
-    directory: Path,
-    format: OutputFormat,
-) -> None:
+def train(run: str, directory: Path, **asked: Any) -> None:
     """Train agents on curricula, single environments and controls, and evaluate them on the target."""
     from envgraph.cli._learn import train_agents
 
-    train_agents(
-        run,
-        directory,
-        steps=steps,
-        seeds=seeds,
-        curricula=curricula,
-        controls=controls,
-        workers=workers,
-        resume=resume,
-        force=force,
-        format=format,
-    )
+    train_agents(run, directory, **asked)
 
 
 @app.command()
@@ -356,32 +333,14 @@ def report(run: str, output: Path | None, directory: Path, format: OutputFormat)
 )
 @click.option("--force", is_flag=True, help="Replace what an earlier one has written.")
 @format_option
-def reproduce(
-    what: str,
-    output: Path,
-    seeds: int,
-    steps: str,
-    times: bool,
-    workers: int,
-    force: bool,
-    format: OutputFormat,
-) -> None:
+def reproduce(what: str, output: Path, **asked: Any) -> None:
     """Make the paper's experiments again, with many seeds and controls: which of its claims hold.
 
     Writes a page, its tables as CSV and its charts as SVG.
     """
     from envgraph.cli._reproduce import reproduce_paper
 
-    reproduce_paper(
-        what,
-        output,
-        seeds=seeds,
-        steps=steps,
-        times=times,
-        workers=workers,
-        force=force,
-        format=format,
-    )
+    reproduce_paper(what, output, **asked)
 
 
 @app.command()
@@ -428,33 +387,11 @@ def reproduce(
 @click.option("--force", is_flag=True, help="Replace an audit of other files or with other settings.")
 @click.option("--directory", "-d", type=PATH, default=Path("audits"), help="Where audits are kept.")
 @format_option
-def audit(
-    families: tuple[str, ...],
-    seeds: int | None,
-    controls: int | None,
-    steps: int | None,
-    methods: str | None,
-    overrides: tuple[str, ...],
-    workers: int,
-    force: bool,
-    directory: Path,
-    format: OutputFormat,
-) -> None:
+def audit(families: tuple[str, ...], directory: Path, **asked: Any) -> None:
     """Say what the scores by which curricula choose levels rank, teach and cost, beside exact regret and learnability.
 
     An audit that was interrupted goes on where it was. Writes audit.html, its figures, and tables as CSV.
     """
     from envgraph.cli._audit import audit_scores
 
-    audit_scores(
-        families,
-        directory,
-        seeds=seeds,
-        controls=controls,
-        steps=steps,
-        methods=methods,
-        workers=workers,
-        force=force,
-        overrides=overrides,
-        format=format,
-    )
+    audit_scores(families, directory, **asked)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import wraps
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import click
 
@@ -56,6 +58,23 @@ unresolved_option = click.option(
     is_flag=True,
     help="Leave links of EMF models to files and objects that are nowhere out, with a warning.",
 )
+Command = Callable[..., Any]
+
+
+def inputs_options(command: Command) -> Command:
+    """Gives a command how its files are read, as `inputs`."""
+
+    @wraps(command)
+    def read(
+        metamodel: tuple[str, ...], allow_unresolved: bool, variant: str | None = None, **rest: Any
+    ) -> Any:
+        from envgraph.cli._inputs import Inputs
+
+        return command(inputs=Inputs(metamodel, allow_unresolved, variant), **rest)
+
+    return metamodel_option(unresolved_option(read))
+
+
 definitions_argument = click.argument("definitions", metavar="FILE", help="A .query, .vql or .rules file.")
 where_option = click.option(
     "--where",
