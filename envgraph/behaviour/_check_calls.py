@@ -30,17 +30,27 @@ class CallChecking(Checking):
 
     def branches(self, branches: Sequence[Branch], scope: Scope) -> list[Scope]:
         """Check a choice; returns the outputs of each branch."""
-        for branch in branches:
-            if not (isfinite(branch.probability) and 0.0 <= branch.probability <= 1.0):
-                message = f"{branch.probability} is no probability"
-                span = branch.probability_span or branch.span
-                self.report("bad-probability", message, span, "a number from 0 to 1")
-        probabilities = [branch.probability for branch in branches]
-        if all(0.0 <= p <= 1.0 for p in probabilities) and sum(probabilities) > 1.0 + 1e-9:
-            last = branches[-1]
-            message = f"the probabilities add up to {sum(probabilities):.6g}, which is above 1"
-            self.report("bad-probability", message, last.probability_span or last.span, _share_hint(branches))
+        fixed = [self._probability(branch, scope) for branch in branches]
+        if all(0.0 <= one <= 1.0 for one in fixed) and sum(fixed) > 1.0 + 1e-9:
+            message = f"the probabilities add up to {sum(fixed):.6g}, which is above 1"
+            last = next(
+                branch for branch, one in zip(reversed(branches), reversed(fixed), strict=True) if one
+            )
+            self.report("bad-probability", message, last.probability_span or last.span, _share_hint(fixed))
         return [self.call(branch.call, scope) for branch in branches]
+
+    def _probability(self, branch: Branch, scope: Scope) -> float:
+        """Check the probability of a branch; returns what it certainly is at least."""
+        given, span = branch.probability, branch.probability_span or branch.span
+        if not isinstance(given, int | float):
+            type_, problems = check_expression(given, scope, self.metamodel, expected=Scalar.FLOAT)
+            self.problems.extend(problems)
+            if type_ is None and isinstance(given, Constant):
+                self.report("bad-probability", "`none` is no probability", span, "a number from 0 to 1")
+            return 0.0
+        if not (isfinite(given) and 0.0 <= given <= 1.0):
+            self.report("bad-probability", f"{given} is no probability", span, "a number from 0 to 1")
+        return given
 
     def rewards(self, action: Action, scope: Scope, outputs: list[Scope]) -> None:
         """Check the rewards of an action, given the outputs of each branch."""
@@ -172,6 +182,6 @@ def _count(signature: Signature) -> str:
     return f"{count} argument" + ("" if count == 1 else "s")
 
 
-def _share_hint(branches: Sequence[Branch]) -> str | None:
-    rest = 1.0 - sum(branch.probability for branch in branches[:-1])
-    return f"at most {rest:.6g} is left for the last" if rest > 0.0 and len(branches) > 1 else None
+def _share_hint(probabilities: Sequence[float]) -> str | None:
+    rest = 1.0 - sum(probabilities[:-1])
+    return f"at most {rest:.6g} is left for the last" if rest > 0.0 and len(probabilities) > 1 else None

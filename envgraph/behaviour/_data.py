@@ -26,9 +26,14 @@ class RuleCall:
 
 @dataclass(frozen=True, slots=True)
 class Branch:
-    """One outcome of a stochastic choice; what the probabilities lack to 1 does nothing."""
+    """One outcome of a stochastic choice; what the probabilities lack to 1 does nothing.
 
-    probability: float
+    Attributes:
+        probability: a number from 0 to 1, or what computes it in the state in which the choice is made; 0 where that
+            has no value because an object is gone.
+    """
+
+    probability: float | Expression
     call: RuleCall
     span: Span | None = field(default=None, compare=False, repr=False)
     probability_span: Span | None = field(default=None, compare=False, repr=False)
@@ -80,9 +85,9 @@ class OnFind:
 
 @dataclass(frozen=True, slots=True)
 class OnReset:
-    """`on reset apply r(..)`: one of the matches, equally likely, is applied to the initial model."""
+    """`on reset apply branches`: a branch is drawn, then one of the matches of its rule, for the initial model."""
 
-    apply: RuleCall
+    apply: tuple[Branch, ...]
     span: Span | None = field(default=None, compare=False, repr=False)
 
 

@@ -96,7 +96,7 @@ def is_gone(model: Model, node: object, cls: str | None) -> bool:
 def readings(behaviour: Behaviour) -> list[Reading]:
     """Everything that observations and rewards read from parameters, agents and parameters of actions."""
     shared = _callers(behaviour)
-    resets = tuple(Caller(reset.apply) for reset in behaviour.resets)
+    resets = tuple(Caller(branch.call) for reset in behaviour.resets for branch in reset.apply)
     everywhere = (*resets, *shared, *(one for agent in behaviour.agents for one in _callers(agent)))
     classes = {parameter.name: parameter.type or "" for parameter in behaviour.parameters}
     ending = _ending(behaviour)

@@ -185,7 +185,7 @@ def _numbered(actions: Sequence[PreparedAction], names: Sequence[str]) -> tuple[
 
 def _idle(name: str) -> PreparedAction:
     """An action that only other agents have."""
-    return PreparedAction(name, (), Alternatives((), ()), None, None, 0)
+    return PreparedAction(name, (), Alternatives(lambda _: (), ()), None, None, 0)
 
 
 def unbound(behaviour: Behaviour, model: Model) -> list[Diagnostic]:

@@ -71,12 +71,12 @@ class PreparedCall:
 class Alternatives:
     """Branches of a stochastic choice; a call that is None does nothing."""
 
-    probabilities: tuple[float, ...]
+    probabilities: Callable[[Scope], Sequence[float]]
     calls: tuple[PreparedCall | None, ...]
 
     def run(self, scope: Scope, choices: Choices, model: Model) -> Scope | None:
         """Draw a branch and run it; None if no rule was applied."""
-        position = choices.choose(self.probabilities)
+        position = choices.choose(self.probabilities(scope))
         if position is None:
             return None
         call = self.calls[position]

@@ -44,6 +44,7 @@ from envgraph.env._prepared import (
     Scope,
 )
 from envgraph.env._rulebook import applying
+from envgraph.env._sampling import lacking
 from envgraph.errors import EvaluationError, Span
 from envgraph.graph import Model
 from envgraph.match import Row
@@ -112,7 +113,7 @@ class Program:
         self.actions = [one for action, types in actions for one in self._actions(action, types, effects)]
         self.effects = [self._effect(effect, types) for effect, types in effects]
         self._asked = effects
-        self.resets = [self._call(reset.apply) for reset in behaviour.resets]
+        self.resets = [self._alternatives(reset.apply) for reset in behaviour.resets]
         self.components = [part for clause, types in seen for part in self._components(clause, types)]
 
     # --- actions
@@ -151,10 +152,36 @@ class Program:
         return self._objects[cls]
 
     def _alternatives(self, branches: Sequence[Branch]) -> Alternatives:
-        return Alternatives(
-            tuple(branch.probability for branch in branches),
-            tuple(self._call(branch.call) for branch in branches),
-        )
+        return Alternatives(self._chances(branches), tuple(self._call(branch.call) for branch in branches))
+
+    def _chances(self, branches: Sequence[Branch]) -> Callable[[Scope], Sequence[float]]:
+        given = [branch.probability for branch in branches]
+        fixed = [one for one in given if isinstance(one, int | float)]
+        if len(fixed) == len(given):
+            return lambda _: fixed
+
+        def chances(scope: Scope) -> list[float]:
+            found = [self._chance(one, scope) for one in given]
+            if lacking(found) < -1e-9:
+                span = branches[-1].probability_span or branches[-1].span
+                added = f"{1.0 - lacking(found):.6g}"
+                raise EvaluationError(f"the probabilities add up to {added}, which is above 1", span)
+            return found
+
+        return chances
+
+    def _chance(self, given: float | Expression, scope: Scope) -> float:
+        if isinstance(given, int | float):
+            return given
+        try:
+            value = _number(given, scope, self._read, "a probability")
+        except EvaluationError:
+            if any(is_gone(self.model, scope[root.name], None) for root in roots(given)):
+                return 0.0
+            raise
+        if not 0.0 <= value <= 1.0:
+            raise EvaluationError(f"{value:g} is no probability", given.span, "a number from 0 to 1")
+        return value
 
     def _call(self, call: RuleCall) -> PreparedCall | None:
         if call.rule is None:
@@ -382,15 +409,14 @@ def _fixed(value: float) -> Reward:
     return lambda _: value
 
 
-def _number(reward: Expression, scope: Scope, read: Reader) -> float:
+def _number(expression: Expression, scope: Scope, read: Reader, what: str = "a reward") -> float:
     try:
-        value = evaluate(reward, scope, read)
+        value = evaluate(expression, scope, read)
     except EvaluationError as error:
-        raise _unvalued(error, "a reward", reward, scope, read) from None
+        raise _unvalued(error, what, expression, scope, read) from None
     if value is None:
-        raise EvaluationError(
-            "a reward has no value", reward.span, "a path in it leads nowhere in this state"
-        )
+        hint = "a path in it leads nowhere in this state"
+        raise EvaluationError(f"{what} has no value", expression.span, hint)
     return float(value)
 
 

@@ -59,6 +59,14 @@ def _within(offset: float, width: float) -> float:
     return min(max(offset / width, 0.0), _BELOW_ONE)
 
 
+def lacking(probabilities: Sequence[float]) -> float:
+    """1 less the probabilities, added up in their order as `Draw` does; `sum` rounds differently in some Pythons."""
+    total = 0.0
+    for probability in probabilities:
+        total += probability
+    return 1.0 - total
+
+
 def cumulative(probability: NDArray[np.float64]) -> NDArray[np.float64]:
     """Running sums along the last axis, such that `searchsorted(.., u, "right")` never finds an impossible outcome.
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Iterator, Sequence
-from math import fsum, prod
+from math import prod
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from envgraph.env._agents import Agents
 from envgraph.env._keys import KeyIndex, indexed_classes
 from envgraph.env._prepared import Choices, PreparedAction, PreparedClause, PreparedEach, Scope
 from envgraph.env._program import Program
-from envgraph.env._sampling import Draw
+from envgraph.env._sampling import Draw, lacking
 from envgraph.env._too_many import TooManyOutcomes
 from envgraph.env.scene._scene import DRAW_HINT, Painter
 from envgraph.errors import InvalidArgument, ResolutionError, Severity
@@ -48,10 +48,11 @@ class Simulator:
     The state of the engine when the simulator is made is the initial one. From the first `reset` to `close` the
     simulator keeps a savepoint open, so that meanwhile nothing else may commit or check out.
 
-    A step: (a) draws a branch of the action, then one of the matches of its rule, and applies it; without a match
-    the state stays. (b) `each step` rules in the same way. (c) All `on` clauses are matched on this one state. (d) All
-    rewards are evaluated on it and summed in the order of the file; failure beats success. (e) The `apply`s of the
-    clauses run in that order, each only if its match still is one; (f) the agent observes.
+    A step: (a) draws a branch of the action, with probabilities as they are in that state, then one of the matches of
+    its rule, and applies it; without a match the state stays. (b) `each step` rules in the same way. (c) All `on`
+    clauses are matched on this one state. (d) All rewards are evaluated on it and summed in the order of the file;
+    failure beats success. (e) The `apply`s of the clauses run in that order, each only if its match still is one; (f)
+    the agent observes.
 
     `reward` of an action counts when its rule was applied or the branch `nothing()` was drawn, `else reward` when there
     was no match, or when the probability that is missing to 1 was drawn.
@@ -217,9 +218,8 @@ class Simulator:
     def _begin(self, choices: Choices) -> None:
         shared = self._agents.seats[0].program
         shared.done.clear()
-        for call in shared.resets:
-            if call is not None:
-                call.run(shared.bound, choices, self._model)
+        for branches in shared.resets:
+            branches.run(shared.bound, choices, self._model)
         self._check_needed(shared)
         self.turn = self._agents.after(-1)
 
@@ -301,7 +301,7 @@ class _Recorded:
     def choose(self, probabilities: Sequence[float]) -> int | None:
         """See `Choices`."""
         possible: list[tuple[int | None, float]] = [(i, p) for i, p in enumerate(probabilities) if p > 0.0]
-        missing = 1.0 - fsum(probabilities)
+        missing = lacking(probabilities)
         if missing > 1e-12:
             possible.append((None, missing))
         position, probability = possible[self._take(len(possible))]

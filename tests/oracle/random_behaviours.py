@@ -200,8 +200,8 @@ class _Builder:
             for number in range(dice.number(1, 2)):
                 found = self._agent(found, number)
         for _ in range(dice.one([0, 0, 1, 2])):
-            call, _ = self._call(self._scope)
-            found = self._with(found, resets=(*found.resets, OnReset(call)))
+            branches, _ = self._branches(self._scope)
+            found = self._with(found, resets=(*found.resets, OnReset(branches)))
         return found
 
     def _agent(self, found: Behaviour, number: int) -> Behaviour:
@@ -292,7 +292,16 @@ class _Builder:
         chances = dice.one([(0.5,), (0.3, 0.7), (0.1, 0.2, 0.3), (0.7, 0.2, 0.1), (0.0, 0.4)])
         others = [RuleCall(None) if dice.chance(20) else self._call(scope)[0] for _ in chances[1:]]
         made = zip(chances, (call, *others), strict=True)
-        return tuple(Branch(chance, one) for chance, one in made), {} if others else outputs
+        branches = tuple(Branch(self._chance(chance, scope), one) for chance, one in made)
+        return branches, {} if others else outputs
+
+    def _chance(self, most: float, scope: dict[str, StaticType]) -> float | Expression:
+        """A probability: a number, one of two numbers as the state is, or whatever there is, even no probability."""
+        dice = self._dice
+        if dice.chance(10):
+            return self._value(scope, Scalar.FLOAT, depth=1)
+        test = self._test(scope) if dice.chance(40) else None
+        return most if test is None else Conditional(test, Constant(most), Constant(most / 2))
 
     def _call(self, scope: dict[str, StaticType]) -> tuple[RuleCall, dict[str, StaticType]]:
         dice, engine = self._dice, self._engine

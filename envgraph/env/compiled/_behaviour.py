@@ -339,7 +339,7 @@ class _Program:
             writer = Writer(self._matching, self._engine, self._behaviour.name, code.Return(ZERO))
             scope, _, _ = self._scope(None)
             for reset in self._behaviour.resets:
-                writer.run(reset.apply, scope)
+                writer.alternatives(reset.apply, scope)
             self._check_needed(writer, scope, None)
             self._tidy(writer)
             writer.add(code.Return(ZERO))

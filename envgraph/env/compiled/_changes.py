@@ -34,7 +34,7 @@ from envgraph.rewrite.plans import (
 
 def calls_of(behaviour: Behaviour) -> Iterator[RuleCall]:
     """Every call of a rule that a behaviour makes."""
-    yield from (reset.apply for reset in behaviour.resets)
+    yield from (branch.call for reset in behaviour.resets for branch in reset.apply)
     owners: tuple[Behaviour | Agent, ...] = (behaviour, *behaviour.agents)
     for owner in owners:
         for action in owner.actions:

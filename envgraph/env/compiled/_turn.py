@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from math import fsum
 
 from envgraph import code
 from envgraph.behaviour import (
@@ -20,6 +19,7 @@ from envgraph.behaviour import (
 )
 from envgraph.code import dataclass
 from envgraph.env._program import ENDS, Types, added, stands_before
+from envgraph.env._sampling import lacking
 from envgraph.env.compiled._bodies import CAPACITY
 from envgraph.env.compiled._changes import plan_of
 from envgraph.env.compiled._effects import Effects
@@ -190,12 +190,16 @@ class Writer:
 
     def _check_argument(self, argument: Expression, scope: Mapping[str, Term], term: Term) -> None:
         """An argument that fails is an error, unless it reads from an object that is gone."""
+        wrong = code.inverse(code.joined("and", term.valid, True))
+        self.add(code.If(code.joined("and", [*self._there(argument, scope), wrong], True), self.fail()))
+
+    def _there(self, expression: Expression, scope: Mapping[str, Term]) -> list[code.Expression]:
+        """Tests that the objects from which an expression reads are not deleted."""
         there: list[code.Expression] = []
-        for root in roots(argument):
+        for root in roots(expression):
             there += scope[root.name].present
             there += [alive] if (alive := self.alive(scope[root.name])) is not None else []
-        wrong = code.inverse(code.joined("and", term.valid, True))
-        self.add(code.If(code.joined("and", [*there, wrong], True), self.fail()))
+        return there
 
     def _applying(self, rule: RuleCall, bound: tuple[str, ...], wanted: tuple[str, ...]) -> str:
         """The function that applies a rule: 1 and the outputs, 0 without a match, -1 where that is refused."""
@@ -237,14 +241,11 @@ class Writer:
 
     def alternatives(self, branches: Sequence[Branch], scope: Mapping[str, Term]) -> Called:
         """Draw a branch and run it."""
-        probabilities = [branch.probability for branch in branches]
-        if probabilities == [1.0]:
+        if [branch.probability for branch in branches] == [1.0]:
             return self.run(branches[0].call, scope)
         done, drawn = self.module.fresh("done"), self.module.fresh("b")
-        chances = code.tuple_of(*(code.Constant(float(one)) for one in probabilities))
         self.assign(done, ZERO)
-        lacking = code.Constant(1.0 - fsum(probabilities))
-        self.assign(drawn, code.call("choose", D, chances, lacking))
+        self.assign(drawn, code.call("choose", D, *self._chances(branches, scope)))
         outputs: dict[str, Term] = {}
         for number, branch in enumerate(branches):
 
@@ -260,6 +261,43 @@ class Writer:
 
             self.when(code.equal(drawn, code.Constant(number)), write)
         return Called(done, outputs)
+
+    def _chances(self, branches: Sequence[Branch], scope: Mapping[str, Term]) -> Sequence[code.Expression]:
+        """Code for the probabilities of branches, and for what they lack to 1."""
+        given = [branch.probability for branch in branches]
+        fixed = [float(one) for one in given if isinstance(one, int | float)]
+        if len(fixed) == len(given):
+            return code.tuple_of(*map(code.Constant, fixed)), code.Constant(lacking(fixed))
+        chances = [self._chance(one, scope) for one in given]
+        left = self.module.fresh("left", "float")
+        self.assign(left, code.Constant(0.0))
+        for chance in chances:
+            self.add(code.Assign(left, chance, "+="))
+        self.assign(left, code.Operation("-", (code.Constant(1.0), left)))
+        self.add(code.If(code.Operation("<", (left, code.Constant(-1e-9))), self.fail()))
+        return code.tuple_of(*chances), left
+
+    def _chance(self, given: float | Expression, scope: Mapping[str, Term]) -> code.Expression:
+        """Code for a probability, which is 0 where it has no value because an object is gone."""
+        if isinstance(given, int | float):
+            return code.Constant(float(given))
+        term = self.value(given, scope)
+        chance = self.facts.local(Scalar.FLOAT)
+        self.assign(chance, code.Constant(0.0))
+        within = [code.Operation("<=", pair) for pair in ((ZERO, chance), (chance, ONE))]
+        valued = (
+            code.Assign(chance, as_float(term)),
+            code.If(code.inverse(code.joined("and", within, True)), self.fail()),
+        )
+        lacking_value = code.If(code.joined("and", self._there(given, scope), True), self.fail())
+        self.add(
+            *(
+                (code.If(code.joined("and", term.tests, True), valued, (lacking_value,)),)
+                if term.tests
+                else valued
+            )
+        )
+        return chance
 
     # --- questions
 

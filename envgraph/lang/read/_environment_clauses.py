@@ -100,20 +100,27 @@ def branches_of(reading: Reading, tree: Tree[Token]) -> tuple[Branch, ...]:
     parts = trees(tree.children, "branch")
     branches: list[Branch] = []
     for part in parts:
-        call = _rule_call(reading, trees(part.children)[0])
-        numbers = tokens(part.children)
-        if not numbers and len(parts) > 1:
+        call = _rule_call(reading, trees(part.children, "rule_call")[0])
+        chances = trees(part.children, "probability")
+        if not chances and len(parts) > 1:
             hint = f"write `0.5: {reading.text(part)}`"
             reading.error("missing-probability", "each of several branches needs a probability", part, hint)
         branches.append(
             Branch(
-                float(number_of(numbers[0])) if numbers else 1.0 if len(parts) == 1 else 0.0,
+                _probability(reading, chances[0]) if chances else 1.0 if len(parts) == 1 else 0.0,
                 call,
                 reading.span(part),
-                probability_span=reading.span(numbers[0]) if numbers else None,
+                probability_span=reading.span(chances[0]) if chances else None,
             )
         )
     return tuple(branches)
+
+
+def _probability(reading: Reading, tree: Tree[Token]) -> float | Expression:
+    """A number, a path, or an expression in brackets."""
+    for part in trees(tree.children):
+        return chain_of(reading, part) if part.data == "chain" else expression_of(reading, part)
+    return float(number_of(tokens(tree.children)[0]))
 
 
 def _rule_call(reading: Reading, tree: Tree[Token]) -> RuleCall:
@@ -204,7 +211,7 @@ def _end(tree: Tree[Token]) -> Literal["success", "failure"]:
 
 
 def on_reset_of(reading: Reading, tree: Tree[Token]) -> OnReset | None:
-    """The data of `on reset apply r(..)`."""
+    """The data of `on reset apply branches`."""
     parts = _parts(reading, tree)
     for part in (parts.reward, parts.terminate):
         if part is not None:
@@ -214,19 +221,7 @@ def on_reset_of(reading: Reading, tree: Tree[Token]) -> OnReset | None:
         if not (parts.reward or parts.terminate):
             reading.error("empty-clause", "this does nothing", tree, "write `on reset apply rule(...)`")
         return None
-    call = _one_call(reading, parts.apply)
-    return OnReset(call, reading.span(tree)) if call else None
-
-
-def _one_call(reading: Reading, apply: Tree[Token]) -> RuleCall | None:
-    """The one rule after `apply` of `on reset`."""
-    branches = trees(apply.children)[0]
-    first = trees(branches.children)[0]
-    if len(trees(branches.children)) > 1 or tokens(first.children):
-        hint = "apply a unit that chooses by `@weight`"
-        reading.error("misplaced-part", "`on reset` applies one rule, without a probability", branches, hint)
-        return None
-    return _rule_call(reading, trees(first.children)[0])
+    return OnReset(branches_of(reading, trees(parts.apply.children)[0]), reading.span(tree))
 
 
 # --- observations ---

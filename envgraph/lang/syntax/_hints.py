@@ -104,6 +104,11 @@ def habit(grammar: Grammar, states: list[int], lexemes: Sequence[Lexeme], index:
             return f"a number has a range: write `in 0..{lexemes[index + 2].value}`"
         if word == "%" and grammar.accepts(states, signs[":"]):
             return f"a probability is a number from 0 to 1: write `{float(before[1]) / 100:g}`"
+        if (word in ("+", "-", "*", "/") and grammar.accepts(states, signs[":"])) or (before[1], word) == (
+            ")",
+            ":",
+        ):
+            return "a probability that is computed stands in brackets: `(1 - x.loss): rule(x)`"
     if before[1] == "=" and word == ">":
         return "write `>=`"
     if "neg" not in keywords:

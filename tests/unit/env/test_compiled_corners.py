@@ -612,6 +612,31 @@ CORNERS = {
         pattern near(i : Item, j : Item) { Item(i); Item(j); i != j; }
         """,
     ),
+    "probabilities that the state has": Corner(
+        """
+        rule light(s : Spot) { lhs { s : Spot; } modify { set s.lit = true; set s.f = s.f * 0.5; } }
+        rule dark(s : Spot) { lhs { s : Spot; } modify { set s.lit = false; set s.f = 0.5; } }
+        rule walk(m : Man, s : Spot) { lhs { s : Spot; m : Man; } modify { set m.at = s; set m.power = 0.75; } }
+        rule tire(m : Man) { lhs { check m.power > 0.1; } modify { set m.power -= 0.25; } }
+        rule madden(m : Man) { lhs { m : Man; } modify { set m.power = m.power * 2.0; } }
+        @semantics(spo) rule kill(i : Item) { lhs { i : Item; } modify { delete i; } }
+        rule grow(i : Item) { lhs { i : Item; } modify { set i.weight = 0.25; } }
+        """,
+        """
+        action walk(s : Spot) = s.f: walk(adam, s) | 0.25: nothing() reward s.f else reward -1
+        action light(s : Spot) = (adam.at.f / 2.0): light(s) | (s.lit ? 0.1 : 0.2): dark(s)
+        action tire = (adam.power <= 1.0 ? adam.power : 1.0): tire(adam)
+        action madden = adam.power: madden(adam)
+        action kill(i : Item) = i.weight: kill(i) | 0.125: grow(i) reward 1 else reward -0.5
+        each step apply adam.at.f: light(adam.at) | (0.5 - adam.at.f): dark(adam.at)
+        on find lit(s) reward 1 apply s.f: dark(s) | s.f: light(s)
+        on reset apply (adam.power - 1.0): walk(adam, adam.at) | adam.at.f: light(adam.at)
+        observe adam.at among Spot or none
+        observe s.lit for s : Spot
+        observe count find item(_) up to 5
+        """,
+        "pattern lit(s : Spot) { Spot.lit(s, true); } pattern item(i : Item) { Item(i); }",
+    ),
     "matches that each other's `apply` takes away": Corner(
         """
         rule eat(i : Item) { lhs { i : Item -pair-> j : Item; }

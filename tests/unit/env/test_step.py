@@ -47,6 +47,40 @@ def test_a_rule_without_a_match_leaves_the_state() -> None:
     assert [(p, up) for p, up, _ in outcomes("action drop = drop(hand)")] == [(1.0, "ab")]
 
 
+def test_probabilities_are_those_of_the_state() -> None:
+    text = "action toss(coin : Coin) = (coin.value / 8.0): turnOver(coin) | 0.25: count(hand, coin.value)"
+    assert [(p, up) for p, up, _ in outcomes(text, 1)] == [(0.25, "a"), (0.25, "ab"), (0.5, "ab")]
+    moved = simulator("action move = (0.75 - hand.moves / 4.0): count(hand, 2) reward 1 else reward -1")
+    assert [p for p, _, _ in moved.outcomes(0)] == [0.75, 0.25]
+    moved.engine.model["hand"].moves = 2
+    assert [p for p, _, _ in moved.outcomes(0)] == [0.25, 0.75]
+
+
+def test_a_probability_of_an_object_that_is_gone_is_0() -> None:
+    text = "action wait = nothing()\naction take(coin : Coin) = (coin.value / 4.0): turnOver(coin) | 0.5: lose(coin)"
+    coins = simulator(text)
+    take = coins.action_names.index("take(a)")
+    assert [round(p, 12) for p, _, _ in coins.outcomes(take)] == [0.25, 0.5, 0.25]
+    coins.engine.apply("lose", coin=coins.engine.model["a"])
+    assert [(p, sides(coins.engine)) for p, _, _ in coins.outcomes(take)] == [(0.5, "b"), (0.5, "b")]
+
+
+@pytest.mark.parametrize(
+    ("chance", "message", "place"),
+    [
+        ("(coin.value - 3.0)", "-1 is no probability", "coin.value - 3.0"),
+        ("(coin.over.value / 4.0)", "a probability has no value", "coin.over"),
+        ("(coin.value / 2.0)", "the probabilities add up to 1.5, which is above 1", "0.5"),
+    ],
+)
+def test_what_is_no_probability_in_a_state_is_an_error(chance: str, message: str, place: str) -> None:
+    coins = simulator(f"action toss(coin : Coin) = {chance}: turnOver(coin) | 0.5: nothing()")
+    with pytest.raises(EvaluationError) as caught:
+        list(coins.outcomes(1))
+    assert caught.value.message.startswith(message)
+    assert caught.value.span is not None and caught.value.span.text.startswith(place)
+
+
 def test_reward_counts_when_a_rule_was_applied_and_else_reward_when_none_matched() -> None:
     assert rewards("action turn = 0.75: turn() | 0.25: drop(hand) reward 2 else reward -3") == {
         2.0: 0.75,
@@ -260,6 +294,18 @@ def test_a_reset_draws_one_of_the_matches_and_asks_no_clause() -> None:
     tabular = table("action wait = nothing()\non reset apply turn()\nobserve count find up(_) up to 3")
     assert (tabular.start_states.tolist(), tabular.start_probability.tolist()) == ([0, 1], [0.5, 0.5])
     assert tabular.observation.tolist() == [1, 1]
+
+
+def test_a_reset_draws_a_branch() -> None:
+    coins = simulator(
+        "action wait = nothing()\non reset apply 0.5: turn() | (table.hand.moves + 0.25): drop(hand)"
+    )
+    assert [(p, sides(coins.engine)) for p in coins.starts()] == [
+        (0.25, "a"),
+        (0.25, "b"),
+        (0.25, "ab"),
+        (0.25, "ab"),
+    ]
 
 
 def test_a_reset_without_a_match_starts_at_the_model() -> None:

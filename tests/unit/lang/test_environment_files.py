@@ -203,7 +203,7 @@ def test_a_whole_file() -> None:
                 OnFind(PatternCall("done", (Variable("hall"),)), terminate="success"),
                 EachStep(Constant(2.0)),
             ),
-            resets=(OnReset(RuleCall("start", (Variable("hall"),))),),
+            resets=(OnReset((Branch(1.0, RuleCall("start", (Variable("hall"),))),)),),
             agents=(
                 Agent(
                     "robot",
