@@ -18,7 +18,8 @@ from envgraph.pattern._queries import (
 )
 from envgraph.pattern._terms import Binary, Constant, Variable
 
-_PACKAGE = "conformance"
+_PREFIX = "conformance"
+"""Part of the names, and no package: a call of `size` never means `conformance.Box.size`."""
 _OBJECT = "object"
 
 
@@ -44,7 +45,7 @@ def key_patterns(metamodel: Metamodel, classes: Iterable[str]) -> tuple[Pattern,
     key, is `conformance.C`.
     """
     return tuple(
-        Pattern(cls, (), tuple(_wrong_keys(cls, key)), _PACKAGE, strategy="incremental")
+        Pattern(f"{_PREFIX}.{cls}", (), tuple(_wrong_keys(cls, key)), strategy="incremental")
         for cls in classes
         if (key := metamodel.key(cls))
     )
@@ -68,10 +69,9 @@ def _pattern(cls: Class, feature: Feature) -> Pattern:
         message = f"`{feature.name}` of $object$ has fewer than {feature.lower} {what}s"
     annotation = Annotation("Constraint", (), (("key", _OBJECT), ("severity", "error"), ("message", message)))
     return Pattern(
-        feature.name,
+        f"{_PREFIX}.{cls.name}.{feature.name}",
         (Parameter(_OBJECT, cls.name),),
         (Body(tuple(_missing(cls, feature))),),
-        f"{_PACKAGE}.{cls.name}",
         annotations=(annotation,),
     )
 

@@ -158,6 +158,12 @@ def test_conformance_patterns_have_no_diagnostics():
     assert Library(METAMODEL).check(*conformance_patterns(METAMODEL)) == []
 
 
+def test_a_pattern_may_have_the_name_of_a_feature():
+    made = library(named("hero", "maze"), *conformance_patterns(METAMODEL))
+    found = made.resolve("hero")
+    assert found is not None and found.qualified_name == "maze.hero"
+
+
 def test_a_missing_value_a_missing_link_and_too_few_links_are_violations():
     made = library(*conformance_patterns(METAMODEL))
     x, hero, keys = (
