@@ -195,6 +195,8 @@ class Painter:
                     cls = model.class_of(node)
                     declared = model.metamodel.classes[cls].glyph
                     look = self._looks.of(node, declared or Glyph(cls[:1].upper(), token_colour(position)))
+                    if at == node and look.glyph == declared:
+                        continue  # the cell shows it already
                     name = token.variable if bound is not None else _label(model, node, None, self._read)
                     name, kind = (", ".join((text, *look.states)) for text in (name, cls))
                     yield Mark(name, look.glyph.letter, look.glyph.colour, place_of[at], kind)

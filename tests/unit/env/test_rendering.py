@@ -375,6 +375,14 @@ def test_tokens_have_the_colours_and_states_of_their_attributes() -> None:
     assert scene_of(model, draw).marks[0].colour == "#0b7285"  # no colour of that name: one by its place
 
 
+def test_a_cell_is_no_token_on_itself_unless_an_attribute_shows() -> None:
+    model, draw = maze()
+    model.node(model.find_object("gate") or 0).colour = None
+    assert [mark.name for mark in scene_of(model, draw).marks] == ["k, green"]
+    model.node(model.find_object("gate") or 0).open = True
+    assert [mark.name for mark in scene_of(model, draw).marks] == ["gate, open", "k, green"]
+
+
 def test_the_legend_has_what_is_drawn_once() -> None:
     model, draw = maze()
     assert [(key.kind, key.glyph.letter, key.shape) for key in legend([scene_of(model, draw)] * 2)] == [
