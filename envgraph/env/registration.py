@@ -32,6 +32,7 @@ BUNDLED: Final[tuple[tuple[str, str, int, dict[str, str]], ...]] = (
     ("BurningForest", "burning_forest", 200, {}),
     ("KeyDoor", "keydoor", 100, {}),
     ("Routing", "network", 64, {"engine": "compiled"}),
+    ("Sokoban", "sokoban", 120, {}),
     ("Warehouse", "warehouse", 300, {"engine": "compiled"}),
 )
 """Name, folder under `rules/`, time limit, and what steps it where there are too many states for a table."""

@@ -175,9 +175,63 @@ WAREHOUSE: dict[str, Callable[[Model], Rows]] = {
     "parcels": lambda m: ids((hall, len(hall.parcels)) for hall in every(m, "Hall")),
 }
 
+# --- sokoban
+
+
+def _boxes(model: Model) -> list[Node]:
+    return [spot for spot in every(model, "Floor") if spot.box]
+
+
+def _passable(model: Model) -> Rows:
+    """Spots that a worker comes into by a step this way."""
+    found: Rows = set()
+    for spot in every(model, "Floor"):
+        for way, back in zip(WAYS, ("east", "north", "west", "south"), strict=True):
+            beyond = getattr(spot, way)
+            inside = beyond is not None and beyond.cls != "Wall" and not beyond.box
+            if inside if spot.box else getattr(spot, back) is not None:
+                found.add((spot.id, way))
+    return found
+
+
+def _pushable(model: Model) -> Rows:
+    found: Rows = set()
+    for spot in every(model, "Floor"):
+        for one, other in (("west", "east"), ("north", "south")):
+            a, b = getattr(spot, one), getattr(spot, other)
+            if a is not None and b is not None and "Wall" not in (a.cls, b.cls):
+                found |= {(spot.id, a.id), (spot.id, b.id)}
+    return {(a, b) for a, b in found}
+
+
+def _alive(model: Model) -> Rows:
+    goals = {goal.id for goal in every(model, "Goal")}
+    return {(a,) for a, b in closure(_pushable(model)) if b in goals} | {(goal,) for goal in goals}
+
+
+def _unbalanced(model: Model) -> Rows:
+    boxes = len(_boxes(model))
+    return {(boxes,)} if boxes != len(every(model, "Goal")) else set()
+
+
+SOKOBAN: dict[str, Callable[[Model], Rows]] = {
+    "step": _steps,
+    "box": lambda m: ids((spot,) for spot in _boxes(m)),
+    "empty": lambda m: ids((spot,) for spot in every(m, "Floor") if not spot.box),
+    "passable": _passable,
+    "misplaced": lambda m: ids((spot,) for spot in _boxes(m) if spot.cls != "Goal"),
+    "pushable": _pushable,
+    "alive": _alive,
+    "stuck": lambda m: ids((spot,) for spot in _boxes(m)) - _alive(m),
+    "inner": lambda m: ids((c,) for c in every(m, "Cell") if all(getattr(c, way) for way in WAYS)),
+    "goal": lambda m: ids((goal,) for goal in every(m, "Goal")),
+    "unbalanced": _unbalanced,
+}
+
 BY_HAND = {
     "burning_forest": BURNING_FOREST,
     "keydoor": KEYDOOR,
     "network": NETWORK,
+    "sokoban": SOKOBAN,
     "warehouse": WAREHOUSE,
 }

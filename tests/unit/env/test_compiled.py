@@ -32,6 +32,7 @@ MODELS = {
     "burning_forest": BUNDLED / "burning_forest/target_8x8.model",
     "network": BUNDLED / "network/backbone.model",
     "warehouse": BUNDLED / "warehouse/small_hall.model",
+    "pushing": BUNDLED / "sokoban/small.model",
     "sokoban": EXTRA / "sokoban/small.model",
     "sokoban2": EXTRA / "sokoban2/small.model",
     "wildfire": EXTRA / "wildfire/wild.model",

@@ -30,7 +30,7 @@ from envgraph.search import (
 )
 
 IDS = {domain: f"envgraph/{name}-v0" for name, domain, _, _ in BUNDLED}
-ACTIONS = {"burning_forest": 4, "keydoor": 9, "network": 5, "warehouse": 7}
+ACTIONS = {"burning_forest": 4, "keydoor": 9, "network": 5, "sokoban": 4, "warehouse": 7}
 
 
 def test_every_bundled_domain_with_an_environment_is_registered() -> None:
