@@ -225,23 +225,51 @@ def export(run: str, format: str, output: Path | None, directory: Path) -> None:
 
 
 @app.command("import")
-@click.argument("file", type=PATH, help="A ga4cl file: maps as rows of letters.")
+@click.argument(
+    "file",
+    type=PATH,
+    help="A published family (ga4cl); or levels, of letters (.xsb, .sok, .txt), of MiniHack (.des) or Tiled (.tmx, .tmj).",
+)
 @click.option(
     "--domain",
-    default="burning_forest",
+    show_default="burning_forest; for levels that in the directory, or sokoban",
     help="What else an environment is: a family.toml, its directory, or a bundled domain.",
 )
-@click.option("--name", show_default="that of the file", help="Name of the run.")
+@click.option("--name", show_default="that of the file", help="Name of the run that a family becomes.")
+@click.option(
+    "--output",
+    "-o",
+    type=PATH,
+    show_default="the name of the file",
+    help="Directory of the models that levels become.",
+)
+@click.option(
+    "--legend",
+    multiple=True,
+    help="What is read as which letter of the domain's model: x=#; 17=# or Wall=# for the number or class of a tile.",
+)
 @force_option
 @directory_option
 @format_option
 def import_(
-    file: Path, domain: str, name: str | None, force: bool, directory: Path, format: OutputFormat
+    file: Path,
+    domain: str | None,
+    name: str | None,
+    output: Path | None,
+    legend: tuple[str, ...],
+    force: bool,
+    directory: Path,
+    format: OutputFormat,
 ) -> None:
-    """Read a published family, measure it, and keep it as a run."""
+    """Read a published family, measure it, and keep it as a run; or write levels as models."""
+    from envgraph.cli._levels import holds_levels, import_levels
+
+    if holds_levels(file):
+        import_levels(file, domain, output, legend, format)
+        return
     from envgraph.cli._family import import_family
 
-    import_family(file, domain, name, directory, force, format)
+    import_family(file, domain or "burning_forest", name, directory, force, format)
 
 
 @app.command()

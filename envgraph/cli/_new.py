@@ -34,7 +34,9 @@ def write_domain(directory: Path, name: str) -> list[Path]:
     files = {directory / f"{name}.{kind}": f"{kind}.j2" for kind in _KINDS}
     files[directory / "family.toml"] = "family.toml.j2"
     words = {"name": name, "environment": "".join(word.capitalize() for word in name.split("_"))}
-    return _write({path: templates.get_template(template).render(words) for path, template in files.items()})
+    return write_files(
+        {path: templates.get_template(template).render(words) for path, template in files.items()}
+    )
 
 
 def copy_domain(directory: Path, name: str, domain: str) -> list[Path]:
@@ -47,8 +49,13 @@ def copy_domain(directory: Path, name: str, domain: str) -> list[Path]:
         InvalidArgument: the name is no identifier, there is no such domain, or one of the files exists.
     """
     _check_name(name)
-    files = sorted(path for path in bundled_domain(domain).iterdir() if path.is_file())
-    return _write({directory / path.name: path.read_text(encoding="utf-8") for path in files})
+    return write_files(domain_texts(bundled_domain(domain), directory))
+
+
+def domain_texts(source: Path, directory: Path) -> dict[Path, str]:
+    """The texts of the files of a domain, by where they would be in another directory, sorted by name."""
+    files = sorted(path for path in source.iterdir() if path.is_file())
+    return {directory / path.name: path.read_text(encoding="utf-8") for path in files}
 
 
 def _check_name(name: str) -> None:
@@ -58,7 +65,12 @@ def _check_name(name: str) -> None:
         )
 
 
-def _write(texts: Mapping[Path, str]) -> list[Path]:
+def write_files(texts: Mapping[Path, str]) -> list[Path]:
+    """Write files, and overwrite none.
+
+    Raises:
+        InvalidArgument: one of them exists; nothing is written.
+    """
     for path in texts:
         if path.exists():
             raise InvalidArgument(f"{path} exists already; nothing was written")

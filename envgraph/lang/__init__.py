@@ -43,6 +43,8 @@ if TYPE_CHECKING:
     from envgraph.lang.format._format import format_text, language_of
     from envgraph.lang.interchange._ecore import parse_ecore
     from envgraph.lang.interchange._json import check_json, model_at, parse_json, parse_model
+    from envgraph.lang.interchange._level_template import LevelTemplate
+    from envgraph.lang.interchange._levels import Level, LevelCell, read_levels
     from envgraph.lang.interchange._pyecore import (
         metamodel_from_pyecore,
         metamodel_to_pyecore,
@@ -69,6 +71,9 @@ __all__ = [
     "FamilySpec",
     "Files",
     "JsonPath",
+    "Level",
+    "LevelCell",
+    "LevelTemplate",
     "ModelText",
     "MutationSpec",
     "Name",
@@ -110,6 +115,7 @@ __all__ = [
     "parse_model",
     "parse_trace",
     "parse_xmi",
+    "read_levels",
     "read_source",
     "spelled_out",
     "to_text",
@@ -122,6 +128,8 @@ later(
         "envgraph.lang.format._format": "format_text language_of",
         "envgraph.lang.interchange._ecore": "parse_ecore",
         "envgraph.lang.interchange._json": "check_json model_at parse_json parse_model",
+        "envgraph.lang.interchange._level_template": "LevelTemplate",
+        "envgraph.lang.interchange._levels": "Level LevelCell read_levels",
         "envgraph.lang.interchange._pyecore": "metamodel_from_pyecore metamodel_to_pyecore "
         "model_from_pyecore model_to_pyecore",
         "envgraph.lang.interchange._trace": "parse_trace",

@@ -204,8 +204,13 @@ class Domain:
         """A fresh copy of the initial model, with the same ids and order."""
         return model_from_json(model_to_json(self._model()), self.metamodel)
 
+    @property
+    def model_text(self) -> ModelText:
+        """The initial model as it is written."""
+        return _only(self.workspace.models, self.spec.model)
+
     def _model(self) -> Model:
-        model = _only(self.workspace.models, self.spec.model).model
+        model = self.model_text.model
         assert model is not None, "the files have no errors"
         return model
 

@@ -75,6 +75,13 @@ def read_grid(parsed: Parsed, tree: Tree[Token], metamodel: Metamodel | None, re
     return GridText(name, cells, max((len(line.text) for line in lines), default=0), len(lines), axes)
 
 
+def grid_letters(parsed: Parsed, tree: Tree[Token], metamodel: Metamodel) -> dict[str, str | None]:
+    """The letters of a `grid` tree without errors; with the class of each that is no more than an object of it."""
+    part = next(iter(trees(tree.children, "legend")), None)
+    legend, _ = _legend(parsed, part, metamodel, list[Diagnostic]().append)
+    return {letter: None if entry.body else entry.cls for letter, entry in legend.items()}
+
+
 def _parts(parsed: Parsed, tree: Tree[Token], report: Report) -> dict[str, Tree[Token]]:
     parts: dict[str, Tree[Token]] = {}
     for part in trees(tree.children):

@@ -1,0 +1,117 @@
+"""`envgraph import` of levels: each becomes a model of a domain."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from envgraph.cli._new import domain_texts, write_files
+from envgraph.cli._output import OutputFormat, print_diagnostics, print_json, print_line
+from envgraph.env import unbound
+from envgraph.errors import Diagnostic, InvalidArgument, LoadError, Severity, has_errors
+from envgraph.lang import (
+    DiskFiles,
+    Level,
+    LevelTemplate,
+    TextFiles,
+    conformance,
+    find_family,
+    load_workspace,
+    read_levels,
+    read_source,
+)
+from envgraph.search import Domain
+
+DOMAIN = "sokoban"
+"""What a level is of if nothing is said."""
+
+_SUFFIXES = (".xsb", ".sok", ".txt", ".des", ".tmx", ".tmj")
+
+
+def holds_levels(file: Path) -> bool:
+    """Whether a file is one of levels: its suffix says so, or it is JSON with layers."""
+    if file.suffix != ".json" or not file.is_file():
+        return file.suffix in _SUFFIXES
+    return (
+        re.search(r'"tiledversion"|"layers"\s*:', file.read_text(encoding="utf-8", errors="replace"))
+        is not None
+    )
+
+
+def import_levels(
+    file: Path, domain: str | None, output: Path | None, legend: Sequence[str], format: OutputFormat
+) -> None:
+    """Write a model for each level of a file into a directory, which gets the files of the domain if it has none.
+
+    Raises:
+        LoadError: all that is wrong with the levels.
+        InvalidArgument: a file exists, or an entry of the legend is none.
+    """
+    directory = output or Path(file.stem)
+    there = (directory / "family.toml").exists()
+    family = find_family(str(directory) if there and domain is None else domain or DOMAIN)
+    found = Domain.load(family)
+    texts = dict(_models(file, found, _given(legend)))
+    warnings = _checked(found, texts)
+    written = {} if there else domain_texts(Path(family).parent, directory)
+    paths = write_files({**written, **{directory / name: text for name, (text, _) in texts.items()}})
+    print_diagnostics(warnings)
+    if format is OutputFormat.JSON:
+        print_json({"written": [path.as_posix() for path in paths]})
+        return
+    for path in paths:
+        print_line(f"wrote {path}")
+    print_line(f"next: envgraph generate {directory} --set model={next(iter(texts))}")
+
+
+def _given(legend: Iterable[str]) -> dict[str, str]:
+    """`x=#` as a letter by what it is for."""
+    given = {}
+    for entry in legend:
+        name, equals, letter = entry[:-2], entry[-2:-1], entry[-1:]
+        if not name or equals != "=":
+            hint = "write what stands in the file, `=`, and a letter of the domain's model: `17=#`"
+            raise InvalidArgument(f"`{entry}` is no entry of a legend", hint)
+        given[name] = letter
+    return given
+
+
+def _models(file: Path, domain: Domain, given: Mapping[str, str]) -> Iterator[tuple[str, tuple[str, Level]]]:
+    """The text of each level as a model, by the name of its file; all problems at once."""
+    template = LevelTemplate.of(domain.model_text.span.source, domain.metamodel)
+    levels = read_levels(read_source(DiskFiles(), str(file)), {**template.letters, **given})
+    stem = re.sub(r"\W+", "_", file.stem)
+    stem = stem if re.match(r"[^\W\d]", stem) else f"level_{stem}"
+    problems: list[Diagnostic] = []
+    for number, level in enumerate(levels, 1):
+        name = f"{stem}_{number}" if len(levels) > 1 else stem
+        try:
+            yield f"{name}.model", (template.text(level, name, given), level)
+        except LoadError as error:
+            problems.extend(error.diagnostics)
+    if problems:
+        raise LoadError(problems)
+
+
+def _checked(domain: Domain, texts: Mapping[str, tuple[str, Level]]) -> list[Diagnostic]:
+    """Read the models with everything else of their domain; the warnings.
+
+    Raises:
+        LoadError: there are errors, or a model lacks what the environment is about.
+    """
+    bundle = domain.workspace.bundle()
+    beside = Path(bundle.roots[0]).parent
+    models = {(beside / name).as_posix(): level for name, level in texts.items()}
+    files = TextFiles({**bundle.texts, **{name: text for name, (text, _) in models.items()}})
+    workspace = load_workspace([*bundle.roots, *models], files=files)
+    found = [one for one in workspace.diagnostics if one.severity is Severity.ERROR]
+    for text in workspace.models:
+        if text.span.source.name in models and text.model is not None and domain.behaviour is not None:
+            where = models[text.span.source.name][1].where
+            found += [replace(one, span=where) for one in unbound(domain.behaviour, text.model)]
+            found += conformance(text)
+    if has_errors(found):
+        raise LoadError(found)
+    return found

@@ -1,0 +1,173 @@
+"""`envgraph import` of levels."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from envgraph.lang import open_workspace
+from tests.unit.cli.test_commands import Envgraph, envgraph, ok
+
+__all__ = ["envgraph"]
+
+SOKOBAN = """\
+; 1
+####
+# .#
+#  ###
+#*@  #
+#  $ #
+#  ###
+####
+
+#######
+#.-$_@#
+#######
+Title: Corridor
+Author: somebody
+"""
+
+TMX = """\
+<map width="5" height="3"{infinite}>
+ <tileset firstgid="1"><tile id="0" type="Wall"/><tile id="1" class="Floor"/></tileset>
+ <layer><data encoding="{encoding}">
+1,1,1,1,1,
+1,2147483655,2,8,{last},
+1,1,1,1,1
+</data></layer>
+ <layer><data encoding="csv">0,0,0,0,0, 0,0,9,0,0, 0,0,0,0,0</data></layer>
+</map>
+"""
+
+
+def rows(path: str) -> list[str]:
+    """The rows of the grid of a model."""
+    text = Path(path).read_text(encoding="utf-8").split('"""')[1]
+    return [line.strip() for line in text.strip().split("\n")]
+
+
+def write(name: str, text: str) -> None:
+    Path(name).write_text(text, encoding="utf-8")
+
+
+def test_each_level_of_sokoban_becomes_a_model_beside_the_files_of_the_domain(envgraph: Envgraph) -> None:
+    write("boxes.xsb", SOKOBAN)
+    done = ok(envgraph("import", "boxes.xsb"))
+    assert done.out.splitlines()[-3:] == [
+        "wrote boxes/boxes_1.model",
+        "wrote boxes/boxes_2.model",
+        "next: envgraph generate boxes --set model=boxes_1.model",
+    ]
+    assert rows("boxes/boxes_1.model")[1:5] == ["#_.#__", "#__###", "#*@__#", "#__$_#"]
+    assert rows("boxes/boxes_2.model") == ["#######", "#.-$_@#".replace("-", "_"), "#######"]
+    assert "// Corridor\nmodel boxes_2 : sokoban {" in Path("boxes/boxes_2.model").read_text(encoding="utf-8")
+    engine = open_workspace("boxes/boxes_1.model", "boxes/sokoban.query").engine()
+    assert (engine.count("box"), engine.count("goal"), engine.count("misplaced")) == (2, 2, 1)
+    assert "no problems" in ok(envgraph("check", "boxes")).out
+
+
+def test_levels_come_into_a_domain_that_is_there_and_replace_nothing(envgraph: Envgraph) -> None:
+    ok(envgraph("new", "mine", "--domain", "sokoban"))
+    write("one.xsb", "#####\n#.$@#\n#####\n")
+    done = ok(envgraph("import", "one.xsb", "-o", "mine", "--format", "json"))
+    assert done.json == {"written": ["mine/one.model"]}
+    again = envgraph("import", "one.xsb", "-o", "mine")
+    assert again.code == 1 and "exists already; nothing was written" in again.err
+
+
+def test_an_unknown_letter_is_told_where_it_stands_with_those_that_are_known(envgraph: Envgraph) -> None:
+    write("bad.xsb", "#####\n#.x@#\n#$ x#\n#####\n\n####\n#.?#\n####\n")
+    done = envgraph("import", "bad.xsb")
+    assert done.code == 1 and not Path("bad").exists()
+    assert "bad.xsb:2:3: `x` stands for nothing\n 2 | #.x@#\n   |   ^\n" in done.err
+    assert "bad.xsb:7:3: `?` stands for nothing" in done.err and done.err.count("`x` stands") == 1
+    assert "are `#`, `_`, `.`, `$`, `*`, `@`, `+`; `--legend x=LETTER` says which" in done.err
+    known = envgraph("import", "bad.xsb", "--legend", "x=_", "--legend", "?=$")
+    assert "bad.xsb:6:1: nothing to bind `worker` to: the model has no `Worker`" in known.err
+
+
+@pytest.mark.parametrize(
+    ("entry", "said"), [("x=Q", "cannot be read as `Q`"), ("x#", "no entry of a legend")]
+)
+def test_a_legend_of_other_letters_is_refused(envgraph: Envgraph, entry: str, said: str) -> None:
+    write("one.xsb", "#####\n#.$@#\n#####\n")
+    done = envgraph("import", "one.xsb", "--legend", entry)
+    assert done.code == 1 and said in done.err
+
+
+@pytest.mark.parametrize("suffix", ["tmx", "tmj", "json"])
+def test_layers_of_tiled_lie_above_each_other(envgraph: Envgraph, suffix: str) -> None:
+    layers = [
+        [1, 1, 1, 1, 1, 1, 0x80000007, 2, 8, 1, 1, 1, 1, 1, 1],
+        [0, 0, 0, 0, 0, 0, 0, 9, 0, 0, 0, 0, 0, 0, 0],
+    ]
+    tiles = [{"id": 0, "type": "Wall"}, {"id": 1, "class": "Floor"}]
+    value = {
+        "width": 5,
+        "height": 3,
+        "layers": [{"type": "tilelayer", "data": one} for one in layers] + [{"type": "objectgroup"}],
+        "tilesets": [{"firstgid": 1, "tiles": tiles}, {"firstgid": 9, "source": "other.tsx"}],
+    }
+    text = TMX.format(infinite="", encoding="csv", last=1) if suffix == "tmx" else json.dumps(value)
+    write(f"map.{suffix}", text)
+    legend = [part for entry in ("7=@", "8=.", "9=$") for part in ("--legend", entry)]
+    ok(envgraph("import", f"map.{suffix}", *legend))
+    assert rows("map/map.model") == ["#####", "#@$.#", "#####"]
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (
+            TMX.format(infinite="", encoding="csv", last="1,1"),
+            "map.tmx:3:10: the layer has 16 tiles, not 5 x 3",
+        ),
+        (TMX.format(infinite="", encoding="csv", last="one"), "map.tmx:5:18: `one` is no number of a tile"),
+        (TMX.format(infinite="", encoding="csv", last="1"), "map.tmx:5:3: `7` stands for nothing"),
+        (TMX.format(infinite="", encoding="base64", last="1"), "the data of this layer is not CSV"),
+        (TMX.format(infinite=' infinite="1"', encoding="csv", last="1"), "infinite maps are not read"),
+        ('<map width="5" height="0"/>', "it has no `width` and `height`"),
+        ('<map width="9999" height="9999"/>', "more than 1,000,000 cells"),
+        ('<map width="9" height="9"/>', "the map has no layer of tiles"),
+        ("<tileset/>", "`<tileset>` is no map of Tiled"),
+        ("<map", "is never closed"),
+    ],
+)
+def test_maps_of_tiled_that_are_not_read_say_why(envgraph: Envgraph, text: str, said: str) -> None:
+    write("map.tmx", text)
+    done = envgraph("import", "map.tmx")
+    assert done.code == 1 and said in done.err
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ('{"layers": [{"type": "tilelayer", "data": "eJw="}], "width": 1, "height": 1}', "not CSV"),
+        ('{"layers": 3}', "this is no map of Tiled"),
+        ('{"layers": [], "width": "a", "height": 1}', "no `width` and `height`"),
+        ('{"layers": [', "map.tmj:1"),
+    ],
+)
+def test_maps_as_json_that_are_not_read_say_why(envgraph: Envgraph, text: str, said: str) -> None:
+    write("map.tmj", text)
+    done = envgraph("import", "map.tmj")
+    assert done.code == 1 and said in done.err
+
+
+def test_maps_of_des_files_stand_between_two_words(envgraph: Envgraph) -> None:
+    write(
+        "level.des",
+        "MAZE: \"boxes\", ' '\nGEOMETRY:center,center\nMAP\n-----\n|.$@|\n-----\nENDMAP\nSTAIR:(1,1),down\n",
+    )
+    done = ok(envgraph("import", "level.des", "--legend", "-=#", "--legend", "|=#"))
+    assert "wrote level/level.model" in done.out and rows("level/level.model") == ["#####", "#.$@#", "#####"]
+    write("none.des", "MAZE: \"x\", ' '\n")
+    assert "hint: a map stands between `MAP` and `ENDMAP`" in envgraph("import", "none.des").err
+
+
+def test_a_file_without_a_level_and_a_domain_without_a_grid_say_so(envgraph: Envgraph) -> None:
+    write("note.txt", "Nothing to see.\n")
+    assert "note.txt:1:1: the file has no level" in envgraph("import", "note.txt").err
+    assert "no grid whose rows" in envgraph("import", "note.txt", "--domain", "network").err
