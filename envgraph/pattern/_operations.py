@@ -7,7 +7,9 @@ Each of them either returns a value or raises `EvaluationError`; nothing else ge
 from __future__ import annotations
 
 import math
+import operator
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any, Final, Literal
 
 from envgraph.code import dataclass
@@ -63,22 +65,23 @@ def add(left: Value, right: Value) -> Value:
     return result if result - result == 0 else finite(result)
 
 
-def subtract(left: Number, right: Number) -> Number:
-    """`left - right`."""
-    try:
-        result = left - right
-    except OverflowError as error:
-        raise _overflow(error) from None
-    return result if result - result == 0 else finite(result)
+def _exact(operation: Callable[[Any, Any], Number]) -> Callable[[Number, Number], Number]:
+    """An operation whose result is a finite number."""
+
+    def computed(left: Number, right: Number) -> Number:
+        try:
+            result = operation(left, right)
+        except OverflowError as error:
+            raise _overflow(error) from None
+        return result if result - result == 0 else finite(result)
+
+    return computed
 
 
-def multiply(left: Number, right: Number) -> Number:
-    """`left * right`."""
-    try:
-        result = left * right
-    except OverflowError as error:
-        raise _overflow(error) from None
-    return result if result - result == 0 else finite(result)
+subtract: Final = _exact(operator.sub)
+multiply: Final = _exact(operator.mul)
+_quotient: Final = _exact(operator.truediv)
+_rest: Final = _exact(operator.mod)
 
 
 def chain(first: Any, *rest: Any) -> Any:
@@ -107,11 +110,7 @@ def divide(left: Number, right: Number) -> Number:
     if isinstance(left, int) and isinstance(right, int):
         quotient = left // right
         return quotient + 1 if quotient < 0 and quotient * right != left else quotient
-    try:
-        result = left / right
-    except OverflowError as error:
-        raise _overflow(error) from None
-    return result if result - result == 0 else finite(result)
+    return _quotient(left, right)
 
 
 def remainder(left: Number, right: Number) -> Number:
@@ -149,76 +148,16 @@ def _promoted(chosen: Number, numbers: tuple[Number, ...]) -> Number:
     return _guarded(float, chosen) if any(isinstance(n, float) for n in numbers) else chosen
 
 
-def _square_root(number: Number) -> float:
-    return _guarded(math.sqrt, number)  # type: ignore[no-any-return]
-
-
-def _power(base: Number, exponent: Number) -> float:
-    return _guarded(math.pow, base, exponent)  # type: ignore[no-any-return]
-
-
-def _exponential(number: Number) -> float:
-    return _guarded(math.exp, number)  # type: ignore[no-any-return]
-
-
-def _logarithm(number: Number) -> float:
-    return _guarded(math.log, number)  # type: ignore[no-any-return]
-
-
-def _floor(number: Number) -> int:
-    return _guarded(math.floor, number)  # type: ignore[no-any-return]
-
-
-def _ceiling(number: Number) -> int:
-    return _guarded(math.ceil, number)  # type: ignore[no-any-return]
-
-
 def _round(number: Number) -> int:
     # Not floor(number + 0.5): the sum rounds, and 0.49999999999999994 would become 1.
-    low = _floor(number)
+    low: int = _guarded(math.floor, number)
     return low + 1 if number - low >= 0.5 else low
 
 
 def _modulo(left: Number, right: Number) -> Number:
     if right == 0:
         raise EvaluationError("division by zero")
-    try:
-        result = left % right
-    except OverflowError as error:
-        raise _overflow(error) from None
-    return result if result - result == 0 else finite(result)
-
-
-def _to_int(number: Number) -> int:
-    return _guarded(math.trunc, number)  # type: ignore[no-any-return]
-
-
-def _to_float(number: Number) -> float:
-    return _guarded(float, number)  # type: ignore[no-any-return]
-
-
-def _length(string: str) -> int:
-    return len(string)
-
-
-def _is_empty(string: str) -> bool:
-    return not string
-
-
-def _starts_with(string: str, prefix: str) -> bool:
-    return string.startswith(prefix)
-
-
-def _ends_with(string: str, suffix: str) -> bool:
-    return string.endswith(suffix)
-
-
-def _contains(string: str, part: str) -> bool:
-    return part in string
-
-
-def _index_of(string: str, part: str) -> int:
-    return string.find(part)
+    return _rest(left, right)
 
 
 def _substring(string: str, start: int, end: int | None = None) -> str:
@@ -284,35 +223,44 @@ _TABLE = (
     Function("abs", ("number",), None, abs, "absolute value", total=True),
     Function("min", ("number", "number"), None, _smallest, "smallest of two or more numbers", variadic=True),
     Function("max", ("number", "number"), None, _largest, "largest of two or more numbers", variadic=True),
-    Function("sqrt", ("number",), _FLOAT, _square_root, "square root; none of a negative number"),
-    Function("pow", ("number", "number"), _FLOAT, _power, "power, always a float"),
-    Function("exp", ("number",), _FLOAT, _exponential, "e to the power of a number"),
-    Function("log", ("number",), _FLOAT, _logarithm, "natural logarithm of a positive number"),
-    Function("floor", ("number",), _INT, _floor, "largest int not above"),
-    Function("ceil", ("number",), _INT, _ceiling, "smallest int not below"),
+    Function(
+        "sqrt", ("number",), _FLOAT, partial(_guarded, math.sqrt), "square root; none of a negative number"
+    ),
+    Function("pow", ("number", "number"), _FLOAT, partial(_guarded, math.pow), "power, always a float"),
+    Function("exp", ("number",), _FLOAT, partial(_guarded, math.exp), "e to the power of a number"),
+    Function(
+        "log", ("number",), _FLOAT, partial(_guarded, math.log), "natural logarithm of a positive number"
+    ),
+    Function("floor", ("number",), _INT, partial(_guarded, math.floor), "largest int not above"),
+    Function("ceil", ("number",), _INT, partial(_guarded, math.ceil), "smallest int not below"),
     Function("round", ("number",), _INT, _round, "nearest int, halves upward"),
     Function("mod", ("number", "number"), None, _modulo, "remainder with the sign of the divisor"),
-    Function("toInt", ("number",), _INT, _to_int, "without the fraction"),
-    Function("toFloat", ("number",), _FLOAT, _to_float, "the same number as a float"),
+    Function("toInt", ("number",), _INT, partial(_guarded, math.trunc), "without the fraction"),
+    Function("toFloat", ("number",), _FLOAT, partial(_guarded, float), "the same number as a float"),
     Function("toString", ("data",), _STRING, text, "as it reads when added to a string", total=True),
-    Function("length", ("string",), _INT, _length, "number of characters", total=True),
-    Function("isEmpty", ("string",), _BOOL, _is_empty, "whether there are no characters", total=True),
+    Function("length", ("string",), _INT, len, "number of characters", total=True),
+    Function("isEmpty", ("string",), _BOOL, operator.not_, "whether there are no characters", total=True),
     Function(
         "startsWith",
         ("string", "string"),
         _BOOL,
-        _starts_with,
+        str.startswith,
         "whether it starts with the other",
         total=True,
     ),
     Function(
-        "endsWith", ("string", "string"), _BOOL, _ends_with, "whether it ends with the other", total=True
+        "endsWith", ("string", "string"), _BOOL, str.endswith, "whether it ends with the other", total=True
     ),
     Function(
-        "contains", ("string", "string"), _BOOL, _contains, "whether the other is a part of it", total=True
+        "contains",
+        ("string", "string"),
+        _BOOL,
+        operator.contains,
+        "whether the other is a part of it",
+        total=True,
     ),
     Function(
-        "indexOf", ("string", "string"), _INT, _index_of, "where the other starts, from 0, or -1", total=True
+        "indexOf", ("string", "string"), _INT, str.find, "where the other starts, from 0, or -1", total=True
     ),
     Function(
         "substring",
