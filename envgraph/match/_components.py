@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from typing import Any
+
+from envgraph.metamodel import components
 
 
 class Tree(dict[Any, Any]):
@@ -64,50 +66,3 @@ def _tree(start: Any, exits: Iterable[Any], reached: Mapping[Any, Reached]) -> T
                     found.setdefault(each, by)
             found[node] = start
     return found
-
-
-def components(
-    starts: Sequence[Any], following: Callable[[Any], Iterable[Any]]
-) -> Iterator[tuple[list[Any], dict[Any, None]]]:
-    """Strongly connected components that the starts reach, those that one leads to before it.
-
-    Yields:
-        The nodes of a component, and all nodes that one step leads to from them.
-    """
-    order: dict[Any, int] = {}
-    lowest: dict[Any, int] = {}
-    waiting: dict[Any, None] = {}
-    leads: dict[Any, list[Any]] = {}
-    """Where the nodes lead whose component is not known yet: `following` may be a search, and is asked once."""
-
-    def begun(node: Any) -> Iterator[Any]:
-        order[node] = lowest[node] = len(order)
-        waiting[node] = None
-        leads[node] = list(following(node))
-        return iter(leads[node])
-
-    for root in starts:
-        if root in order:
-            continue
-        path = [(root, begun(root))]
-        while path:
-            node, rest = path[-1]
-            for other in rest:
-                if other not in order:
-                    path.append((other, begun(other)))
-                    break
-                if other in waiting:
-                    lowest[node] = min(lowest[node], order[other])
-            else:
-                path.pop()
-                if path:
-                    above = path[-1][0]
-                    lowest[above] = min(lowest[above], lowest[node])
-                if lowest[node] == order[node]:
-                    component = []
-                    while True:
-                        member, _ = waiting.popitem()
-                        component.append(member)
-                        if member == node:
-                            break
-                    yield component, dict.fromkeys(o for member in component for o in leads.pop(member))

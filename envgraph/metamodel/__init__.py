@@ -27,6 +27,7 @@ from envgraph.metamodel._features import (
     type_name,
 )
 from envgraph.metamodel._metamodel import Metamodel
+from envgraph.metamodel._walks import components, reached, shortest_way
 
 __all__ = [
     "LARGEST_INT",
@@ -48,9 +49,12 @@ __all__ = [
     "accepts",
     "check_classes",
     "class_colours",
+    "components",
     "default_of",
     "metamodel_to_ecore",
     "place",
+    "reached",
+    "shortest_way",
     "simple_name",
     "type_name",
     "xml_text",

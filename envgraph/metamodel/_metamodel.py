@@ -167,6 +167,11 @@ class Metamodel:
         """Whether some object can be an instance of both classes."""
         return bool(self._kinds[one] & self._kinds[other] & self._instantiable)
 
+    def contents(self, name: str) -> list[str]:
+        """The concrete classes whose objects one of exactly this class may contain, directly."""
+        held = (one for one in self.features(name).values() if isinstance(one, Reference) and one.containment)
+        return list(dict.fromkeys(cls for one in held for cls in self.concrete(one.target)))
+
     def features(self, name: str) -> Mapping[str, Feature]:
         """All features of a class, inherited ones first, by name."""
         found = self._features.get(name)

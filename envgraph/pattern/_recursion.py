@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import pairwise
 from typing import Final
 
 from envgraph.code import dataclass
 from envgraph.errors import Diagnostic, Severity
+from envgraph.metamodel import components, shortest_way
 from envgraph.pattern._analysis import Entry, calls_of, is_closure
 from envgraph.pattern._queries import Closure, Pattern, PatternCall
 
@@ -38,7 +40,8 @@ def check_recursion(patterns: Sequence[Pattern], entries: Mapping[str, Entry]) -
     onward: dict[str, list[_Edge]] = {}
     for edge in edges:
         onward.setdefault(edge.caller, []).append(edge)
-    component = _components(onward)
+    circles = components(list(onward), lambda name: [edge.callee for edge in onward.get(name, ())])
+    component = {name: number for number, (names, _) in enumerate(circles) for name in names}
     endless = _without_base(patterns, entries, component)
     reported: set[int] = set()
     # Edges that are errors come first, so that a cycle with one is not reported as a harmless one.
@@ -46,10 +49,7 @@ def check_recursion(patterns: Sequence[Pattern], entries: Mapping[str, Entry]) -
         number = component[edge.caller]
         if number in reported or component.get(edge.callee) != number:
             continue
-        way = _way(edge.callee, edge.caller, onward, component)
-        if way is None:
-            continue
-        cycle = [edge, *way]
+        cycle = [edge, *_way(edge.callee, edge.caller, onward, component)]
         reported.add(number)
         if edge.monotone and edge.caller in endless:
             if None not in entries[edge.caller].types:  # else that is an error, for the same reason
@@ -100,62 +100,15 @@ def _without_base(
 
 def _way(
     start: str, goal: str, onward: Mapping[str, Sequence[_Edge]], component: Mapping[str, int]
-) -> list[_Edge] | None:
-    """A shortest way from one pattern to another of its component along calls, or None."""
-    came: dict[str, _Edge | None] = {start: None}
-    queue = [start]
-    for current in queue:
-        if current == goal:
-            break
-        for edge in onward.get(current, ()):
-            if edge.callee not in came and component.get(edge.callee) == component[start]:
-                came[edge.callee] = edge
-                queue.append(edge.callee)
-    if goal not in came:
-        return None
-    way: list[_Edge] = []
-    edge_back = came[goal]
-    while edge_back is not None:
-        way.append(edge_back)
-        edge_back = came[edge_back.caller]
-    return way[::-1]
+) -> list[_Edge]:
+    """A shortest way from one pattern to another of its component along calls."""
 
+    def inside(name: str) -> list[str]:
+        return [edge.callee for edge in onward[name] if component.get(edge.callee) == component[start]]
 
-def _components(onward: Mapping[str, Sequence[_Edge]]) -> dict[str, int]:
-    """A number for each pattern; those that call each other in a circle have the same.
-
-    Tarjan 1972, without recursion.
-    """
-    order: dict[str, int] = {}
-    lowest: dict[str, int] = {}
-    component: dict[str, int] = {}
-    open_: list[str] = []
-    for root in onward:
-        if root in order:
-            continue
-        order[root] = lowest[root] = len(order)
-        open_.append(root)
-        path = [(root, iter(onward[root]))]
-        while path:
-            name, edges = path[-1]
-            for edge in edges:
-                if edge.callee not in order:
-                    order[edge.callee] = lowest[edge.callee] = len(order)
-                    open_.append(edge.callee)
-                    path.append((edge.callee, iter(onward.get(edge.callee, ()))))
-                    break
-                if edge.callee not in component:
-                    lowest[name] = min(lowest[name], order[edge.callee])
-            else:
-                path.pop()
-                if path:
-                    above = path[-1][0]
-                    lowest[above] = min(lowest[above], lowest[name])
-                if lowest[name] == order[name]:
-                    number = len(component)
-                    while name not in component:
-                        component[open_.pop()] = number
-    return component
+    way = [] if start == goal else shortest_way(start, goal, inside) or []
+    steps = pairwise((start, *way))
+    return [next(edge for edge in onward[one] if edge.callee == other) for one, other in steps]
 
 
 def _declared_safe(pattern: Pattern) -> bool:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from typing import Any, Final
 
-from envgraph.match._components import components
+from envgraph.metamodel import components
 
 MOST_BYTES: Final = 64_000_000
 """Size of all these integers: about that of a chain of 30,000 nodes."""

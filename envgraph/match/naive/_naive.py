@@ -28,7 +28,7 @@ from envgraph.match.naive._naive_body import (
     mentioned,
     resolved,
 )
-from envgraph.metamodel import Attribute, AttributeType, Value
+from envgraph.metamodel import Attribute, AttributeType, Value, reached
 from envgraph.pattern import (
     Closure,
     Library,
@@ -160,11 +160,11 @@ class NaiveMatcher:
 
     def _reach(self, pattern: str) -> frozenset[str]:
         if pattern not in self._reached:
-            queue = [called for body in self._bodies(pattern) for called in body.calls]
-            for name in queue:
-                queue.extend(c for body in self._bodies(name) for c in body.calls if c not in queue)
-            self._reached[pattern] = frozenset(queue)
+            self._reached[pattern] = frozenset(reached(self._called(pattern), self._called))
         return self._reached[pattern]
+
+    def _called(self, pattern: str) -> list[str]:
+        return [called for body in self._bodies(pattern) for called in body.calls]
 
     # --- bodies
 

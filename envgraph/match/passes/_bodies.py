@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Container, Sequence
 
-from envgraph.match._components import components
 from envgraph.match.passes._calls import CallGraph
+from envgraph.metamodel import components
 from envgraph.pattern import Conjunction, Library
 
 

@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterator, Sequence
 
 from envgraph.code import dataclass
 from envgraph.errors import MOST_NESTED, EvaluationError
-from envgraph.match._components import components
+from envgraph.metamodel import components
 from envgraph.pattern import (
     Absence,
     AggregateAtom,

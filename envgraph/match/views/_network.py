@@ -17,6 +17,7 @@ from envgraph.match.views._operators import Rows, View, fill_unrecorded
 from envgraph.match.views._planning import ViewPlanner
 from envgraph.match.views._recursive import Component, Member
 from envgraph.match.views._wiring import Wiring
+from envgraph.metamodel import reached
 from envgraph.pattern import Library
 
 
@@ -166,12 +167,7 @@ class Network:
             pattern: qualified name.
             build: makes a function of source; asks the second argument what is held.
         """
-        needed: set[str] = set()
-        todo = [pattern]
-        for name in todo:
-            if name not in needed:
-                needed.add(name)
-                todo.extend(self._growth.made_of(name))
+        needed = reached([pattern], self._growth.made_of)
         operators = [operator for name, operator in self.operators.items() if name in needed]
 
         def actual(delta: Delta) -> list[float]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping, Sequence
 
 from envgraph.errors import Diagnostic, Severity
+from envgraph.metamodel import shortest_way
 from envgraph.pattern import Alap, Atomic, Call, Choice, If, Repeat, Step, Try
 from envgraph.pattern import Sequence as Steps
 from envgraph.rewrite.check._unit_check import CheckedUnit, inner_steps
@@ -29,10 +30,10 @@ def endless(units: Sequence[CheckedUnit]) -> Iterator[Diagnostic]:
     calls = {name: list(_calls(one.unit.body, one, left)) for name, one in left.items()}
     told: set[str] = set()
     for name in left:
-        path = [] if name in told else _circle(name, calls)
-        if path and told.isdisjoint(path):
-            told.update(path)
-            yield _warning(name, path, calls)
+        way = None if name in told else shortest_way(name, name, lambda one: [c for c, _ in calls[one]])
+        if way and told.isdisjoint(way):
+            told.update(way)
+            yield _warning(name, way, calls)
 
 
 def _succeeds(step: Step, checked: CheckedUnit, left: Collection[str]) -> bool:
@@ -65,27 +66,9 @@ def _calls(step: Step, checked: CheckedUnit, left: Collection[str]) -> Iterator[
         yield from _calls(inner, checked, left)
 
 
-def _circle(start: str, calls: Mapping[str, Sequence[tuple[str, Call]]]) -> list[str]:
-    """The shortest way from a unit back to it: the units on it; empty if there is none."""
-    before = {start: ""}
-    waiting = [start]
-    for name in waiting:
-        for callee, _ in calls[name]:
-            if callee == start:
-                path = [name]
-                while path[-1] != start:
-                    path.append(before[path[-1]])
-                return path[::-1]
-            if callee not in before:
-                before[callee] = name
-                waiting.append(callee)
-    return []
-
-
-def _warning(name: str, path: Sequence[str], calls: Mapping[str, Sequence[tuple[str, Call]]]) -> Diagnostic:
-    following = path[1] if len(path) > 1 else name
-    call = next(call for callee, call in calls[name] if callee == following)
-    through = "".join(f" through `{one}`" for one in path[1:2]) + (" and others" if len(path) > 2 else "")
+def _warning(name: str, way: Sequence[str], calls: Mapping[str, Sequence[tuple[str, Call]]]) -> Diagnostic:
+    call = next(call for callee, call in calls[name] if callee == way[0])
+    through = f" through `{way[0]}`" * (len(way) > 1) + " and others" * (len(way) > 2)
     message = f"`{name}` always calls itself{through}, so that it never succeeds"
     hint = "put the call into `try { .. }` or behind an `if`, or write `alap { .. }` instead"
     return Diagnostic("endless-unit", message, call.name_span or call.span, hint, Severity.WARNING)

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable
 
 from envgraph.code import dataclass
-from envgraph.metamodel import Attribute, Feature, Metamodel, Reference
+from envgraph.metamodel import Attribute, Feature, Metamodel, Reference, reached
 from envgraph.pattern import Aggregate, Comparison, Constant, Edge, PathConstraint, Variable
 
 LEFT_ALONE = ("frozen", "derived")
@@ -155,7 +155,7 @@ class Schema:
         self.ends = tuple(End(a, forward) for a in self.associations for forward in (True, False))
         self.concrete = tuple(cls.name for cls in metamodel.class_list if not cls.abstract)
         self.roots = self._roots()
-        self._needs = _closure(self.concrete, self._needed_by)
+        self._needs = {c: reached(self._needed_by(c), self._needed_by) for c in self.concrete}
 
     # --- classes
 
@@ -191,15 +191,7 @@ class Schema:
 
     def contents(self, classes: Iterable[str]) -> list[str]:
         """These concrete classes, and those of the objects that may be inside such objects, at any depth."""
-        found = dict.fromkeys(classes)
-        queue = list(found)
-        for cls in queue:
-            for end in self.ends_of(cls):
-                if end.contains:
-                    new = [sub for sub in self.metamodel.concrete(end.far) if sub not in found]
-                    found.update(dict.fromkeys(new))
-                    queue += new
-        return list(found)
+        return reached(classes, self.metamodel.contents)
 
     def contains_any(self, cls: str) -> bool:
         """Whether an object of exactly this class may contain something."""
@@ -263,17 +255,3 @@ def _counts(end: End) -> bool:
 
 def _several(feature: Feature) -> bool:
     return isinstance(feature, Attribute) and feature.many
-
-
-def _closure(classes: Iterable[str], after: Callable[[str], Iterable[str]]) -> Mapping[str, frozenset[str]]:
-    """For each class what can be reached from it in one step or more."""
-    found: dict[str, frozenset[str]] = {}
-    for cls in classes:
-        reached = dict.fromkeys(after(cls))
-        queue = list(reached)
-        for one in queue:
-            new = [two for two in after(one) if two not in reached]
-            reached.update(dict.fromkeys(new))
-            queue += new
-        found[cls] = frozenset(reached)
-    return found

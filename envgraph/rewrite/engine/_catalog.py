@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, cast
 from envgraph.errors import InvalidArgument, TypeMismatch
 from envgraph.graph import Model, Node
 from envgraph.match import Matcher, ViewMatcher
-from envgraph.metamodel import Scalar, Value, accepts, type_name
+from envgraph.metamodel import Scalar, Value, accepts, reached, type_name
 from envgraph.pattern import Applicable, Call, Derivation, If, Library, ObjectType, Pattern, Rule, Step, Unit
 from envgraph.rewrite._match import Shape
 from envgraph.rewrite._names import Directory, Signature
@@ -192,15 +192,13 @@ class Catalog:
 
     def _reached(self, name: str) -> list[str]:
         """Qualified names of a rule, unit or group, and of all that it calls."""
-        found = {self.resolve(name): None}
-        waiting = list(found)
-        for one in waiting:
-            fresh: Iterable[str] = self.members.get(one, ())
-            if isinstance(definition := self.written.get(one), Unit):
-                fresh = sorted(self.called(definition))
-            waiting += [each for each in fresh if each not in found]
-            found |= dict.fromkeys(fresh)
-        return waiting
+
+        def used(one: str) -> Iterable[str]:
+            definition = self.written.get(one)
+            called = sorted(self.called(definition)) if isinstance(definition, Unit) else ()
+            return called or self.members.get(one, ())
+
+        return reached([self.resolve(name)], used)
 
     # --- from names to patterns
 

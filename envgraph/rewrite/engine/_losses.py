@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 
 from envgraph.code import dataclass
 from envgraph.errors import Span
-from envgraph.metamodel import Metamodel, Reference
+from envgraph.metamodel import Metamodel, reached
 from envgraph.rewrite._plan import BlockPlan, RulePlan
 
 
@@ -66,14 +66,6 @@ def losses(
 
 def _holds(metamodel: Metamodel, outer: str, inner: str) -> bool:
     """Whether an object of one class may contain one of another, however deep."""
-    seen = dict.fromkeys(metamodel.concrete(outer))
-    waiting = list(seen)
-    for cls in waiting:
-        for feature in metamodel.features(cls).values():
-            if isinstance(feature, Reference) and feature.containment:
-                if metamodel.overlap(feature.target, inner):
-                    return True
-                fresh = [name for name in metamodel.concrete(feature.target) if name not in seen]
-                seen.update(dict.fromkeys(fresh))
-                waiting += fresh
-    return False
+    inside = (cls for name in metamodel.concrete(outer) for cls in metamodel.contents(name))
+    found = set(reached(inside, metamodel.contents))
+    return not found.isdisjoint(metamodel.concrete(inner))

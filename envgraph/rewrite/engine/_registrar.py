@@ -7,6 +7,7 @@ from copy import copy
 
 from envgraph.errors import Diagnostic, InvalidArgument, ResolutionError, Severity, has_errors
 from envgraph.match import ViewMatcher
+from envgraph.metamodel import reached
 from envgraph.pattern import FunctionDeclaration, Library, Pattern
 from envgraph.rewrite._names import Directory
 from envgraph.rewrite.check._well_formed import mistake_in
@@ -184,12 +185,10 @@ class Registrar:
 
     def _with_users(self, names: Collection[str]) -> dict[str, None]:
         """Definitions, and those that use them, directly or not."""
-        uses, found = self._catalog.uses(), dict.fromkeys(names)
-        size = -1
-        while size != len(found):
-            size = len(found)
-            found.update((user, None) for user, used in uses.items() if used & found.keys())
-        return found
+        uses = self._catalog.uses()
+        return dict.fromkeys(
+            reached(names, lambda name: [user for user, used in uses.items() if name in used])
+        )
 
     def _check_there(self, names: Collection[str]) -> None:
         """What has another package is most likely meant with that."""

@@ -16,7 +16,7 @@ from envgraph.code import dataclass
 from envgraph.errors import RAISE_LIMIT, EvaluationError, RuleError, limit
 from envgraph.graph import Model
 from envgraph.match import Matcher
-from envgraph.metamodel import Metamodel, Reference
+from envgraph.metamodel import Metamodel, Reference, reached
 from envgraph.rewrite._match import Row
 from envgraph.rewrite._plan import BlockPlan, ChangeTargets, Link, RulePlan, SetTargets, SetValue
 from envgraph.rewrite.check._conflicts import Conflicts, Contradiction, Fresh, told
@@ -133,16 +133,10 @@ def _redone(
 
 def _endangered(blocks: Sequence[BlockPlan], metamodel: Metamodel) -> set[str]:
     """Classes of variables whose objects may go along with an object that one of the blocks deletes."""
-    classes = dict.fromkeys(b.classes[d.node] for b in blocks for d in b.deletes)
-    queue = [sub for cls in classes if cls is not None for sub in metamodel.concrete(cls)]
-    inside: dict[str, None] = {}
-    for cls in queue:
-        for feature in metamodel.features(cls).values():
-            if isinstance(feature, Reference) and feature.containment:
-                new = [sub for sub in metamodel.concrete(feature.target) if sub not in inside]
-                inside.update(dict.fromkeys(new))
-                queue.extend(new)
-    return {above for cls in inside for above in metamodel.supertypes(cls)}
+    classes = {b.classes[d.node] for b in blocks for d in b.deletes} - {None}
+    deleted = (sub for cls in classes for sub in metamodel.concrete(cls or ""))
+    inside = (cls for name in deleted for cls in metamodel.contents(name))
+    return {above for cls in reached(inside, metamodel.contents) for above in metamodel.supertypes(cls)}
 
 
 def _needs_savepoint(body: BlockPlan, metamodel: Metamodel) -> bool:

@@ -1,0 +1,95 @@
+"""Walks along the edges of graphs that are given by a function: what follows a node."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
+from typing import Any, TypeVar
+
+Vertex = TypeVar("Vertex", bound=Hashable)
+
+
+def reached(starts: Iterable[Vertex], following: Callable[[Vertex], Iterable[Vertex]]) -> list[Vertex]:
+    """The starts, and all that any number of steps leads to from them: each once, nearest first.
+
+    >>> reached([1], {1: [2], 2: [1, 3], 3: []}.__getitem__)
+    [1, 2, 3]
+    """
+    known = dict.fromkeys(starts)
+    found = list(known)
+    for node in found:  # which grows
+        for other in following(node):
+            if other not in known:
+                known[other] = None
+                found.append(other)
+    return found
+
+
+def shortest_way(
+    start: Vertex, goal: Vertex, following: Callable[[Vertex], Iterable[Vertex]]
+) -> list[Vertex] | None:
+    """The nodes after the start on a shortest way of one or more steps, the goal last; None if there is no way.
+
+    >>> edges = {1: [2], 2: [3], 3: [1]}.__getitem__
+    >>> shortest_way(1, 3, edges), shortest_way(1, 1, edges)
+    ([2, 3], [2, 3, 1])
+    """
+    before: dict[Vertex, Vertex] = {}
+    queue = [start]
+    for node in queue:
+        for other in following(node):
+            if other not in before:
+                before[other] = node
+                queue.append(other)
+                if other == goal:
+                    way = [goal]
+                    while (node := before[way[-1]]) != start:
+                        way.append(node)
+                    return way[::-1]
+    return None
+
+
+def components(
+    starts: Sequence[Any], following: Callable[[Any], Iterable[Any]]
+) -> Iterator[tuple[list[Any], dict[Any, None]]]:
+    """Strongly connected components that the starts reach, those that one leads to before it.
+
+    Yields:
+        The nodes of a component, and all nodes that one step leads to from them.
+    """
+    order: dict[Any, int] = {}
+    lowest: dict[Any, int] = {}
+    waiting: dict[Any, None] = {}
+    leads: dict[Any, list[Any]] = {}
+    """Where the nodes lead whose component is not known yet: `following` may be a search, and is asked once."""
+
+    def begun(node: Any) -> Iterator[Any]:
+        order[node] = lowest[node] = len(order)
+        waiting[node] = None
+        leads[node] = list(following(node))
+        return iter(leads[node])
+
+    for root in starts:
+        if root in order:
+            continue
+        path = [(root, begun(root))]
+        while path:
+            node, rest = path[-1]
+            for other in rest:
+                if other not in order:
+                    path.append((other, begun(other)))
+                    break
+                if other in waiting:
+                    lowest[node] = min(lowest[node], order[other])
+            else:
+                path.pop()
+                if path:
+                    above = path[-1][0]
+                    lowest[above] = min(lowest[above], lowest[node])
+                if lowest[node] == order[node]:
+                    component = []
+                    while True:
+                        member, _ = waiting.popitem()
+                        component.append(member)
+                        if member == node:
+                            break
+                    yield component, dict.fromkeys(o for member in component for o in leads.pop(member))
