@@ -21,24 +21,20 @@ from envgraph.match.demand._value_index import by_value
 from envgraph.match.generate._generate import ends_source, reach_source, view_source
 from envgraph.match.generate._suspend import evaluation_source
 from envgraph.match.generate._symbols import (
-    Backward,
     Bounded,
     Builtin,
-    Classes,
     ClassTable,
     Closed,
     ClosureQuestion,
-    Forward,
+    Column,
     Held,
     Literal,
-    Members,
     Mode,
     Recursive,
     Source,
     Symbol,
     Tallied,
     Valued,
-    Values,
     View,
 )
 from envgraph.match.passes._calls import CallGraph
@@ -152,7 +148,10 @@ class Program:
             pending.extend(missing)
             if not missing:
                 self._functions[place] = _defined(sources[place], partial(self._value, inside=place[2]))
-                looks = any(isinstance(symbol, Members | Valued) for _, symbol in sources[place].symbols)
+                looks = any(
+                    isinstance(symbol, Valued) or (isinstance(symbol, Column) and symbol.kind == "extents")
+                    for _, symbol in sources[place].symbols
+                )
                 if looks or not self._looking.isdisjoint(called):
                     self._looking.add(place)
         return self._functions[key, mode, inside]
@@ -173,18 +172,14 @@ class Program:
     def _value(self, symbol: Symbol, inside: frozenset[str]) -> object:
         store = self.model.store
         match symbol:
-            case Classes():
+            case Column("classes"):
                 return store.classes
+            case Column("values", index):
+                return store.distinct[index] or store.values[index]
+            case Column(kind, index):
+                return getattr(store, kind)[index]
             case ClassTable(cls):
                 return self.class_table(cls)
-            case Members(index):
-                return store.extents[index]
-            case Values(index):
-                return store.distinct[index] or store.values[index]
-            case Forward(index):
-                return store.forward[index]
-            case Backward(index):
-                return store.backward[index]
             case Valued(classes, attributes):
                 return by_value(store, classes, attributes)
             case Literal(value):
@@ -203,8 +198,8 @@ class Program:
                 if within:
                     return self._recursion.calls(pattern, bound)
                 return _made_late(lambda: self.solver(pattern, bound))
-            case Closed(step, reflexive, question):
-                return self._closure(step, reflexive, question)
+            case Closed():
+                return self._closure(symbol)
             case Tallied():
                 return self._tallying(symbol)
             case Held():
@@ -238,31 +233,31 @@ class Program:
         metamodel = self.library.metamodel
         return (*(metamodel.is_a(each.name, cls) for each in metamodel.class_list), False)
 
-    def _closure(self, step: str, reflexive: bool, question: ClosureQuestion) -> object:
-        place = (step, reflexive)
+    def _closure(self, asked: Closed) -> object:
+        place = (asked.step, asked.reflexive)
         if place not in self._closures:
-            steps = _Steps(self, step, reflexive)
-            self._closures[place] = ClosureView(self.model, steps, steps.is_source if reflexive else None)
+            steps = _Steps(self, *place)
+            self._closures[place] = ClosureView(
+                self.model, steps, steps.is_source if asked.reflexive else None
+            )
         view = self._closures[place]
-        match question:
-            case ClosureQuestion.FORWARD:
-                return view.search(forward=True)
-            case ClosureQuestion.BACKWARD:
-                return view.search(forward=False)
+        match asked.question:
+            case ClosureQuestion.ALL:
+                return view.search(asked.forward)
             case ClosureQuestion.HOLDS:
                 return view.holds()
             case ClosureQuestion.PAIRS:
                 return view.pairs()
-            case ClosureQuestion.SPREAD | ClosureQuestion.SPREAD_BACK:
-                return view.spreading(question is ClosureQuestion.SPREAD)
-            case ClosureQuestion.STEP | ClosureQuestion.STEP_BACK:
-                return view.stepping(question is ClosureQuestion.STEP)
-            case ClosureQuestion.JOIN | ClosureQuestion.JOIN_BACK:
+            case ClosureQuestion.SPREAD:
+                return view.spreading(asked.forward)
+            case ClosureQuestion.STEP:
+                return view.stepping(asked.forward)
+            case ClosureQuestion.JOIN:
                 return view.joined()
-            case ClosureQuestion.ALIKE | ClosureQuestion.ALIKE_BACK:
-                return view.alike(question is ClosureQuestion.ALIKE)
-            case ClosureQuestion.SIZE | ClosureQuestion.SIZE_BACK:
-                return view.size(question is ClosureQuestion.SIZE)
+            case ClosureQuestion.ALIKE:
+                return view.alike(asked.forward)
+            case ClosureQuestion.SIZE:
+                return view.size(asked.forward)
 
 
 class _Steps:
@@ -296,7 +291,7 @@ class _Steps:
             return inf
 
     def search(self, forward: bool) -> Search:
-        return self._search(forward, ClosureQuestion.FORWARD)
+        return self._search(forward, ClosureQuestion.ALL)
 
     def meeting(self, forward: bool) -> Meeting:
         return self._search(forward, ClosureQuestion.HOLDS)

@@ -36,12 +36,13 @@ from envgraph.match.generate._symbols import (
     Builtin,
     Closed,
     ClosureQuestion,
+    Column,
     Mode,
     Recursive,
     Source,
     Tallied,
     Valued,
-    Values,
+    closed,
 )
 from envgraph.match.generate._write import Module, local
 from envgraph.match.plan._distinct import Distinct, distinct_places
@@ -64,7 +65,6 @@ from envgraph.pattern import (
     AggregateAtom,
     AttributeAtom,
     CallAtom,
-    Closure,
     ClosureAtom,
     Condition,
     Conjunction,
@@ -91,12 +91,8 @@ def view_source(planner: Planner, key: ViewKey, mode: Mode) -> Source:
     frame, bounded = view_sink(mode, view.distinct or sieved, ()), Bounded(key.pattern, searched=True)
     inputs = list(given.values())
     if mode is Mode.COUNT and (search := only_search(view)):
-        question = (
-            ClosureQuestion.SIZE
-            if search.source not in view.bodies[0].plan.steps[0].binds
-            else ClosureQuestion.SIZE_BACK
-        )
-        size = module.name(Closed(search.step, search.closure is Closure.STAR, question))
+        forward = search.source not in view.bodies[0].plan.steps[0].binds
+        size = module.name(closed(search, ClosureQuestion.SIZE, forward))
         return module.source(module.function("view", inputs, (code.Return(code.call(size, *inputs)),)))
     for body in view.bodies:
         conjunction = body.conjunction
@@ -126,9 +122,7 @@ def _counted(
         ends = alike.ends
         tallied = Tallied(ends.pattern, ends.start, ends.given, ends.wanted, "count", None)
         parts += [module.name(tallied), others]
-    question = ClosureQuestion.ALIKE if alike.forward else ClosureQuestion.ALIKE_BACK
-    star = alike.closure.closure is Closure.STAR
-    return code.call(module.name(Closed(alike.closure.step, star, question)), *parts)
+    return code.call(module.name(closed(alike.closure, ClosureQuestion.ALIKE, alike.forward)), *parts)
 
 
 def _ends_in_sieve(planner: Planner, bodies: Sequence[BodyPlan], key: ViewKey, mode: Mode) -> bool:
@@ -175,9 +169,7 @@ def reach_source(planner: Planner, step: str, forward: bool, question: ClosureQu
         block.loop(code.Tuple(ends), code.call(module.name(Recursive(step, (near,))), node))
         block.add(*frame.each(lambda _: other))
     elif planner.calls.of(step).searches:
-        follow = module.name(
-            Closed(step, False, ClosureQuestion.STEP if forward else ClosureQuestion.STEP_BACK)
-        )
+        follow = module.name(Closed(step, False, ClosureQuestion.STEP, forward))
         block.loop(other, code.call(follow, node))
         block.add(*frame.each(lambda _: other))
     else:
@@ -507,7 +499,9 @@ class Translation:
         goal = step.goal
         match goal:
             case AttributeAtom(attribute, owner, _):
-                return code.Index(self._module.name(Values(attribute.index)), self._bindings.source(owner))
+                return code.Index(
+                    self._module.name(Column("values", attribute.index)), self._bindings.source(owner)
+                )
             case Valuation(expression, reads, _):
                 return self._expression(expression, reads)
             case AggregateAtom():
@@ -537,12 +531,11 @@ class Translation:
         name, given = self._defined("g", plan.steps, _folding(self._module, goal))
         start = self._bindings.source(found.start)
         others = tuple(each for each in given if each != start)
-        question = ClosureQuestion.ALIKE if found.forward else ClosureQuestion.ALIKE_BACK
-        star = found.closure.closure is Closure.STAR
         parts = [start, name, code.Tuple(tuple(given)), code.Tuple(others)]
         if found.ends is not None:
             parts += _tallied(self._module, self._bindings, goal, found.ends)
-        return code.call(self._module.name(Closed(found.closure.step, star, question)), *parts)
+        alike = self._module.name(closed(found.closure, ClosureQuestion.ALIKE, found.forward))
+        return code.call(alike, *parts)
 
     # --- tests
 
@@ -597,14 +590,7 @@ class Translation:
         if join is None:
             return None
         from_source = join.near == join.closure.source
-        star = join.closure.closure is Closure.STAR
-        spread = self._module.name(
-            Closed(
-                join.closure.step,
-                star,
-                ClosureQuestion.SPREAD_BACK if from_source else ClosureQuestion.SPREAD,
-            )
-        )
+        spread = self._module.name(closed(join.closure, ClosureQuestion.SPREAD, not from_source))
         all_ = Sink(
             (join.far,),
             (code.Assign(OUT, empty("set")),),
@@ -617,11 +603,7 @@ class Translation:
         whole = self._defined("z", join.plan.steps, all_)
         direct = self._defined("g", plan.steps, EXISTENCE)
         self._joins = True
-        holds = self._module.name(
-            Closed(
-                join.closure.step, star, ClosureQuestion.JOIN if from_source else ClosureQuestion.JOIN_BACK
-            )
-        )
+        holds = self._module.name(closed(join.closure, ClosureQuestion.JOIN, from_source))
         parts = [self._bindings.source(join.near)]
         for name, given in (whole, direct):
             parts += [name, code.Tuple(tuple(given))]

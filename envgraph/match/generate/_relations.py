@@ -8,25 +8,21 @@ from envgraph import code
 from envgraph.match.generate._bindings import Bindings
 from envgraph.match.generate._sinks import length
 from envgraph.match.generate._symbols import (
-    Backward,
     Builtin,
-    Classes,
     ClassTable,
-    Closed,
     ClosureQuestion,
-    Forward,
-    Members,
+    Column,
     Mode,
     Recursive,
     Valued,
-    Values,
     View,
+    closed,
 )
 from envgraph.match.generate._write import Module
 from envgraph.match.plan._options import call_key
 from envgraph.match.plan._planner import Planner
 from envgraph.metamodel import Attribute, Reference
-from envgraph.pattern import CallAtom, Closure, ClosureAtom, InstanceAtom, LinkAtom, RelationAtom, arguments
+from envgraph.pattern import CallAtom, ClosureAtom, InstanceAtom, LinkAtom, RelationAtom, arguments
 
 
 class Relations:
@@ -51,7 +47,7 @@ class Relations:
 
     def members(self, cls: str, exact: bool) -> list[code.Expression]:
         """The extents that hold the objects of a class."""
-        return [self._module.name(Members(index)) for index in self.indices(cls, exact)]
+        return [self._module.name(Column("extents", index)) for index in self.indices(cls, exact)]
 
     def extent(self, cls: str, exact: bool) -> code.Expression:
         """The objects of a class."""
@@ -64,7 +60,7 @@ class Relations:
         """Whether an object is of a class; of one that is not known, whether there is any."""
         if not self.bindings.known(goal.variable):
             return code.joined("or", self.members(goal.cls, goal.exact), False)
-        cls = code.Index(self._module.name(Classes()), self.bindings.source(goal.variable))
+        cls = code.Index(self._module.name(Column("classes")), self.bindings.source(goal.variable))
         indices = self.indices(goal.cls, goal.exact)
         if len(indices) == 1:
             return code.equal(cls, code.Constant(indices[0]))
@@ -78,7 +74,9 @@ class Relations:
         if isinstance(reference, Attribute):
             valued = Valued(tuple(self.indices(reference.owner, False)), (reference.index,))
             return code.call(self._module.name(valued), self.bindings.source(goal.target))
-        return code.Index(self._module.name(Backward(reference.index)), self.bindings.source(goal.target))
+        return code.Index(
+            self._module.name(Column("backward", reference.index)), self.bindings.source(goal.target)
+        )
 
     def is_linked(self, goal: LinkAtom) -> code.Expression:
         """Whether two objects are linked; if one is not known, the ends of the links of the other."""
@@ -88,7 +86,7 @@ class Relations:
         sizes = self._planner.sizes
         reference = goal.reference
         if isinstance(reference, Reference) and sizes.backward(reference) < sizes.forward(reference):
-            backward = self._module.name(Backward(reference.index))  # the fewer
+            backward = self._module.name(Column("backward", reference.index))  # the fewer
             return code.Operation("in", (source, code.Index(backward, target)))
         return code.Operation(
             "in", (target, code.Index(self._module.name(forward_column(reference)), source))
@@ -128,29 +126,22 @@ class Relations:
 
     def closure(self, goal: ClosureAtom) -> code.Expression:
         """What is reached from the end that is known; whether one end is reached from the other; or all pairs."""
-        return self._reach(
-            goal, _QUESTIONS[self.bindings.known(goal.source), self.bindings.known(goal.target)]
-        )
+        known = self.bindings.known(goal.source), self.bindings.known(goal.target)
+        if known[0] == known[1]:
+            return self._reach(goal, ClosureQuestion.HOLDS if known[0] else ClosureQuestion.PAIRS, True)
+        return self._reach(goal, ClosureQuestion.ALL, known[0])
 
     def spread(self, goal: ClosureAtom, seen: code.Local) -> code.Expression:
         """What other searches in the same place have not found; `seen` holds what they have."""
-        question = ClosureQuestion.SPREAD if self.bindings.known(goal.source) else ClosureQuestion.SPREAD_BACK
-        return self._reach(goal, question, seen)
+        return self._reach(goal, ClosureQuestion.SPREAD, self.bindings.known(goal.source), seen)
 
-    def _reach(self, goal: ClosureAtom, question: ClosureQuestion, *more: code.Expression) -> code.Expression:
+    def _reach(
+        self, goal: ClosureAtom, question: ClosureQuestion, forward: bool, *more: code.Expression
+    ) -> code.Expression:
         inputs = [self.bindings.source(v) for v in (goal.source, goal.target) if self.bindings.known(v)]
-        name = self._module.name(Closed(goal.step, goal.closure is Closure.STAR, question))
-        return code.call(name, *inputs, *more)
+        return code.call(self._module.name(closed(goal, question, forward)), *inputs, *more)
 
 
-def forward_column(feature: Reference | Attribute) -> Forward | Values:
+def forward_column(feature: Reference | Attribute) -> Column:
     """The column of targets, or of many values."""
-    return Values(feature.index) if isinstance(feature, Attribute) else Forward(feature.index)
-
-
-_QUESTIONS = {
-    (True, True): ClosureQuestion.HOLDS,
-    (True, False): ClosureQuestion.FORWARD,
-    (False, True): ClosureQuestion.BACKWARD,
-    (False, False): ClosureQuestion.PAIRS,
-}
+    return Column("values" if isinstance(feature, Attribute) else "forward", feature.index)

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from enum import Enum, StrEnum
+from typing import Literal as OneOf
 
 from envgraph.code import Function, dataclass, printed
 from envgraph.match.plan._plan import ViewKey
+from envgraph.pattern import Closure, ClosureAtom
 
 
 class Mode(StrEnum):
@@ -26,8 +28,14 @@ class Mode(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Classes:
-    """The column of class indices."""
+class Column:
+    """A list of the store: class indices, or of one class or feature (by index) what there is of it.
+
+    Values of an attribute with many are those that differ; extents are of exactly the class.
+    """
+
+    kind: OneOf["classes", "extents", "values", "forward", "backward"]
+    index: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,34 +43,6 @@ class ClassTable:
     """For each class index whether it is the class or one of its subclasses."""
 
     cls: str
-
-
-@dataclass(frozen=True, slots=True)
-class Members:
-    """The extent of exactly this class (by index)."""
-
-    index: int
-
-
-@dataclass(frozen=True, slots=True)
-class Values:
-    """The column of an attribute (by index); of one with many values, those that differ."""
-
-    index: int
-
-
-@dataclass(frozen=True, slots=True)
-class Forward:
-    """The column of targets of a reference (by index)."""
-
-    index: int
-
-
-@dataclass(frozen=True, slots=True)
-class Backward:
-    """The column of sources of a reference (by index)."""
-
-    index: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,45 +77,39 @@ class Recursive:
 
 
 class ClosureQuestion(Enum):
-    """What is asked of a closure."""
+    """What is asked of a closure: from a source, or, backward, from a target."""
 
-    FORWARD = "forward"
-    """Everything that a source reaches."""
-    BACKWARD = "backward"
-    """Everything that reaches a target."""
+    ALL = "all"
+    """Everything that is reached."""
     HOLDS = "holds"
     """Whether a source reaches a target."""
     PAIRS = "pairs"
     """All pairs."""
     SPREAD = "spread"
-    """Everything that a source reaches and no source before it."""
-    SPREAD_BACK = "spread back"
-    """Everything that reaches a target and no target before it."""
+    """Everything that is reached from here, and from no start before."""
     STEP = "step"
     """Where one step leads."""
-    STEP_BACK = "step back"
-    """Where one step comes from."""
     JOIN = "join"
-    """Whether a source reaches one of several targets."""
-    JOIN_BACK = "join back"
-    """Whether a target is reached by one of several sources."""
+    """Whether one of several ends is reached."""
     ALIKE = "alike"
-    """A value that depends on what a source reaches, and on nothing else about it."""
-    ALIKE_BACK = "alike back"
-    """A value that depends on what reaches a target, and on nothing else about it."""
+    """A value that depends on what is reached, and on nothing else about the start."""
     SIZE = "size"
-    """How much a source reaches."""
-    SIZE_BACK = "size back"
-    """How much reaches a target."""
+    """How much is reached."""
 
 
 @dataclass(frozen=True, slots=True)
 class Closed:
-    """A closure of a binary pattern; `reflexive` for `*`."""
+    """A question about the closure of a binary pattern; `reflexive` for `*`."""
 
     step: str
     reflexive: bool
     question: ClosureQuestion
+    forward: bool = True
+
+
+def closed(closure: ClosureAtom, question: ClosureQuestion, forward: bool = True) -> Closed:
+    """A question about the closure of a goal."""
+    return Closed(closure.step, closure.closure is Closure.STAR, question, forward)
 
 
 @dataclass(frozen=True, slots=True)
@@ -181,21 +155,7 @@ class Held:
 
 
 Symbol = (
-    Bounded
-    | Classes
-    | ClassTable
-    | Members
-    | Values
-    | Forward
-    | Backward
-    | Valued
-    | Literal
-    | View
-    | Recursive
-    | Closed
-    | Tallied
-    | Builtin
-    | Held
+    Bounded | Builtin | ClassTable | Closed | Column | Held | Literal | Recursive | Tallied | Valued | View
 )
 
 

@@ -3,30 +3,33 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Final
 
 from envgraph import code
 from envgraph.match.generate._symbols import (
-    Backward,
     Bounded,
     Builtin,
-    Classes,
     ClassTable,
     Closed,
-    Forward,
+    Column,
     Held,
     Literal,
-    Members,
     Recursive,
     Source,
     Symbol,
     Tallied,
     Valued,
-    Values,
     View,
 )
 from envgraph.metamodel import EnumType, Value
 from envgraph.pattern import Expression as Term
 from envgraph.pattern import ObjectType, StaticType, compile_expression
+
+_COLUMNS: Final = {"extents": "E", "values": "A", "forward": "F", "backward": "B"}
+_PREFIXES: Final[Mapping[type, str]] = {
+    **{Bounded: "m", ClassTable: "T", Closed: "r", Literal: "k", Tallied: "n", Valued: "i"},
+    **{Recursive: "f", View: "f"},
+}
 
 
 class Module:
@@ -50,34 +53,16 @@ class Module:
 
     def _invent(self, symbol: Symbol) -> str:
         match symbol:
-            case Classes():
+            case Column("classes"):
                 return "C"
-            case Members(index):
-                return f"E{index}"
-            case Values(index):
-                return f"A{index}"
-            case Forward(index):
-                return f"F{index}"
-            case Backward(index):
-                return f"B{index}"
+            case Column(kind, index):
+                return f"{_COLUMNS[kind]}{index}"
             case Builtin(name):
                 return name
-            case ClassTable():
-                return self.fresh("T")
-            case Literal():
-                return self.fresh("k")
-            case View() | Recursive():
-                return self.fresh("f")
-            case Closed():
-                return self.fresh("r")
-            case Valued():
-                return self.fresh("i")
-            case Tallied():
-                return self.fresh("n")
-            case Bounded():
-                return self.fresh("m")
             case Held(what):
                 return self.fresh(f"{what}_")
+            case _:
+                return self.fresh(_PREFIXES[type(symbol)])
 
     def fresh(self, prefix: str) -> str:
         """A name with a number that nothing else has."""

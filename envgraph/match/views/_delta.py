@@ -17,7 +17,7 @@ from envgraph.match.generate._bindings import Bindings
 from envgraph.match.generate._generate import Translation
 from envgraph.match.generate._relations import Relations, forward_column
 from envgraph.match.generate._sinks import EXISTENCE, OUT, Sink, gathering, length, row, value
-from envgraph.match.generate._symbols import Backward, Bounded, Held, Source, Values
+from envgraph.match.generate._symbols import Bounded, Column, Held, Source
 from envgraph.match.generate._write import Module, local
 from envgraph.match.plan._plan import Kind, Plan, Step
 from envgraph.match.views._bodies import existential, free_inside, negated
@@ -472,7 +472,9 @@ class DeltaTranslation(Translation):
             case InstanceAtom():
                 return self._relations.is_instance(relation)
             case AttributeAtom(attribute, owner, held):
-                found = code.Index(self._module.name(Values(attribute.index)), self._bindings.source(owner))
+                found = code.Index(
+                    self._module.name(Column("values", attribute.index)), self._bindings.source(owner)
+                )
                 return (
                     code.equal(found, self._bindings.source(held))
                     if self._bindings.known(held)
@@ -500,7 +502,7 @@ class DeltaTranslation(Translation):
         assert isinstance(relation, LinkAtom)
         if occurrence.columns[0] is not None:
             return code.Index(self._module.name(forward_column(relation.reference)), names[0])
-        return code.Index(self._module.name(Backward(relation.reference.index)), names[1])
+        return code.Index(self._module.name(Column("backward", relation.reference.index)), names[1])
 
     # --- views
 

@@ -12,7 +12,7 @@ from envgraph.graph import IndexedSet, Model
 from envgraph.match import FREE, CompiledMatcher, NaiveMatcher
 from envgraph.match.demand._intersections import common
 from envgraph.match.demand._program import Program
-from envgraph.match.generate._symbols import Backward, Forward, Symbol
+from envgraph.match.generate._symbols import Column, Symbol
 from envgraph.metamodel import Class, Metamodel, Reference
 from envgraph.pattern import Library, Pattern
 from tests.unit.match.writing import path, pattern
@@ -89,7 +89,7 @@ class Counted(Program):
 
     def _value(self, symbol: Symbol, inside: frozenset[str]) -> object:
         found: Any = super()._value(symbol, inside)
-        ends = isinstance(symbol, Forward | Backward)
+        ends = isinstance(symbol, Column) and symbol.kind in ("forward", "backward")
         return [Ends(self.matcher, each) for each in found] if ends else found
 
 

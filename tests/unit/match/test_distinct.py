@@ -10,7 +10,8 @@ import pytest
 from envgraph.graph import Model
 from envgraph.match import FREE, CompiledMatcher
 from envgraph.match.demand._program import Program
-from envgraph.match.generate._symbols import Backward, Forward, Symbol
+from envgraph.match.generate._symbols import Column as StoreColumn
+from envgraph.match.generate._symbols import Symbol
 from envgraph.metamodel import Attribute, Class, Metamodel, Reference, Scalar
 from envgraph.pattern import Library
 from tests.unit.match.writing import equal, find, fold, is_a, neg, path, pattern
@@ -52,7 +53,8 @@ class Counted(Program):
 
     def _value(self, symbol: Symbol, inside: frozenset[str]) -> object:
         found = super()._value(symbol, inside)
-        return Column(self.matcher, found) if isinstance(symbol, Forward | Backward) else found
+        ends = isinstance(symbol, StoreColumn) and symbol.kind in ("forward", "backward")
+        return Column(self.matcher, found) if ends else found
 
 
 class Column:
