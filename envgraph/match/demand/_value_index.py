@@ -6,7 +6,6 @@ from collections.abc import Callable, Sequence
 from typing import Any, Final
 
 from envgraph.graph import Store
-from envgraph.metamodel import Values
 
 FEW: Final = 2
 """Questions about one state of the model that are answered by looking at all objects; for more there is an index."""
@@ -23,15 +22,19 @@ def by_value(store: Store, classes: Sequence[int], attributes: Sequence[int]) ->
     """
     extents = [store.extents[index] for index in classes]
     many = store.distinct[attributes[0]]
-    if many:
-        return _by_one_of(store, extents, many)
-    columns = [store.values[index] for index in attributes]
-    (first, *others) = columns
+    first, *others = [many] if many else [store.values[index] for index in attributes]
     index: dict[Any, list[int]] = {}
     revision, asked = -1, 0
 
     def key(node: int) -> Any:
         return (first[node], *(column[node] for column in others)) if others else first[node]
+
+    def look(values: tuple[Any, ...]) -> list[int]:
+        value = values[0]
+        if many:
+            return [node for extent in extents for node in extent if value in many[node]]
+        nodes = [node for extent in extents for node in extent if first[node] == value]
+        return [node for node in nodes if key(node) == values] if others else nodes
 
     def found(*values: Any) -> Sequence[int]:
         nonlocal revision, asked
@@ -39,39 +42,13 @@ def by_value(store: Store, classes: Sequence[int], attributes: Sequence[int]) ->
             revision, asked = store.revision, 0
         asked += 1
         if asked <= FEW:
-            value = values[0]
-            nodes = [node for extent in extents for node in extent if first[node] == value]
-            return [node for node in nodes if key(node) == values] if others else nodes
+            return look(values)
         if asked == FEW + 1:
             index.clear()
             for extent in extents:
                 for node in extent:
-                    index.setdefault(key(node), []).append(node)
-        return index.get(values if others else values[0], ())
-
-    return found
-
-
-def _by_one_of(
-    store: Store, extents: Sequence[Sequence[int]], column: Sequence[Values]
-) -> Callable[[Any], Sequence[int]]:
-    """The same for an attribute with many values, of which an object has the one that is given."""
-    index: dict[Any, list[int]] = {}
-    revision, asked = -1, 0
-
-    def found(value: Any) -> Sequence[int]:
-        nonlocal revision, asked
-        if revision != store.revision:
-            revision, asked = store.revision, 0
-        asked += 1
-        if asked <= FEW:
-            return [node for extent in extents for node in extent if value in column[node]]
-        if asked == FEW + 1:
-            index.clear()
-            for extent in extents:
-                for node in extent:
-                    for one in column[node]:
+                    for one in many[node] if many else (key(node),):
                         index.setdefault(one, []).append(node)
-        return index.get(value, ())
+        return index.get(values if others else values[0], ())
 
     return found
