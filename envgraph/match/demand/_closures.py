@@ -78,34 +78,30 @@ class ClosureView:
         self._store = model.store
         self._steps = steps
         self._reflexive = reflexive
-        self._revision = -1
         self._reached: Ends = {}
         self._reaching: Ends = {}
         self._edges: dict[bool, dict[Any, list[Any]]] = {True: {}, False: {}}
         self._joined: dict[Call, set[Any] | None] = {}
         self._values: dict[tuple[Call, int], Any] = {}
         self._tallies: dict[tuple[ClosureAggregation, tuple[Any, ...]], ClosureAggregate | None] = {}
-        self._size = 0
-        self._visited = 0
-        self._enough, self._counted = FEW_VISITED, False
         self._condensed: dict[bool, Condensation] = {}
-        self._too_large = False
+        self._forget()
+        self._revision = -1
 
     def _forget(self) -> None:
         """There is a new state of the model."""
-        self._reached.clear()
-        self._reaching.clear()
-        self._edges[True].clear()
-        self._edges[False].clear()
-        self._joined.clear()
-        self._values.clear()
-        self._tallies.clear()
-        self._size = 0
-        self._visited = 0
-        self._enough, self._counted = FEW_VISITED, False
+        self._drop(0)
+        self._visited, self._enough, self._counted = 0, FEW_VISITED, False
         self._condensed.clear()
         self._too_large = False
         self._revision = self._store.revision  # last: Ctrl-C before leaves nothing out of date
+
+    def _drop(self, size: int) -> None:
+        """What is remembered goes, to make room for something of some size."""
+        kept: tuple[dict[Any, Any], ...] = (self._reached, self._reaching, *self._edges.values())
+        for each in (*kept, self._joined, self._values, self._tallies):
+            each.clear()
+        self._size = size
 
     # --- what is reached
 
@@ -348,14 +344,7 @@ class ClosureView:
         """Make room."""
         self._size += size
         if self._size > MOST_KEPT:
-            self._reached.clear()
-            self._reaching.clear()
-            self._edges[True].clear()
-            self._edges[False].clear()
-            self._joined.clear()
-            self._values.clear()
-            self._tallies.clear()
-            self._size = size
+            self._drop(size)
 
     def _paid(self) -> bool:
         """Whether searches have been so much work that all nodes may be looked at."""
