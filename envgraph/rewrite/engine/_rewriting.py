@@ -18,7 +18,15 @@ from envgraph.rewrite.run._run import (
     draw_weighted,
     fire_one_of,
 )
-from envgraph.rewrite.run._runner import NO_ARGUMENTS, REFUSALS, PythonRule, Randomness, RuleRunner, draw
+from envgraph.rewrite.run._runner import (
+    NO_ARGUMENTS,
+    REFUSALS,
+    PythonRule,
+    Randomness,
+    RuleRunner,
+    draw,
+    others,
+)
 from envgraph.rewrite.run._units import UnitProgram
 
 if TYPE_CHECKING:
@@ -176,7 +184,7 @@ class Rewriting:
         number = rows.index(row)
         try:
             if drawn:
-                return runner.fire_another(rows, number, error, self._pick)
+                return runner.fire_next(others(rows, number, self._pick), error)
             return runner.fire_next(list(rows[number + 1 :]), error)
         except RuleError as last:
             if len(rows) == 1 or last.reason not in REFUSALS:

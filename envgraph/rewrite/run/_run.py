@@ -152,20 +152,14 @@ def fire_one(run: Run, rule: RuleRunner, rows: Sequence[Row]) -> tuple[Row, Sequ
     try:
         result = rule.fire(row)
     except RuleError as error:
-        return fire_another(run, rule, rows, number, error)
+        return _go_on(run, rule, others(rows, number, run.pick), error)
     return row, result
-
-
-def fire_another(
-    run: Run, rule: RuleRunner, rows: Sequence[Row], number: int, error: RuleError
-) -> tuple[Row, Sequence[Any]] | None:
-    """The row of this number was refused: apply the rule at one of the others, drawn uniformly."""
-    return _go_on(run, rule, others(rows, number, run.pick), error)
 
 
 def _go_on(
     run: Run, rule: RuleRunner, rows: Iterable[Row], error: RuleError
 ) -> tuple[Row, Sequence[Any]] | None:
+    """A rule was refused: apply it at the first of these rows at which it is not."""
     try:
         return rule.fire_next(rows, error)
     except RuleError as refused:
@@ -176,22 +170,18 @@ def _go_on(
 def call_rule(
     run: Run, rule: RuleRunner, rows: Sequence[Row], missing: Site, refused: Site
 ) -> Sequence[Any] | None:
-    """A call of a rule that is not written out: what `_unit_source` writes for the first calls of a unit."""
+    """A call of a rule at one of its matches: `fire_one`, written out because calls are many."""
     if not rows:
-        run.failure = missing
-        return None
-    number = 0 if len(rows) == 1 else run.pick(len(rows))
+        return _called(run, rule, None, missing)
+    number = run.pick(len(rows)) if len(rows) > 1 else 0
     row = rows[number]
     try:
         result = rule.fire(row)
     except RuleError as error:
-        found = fire_another(run, rule, rows, number, error)
-        if found is None:
-            run.failure = refused
-            return None
-        row, result = found
-    run.put(rule)
-    run.put(row)
+        return _called(run, rule, _go_on(run, rule, others(rows, number, run.pick), error), refused)
+    put = run.put
+    put(rule)
+    put(row)
     return result
 
 
@@ -205,20 +195,25 @@ def call_first(
 ) -> Sequence[Any] | None:
     """A call of a rule at the first of its matches, if there is one; `rows` lists them all, where that is refused."""
     if row is None:
-        run.failure = missing
-        return None
+        return _called(run, rule, None, missing)
+    found: tuple[Row, Sequence[Any]] | None
     try:
-        result = rule.fire(row)
+        found = row, rule.fire(row)
     except RuleError as error:
         left = list(rows())
         found = _go_on(run, rule, left[left.index(row) + 1 :], error)
-        if found is None:
-            run.failure = refused
-            return None
-        row, result = found
+    return _called(run, rule, found, refused)
+
+
+def _called(
+    run: Run, rule: RuleRunner, found: tuple[Row, Sequence[Any]] | None, failure: Site
+) -> Sequence[Any] | None:
+    if found is None:
+        run.failure = failure
+        return None
     run.put(rule)
-    run.put(row)
-    return result
+    run.put(found[0])
+    return found[1]
 
 
 def fire_every(run: Run, rule: RuleRunner, rows: Iterable[Row], site: Site) -> bool | None:

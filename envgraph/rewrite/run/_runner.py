@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
 from inspect import Parameter as Argument
 from inspect import signature
-from typing import Any, Final, Protocol, TypeVar
+from typing import Any, Final, Protocol, TypeVar, overload
 
 from envgraph.errors import EvaluationError, InvalidArgument, RuleError, did_you_mean, with_article
 from envgraph.graph import Model, Node
@@ -207,7 +207,7 @@ class RuleRunner(ABC):
         try:
             self.fire(row)
         except RuleError as error:
-            return self.fire_another(rows, number, error, lambda count: draw(rng, count))[0]
+            return self.fire_next(others(rows, number, lambda count: draw(rng, count)), error)[0]
         return row
 
     def _arguments(self, arguments: Mapping[str, object]) -> tuple[object, ...]:
@@ -250,12 +250,6 @@ class RuleRunner(ABC):
                     raise
                 error = other
         raise error
-
-    def fire_another(
-        self, rows: Sequence[Row], number: int, error: RuleError, pick: Callable[[int], int]
-    ) -> tuple[Row, Sequence[Any]]:
-        """The row of this number was refused: as `fire_next` with the others, drawn uniformly."""
-        return self.fire_next(others(rows, number, pick), error)
 
     def refusal_at(self, row: Row) -> RuleError | EvaluationError | None:
         """Why the rule cannot be applied at a match; it is tried, and taken back."""
@@ -368,48 +362,40 @@ class ExactClassRule(GraphRule):
     ) -> None:
         super().__init__(plan, model, library, matcher, report)
         assert plan.exact is not None
-        self._cls = plan.exact
+        self._rows = ExtentRows(model.exact_extent(plan.exact))
 
     def all_rows(self) -> Sequence[Row]:
         """All matches."""
-        return [(node,) for node in self.model.exact_extent(self._cls)]
-
-    def live_rows(self) -> Sequence[Row]:
-        """All matches."""
-        return self.all_rows()
-
-    def seek(self, names: tuple[str, ...]) -> Callable[..., Iterator[Row]]:
-        """The matches one by one."""
-        extent = self.model.exact_extent(self._cls)
-        return super().seek(names) if names else lambda: ((node,) for node in extent)
+        return list(self._rows)
 
     def reader(self) -> Find:
         """`live_rows`."""
-        return self.live_rows
-
-    def once(self, rng: Randomness) -> Row | None:
-        """Apply the rule at one of its matches."""
-        extent = self.model.exact_extent(self._cls)
-        if not extent:
-            return None
-        number = draw(rng, len(extent))
-        row = (extent[number],)
-        try:
-            self.fire(row)
-        except RuleError as error:
-            return self.fire_another(self.all_rows(), number, error, lambda count: draw(rng, count))[0]
-        return row
+        self._live = lambda: self._rows
+        return self._live
 
     def exists(self, arguments: Mapping[str, object] = NO_ARGUMENTS) -> bool:
         """Whether there is a match."""
-        return super().exists(arguments) if arguments else bool(self.model.exact_extent(self._cls))
+        return super().exists(arguments) if arguments else bool(self._rows)
 
-    def pick(self, rng: Randomness, arguments: Mapping[str, object] = NO_ARGUMENTS) -> Row | None:
-        """One of the matches, equally likely."""
-        if arguments:
-            return super().pick(rng, arguments)
-        extent = self.model.exact_extent(self._cls)
-        return (extent[draw(rng, len(extent))],) if extent else None
+
+class ExtentRows(Sequence[Row]):
+    """The objects of a class as rows, which are made when they are read."""
+
+    __slots__ = ("_nodes",)
+
+    def __init__(self, nodes: Sequence[int]) -> None:
+        self._nodes = nodes
+
+    def __len__(self) -> int:
+        return len(self._nodes)
+
+    @overload
+    def __getitem__(self, index: int) -> Row: ...
+    @overload
+    def __getitem__(self, index: slice) -> list[Row]: ...
+    def __getitem__(self, index: int | slice) -> Row | list[Row]:
+        found = self._nodes[index]
+        return (found,) if isinstance(found, int) else [(node,) for node in found]
 
 
 def graph_rule(plan: RulePlan, model: Model, library: Library, matcher: Matcher, report: Report) -> GraphRule:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from collections.abc import Mapping as Named
-from typing import Any, Final
+from typing import Any
 
 from envgraph import code
 from envgraph.pattern import Call
@@ -21,9 +21,6 @@ from envgraph.rewrite.run._unit_functions import (
     UnitFunctions,
 )
 from envgraph.rewrite.run._unit_values import UnitValues
-
-_WRITTEN_OUT: Final = 200
-"""So many calls of rules are written out in the source of a unit: Python takes long to compile a lot of it."""
 
 
 class UnitCalls:
@@ -50,7 +47,6 @@ class UnitCalls:
         self._rules = rules
         self._run_unit = run_unit
         self._members = members
-        self._calls = 0
 
     def write(self, step: Call, callee: Signature, scope: Scope) -> None:
         """Write the call of something."""
@@ -148,18 +144,13 @@ class UnitCalls:
         missing = f"`{callee.simple}` has no {'such ' if step.where else ''}match"
         refused = f"`{callee.simple}` was refused at each match"
         texts = self._functions.constant((missing, step.span)), self._functions.constant((refused, step.span))
-        failed = code.If(code.is_none(RESULT), (code.Return(code.NONE),))
-        self._calls += 1
         if step.first:
             first = code.call("next", rows, code.NONE)
-            function.add(
-                code.Assign(RESULT, code.call("call_first", RUN, own, first, code.Lambda((), rows), *texts)),
-                failed,
-            )
-        elif self._calls > _WRITTEN_OUT:
-            function.add(code.Assign(RESULT, code.call("call_rule", RUN, own, rows, *texts)), failed)
+            call = code.call("call_first", RUN, own, first, code.Lambda((), rows), *texts)
         else:
-            self._fire_one(step, rule, rows, missing, refused)
+            call = code.call("call_rule", RUN, own, rows, *texts)
+        failed = code.If(code.is_none(RESULT), (code.Return(code.NONE),))
+        function.add(code.Assign(RESULT, call), failed)
         slots = dict(rule.plan.outputs) if isinstance(rule, GraphRule) else {}
         for theirs, name in new.items():
             place = slots[theirs] if theirs in slots else rule.shape.position(theirs)
@@ -167,28 +158,6 @@ class UnitCalls:
                 code.Assign(self._functions.give(scope, name), code.Index(RESULT, code.Constant(place)))
             )
         self._functions.changed(code.TRUE)
-
-    def _fire_one(
-        self, step: Call, rule: RuleRunner, rows: code.Expression, missing: str, refused: str
-    ) -> None:
-        """`call_rule`, written out."""
-        function, own = self._functions.now, self._functions.constant(rule)
-        all_, n, i, error = map(code.Local, ("rows", "n", "i", "error"))
-        function.add(code.Assign(all_, rows), code.Assign(n, code.call("len", all_)))
-        self._functions.fails_if(code.equal(n, code.Constant(0)), missing, step.span)
-        several = code.Operation(">", (n, code.Constant(1)))
-        function.add(
-            code.Assign(i, code.Choice(several, code.method(RUN, "pick", n), code.Constant(0))),
-            code.Assign(ROW, code.Index(all_, i)),
-        )
-        fired = code.Assign(RESULT, code.call(self._functions.constant(rule.fire), ROW))
-        another = (
-            code.Assign(RESULT, code.call("fire_another", RUN, own, all_, i, error)),
-            code.If(code.is_none(RESULT), self._functions.fails(refused, step.span)),
-            code.Assign(code.tuple_of(ROW, RESULT), RESULT),
-        )
-        put = [code.Do(code.method(RUN, "put", each)) for each in (own, ROW)]
-        function.add(code.Try((fired,), (code.Handler(code.Name("RuleError"), error, another),)), *put)
 
     def _every(self, step: Call, callee: Signature, scope: Scope) -> None:
         rule, rows, _ = self._rows(step, callee, scope)

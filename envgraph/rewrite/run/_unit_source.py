@@ -12,7 +12,6 @@ from collections.abc import Mapping as Named
 from typing import Any, Final
 
 from envgraph import code
-from envgraph.errors import RuleError
 from envgraph.graph import Model
 from envgraph.match import Matcher, ViewMatcher
 from envgraph.pattern import (
@@ -41,7 +40,6 @@ from envgraph.rewrite.run._run import (
     best,
     call_first,
     call_rule,
-    fire_another,
     fire_every,
     is_applicable,
     read_feature,
@@ -394,7 +392,6 @@ def _outputs(step: Step, calls: Named[int, Signature]) -> list[str]:
 def _namespace(model: Model, matcher: Matcher) -> dict[str, Any]:
     """What the functions of units need."""
     return {
-        "RuleError": RuleError,
         "UNSET": UNSET,
         "alive": model.alive,
         "apply_every_of": apply_every_of,
@@ -403,7 +400,6 @@ def _namespace(model: Model, matcher: Matcher) -> dict[str, Any]:
         "call_first": call_first,
         "call_rule": call_rule,
         "argument": argument_value,
-        "fire_another": fire_another,
         "fire_every": fire_every,
         "holds": holds,
         "is_applicable": is_applicable,
