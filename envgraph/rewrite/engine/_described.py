@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import replace
 from inspect import Parameter as Argument
 from inspect import signature
@@ -110,100 +110,80 @@ class Steps:
             raise InvalidArgument("`choose` takes at least one rule or unit")
         self._add(Choice(tuple(one if isinstance(one, Call) else _call(one, ()) for one in alternatives)))
 
-    @contextmanager
-    def either(self) -> Iterator[None]:
+    def either(self) -> AbstractContextManager[None]:
         """`{ .. }`, the first alternative of a choice; `alternatively` follows."""
-        with self._block() as body:
-            yield
-        self._add(Choice((_sequence(body),)))
+        return self._block(lambda body: self._add(Choice((body,))))
 
-    @contextmanager
-    def alternatively(self) -> Iterator[None]:
+    def alternatively(self) -> AbstractContextManager[None]:
         """`| { .. }`: one more alternative of the `either`, `alternatively` or `choose` right before.
 
         Raises:
             InvalidArgument: there is none.
         """
-        last = self._open[-1][-1] if self._open[-1] else None
+        last = self._last
         if not isinstance(last, Choice):
             raise InvalidArgument("`alternatively` comes right after `either`, `alternatively` or `choose`")
-        with self._block() as body:
-            yield
-        self._open[-1][-1] = replace(last, alternatives=(*last.alternatives, _sequence(body)))
+        return self._block(lambda body: self._mend(replace(last, alternatives=(*last.alternatives, body))))
 
-    @contextmanager
-    def alap(self) -> Iterator[None]:
+    def alap(self) -> AbstractContextManager[None]:
         """`alap { .. }`: as long as possible."""
-        with self._block() as body:
-            yield
-        self._add(Alap(_sequence(body)))
+        return self._block(lambda body: self._add(Alap(body)))
 
-    @contextmanager
-    def repeat(self, lower: Given, upper: Given | None = None) -> Iterator[None]:
+    def repeat(self, lower: Given, upper: Given | None = None) -> AbstractContextManager[None]:
         """`repeat lower..upper { .. }`; without an upper bound, exactly so often."""
         least = _bound(lower)
         most = least if upper is None else _bound(upper)
-        with self._block() as body:
-            yield
-        self._add(Repeat(least, most, _sequence(body)))
+        return self._block(lambda body: self._add(Repeat(least, most, body)))
 
-    @contextmanager
-    def atomic(self) -> Iterator[None]:
+    def atomic(self) -> AbstractContextManager[None]:
         """`atomic { .. }`: all or nothing."""
-        with self._block() as body:
-            yield
-        self._add(Atomic(_sequence(body)))
+        return self._block(lambda body: self._add(Atomic(body)))
 
-    @contextmanager
-    def attempt(self) -> Iterator[None]:
+    def attempt(self) -> AbstractContextManager[None]:
         """`try { .. }`; `otherwise` may follow."""
-        with self._block() as body:
-            yield
-        self._add(Try(_sequence(body)))
+        return self._block(lambda body: self._add(Try(body)))
 
-    @contextmanager
-    def when(self, condition: str | Condition | Applicable, *arguments: Given) -> Iterator[None]:
+    def when(
+        self, condition: str | Condition | Applicable, *arguments: Given
+    ) -> AbstractContextManager[None]:
         """`if find condition(arguments) { .. }`, or another condition as data; `otherwise` may follow.
 
         `Applicable("rule", (x,))` as data asks whether a rule is applicable.
         """
         test = PatternCall(condition, _terms(arguments)) if isinstance(condition, str) else condition
-        with self._block() as body:
-            yield
-        self._add(If(test, _sequence(body)))
+        return self._block(lambda body: self._add(If(test, body)))
 
-    @contextmanager
-    def unless(self, pattern: str, *arguments: Given) -> Iterator[None]:
+    def unless(self, pattern: str, *arguments: Given) -> AbstractContextManager[None]:
         """`if neg find pattern(arguments) { .. }`; `otherwise` may follow."""
-        with self.when(Negation(PatternCall(pattern, _terms(arguments)))):
-            yield
+        return self.when(Negation(PatternCall(pattern, _terms(arguments))))
 
-    @contextmanager
-    def otherwise(self) -> Iterator[None]:
+    def otherwise(self) -> AbstractContextManager[None]:
         """`else { .. }` of the `attempt`, `when` or `unless` right before.
 
         Raises:
             InvalidArgument: there is none.
         """
-        last = self._open[-1][-1] if self._open[-1] else None
+        last = self._last
         if not isinstance(last, Try | If) or last.otherwise is not None:
             raise InvalidArgument("`otherwise` comes right after `attempt`, `when` or `unless`")
-        with self._block() as body:
-            yield
-        self._open[-1][-1] = replace(last, otherwise=_sequence(body))
+        return self._block(lambda body: self._mend(replace(last, otherwise=body)))
+
+    @property
+    def _last(self) -> Step | None:
+        return self._open[-1][-1] if self._open[-1] else None
 
     def _add(self, step: Step) -> None:
         self._open[-1].append(step)
 
+    def _mend(self, step: Step) -> None:
+        self._open[-1][-1] = step
+
     @contextmanager
-    def _block(self) -> Iterator[list[Step]]:
+    def _block(self, close: Callable[[Sequence], None]) -> Iterator[None]:
+        """What is said inside; at the end it becomes a step, or a part of one."""
         self._open.append([])
-        yield self._open[-1]
-        self._open.pop()
-
-
-def _sequence(steps: list[Step]) -> Sequence:
-    return Sequence(tuple(steps))
+        yield
+        close(Sequence(tuple(self._open.pop())))
 
 
 def _call(name: str, arguments: tuple[Given, ...]) -> Call:
