@@ -9,13 +9,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import field
 from functools import partial
-from typing import TYPE_CHECKING, Any, Literal, Protocol
+from typing import TYPE_CHECKING, Any, Literal
 
 from envgraph.code import dataclass
 from envgraph.errors import InvalidArgument, RuleError
 from envgraph.graph import Model, Shapes, Version, deferred
 from envgraph.rewrite._branches import Branches
-from envgraph.rewrite._match import Firing, Row, Shape
+from envgraph.rewrite._match import Row, Shape
 from envgraph.rewrite.explore._exploration import Ending, Exploration, Firings, Record, State
 from envgraph.rewrite.explore._walks import Walk, walk_of_savepoints, walk_of_versions
 from envgraph.rewrite.run._runner import REFUSALS, RuleRunner
@@ -33,69 +33,39 @@ Test = Callable[[], bool]
 """Whether something holds in the present state."""
 
 
-class Mover(Protocol):
-    """A rule or a unit.
+@dataclass(frozen=True, slots=True)
+class Mover:
+    """A rule, with a move for each match, or a unit, with one for each way in which its random choices may turn out.
 
     Attributes:
         name: of it.
-        shape: of its matches; None for a unit.
+        shape: of the matches of a rule; None for a unit.
+        choices: what can be tried in the present state, which is the same again whenever the iterator goes on.
+        make: makes the move: the match of the rule, or what the unit applied; None if that was nothing. A `RuleError`
+            says that it is refused; the model is as before then.
     """
 
     name: str
     shape: Shape | None
-
-    def choices(self) -> Iterator[Any]:
-        """What can be tried in the present state, which is the same again whenever the iterator goes on."""
-
-    def make(self, choice: Any) -> Row | Firings | None:
-        """Make the move: the match of the rule, or what the unit applied; None if that was nothing.
-
-        Raises:
-            RuleError: it is refused. The model is as before.
-        """
+    choices: Callable[[], Iterator[Any]]
+    make: Callable[[Any], Row | Firings | None]
 
 
-class RuleMover:
-    """A rule: a move for each match."""
+def _rule_mover(rule: RuleRunner) -> Mover:
+    rule.prepare(())  # refuses a rule that needs values
 
-    def __init__(self, rule: RuleRunner) -> None:
-        self.name = rule.name
-        self.shape: Shape | None = rule.shape
-        self._rule = rule
-        rule.prepare(())  # refuses a rule that needs values
+    def make(row: Row) -> Row:
+        rule.fire(row)
+        return row
 
-    def choices(self) -> Iterator[Row]:
-        """The matches."""
-        return iter(self._rule.all_rows())
-
-    def make(self, choice: Row) -> Row:
-        """See `Mover`."""
-        self._rule.fire(choice)
-        return choice
+    return Mover(rule.name, rule.shape, lambda: iter(rule.all_rows()), make)
 
 
-class UnitMover:
-    """A unit: a move for every way in which its random choices may turn out.
-
-    Args:
-        name: of the unit.
-        run: runs it, and returns what was applied.
-    """
-
-    def __init__(self, name: str, run: Callable[[Branches], Sequence[Firing]]) -> None:
-        self.name = name
-        self.shape: Shape | None = None
-        self._run = run
-
-    def choices(self) -> Iterator[Branches]:
-        """One that goes on by itself."""
-        branches = Branches()
-        while branches.advance():
-            yield branches
-
-    def make(self, choice: Branches) -> Firings | None:
-        """See `Mover`."""
-        return tuple(self._run(choice)) or None
+def _ways() -> Iterator[Branches]:
+    """Random choices that turn out otherwise each time."""
+    branches = Branches()
+    while branches.advance():
+        yield branches
 
 
 def _movers(engine: Engine, names: Iterable[str]) -> list[Mover]:
@@ -115,11 +85,15 @@ def _movers(engine: Engine, names: Iterable[str]) -> list[Mover]:
 def _mover(engine: Engine, name: str) -> Mover:
     signature = engine.signature(name)
     if signature.kind == "rule":
-        return RuleMover(engine.prepare(name))
+        return _rule_mover(engine.prepare(name))
     required = [f"`{parameter.name}`" for parameter in signature.parameters if parameter.required]
     if required:
         raise InvalidArgument(f"unit `{name}` needs values for {', '.join(required)}")
-    return UnitMover(name, lambda branches: engine.runs.execute(name, {}, branches, strict=True)[0].firings)
+
+    def make(branches: Branches) -> Firings | None:
+        return tuple(engine.runs.execute(name, {}, branches, strict=True)[0].firings) or None
+
+    return Mover(name, None, _ways, make)
 
 
 @dataclass(slots=True)

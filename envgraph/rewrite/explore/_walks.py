@@ -2,41 +2,48 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Iterator
-from typing import Protocol
 
 from envgraph.graph import Model, Savepoint, Shelf, Version, guarded
 
 
-class Walk(Protocol):
+class Walk(ABC):
     """Where the model stands in the tree of the states that were found; 0 is the first.
 
     After `attempt` a move is made, and then comes one of `back`, or `keep` and one of `park` and `descend`.
     """
 
+    @abstractmethod
     def attempt(self) -> None:
         """A move from the present state follows."""
 
+    @abstractmethod
     def back(self) -> None:
-        """Take the attempted move back."""
+        """Undo the attempted move."""
 
+    @abstractmethod
     def keep(self) -> Version | None:
         """The move leads to a new state, the next in number."""
 
+    @abstractmethod
     def park(self) -> None:
         """Leave the new state, for `go`."""
 
+    @abstractmethod
     def descend(self) -> None:
         """Stay in the new state, until `ascend`."""
 
+    @abstractmethod
     def ascend(self) -> None:
         """Go back to the state before the present one."""
 
+    @abstractmethod
     def go(self, state: int) -> None:
         """Go to a state that was parked, or to the first."""
 
 
-class SavepointWalk:
+class SavepointWalk(Walk):
     """Inside one savepoint, with one more for each move from the first state to the present one."""
 
     def __init__(self, model: Model) -> None:
@@ -47,32 +54,25 @@ class SavepointWalk:
         self._shelves: dict[int, Shelf] = {}
 
     def attempt(self) -> None:
-        """See `Walk`."""
         self._marks.append(self._model.savepoint())
 
     def back(self) -> None:
-        """See `Walk`."""
         self._model.rollback(self._marks.pop())
 
     def keep(self) -> None:
-        """See `Walk`."""
         self._parents.append((self._path[-1], len(self._path)))
 
     def park(self) -> None:
-        """See `Walk`."""
         self._shelves[len(self._parents) - 1] = self._model.shelve(self._marks.pop())
 
     def descend(self) -> None:
-        """See `Walk`."""
         self._path.append(len(self._parents) - 1)
 
     def ascend(self) -> None:
-        """See `Walk`."""
         self._path.pop()
         self.back()
 
     def go(self, state: int) -> None:
-        """See `Walk`."""
         path, down = self._path, []
         parent, depth = self._parents[state]
         while depth >= len(path) or path[depth] != state:
@@ -95,7 +95,7 @@ def walk_of_savepoints(model: Model) -> Iterator[Walk]:
         model.unwind(depth)
 
 
-class VersionWalk:
+class VersionWalk(Walk):
     """Every state is a version. Outside of any transaction."""
 
     def __init__(self, model: Model) -> None:
@@ -104,32 +104,26 @@ class VersionWalk:
         self._path = [self.versions[0]]
 
     def attempt(self) -> None:
-        """See `Walk`."""
+        """Nothing: the present state is a version."""
 
     def back(self) -> None:
-        """See `Walk`."""
         self._model.checkout(self._path[-1], discard=True)
 
     def keep(self) -> Version:
-        """See `Walk`."""
         self.versions.append(self._model.commit())
         return self.versions[-1]
 
     def park(self) -> None:
-        """See `Walk`."""
         self.back()
 
     def descend(self) -> None:
-        """See `Walk`."""
         self._path.append(self.versions[-1])
 
     def ascend(self) -> None:
-        """See `Walk`."""
         self._path.pop()
         self.back()
 
     def go(self, state: int) -> None:
-        """See `Walk`."""
         self._path = [self.versions[state]]
         self.back()
 
