@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from itertools import count
 
@@ -91,14 +91,14 @@ class Module:
         """The function that is being written calls another, so many stretches above its own."""
         self._open[-1] = max(self._open[-1], above + self.levels[name])
 
-    def named(self, key: object) -> str | None:
-        """The function for something, if it is defined."""
-        return self._names.get(key)
-
-    def keep(self, key: object, name: str) -> str:
-        """Remember the function for something."""
-        self._names[key] = name
-        return name
+    def once(
+        self, key: object, prefix: str, write: Callable[[], tuple[Sequence[code.Local], code.Body]]
+    ) -> str:
+        """The function for something: its parameters and body are written when it is first asked for."""
+        if key not in self._names:
+            with self.writing():
+                self._names[key] = self.add(prefix, *write())
+        return self._names[key]
 
 
 def call(name: str, *arguments: code.Expression, top: code.Expression = TOP) -> code.Call:
@@ -447,15 +447,13 @@ class Facts:
 
     def _finder(self, stored: Stored) -> str:
         """The function that finds the object whose cell has another."""
-        name = self.module.named(stored)
-        if name is None:
+
+        def write() -> tuple[Sequence[code.Local], code.Body]:
             block, wanted = code.Block(), self.module.fresh("v", "object")
-            node = self.holding(block, stored, wanted)
-            block.add(code.Return(node))
-            body = (*block.body(), code.Return(code.Constant(-1)))
-            with self.module.writing():
-                name = self.module.keep(stored, self.module.add("find", (wanted,), body))
-        return name
+            block.add(code.Return(self.holding(block, stored, wanted)))
+            return [wanted], (*block.body(), code.Return(code.Constant(-1)))
+
+        return self.module.once(stored, "find", write)
 
     def holding(self, block: code.Block, stored: Stored, wanted: code.Expression) -> code.Local:
         """What follows is done for each object whose cell has another."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+
 from envgraph import code
 from envgraph.env.compiled._blocks import Frame
 from envgraph.env.compiled._facts import Stored, call
@@ -213,29 +215,29 @@ class Links:
 
     def _holders(self, stored: Stored) -> str:
         """The function that counts the objects whose cell has another."""
-        module, facts = self._facts.module, self._facts
-        name = module.named(("holders", stored))
-        if name is None:
-            block, wanted, number = code.Block(), module.fresh("v", "object"), code.Local("n", "int")
-            facts.holding(block, stored, wanted)
-            block.add(code.Assign(number, code.Constant(1), "+="))
-            body = (code.Assign(number, code.Constant(0)), *block.body(), code.Return(number))
-            with module.writing():
-                name = module.keep(("holders", stored), module.add("holders", (wanted,), body))
-        return name
+        return self._counter(
+            stored, "holders", lambda block, wanted: self._facts.holding(block, stored, wanted)
+        )
 
     def _partners(self, matrix: LinkMatrix, forward: bool) -> str:
         """The function that counts the targets of an object, or its sources."""
-        module, facts = self._facts.module, self._facts
-        name = module.named(("partners", matrix, forward))
-        if name is None:
-            block, wanted, number = code.Block(), module.fresh("v", "object"), code.Local("n", "int")
-            linked_with(facts, block, matrix, wanted, forward=forward, sure=False)
+
+        def loop(block: code.Block, wanted: code.Local) -> None:
+            linked_with(self._facts, block, matrix, wanted, forward=forward, sure=False)
+
+        return self._counter((matrix, forward), "partners", loop)
+
+    def _counter(self, of: object, prefix: str, loop: Callable[[code.Block, code.Local], object]) -> str:
+        """The function that counts what something loops over for an object."""
+
+        def write() -> tuple[Sequence[code.Local], code.Body]:
+            block, wanted = code.Block(), self._facts.module.fresh("v", "object")
+            number = code.Local("n", "int")
+            loop(block, wanted)
             block.add(code.Assign(number, code.Constant(1), "+="))
-            body = (code.Assign(number, code.Constant(0)), *block.body(), code.Return(number))
-            with module.writing():
-                name = module.keep(("partners", matrix, forward), module.add("partners", (wanted,), body))
-        return name
+            return [wanted], (code.Assign(number, code.Constant(0)), *block.body(), code.Return(number))
+
+        return self._facts.module.once((prefix, of), prefix, write)
 
     def set_target(self, change: SetTargets) -> None:
         """The one target of an object; where the opposite of a single one is taken, its holder lets go."""

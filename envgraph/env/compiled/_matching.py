@@ -6,7 +6,6 @@ from collections.abc import Callable, Sequence
 from enum import Enum, auto
 
 from envgraph import code
-from envgraph.code import dataclass
 from envgraph.env.compiled._bodies import (
     CAPACITY,
     COUNT,
@@ -29,34 +28,6 @@ from envgraph.pattern import (
 )
 
 
-@dataclass(frozen=True, slots=True)
-class RowsOf:
-    """Asks for the different values at some positions, of the matches with values at others.
-
-    Attributes:
-        sure: whether the objects given are certainly of the classes of the parameters.
-    """
-
-    key: ViewKey
-    sure: bool
-
-
-@dataclass(frozen=True, slots=True)
-class Exists:
-    """Asks whether there is a match with values at some positions."""
-
-    key: ViewKey
-    sure: bool
-
-
-@dataclass(frozen=True, slots=True)
-class CountOf:
-    """Asks for the number of different values at some positions."""
-
-    key: ViewKey
-    sure: bool
-
-
 class Shape(Enum):
     """How rows are found: without a loop, so that there is one at most; as the bits of words, in order; otherwise."""
 
@@ -66,7 +37,9 @@ class Shape(Enum):
 
 
 class Matching:
-    """Writes functions that find matches.
+    """Writes functions that find matches: different values at some positions, of the matches with values at others.
+
+    Each may be told that it is `sure`: the objects given are certainly of the classes of the parameters.
 
     Args:
         facts: reads the model.
@@ -81,19 +54,19 @@ class Matching:
         self.planner = planner
         self.static = static
         self.calls = calls
-        self._shapes: dict[RowsOf, Shape] = {}
+        self._shapes: dict[tuple[ViewKey, bool], Shape] = {}
 
     def rows(self, key: ViewKey, sure: bool = True) -> str:
         """The function that writes rows from `top` on, sorted, each once, and returns their number."""
-        return self._function(RowsOf(key, sure), "rows", self._rows)
+        return self._function("rows", key, sure, self._rows)
 
     def exists(self, key: ViewKey, sure: bool = True) -> str:
         """The function that says whether there is a match."""
-        return self._function(Exists(key, sure), "exists", self._exists)
+        return self._function("exists", key, sure, self._exists)
 
     def count(self, key: ViewKey, sure: bool = True) -> str:
         """The function that counts rows."""
-        return self._function(CountOf(key, sure), "count", self._count)
+        return self._function("count", key, sure, self._count)
 
     def chosen(
         self,
@@ -158,20 +131,18 @@ class Matching:
 
     def _function(
         self,
-        question: RowsOf | Exists | CountOf,
-        prefix: str,
+        what: str,
+        key: ViewKey,
+        sure: bool,
         write: Callable[[ViewKey, Sequence[code.Local], bool], code.Body],
     ) -> str:
-        name = self.module.named(question)
-        if name is None:
-            key = question.key
+        def written() -> tuple[Sequence[code.Local], code.Body]:
             given = [self.facts.local(type_) for type_ in self._given(key)]
-            with standing(self.facts.library.get(key.pattern).span), self.module.writing():
+            with standing(self.facts.library.get(key.pattern).span):
                 self._check_recursion(key.pattern)
-                name = self.module.keep(
-                    question, self.module.add(prefix, given, write(key, given, question.sure))
-                )
-        return name
+                return given, write(key, given, sure)
+
+        return self.module.once((what, key, sure), what, written)
 
     def _bodies(
         self, key: ViewKey, given: Sequence[code.Local], sure: bool, found: Found, *, words: bool = False
@@ -197,8 +168,7 @@ class Matching:
 
     def _shape(self, key: ViewKey, sure: bool) -> Shape:
         """How rows are found."""
-        question = RowsOf(key, sure)
-        if question not in self._shapes:
+        if (key, sure) not in self._shapes:
             bodies: list[Body] = []
             with self.module.trial():
                 given = [self.facts.local(type_) for type_ in self._given(key)]
@@ -213,8 +183,8 @@ class Matching:
                 and self._view(key).distinct
             ):
                 shape = Shape.WORDS
-            self._shapes[question] = shape
-        return self._shapes[question]
+            self._shapes[key, sure] = shape
+        return self._shapes[key, sure]
 
     def _counted(
         self, key: ViewKey, given: Sequence[code.Local], sure: bool, number: code.Local
@@ -271,17 +241,11 @@ class Matching:
 
         From `top` on they stand in column 0, in the order in which they were found; column 1 marks them by number.
         """
-        key = step, star, forward
-        name = self.module.named(key)
-        if name is None:
-            self._check_recursion(step)
-            with self.module.writing():
-                start = self.module.fresh("v", "object")
-                body = self._search(step, star, forward, start)
-                name = self.module.keep(key, self.module.add("search", [start], body))
-        return name
+        return self.module.once((step, star, forward), "search", lambda: self._search(step, star, forward))
 
-    def _search(self, step: str, star: bool, forward: bool, start: code.Local) -> code.Body:
+    def _search(self, step: str, star: bool, forward: bool) -> tuple[Sequence[code.Local], code.Body]:
+        self._check_recursion(step)
+        start = self.module.fresh("v", "object")
         near, far = (0, 1) if forward else (1, 0)
         rows = self.rows(ViewKey(step, (near,), (far,)), sure=False)
         self.module.uses(rows, 1)
@@ -320,7 +284,7 @@ class Matching:
             assert isinstance(type_, ObjectType)
             itself = code.equal(column(start, one), zero), self.facts.is_instance(start, type_.cls)
             whole.append(code.If(code.Operation("and", itself), mark(start)))
-        return (*whole, code.Return(COUNT))
+        return [start], (*whole, code.Return(COUNT))
 
     def _exists(self, key: ViewKey, given: Sequence[code.Local], sure: bool) -> code.Body:
         found = self._bodies(key, given, sure, found_one)

@@ -204,16 +204,11 @@ class Writer:
     def _applying(self, rule: RuleCall, bound: tuple[str, ...], wanted: tuple[str, ...]) -> str:
         """The function that applies a rule: 1 and the outputs, 0 without a match, -1 where that is refused."""
         key = "apply", rule.rule, bound, wanted
-        name = self.module.named(key)
-        if name is None:
-            with self.module.writing():
-                whole, parameters = self._application(rule, bound, wanted)
-                name = self.module.keep(key, self.module.add("apply", parameters, whole))
-        return name
+        return self.module.once(key, "apply", lambda: self._application(rule, bound, wanted))
 
     def _application(
         self, rule: RuleCall, bound: tuple[str, ...], wanted: tuple[str, ...]
-    ) -> tuple[code.Body, list[code.Local]]:
+    ) -> tuple[list[code.Local], code.Body]:
         plan = plan_of(self.engine, rule)
         positions = tuple(sorted(plan.variables.index(name) for name in bound))
         others = tuple(p for p in range(len(plan.variables)) if p not in positions)
@@ -232,7 +227,7 @@ class Writer:
         key = ViewKey(plan.body.pattern, positions, others)
         missing = code.Return(_listed(ZERO, nothing))
         body = self.matching.chosen(key, [given[p] for p in positions], change, missing)
-        return body, [given[plan.variables.index(name)] for name in bound]
+        return [given[plan.variables.index(name)] for name in bound], body
 
     def _output_types(self, rule: RuleCall, wanted: Sequence[str]) -> list[StaticType]:
         assert rule.rule is not None
