@@ -1,4 +1,4 @@
-"""`envgraph generate`, `show`, `export` and `import`."""
+"""`envgraph generate`, `show` and `import`."""
 
 from __future__ import annotations
 
@@ -17,13 +17,11 @@ from envgraph.cli._output import (
     print_line,
     print_lines,
     print_table,
-    printable_json,
     progress_bar,
 )
 from envgraph.cli._query import spelled
 from envgraph.env import scene_text
-from envgraph.errors import Diagnostic, EvaluationError, InvalidArgument, did_you_mean
-from envgraph.files import replace_file
+from envgraph.errors import Diagnostic, InvalidArgument
 from envgraph.lang import DiskFiles, read_source
 from envgraph.search import (
     Domain,
@@ -35,14 +33,11 @@ from envgraph.search import (
     caption,
     certificate_texts,
     evolve,
-    export_ga4cl,
-    family_svg,
     import_ga4cl,
     lineage,
     open_family,
     run_file,
     why_low,
-    write_family,
 )
 from envgraph.search import resume as resume_run
 from envgraph.search.curricula import CurriculumProgress
@@ -196,50 +191,6 @@ def _store_of(run: str, directory: Path) -> RunStore:
     if Path(run).suffix == ".json":
         raise InvalidArgument(f"`{run}` is a family file, which does not keep how it was made: name the run")
     return RunStore.open(run_file(run, directory))
-
-
-def export_family(run: str, directory: Path, format: str, output: Path | None) -> None:
-    """Write a family in another format."""
-    formats = {"family": write_family, "ga4cl": export_ga4cl, "svg": family_svg}
-    known = [*formats, "compiled"]
-    if format not in known:
-        hint = did_you_mean(format, known) or f"there are {', '.join(known)}"
-        raise InvalidArgument(f"unknown format `{format}`", hint)
-    if format in ("family", "ga4cl") and output is not None and output.suffix == ".svg":
-        raise InvalidArgument(f"`{output}` would be JSON", "write `--format svg` for a picture")
-    family = open_family(run, directory)
-    if format == "compiled":
-        _export_program(family, output)
-        return
-    text = formats[format](family)
-    if output is None:
-        sys.stdout.write(text if format == "svg" else printable_json(text))
-        return
-    replace_file(output, text)
-    print_line(f"wrote {output}")
-    if format == "family" and family.domain.behaviour is not None:
-        target = family.members[-1].name
-        print_line(f"env = envgraph.make({str(output)!r}, variant={target!r})")
-        print_line(f"envs = envgraph.make_vec({str(output)!r}, num_envs=8, variant={target!r})")
-
-
-def _export_program(family: Family, output: Path | None) -> None:
-    """Write the program of a family as a package."""
-    from envgraph.env.compiled import NotCompiled, export
-
-    if output is None:
-        raise InvalidArgument("a program is written as a package", "`-o FOLDER` says where")
-    try:
-        program = family.program(family.members)
-    except NotCompiled as error:
-        message = f"environment `{family.behaviour.name}` is not compiled: it has {error.construct}"
-        raise EvaluationError(message, error.span) from None
-    names = [member.name for member in family.members]
-    export(program, output, name=family.behaviour.name, members=names, limit=family.limit)
-    print_line(f"wrote {output}")
-    print_line(f"from {output.name} import Environments")
-    print_line("environments = Environments(num_envs=8)")
-    print_line("observations, infos = environments.reset(seed=0)")
 
 
 def import_family(

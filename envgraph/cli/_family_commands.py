@@ -212,16 +212,32 @@ def show(
 @click.option(
     "--format",
     default="family",
-    help="family (all there is, as JSON), ga4cl (maps of letters), svg (a picture) or compiled (a folder with a Python "
-    "package that steps the environments, and needs NumPy and numba alone).",
+    help="family (all there is, as JSON), ga4cl (maps of letters), svg (a picture), npz (the tables of states, as "
+    "arrays of NumPy), python (a package to install that needs Gymnasium and NumPy alone) or compiled (a package that "
+    "steps many environments at once, and needs NumPy and numba alone).",
 )
 @click.option("--output", "-o", type=PATH, show_default="standard output", help="Where to.")
+@click.option(
+    "--templates",
+    type=PATH,
+    metavar="DIR",
+    help="Templates for --format python, instead of those of `envgraph templates`.",
+)
 @directory_option
-def export(run: str, format: str, output: Path | None, directory: Path) -> None:
+def export(run: str, format: str, output: Path | None, templates: Path | None, directory: Path) -> None:
     """Write a family in another format."""
-    from envgraph.cli._family import export_family
+    from envgraph.cli._export import export_family
 
-    export_family(run, directory, format, output)
+    export_family(run, directory, format, output, templates)
+
+
+@app.command("templates")
+@click.argument("folder", type=PATH, help="Where to; there must be nothing in it.")
+def templates_(folder: Path) -> None:
+    """Write the templates of `envgraph export --format python`, to be changed."""
+    from envgraph.cli._export import write_templates
+
+    write_templates(folder)
 
 
 @app.command("import")

@@ -6,11 +6,12 @@ Also the one that people read meanwhile: standard error, where long work says ho
 from envgraph.files._cache import CACHE_VARIABLE, cache_directory
 from envgraph.files._open import open_input
 from envgraph.files._progress import counting, telling
-from envgraph.files._replace import replace_file, replacing
+from envgraph.files._replace import check_free, replace_file, replacing
 
 __all__ = [
     "CACHE_VARIABLE",
     "cache_directory",
+    "check_free",
     "counting",
     "open_input",
     "replace_file",

@@ -11,6 +11,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from envgraph.errors import InvalidArgument
+
 
 def replace_file(path: Path, content: str | bytes) -> None:
     """Write a file: text as UTF-8, its line ends as they are.
@@ -25,6 +27,12 @@ def replace_file(path: Path, content: str | bytes) -> None:
     data = content.encode() if isinstance(content, str) else content
     with replacing(path) as draft:
         draft.write_bytes(data)
+
+
+def check_free(folder: Path) -> None:
+    """Raise InvalidArgument where something is in a folder that is to be written as a whole."""
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise InvalidArgument(f"{folder} exists already", "choose another folder, or remove that one")
 
 
 @contextmanager

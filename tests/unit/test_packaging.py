@@ -15,6 +15,9 @@ import pytest
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
+from envgraph.search import generate
+from envgraph.search.export import write_package
+
 ROOT = Path(__file__).parents[2]
 PYPROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 CONSTRAINTS = (ROOT / "constraints.txt").read_text(encoding="utf-8")
@@ -62,8 +65,12 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def scripts(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The scripts directory of a fresh environment with the wheel in it."""
-    home = tmp_path_factory.mktemp("fresh")
-    run(sys.executable, "-m", "venv", "--without-pip", home, cwd=home)
+    return fresh(tmp_path_factory.mktemp("fresh"), wheel).parent
+
+
+def fresh(home: Path, wheel: Path) -> Path:
+    """The Python of a new environment with a wheel in it."""
+    run(sys.executable, "-m", "venv", "--without-pip", home, cwd=wheel.parent)
     python = home / "bin" / "python"
     run(
         sys.executable, "-m", "pip", "--python", python, "install", "--no-index", "--no-deps", wheel, cwd=home
@@ -73,7 +80,7 @@ def scripts(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     site = Path(run(python, "-c", "import sysconfig; print(sysconfig.get_path('purelib'))", cwd=home).strip())
     borrowed = dict.fromkeys(sysconfig.get_path(kind) for kind in ("purelib", "platlib"))
     (site / "borrowed.pth").write_text("\n".join(borrowed), encoding="utf-8")
-    return python.parent
+    return python
 
 
 def installed_package(scripts: Path, cwd: Path) -> Path:
@@ -121,6 +128,27 @@ def test_wheel_checks_and_generates_from_an_empty_directory(scripts: Path, tmp_p
         assert (tmp_path / "runs" / name / "run.sqlite").is_file()
     make = "import gymnasium, envgraph.env; print(gymnasium.make('envgraph/Warehouse-v0').reset(seed=0)[1])"
     assert "'agent': 'left'" in run(scripts / "python", "-c", make, cwd=tmp_path)
+
+
+def test_an_exported_package_is_built_installed_and_tested_where_there_is_no_envgraph(tmp_path: Path) -> None:
+    small = ["search.generations=1", "search.population=2"]
+    write_package(generate("burning_forest", tmp_path / "run.sqlite", overrides=small), tmp_path / "fires")
+    build = (sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir", tmp_path)
+    run(*build, tmp_path / "fires", cwd=tmp_path)
+    (built,) = tmp_path.glob("*.whl")
+    names = {name for name in zipfile.ZipFile(built).namelist() if not name.startswith("fires-")}
+    assert names == {"fires/__init__.py", "fires/environment.py", "fires/tables.npz"}
+    python = fresh(tmp_path / "fresh", built)
+    tests = run(
+        python, "-m", "pytest", "-q", "-p", "no:cacheprovider", tmp_path / "fires" / "tests", cwd=tmp_path
+    )
+    assert "8 passed" in tests
+    run(
+        python,
+        "-c",
+        "import fires, importlib.util; assert not importlib.util.find_spec('envgraph')",
+        cwd=tmp_path,
+    )
 
 
 def test_constraints_are_names_and_versions_only() -> None:

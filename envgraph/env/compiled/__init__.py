@@ -9,7 +9,7 @@ from envgraph.env.compiled._batch import Batch
 from envgraph.env.compiled._enumeration import Tables, enumerated, explored
 from envgraph.env.compiled._environments import CompiledEnv, CompiledVectorEnv, Streams
 from envgraph.env.compiled._explanation import explanation
-from envgraph.env.compiled._export import export
+from envgraph.env.compiled._export import check_package, export, program_files
 from envgraph.env.compiled._learner import Learner, Rates
 from envgraph.env.compiled._native import functions, has_numba
 from envgraph.env.compiled._planning import Plan, Plans, find_plan, guided
@@ -28,6 +28,7 @@ __all__ = [
     "Rates",
     "Streams",
     "Tables",
+    "check_package",
     "enumerated",
     "explanation",
     "explored",
@@ -37,6 +38,7 @@ __all__ = [
     "guided",
     "has_numba",
     "kernels",
+    "program_files",
     "program_of",
     "program_over",
     "set_stream",

@@ -17,7 +17,7 @@ from envgraph.env.compiled._batch import SHOWN
 from envgraph.env.compiled._kernels import CAPACITY, FAILED, REFUSED
 from envgraph.env.compiled._program import Program
 from envgraph.errors import InvalidArgument
-from envgraph.files import replace_file
+from envgraph.files import check_free, replace_file
 
 _ERRORS: Final = {FAILED: "something has no value", REFUSED: "a rule cannot be applied", **SHOWN}
 
@@ -77,12 +77,25 @@ def export(
     Raises:
         InvalidArgument: the folder has something in it, or its name cannot be that of a package.
     """
-    package = folder.name
-    if not package.isidentifier() or iskeyword(package):
+    check_package(folder.name)
+    check_free(folder)
+    files = program_files(program, folder.name, name=name, members=members, limit=limit)
+    for file, content in files.items():
+        replace_file(folder / file, content)
+    return [folder / file for file in files]
+
+
+def check_package(name: str) -> None:
+    """Raise InvalidArgument where a name cannot be that of a package."""
+    if not name.isidentifier() or iskeyword(name):
         hint = "a name of letters, digits and `_`, such as `my_environments`"
-        raise InvalidArgument(f"`{package}` cannot be imported as a package", hint)
-    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise InvalidArgument(f"{folder} exists already", "choose another folder, or remove that one")
+        raise InvalidArgument(f"`{name}` cannot be imported as a package", hint)
+
+
+def program_files(
+    program: Program, package: str, *, name: str, members: Sequence[str], limit: int | None
+) -> dict[str, str | bytes]:
+    """The files of the package that `export` writes, by their names; the arguments are the same."""
     about = {
         "environment": name,
         "members": [*members],
@@ -103,7 +116,7 @@ def export(
         "actions": ", ".join(f"`{action}`" for action in program.action_names[:20]),
     }
     kernels = inspect.getsource(_kernels)
-    files: dict[str, str | bytes] = {
+    return {
         "__init__.py": inspect.getsource(_exported),
         "program.py": f"{kernels}\n\n{program.source}\n{_TAIL}",
         "arrays.py": (Path(__file__).parent / "_arrays.py").read_text("utf-8"),  # importing it takes numba
@@ -112,10 +125,6 @@ def export(
         "data.npz": _packed(program),
         "README.md": _README.format(**shown),
     }
-    folder.mkdir(parents=True, exist_ok=True)
-    for file, content in files.items():
-        replace_file(folder / file, content)
-    return [folder / file for file in files]
 
 
 def _packed(program: Program) -> bytes:

@@ -79,6 +79,7 @@ COMMANDS = (
     "generate",
     "show",
     "export",
+    "templates",
     "import",
     "train",
     "report",
@@ -377,6 +378,36 @@ def test_a_family_is_exported_as_a_package(
     monkeypatch.setattr(Family, "program", program)
     refused = envgraph("export", "a", "--format", "compiled", "-o", "more")
     assert refused.code == 1 and "is not compiled: it has units" in refused.err
+
+
+def test_a_family_is_exported_as_code_from_templates(envgraph: Envgraph, tmp_path: Path) -> None:
+    ok(envgraph("generate", "burning_forest", "--generations", 2, "--population", 2, "--name", "a"))
+    said = ok(envgraph("export", "a", "--format", "python", "-o", "fires")).out.splitlines()
+    assert said == ["wrote 7 files in fires", "pip install fires", "import fires", "env = fires.make('E2')"]
+    assert "| E2 |" in (tmp_path / "fires/README.md").read_text("utf-8")
+    said = ok(envgraph("templates", "mine")).out.splitlines()
+    assert said[1] == "next: envgraph export RUN --format python --templates mine -o FOLDER"
+    (tmp_path / "mine/README.md.j2").write_text("{{ nam }}")
+    refused = envgraph("export", "a", "--format", "python", "--templates", "mine", "-o", "more")
+    assert refused.code == 1
+    assert (
+        refused.err
+        == "mine/README.md.j2:1:4: unknown name `nam`\n 1 | {{ nam }}\n   |    ^^^\nhint: did you mean `name`?\n"
+    )
+    (tmp_path / "mine/README.md.j2").write_text("about {{ name }}")
+    ok(envgraph("export", "a", "--format", "python", "--templates", "mine", "-o", "more"))
+    assert (tmp_path / "more/README.md").read_text("utf-8") == "about BurningForest"
+    ok(envgraph("export", "a", "--format", "npz", "-o", "tables.npz"))
+    assert (tmp_path / "tables.npz").read_bytes() == (tmp_path / "fires/src/fires/tables.npz").read_bytes()
+    for arguments, told in (
+        (("--format", "python"), "`-o FOLDER` says where"),
+        (("--format", "npz"), "`-o FILE` says where"),
+        (("--format", "npz", "--templates", "mine"), "`--format python` does"),
+        (("--format", "python", "-o", "fires"), "fires exists already"),
+        (("--format", "python", "--templates", "none", "-o", "new"), "`envgraph templates DIR` writes some"),
+    ):
+        refused = envgraph("export", "a", *arguments)
+        assert refused.code == 1 and told in refused.err
 
 
 def test_generate_does_not_overwrite_a_run(envgraph: Envgraph) -> None:

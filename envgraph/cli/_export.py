@@ -1,0 +1,96 @@
+"""`envgraph export`, and the templates that it takes."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+from envgraph.cli._output import print_line, printable_json
+from envgraph.errors import EvaluationError, InvalidArgument, did_you_mean
+from envgraph.files import replace_file
+from envgraph.search import Family, export_ga4cl, family_svg, open_family, write_family
+from envgraph.search.export import copy_templates, write_package, write_tables
+
+_TEXTS: dict[str, Callable[[Family], str]] = {
+    "family": write_family,
+    "ga4cl": export_ga4cl,
+    "svg": family_svg,
+}
+_FOLDERS = ("python", "compiled")
+_KNOWN = (*_TEXTS, "npz", *_FOLDERS)
+
+
+def export_family(
+    run: str, directory: Path, format: str, output: Path | None, templates: Path | None = None
+) -> None:
+    """Write a family in another format."""
+    if format not in _KNOWN:
+        hint = did_you_mean(format, _KNOWN) or f"there are {', '.join(_KNOWN)}"
+        raise InvalidArgument(f"unknown format `{format}`", hint)
+    if templates is not None and format != "python":
+        raise InvalidArgument(f"format `{format}` takes no templates", "`--format python` does")
+    if format in ("family", "ga4cl") and output is not None and output.suffix == ".svg":
+        raise InvalidArgument(f"`{output}` would be JSON", "write `--format svg` for a picture")
+    if output is None and format not in _TEXTS:
+        what = "a package" if format in _FOLDERS else "a file of arrays"
+        hint = "`-o FOLDER` says where" if format in _FOLDERS else "`-o FILE` says where"
+        raise InvalidArgument(f"format `{format}` is {what}", hint)
+    family = open_family(run, directory)
+    if output is None or format in _TEXTS:
+        _export_text(family, format, output)
+    elif format == "python":
+        _export_package(family, output, templates)
+    elif format == "compiled":
+        _export_program(family, output)
+    else:
+        tables = {one.name: family.explored(one).tabular for one in family.members}
+        replace_file(output, write_tables(tables))
+        print_line(f"wrote {output}")
+
+
+def _export_text(family: Family, format: str, output: Path | None) -> None:
+    text = _TEXTS[format](family)
+    if output is None:
+        sys.stdout.write(text if format == "svg" else printable_json(text))
+        return
+    replace_file(output, text)
+    print_line(f"wrote {output}")
+    if format == "family" and family.domain.behaviour is not None:
+        target = family.members[-1].name
+        print_line(f"env = envgraph.make({str(output)!r}, variant={target!r})")
+        print_line(f"envs = envgraph.make_vec({str(output)!r}, num_envs=8, variant={target!r})")
+
+
+def _export_package(family: Family, output: Path, templates: Path | None) -> None:
+    """Write what templates make of a family."""
+    files = write_package(family, output, templates)
+    print_line(f"wrote {len(files)} files in {output}")
+    if templates is None:
+        print_line(f"pip install {output}")
+        print_line(f"import {output.name}")
+        print_line(f"env = {output.name}.make({family.members[-1].name!r})")
+
+
+def _export_program(family: Family, output: Path) -> None:
+    """Write the program of a family as a package."""
+    from envgraph.env.compiled import NotCompiled, export
+
+    try:
+        program = family.program(family.members)
+    except NotCompiled as error:
+        message = f"environment `{family.behaviour.name}` is not compiled: it has {error.construct}"
+        raise EvaluationError(message, error.span) from None
+    names = [member.name for member in family.members]
+    export(program, output, name=family.behaviour.name, members=names, limit=family.limit)
+    print_line(f"wrote {output}")
+    print_line(f"from {output.name} import Environments")
+    print_line("environments = Environments(num_envs=8)")
+    print_line("observations, infos = environments.reset(seed=0)")
+
+
+def write_templates(folder: Path) -> None:
+    """Copy the templates that come with envgraph."""
+    files = copy_templates(folder)
+    print_line(f"wrote {len(files)} files in {folder}")
+    print_line(f"next: envgraph export RUN --format python --templates {folder} -o FOLDER")

@@ -1,0 +1,206 @@
+"""A family as the files that templates make of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from envgraph import __version__
+from envgraph.env import EnvgraphEnv, Tabular, TooManyStates
+from envgraph.env.compiled import CompiledEnv, NotCompiled, Program, check_package, program_files
+from envgraph.errors import EvaluationError
+from envgraph.files import check_free, replace_file
+from envgraph.graph import Model
+from envgraph.search._certified import certificate_texts
+from envgraph.search._family import Family, Member
+from envgraph.search._shown import caption
+from envgraph.search.export._tables import write_tables
+from envgraph.search.export._templates import Templates
+
+TEMPLATES: Final = Path(__file__).parent / "templates"
+"""Those that come with envgraph."""
+
+TABLES, PROGRAM = "tables.npz", "program"
+"""Empty files of templates that stand for what the environments step by: tables, or else a package."""
+
+_OF_FAMILY: Final = ("package", "name", "version", "limit", "members")
+_OF_STEPS: Final = ("environment", "actions", "observation_shape", "observed", "agents", "tables", "episodes")
+
+_EPISODE: Final = 40
+"""Steps of a recorded episode."""
+
+
+def write_package(family: Family, folder: Path, templates: Path | None = None) -> list[Path]:
+    """Write what templates make of a family; those that come with envgraph make a package that can be installed.
+
+    Nothing is written unless everything can be made. What templates are given is in the documentation of Python, under
+    "Code of your own".
+
+    Args:
+        family: the family; it needs an environment if the templates ask for what that does.
+        folder: where to; there must be nothing in it. Its name is that of the package.
+        templates: a directory of templates; those that come with envgraph if None.
+
+    Returns:
+        The files.
+
+    Raises:
+        InvalidArgument: the folder has something in it, its name cannot be that of a package, or a template makes what
+            cannot be written.
+        LoadError: the templates have mistakes.
+        EvaluationError: a template fails; or the environments have too many states for tables and are not compiled.
+    """
+    read = Templates(templates or TEMPLATES, (*_OF_FAMILY, *_OF_STEPS))
+    if "package" in read.used:
+        check_package(folder.name)
+    check_free(folder)
+    values: dict[str, Any] = {
+        "package": folder.name,
+        "name": family.name,
+        "version": __version__,
+        "members": [Shown(family, member) for member in family.members],
+    }
+    if "limit" in read.used:
+        values["limit"] = family.limit
+    placed = {place.rpartition("/")[2] for place in read.places}
+    steps = None
+    if read.used & {*_OF_STEPS} or placed & {TABLES, PROGRAM}:
+        steps = _Steps(family)
+        values |= steps.values(episodes="episodes" in read.used)
+    files = _filled(read.files(values, values["members"]), steps)
+    for name, content in files.items():
+        replace_file(folder / name, content)
+    return [folder / name for name in files]
+
+
+def copy_templates(folder: Path) -> list[Path]:
+    """Write the templates that come with envgraph, to be changed; returns the files.
+
+    Raises:
+        InvalidArgument: the folder has something in it.
+    """
+    check_free(folder)
+    found = sorted(path for path in TEMPLATES.rglob("*") if path.is_file())
+    for path in found:
+        replace_file(folder / path.relative_to(TEMPLATES), path.read_bytes())
+    return [folder / path.relative_to(TEMPLATES) for path in found]
+
+
+class Shown:
+    """A member as templates see it.
+
+    Attributes:
+        name, measures, certificates, initial: as those of `Member`.
+    """
+
+    def __init__(self, family: Family, member: Member) -> None:
+        self.name, self.initial = member.name, member.initial
+        self.measures, self.certificates = dict(member.measures), dict(member.certificates)
+        self._family, self._member = family, member
+
+    @cached_property
+    def facts(self) -> dict[str, str]:
+        """Measures and certificates as people read them, by name."""
+        return {**dict(caption(self._family, self._member)), **dict(certificate_texts(self._member))}
+
+    @cached_property
+    def model(self) -> Model:
+        """Its objects: `member.model.nodes("Tile")`."""
+        return self._family.model(self._member)
+
+    @cached_property
+    def picture(self) -> str:
+        """A picture in letters."""
+        return self._family.text(self._member)
+
+
+class _Steps:
+    """What the environments of a family do, and what they step by: tables, or a program where there is none."""
+
+    def __init__(self, family: Family) -> None:
+        self._family = family
+        self.tables: dict[str, Tabular] = {}
+        self.program: Program | None = None
+        try:
+            self.tables = {one.name: family.explored(one).tabular for one in family.members}
+        except TooManyStates as many:
+            try:
+                self.program = family.program(family.members)
+            except NotCompiled as refused:
+                message = f"{many.message}, and it is not compiled: it has {refused.construct}"
+                raise EvaluationError(message, refused.span, "either is enough to export it") from None
+
+    def values(self, episodes: bool) -> Mapping[str, Any]:
+        behaviour = self._family.behaviour
+        given: Any = self.program or next(iter(self.tables.values()))
+        names = [one.name for one in self._family.members]
+        found = {
+            "environment": behaviour.name,
+            "actions": tuple(given.action_names),
+            "observation_shape": tuple(given.observation_shape) or (1,),
+            "observed": [one.span.text for one in behaviour.observations if one.span is not None],
+            "agents": bool(behaviour.agents),
+            "tables": bool(self.tables),
+        }
+        if episodes:
+            found["episodes"] = [
+                recorded(self._environment(place), name, seed)
+                for place, name in enumerate(names)
+                for seed in (0, 1)
+            ]
+        return found
+
+    def _environment(self, place: int) -> EnvgraphEnv | CompiledEnv:
+        if self.program is not None:
+            return CompiledEnv(self.program, place)
+        return EnvgraphEnv([*self.tables.values()][place])
+
+    def files(self) -> dict[str, str | bytes]:
+        """The package of the program, without a description."""
+        if self.program is None:
+            return {}
+        names = [one.name for one in self._family.members]
+        found = program_files(
+            self.program, PROGRAM, name=self._family.behaviour.name, members=names, limit=self._family.limit
+        )
+        return {name: content for name, content in found.items() if name != "README.md"}
+
+
+def recorded(environment: EnvgraphEnv | CompiledEnv, member: str, seed: int) -> dict[str, Any]:
+    """What an environment gives for actions at random, as JSON-ready data; it is reset where an episode ends."""
+    actions = np.random.default_rng(seed).integers(len(environment.action_names), size=_EPISODE).tolist()
+    observation, _ = environment.reset(seed=seed)
+    observations, rewards, ends = [int(observation)], [], []
+    for action in actions:
+        observation, reward, terminated, _, _ = environment.step(action)
+        observations.append(int(observation))
+        rewards.append(reward)
+        ends.append(terminated)
+        if terminated:
+            observations.append(int(environment.reset()[0]))
+    return {
+        "member": member,
+        "seed": seed,
+        "actions": actions,
+        "observations": observations,
+        "rewards": rewards,
+        "terminated": ends,
+    }
+
+
+def _filled(files: Mapping[str, str | bytes], steps: _Steps | None) -> dict[str, str | bytes]:
+    """The files with tables and programs where empty files stand for them."""
+    found: dict[str, str | bytes] = {}
+    for name, content in files.items():
+        last = name.rpartition("/")[2]
+        if content or steps is None or last not in (TABLES, PROGRAM):
+            found[name] = content
+        elif last == PROGRAM:
+            found |= {f"{name}/{inner}": text for inner, text in steps.files().items()}
+        elif steps.tables:
+            found[name] = write_tables(steps.tables)
+    return found

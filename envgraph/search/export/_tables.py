@@ -1,0 +1,50 @@
+"""The tables of a family as one `.npz` file."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from envgraph.env import Tabular
+
+_ARRAYS = (
+    "next_state",
+    "probability",
+    "reward",
+    "terminated",
+    "observation",
+    "start_states",
+    "start_probability",
+)
+
+
+def write_tables(tables: Mapping[str, Tabular]) -> bytes:
+    """The bytes of an `.npz` file, without pickle; equal tables give equal bytes.
+
+    Args:
+        tables: by the name of the member; all have the same actions and observations.
+
+    Returns:
+        `members`, `action_names` (texts) and `observation_shape`; and for each member, "E1/next_state" and so on, the
+        arrays of its `Tabular`, and where agents take turns "E1/turn" and "E1/agent_names".
+    """
+    first = next(iter(tables.values()))
+    arrays: dict[str, Any] = {
+        "members": _texts(tables),
+        "action_names": _texts(first.action_names),
+        "observation_shape": np.array(first.observation_shape, dtype=np.int64),
+    }
+    for name, table in tables.items():
+        arrays |= {f"{name}/{array}": getattr(table, array) for array in _ARRAYS}
+        if table.turn is not None:
+            arrays |= {f"{name}/turn": table.turn, f"{name}/agent_names": _texts(table.agent_names)}
+    stream = io.BytesIO()
+    np.savez_compressed(stream, **arrays)
+    return stream.getvalue()
+
+
+def _texts(names: Any) -> Any:
+    return np.array([*names], dtype=np.str_)

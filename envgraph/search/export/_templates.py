@@ -1,0 +1,189 @@
+"""Directories of Jinja2 templates: their mistakes at their places, and the files that they make."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from traceback import walk_tb
+from typing import Any, Final
+
+from jinja2 import FileSystemLoader, StrictUndefined, TemplateSyntaxError, nodes
+from jinja2.meta import find_undeclared_variables
+from jinja2.sandbox import SandboxedEnvironment
+
+from envgraph.errors import (
+    Diagnostic,
+    EvaluationError,
+    InvalidArgument,
+    LoadError,
+    Source,
+    Span,
+    did_you_mean,
+    visible,
+)
+from envgraph.lang import DiskFiles, read_source
+
+_ENDING: Final = ".j2"
+
+_EACH: Final = "member"
+"""A template with this name in its path makes a file for each member."""
+
+
+class Templates:
+    """The templates of a directory, read and checked.
+
+    A file `name.j2` is a template of `name`; other files are copied as they are. Paths may have expressions, too. With
+    `member` in its path a template makes a file for each member of the family; where its name or its text comes to
+    nothing, none. A template can read what it is given, and do nothing else: it runs in Jinja2's sandbox.
+
+    Args:
+        folder: the directory.
+        known: the names that templates may use, beside `member`.
+
+    Raises:
+        InvalidArgument: there is no such directory, or nothing is in it.
+        LoadError: all mistakes in all templates.
+
+    Attributes:
+        places: the paths of the files in the directory, with `/`, sorted.
+        used: the names that the templates use.
+    """
+
+    def __init__(self, folder: Path, known: Sequence[str]) -> None:
+        hint = "`envgraph templates DIR` writes some to start from"
+        if not folder.is_dir():
+            raise InvalidArgument(f"there is no directory `{folder}` of templates", hint)
+        self._folder = folder
+        self._environment = _environment(folder)
+        found = (path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
+        self.places = tuple(sorted(found))
+        if not self.places:
+            raise InvalidArgument(f"directory `{folder}` has no templates in it", hint)
+        self.used: set[str] = set()
+        self._sources: dict[str, Source] = {}
+        self._each: set[str] = set()
+        problems = [one for place in self.places for one in self._check(place, {*known})]
+        if problems:
+            raise LoadError(problems)
+
+    def files(self, values: Mapping[str, Any], members: Sequence[Any]) -> dict[str, str | bytes]:
+        """The files that the templates make, by their paths with `/`.
+
+        Args:
+            values: by the names that templates may use.
+            members: what `member` stands for, one after the other.
+
+        Raises:
+            InvalidArgument: what a path comes to is none, or two templates make one file.
+            EvaluationError: an expression has no value, or does what it must not; with its place.
+        """
+        found: dict[str, str | bytes] = {}
+        for place in self.places:
+            for given in [{_EACH: one} for one in members] if place in self._each else [{}]:
+                self._make(place, {**values, **given}, found)
+        return found
+
+    def _make(self, place: str, values: Mapping[str, Any], found: dict[str, str | bytes]) -> None:
+        target = self._rendered(place, self._environment.from_string(place).render, values)
+        name = target.removesuffix(_ENDING)
+        if not name.rpartition("/")[2]:
+            return
+        content: str | bytes = (self._folder / place).read_bytes()
+        if name != target:
+            content = self._rendered(place, self._environment.get_template(place).render, values)
+            if not content.strip():
+                return
+        if any(part in ("", ".", "..") or not part.isprintable() for part in re.split(r"[/\\]", name)):
+            raise InvalidArgument(f"template `{place}` makes `{visible(name)}`, which is no path of a file")
+        if name in found:
+            hint = "with `{{member.name}}` in its path a template makes a file for each member"
+            raise InvalidArgument(f"two templates make `{name}`, `{place}` is the second", hint)
+        found[name] = content
+
+    def _rendered(self, place: str, render: Callable[..., str], values: Mapping[str, Any]) -> str:
+        try:
+            return render(values)
+        except Exception as error:  # whatever the expressions of the template come to
+            source, line = self._source(place), 1
+            for frame, number in walk_tb(error.__traceback__):
+                for other in self._sources.values():
+                    if frame.f_code.co_filename == other.name:
+                        source, line = other, number
+            raise EvaluationError(_message(error), _line(source, line)) from error
+
+    # --- mistakes
+
+    def _check(self, place: str, known: set[str]) -> Iterator[Diagnostic]:
+        in_path, problems = self._names(Source(f"path of {place}", place), {*known, _EACH})
+        yield from problems
+        if _EACH in in_path:
+            self._each.add(place)
+        if place.endswith(_ENDING):
+            try:
+                source = self._source(place)
+            except LoadError as error:
+                yield from error.diagnostics
+                return
+            yield from self._names(source, known | (in_path & {_EACH}))[1]
+
+    def _source(self, place: str) -> Source:
+        if place not in self._sources:
+            self._sources[place] = read_source(DiskFiles(), str(self._folder / place))
+        return self._sources[place]
+
+    def _names(self, source: Source, known: set[str]) -> tuple[set[str], list[Diagnostic]]:
+        """The names that a text uses, and what is wrong with it."""
+        try:
+            tree = self._environment.parse(source.text)
+            names = find_undeclared_variables(tree) - {*self._environment.globals}
+        except TemplateSyntaxError as error:
+            return set(), [Diagnostic("template-syntax", _message(error), _line(source, error.lineno))]
+        self.used |= names
+        return names, [_unknown(source, tree, name, known) for name in sorted(names - known)]
+
+
+def _environment(folder: Path) -> SandboxedEnvironment:
+    environment = SandboxedEnvironment(
+        loader=FileSystemLoader(folder),
+        undefined=StrictUndefined,
+        keep_trailing_newline=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        autoescape=False,
+    )
+    environment.filters["python"] = _literal
+    environment.filters["json"] = lambda value: json.dumps(value, default=list)
+    return environment
+
+
+def _literal(value: object) -> str:
+    """A value as Python text; a string between double quotes where that is plain."""
+    text = repr(value)
+    return f'"{text[1:-1]}"' if isinstance(value, str) and text[0] == "'" and '"' not in text else text
+
+
+def _unknown(source: Source, tree: nodes.Template, name: str, known: set[str]) -> Diagnostic:
+    line = next(one.lineno for one in tree.find_all(nodes.Name) if one.name == name)
+    span, there_are = _line(source, line), f"there are {', '.join(sorted(known))}"
+    found = re.search(rf"\b{re.escape(name)}\b", span.text)
+    if found is not None:
+        span = source.span(span.start + found.start(), span.start + found.end())
+    if name == _EACH:
+        there_are = "with `{{member.name}}` in its path a template makes a file for each member"
+    return Diagnostic("unknown-name", f"unknown name `{name}`", span, did_you_mean(name, known) or there_are)
+
+
+def _line(source: Source, number: int) -> Span:
+    """A line without the blanks around it."""
+    start = len("".join(source.text.splitlines(keepends=True)[: number - 1]))
+    text = source.line(number)
+    return source.span(start + len(text) - len(text.lstrip()), start + max(len(text.rstrip()), 1))
+
+
+def _message(error: Exception) -> str:
+    """An exception in one line that begins with a small letter."""
+    text = getattr(error, "message", None) or str(error) or type(error).__name__
+    text = visible(text.partition("\n")[0].rstrip("."))
+    return text[:1].lower() + text[1:]

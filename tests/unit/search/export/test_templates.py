@@ -1,0 +1,123 @@
+"""Templates: which files they make, and what is said of mistakes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from envgraph.errors import EvaluationError, InvalidArgument, LoadError
+from envgraph.search.export import Templates
+
+KNOWN = ("package", "actions")
+
+
+class Level:
+    """What `member` stands for here."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+
+
+def written(folder: Path, files: dict[str, str]) -> Path:
+    for name, text in files.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text(text, encoding="utf-8")
+    return folder
+
+
+def made(folder: Path, files: dict[str, str], *members: str, **values: Any) -> dict[str, str | bytes]:
+    """What templates make."""
+    given = {"package": "levels", "actions": ("left", "right"), **values}
+    return Templates(written(folder, files), KNOWN).files(given, [Level(name) for name in members])
+
+
+def test_text_and_paths_are_rendered_and_other_files_copied(tmp_path: Path) -> None:
+    files = {
+        "src/{{package}}/actions.txt.j2": "{% for one in actions %}\n{{ one | python }}\n{% endfor %}\n",
+        "{{package}}.json": "{{ not rendered }}",
+        "empty.txt.j2": "{% if not actions %}something{% endif %}\n",
+        "{% if not actions %}unnamed.txt{% endif %}.j2": "text",
+    }
+    assert made(tmp_path, files) == {
+        "levels.json": b"{{ not rendered }}",
+        "src/levels/actions.txt": '"left"\n"right"\n',
+    }
+
+
+def test_member_in_a_path_makes_a_file_for_each(tmp_path: Path) -> None:
+    files = {"maps/{{member.name}}.txt.j2": "this is {{ member.name }}"}
+    assert made(tmp_path, files, "E1", "E2") == {"maps/E1.txt": "this is E1", "maps/E2.txt": "this is E2"}
+
+
+def test_templates_include_each_other(tmp_path: Path) -> None:
+    files = {"a.j2": '{% include "b.j2" %}!', "b.j2": "{{ package }}"}
+    assert made(tmp_path, files) == {"a": "levels!", "b": "levels"}
+
+
+def test_all_mistakes_of_all_templates_are_said_at_their_places(tmp_path: Path) -> None:
+    files = {
+        "a.j2": "fine\n  {{ pakage }} {{ actions }} {{ other }}\n",
+        "b.j2": "\n{% for one in actions %}\n",
+        "c.j2": "{{ package | nothing }}",
+        "d.j2": "{{ member.name }}",
+        "{{nobody}}/e.j2": "",
+    }
+    with pytest.raises(LoadError) as error:
+        made(tmp_path, files)
+    told = str(error.value).replace(str(tmp_path), "")
+    assert "/a.j2:2:33: unknown name `other`\n 2 |   {{ pakage }} {{ actions }} {{ other }}\n" in told
+    assert "/a.j2:2:6: unknown name `pakage`" in told and "hint: did you mean `package`?" in told
+    assert "/b.j2:2:1: unexpected end of template" in told
+    assert "/c.j2:1:1: no filter named 'nothing'" in told
+    assert "/d.j2:1:4: unknown name `member`" in told and "with `{{member.name}}` in its path" in told
+    assert "path of {{nobody}}/e.j2:1:3: unknown name `nobody`" in told
+    assert len(error.value.diagnostics) == 6
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("\n{{ actions.first }}", ":2:1: 'tuple object' has no attribute 'first'"),
+        ("{{ actions.__class__.__mro__ }}", "access to attribute '__class__' of 'tuple' object is unsafe"),
+        ("{{ 1 // 0 }}", "integer division or modulo by zero"),
+        ("{{ package.encode('ascii', 3) }}", "encode() argument 'errors' must be str"),
+        ('{% include "none.j2" %}', ":1:1: 'none.j2' not found"),
+        ("{% for n in range(10 ** 9) %}{% endfor %}", "range too big"),
+    ],
+)
+def test_what_a_template_cannot_do_is_said_at_its_place(tmp_path: Path, text: str, told: str) -> None:
+    with pytest.raises(EvaluationError) as error:
+        made(tmp_path, {"a.j2": text})
+    assert str(error.value).startswith(f"{tmp_path}/a.j2:") and told in str(error.value)
+
+
+def test_a_mistake_in_an_included_template_is_placed_there(tmp_path: Path) -> None:
+    with pytest.raises(EvaluationError, match=r"b\.j2:2:1: ") as error:
+        made(tmp_path, {"a.j2": '{% include "b.j2" %}', "b.j2": "\n{{ package.none }}"})
+    assert error.value.span is not None
+
+
+@pytest.mark.parametrize("name", ["../up", "/etc/up", "a/../../up", "a\nb", "..\\up", "a//b"])
+def test_paths_stay_below_the_folder(tmp_path: Path, name: str) -> None:
+    with pytest.raises(InvalidArgument, match="which is no path of a file"):
+        made(tmp_path, {"{{package}}.txt.j2": "text"}, package=f"{name}/x")
+
+
+def test_two_templates_do_not_make_one_file(tmp_path: Path) -> None:
+    with pytest.raises(InvalidArgument, match="two templates make `levels"):
+        made(tmp_path, {"levels.txt": "", "{{package}}.txt.j2": "text"})
+
+
+def test_no_templates_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(InvalidArgument, match="there is no directory"):
+        Templates(tmp_path / "none", KNOWN)
+    with pytest.raises(InvalidArgument, match="has no templates in it"):
+        Templates(tmp_path, KNOWN)
+
+
+def test_a_template_that_is_no_text_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "a.j2").write_bytes(b"\xff")
+    with pytest.raises(LoadError, match=r"a\.j2"):
+        Templates(tmp_path, KNOWN)
