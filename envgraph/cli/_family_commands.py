@@ -244,7 +244,7 @@ def templates_(folder: Path) -> None:
 @click.argument(
     "file",
     type=PATH,
-    help="A published family (ga4cl); or levels, of letters (.xsb, .sok, .txt), of MiniHack (.des) or Tiled (.tmx, .tmj).",
+    help="A published family (ga4cl); or levels: of letters (.xsb, .sok, .txt), MiniHack (.des), Tiled (.tmx, .tmj).",
 )
 @click.option(
     "--domain",

@@ -8,9 +8,10 @@ from dataclasses import replace
 
 from envgraph.code import dataclass
 from envgraph.errors import Diagnostic, LoadError, Source, Span
+from envgraph.lang.interchange._level import BLANK, Level, LevelCell
+from envgraph.lang.interchange._tiled import read_tiled
 from envgraph.lang.syntax._formats import suffix_of
 
-BLANK = " "
 FLOORS = (BLANK, "_", "-")
 """Letters for an empty floor in files of Sokoban; where a legend has only some of them, they stand for each other."""
 _XSB = ("xsb", "sok")
@@ -20,40 +21,18 @@ _BEHIND = re.compile(r"\s*title\s*:\s*(.*)", re.IGNORECASE)
 _DES = re.compile(r"(?:MAZE|LEVEL)\s*:\s*\"([^\"]*)\"")
 
 
-@dataclass(frozen=True, slots=True)
-class LevelCell:
-    """A cell: what it may be called, the first name first, and where it is written.
-
-    A letter has one name, an empty floor of Sokoban three; a tile of Tiled has its class, if there is one, and number.
-    """
-
-    names: tuple[str, ...]
-    where: Span
-
-
-@dataclass(frozen=True, slots=True)
-class Level:
-    """A level: its rows from the top, equally long; `title` is "" if it has none, `where` is its first row."""
-
-    title: str
-    where: Span
-    rows: tuple[tuple[LevelCell, ...], ...]
-
-
 def read_levels(source: Source, letters: Collection[str]) -> tuple[Level, ...]:
     """The levels of a file, in its order; its suffix says what it is.
 
-    `.tmx` and `.tmj` (also `.json`) are maps of Tiled. In `.des` a level stands between `MAP` and `ENDMAP`. In any other
-    file a level is a run of rows: lines of which more than half is `letters`. `; name` before it is its title, or
-    `Title: name` behind it.
+    `.tmx` and `.tmj` (also `.json`) are maps of Tiled. In `.des` a level stands between `MAP` and `ENDMAP`. In any
+    other file a level is a run of rows: lines of which more than half is `letters`. `; name` before it is its title,
+    or `Title: name` behind it.
 
     Raises:
         LoadError: there is none, or the map is not one that can be read; all problems at once.
     """
     suffix = suffix_of(source.name)
     if suffix in ("tmx", "tmj", "json"):
-        from envgraph.lang.interchange._tiled import read_tiled
-
         return (read_tiled(source),)
     found = tuple(_des_levels(source) if suffix == "des" else _text_levels(source, letters))
     if not found:

@@ -13,7 +13,7 @@ from envgraph.code import dataclass
 from envgraph.errors import MOST_ERRORS, Diagnostic, LoadError, Source, Span
 from envgraph.graph import JsonPath
 from envgraph.lang.interchange._json import parse_json
-from envgraph.lang.interchange._levels import BLANK, Level, LevelCell
+from envgraph.lang.interchange._level import BLANK, Level, LevelCell
 from envgraph.lang.syntax._formats import suffix_of
 from envgraph.lang.syntax._xml import Element, XmlPlaces, read_tree
 
