@@ -30,15 +30,19 @@ from envgraph.code import dataclass
 from envgraph.env._keys import KeyIndex, indexed_classes, key_attributes
 from envgraph.env._program import Types, added, together
 from envgraph.env.compiled._changes import Changes, StaticPatterns, blocks_of, calls_of, plan_of
-from envgraph.env.compiled._facts import Facts, Module, call
+from envgraph.env.compiled._facts import Facts, Module
 from envgraph.env.compiled._inlining import inlined
 from envgraph.env.compiled._layout import (
+    NOBODY,
+    ONE,
     RI,
     STATE,
     TURN,
+    ZERO,
     Constants,
     L,
     Layout,
+    call,
     cell,
     entry,
     plus,
@@ -50,7 +54,7 @@ from envgraph.env.compiled._refused import NotCompiled, standing
 from envgraph.env.compiled._tables import Bound, IndexOf, Keyed, Seats
 from envgraph.env.compiled._terms import Term, named
 from envgraph.env.compiled._tidying import tidied
-from envgraph.env.compiled._turn import END, NOTHING, ONE, TOTAL, ZERO, Turn, Writer
+from envgraph.env.compiled._turn import END, NOTHING, TOTAL, Turn, Writer
 from envgraph.errors import Span
 from envgraph.match.plan import CallGraph, LiveSizes, Planner
 from envgraph.metamodel import Attribute, EnumType, Scalar
@@ -181,7 +185,7 @@ class _Program:
         """The function of the block whose turn it is."""
         agents = self._behaviour.agents
         if not agents:
-            return (code.Return(call(functions[0], code.Constant(-1), *arguments)),)
+            return (code.Return(call(functions[0], NOBODY, *arguments)),)
         classes = tuple(agent.cls for agent in agents)
         turn, block = code.Local("turn", "int"), code.Local("block", "int")
         body: list[code.Statement] = [code.Assign(turn, cell(TURN))]
@@ -262,7 +266,7 @@ class _Program:
             there = code.Operation(">=", (local, ZERO))
             is_instance = self._facts.is_instance(local, cls)
             gone = code.Operation("and", (there, code.inverse(is_instance)))
-            writer.add(code.If(gone, (code.Assign(local, code.Constant(-1)),)))
+            writer.add(code.If(gone, (code.Assign(local, NOBODY),)))
 
     def _candidates(self, cls: str) -> tuple[str, ...]:
         """The classes of the objects that are of a class, or may become so."""
@@ -309,7 +313,7 @@ class _Program:
             self._advance(writer)
             self._tidy(writer)
             writer.add(code.Return(code.tuple_of(TOTAL, END)))
-            return self._module.add("turn", (SELF, ACTION), writer.body())
+            return self._module.add("turn", (SELF, ACTION), writer.written())
 
     def _advance(self, writer: Writer) -> None:
         agents = self._behaviour.agents
@@ -332,7 +336,7 @@ class _Program:
             return
         before = [] if did is None else [code.equal(END, ZERO), code.equal(did, ONE)]
         test = code.joined("and", [*before, code.joined("or", gone, False)], True)
-        writer.add(code.If(test, writer.fail()))
+        writer.fail_if(test)
 
     def _begin(self) -> code.Body:
         with self._module.writing():
@@ -343,7 +347,7 @@ class _Program:
             self._check_needed(writer, scope, None)
             self._tidy(writer)
             writer.add(code.Return(ZERO))
-            name = self._module.add("start", (), writer.body())
+            name = self._module.add("start", (), writer.written())
         return (code.Return(call(name)),)
 
     # --- observations
@@ -400,7 +404,7 @@ class _Program:
             last = entry(L, self._facts_of_observations)
             writer.add(code.For(padding, code.call("range", NEXT, last), (rest,)))
             writer.add(code.Return(INDEX))
-            return self._module.add("look", (SELF, SEEN), writer.body())
+            return self._module.add("look", (SELF, SEEN), writer.written())
 
     def _see(self, writer: Writer, value: code.Expression) -> None:
         weight = entry(L, plus(self._facts_of_observations, 1, NEXT))

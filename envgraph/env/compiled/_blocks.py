@@ -6,18 +6,14 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from envgraph import code
 from envgraph.code import dataclass
-from envgraph.env.compiled._bodies import CAPACITY, OVERFLOW, names_in
-from envgraph.env.compiled._facts import call
-from envgraph.env.compiled._layout import RF, RI, TOP, cell, entry, failed, plus, table
+from envgraph.env.compiled._bodies import CAPACITY, names_in
+from envgraph.env.compiled._layout import ONE, RF, RI, TOP, ZERO, call, cell, entry, failed, plus, table
 from envgraph.env.compiled._matching import Matching
 from envgraph.env.compiled._tables import Made, Spare
 from envgraph.match.plan import ViewKey
 from envgraph.metamodel import Scalar
 from envgraph.pattern import ObjectType, StaticType
 from envgraph.rewrite.plans import BlockPlan, RulePlan
-
-FULL = code.Name("FULL")
-ZERO, ONE = code.Constant(0), code.Constant(1)
 
 Slots = dict[int, code.Expression]
 
@@ -162,7 +158,7 @@ class Blocks:
             yield code.Assign(number, code.call("min", number, ONE))
         yield code.Assign(first, frame.number)
         room = code.Operation("<=", (plus(frame.number, number), CAPACITY))
-        yield code.If(code.inverse(room), (failed(OVERFLOW), self._leave))
+        yield code.If(code.inverse(room), (failed("OVERFLOW"), self._leave))
         loads, values = self._matching.loaded(key, plus(above, one))
         variables = range(plan.inherited, plan.inherited + plan.variables)
         stores = [
@@ -202,7 +198,7 @@ class Blocks:
         for new in frame.plan.creates:
             made, node = cell(layout.offset(Made())), self._facts.local(ObjectType(new.cls))
             room = code.Operation("<", (made, table(layout.offset(Spare("count")))))
-            yield code.If(code.inverse(room), (failed(FULL), self._leave))
+            yield code.If(code.inverse(room), (failed("FULL"), self._leave))
             yield code.Assign(node, plus(table(layout.offset(Spare("first"))), made))
             yield code.Assign(made, ONE, "+=")
             slots[new.node] = node

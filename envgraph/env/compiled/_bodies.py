@@ -7,11 +7,10 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from envgraph import code
-from envgraph.env.compiled._facts import WordOf, call
-from envgraph.env.compiled._layout import BEYOND, RI, TOP, entry, failed, plus
-from envgraph.env.compiled._matrices import linked_with, matrix_cell
+from envgraph.env.compiled._facts import WordOf
+from envgraph.env.compiled._layout import ONE, RI, TOP, ZERO, call, entry, failed, plus
 from envgraph.env.compiled._refused import NotCompiled
-from envgraph.env.compiled._tables import Keys, LinkMatrix, Links, Matches, Reached, Relation, matrix_of
+from envgraph.env.compiled._tables import Keys, Links, Matches, Reached, Relation
 from envgraph.env.compiled._terms import Term, Terms, as_float, literal, named
 from envgraph.match.plan import Kind, Plan, Step, ViewKey, call_key
 from envgraph.metamodel import Attribute, Scalar
@@ -40,7 +39,6 @@ if TYPE_CHECKING:
 
 CAPACITY = code.Name("CAPACITY")
 COUNT = code.Local("n", "int")
-OVERFLOW = code.Name("OVERFLOW")
 
 Found = Callable[["Body"], None]
 """Writes what is done with a solution."""
@@ -48,7 +46,7 @@ Found = Callable[["Body"], None]
 
 def _marked(top: code.Expression, node: code.Expression) -> code.Expression:
     """Code for whether a search has found an object."""
-    return code.equal(entry(RI, plus(top, node), 1), code.Constant(1))
+    return code.equal(entry(RI, plus(top, node), 1), ONE)
 
 
 class Body:
@@ -218,7 +216,7 @@ class Body:
                     self.block.test(test)
                 is_float = self.conjunction.types[result] is Scalar.FLOAT
                 if term.beyond is not None and not is_float:
-                    self.block.add(code.If(term.beyond, (failed(BEYOND),)))
+                    self.block.add(code.If(term.beyond, (failed("BEYOND"),)))
                 number = as_float(term) if is_float else term.number
                 self._give(result, number)
             case AggregateAtom():
@@ -310,54 +308,19 @@ class Body:
                 raise NotCompiled(f"many values that change (`{reference}`)")
             self._look_up(goal, step)
             return
-        forward = self._known(source)
-        near, far = (source, target) if forward else (target, source)
-        sure = self._is_sure(near, reference.owner if forward else reference.target)
-        self._follow(goal, near, far, forward, sure)
+        links, forward = self._facts.links, self._known(source)
+        sure = self._is_sure(source, reference.owner), self._is_sure(target, reference.target)
+        if forward and self._known(target):
+            kept = links.cell(reference, self.source(source), self.source(target), sure=sure)
+            for test in kept.tests:
+                self.block.test(test)
+        else:
+            near, far = (source, target) if forward else (target, source)
+            own = sure[not forward]
+            found = links.follow(self.block, reference, self.source(near), forward=forward, sure=own)
+            self._give(far, found)
         self._learn(source, ObjectType(reference.owner))
         self._learn(target, ObjectType(reference.target))
-
-    def _follow(self, goal: LinkAtom, near: int, far: int, forward: bool, sure: bool) -> None:
-        """From one end of a link that changes to the other."""
-        assert not isinstance(goal.reference, Attribute)
-        facts, reference = self._facts, goal.reference
-        if (kept := matrix_of(facts.metamodel, reference)) is not None:
-            self._follow_many(kept[0], near, far, forward is kept[1], sure)
-            return
-        stored, same = facts.stored(reference)
-        at_near = stored.at_source is (forward is same)
-        if self._known(near) and self._known(far):
-            holder, other = (near, far) if at_near else (far, near)
-            end = reference.owner if (stored.at_source is same) else reference.target
-            held, guard = facts.link_cell(stored, self.source(holder), sure=self._is_sure(holder, end))
-            for test in guard:
-                self.block.test(test)
-            self.block.test(code.equal(held, self.source(other)))
-        elif self._known(near):
-            found = facts.other_end(reference, self.source(near), forward=forward, sure=sure)
-            if found is None:
-                self._give(far, facts.holding(self.block, stored, self.source(near)))
-            else:
-                local = facts.local(self.conjunction.types[far])
-                self.block.add(code.Assign(local, found))
-                self.block.test(facts.present(local, ObjectType("")))
-                self._give(far, local)
-        else:
-            raise AssertionError(goal)
-
-    def _follow_many(self, matrix: LinkMatrix, near: int, far: int, forward: bool, sure: bool) -> None:
-        """The same where both ends may have many."""
-        facts = self._facts
-        if self._known(far):
-            source, target = (near, far) if forward else (far, near)
-            ends = (source, matrix.reference.owner), (target, matrix.reference.target)
-            certain = (self._is_sure(*ends[0]), self._is_sure(*ends[1]))
-            found, guard = matrix_cell(facts, matrix, self.source(source), self.source(target), sure=certain)
-            for test in (*guard, code.equal(found, code.Constant(1))):
-                self.block.test(test)
-        else:
-            other, _ = linked_with(facts, self.block, matrix, self.source(near), forward=forward, sure=sure)
-            self._give(far, other)
 
     # --- calls
 
@@ -430,7 +393,7 @@ class Body:
                 goal.result, self._called(self._matching.count(key, _suits(self, relation, key)), values)
             )
             return
-        head = (code.Assign(COUNT, code.Constant(0)),)
+        head = (code.Assign(COUNT, ZERO),)
         plan = step.inner[0]
         steps = plan.steps
         if len(steps) == 1 and steps[0].kind is Kind.TEST:
@@ -456,18 +419,18 @@ class Body:
                 body.block.add(code.Assign(folded, value, "+="))
             else:
                 operator = "<" if goal.function == "min" else ">"
-                first = code.equal(COUNT, code.Constant(0))
+                first = code.equal(COUNT, ZERO)
                 better = code.Operation("or", (first, code.Operation(operator, (value, folded))))
                 body.block.add(code.If(better, (code.Assign(folded, value),)))
             count_solutions(body, COUNT)
 
         nothing: code.Expression = code.Constant(0.0 if type_ is Scalar.FLOAT else 0)
-        head = (code.Assign(COUNT, code.Constant(0)), code.Assign(folded, nothing))
+        head = (code.Assign(COUNT, ZERO), code.Assign(folded, nothing))
         whole = self._inside(lambda body: body.steps(steps, found), code.tuple_of(COUNT, folded), head)
         number, result = self._matching.module.fresh("n"), self._facts.local(type_)
         self.block.add(code.Assign(code.Tuple((number, result)), whole))
         if goal.function != "sum":
-            self.block.test(code.Operation(">", (number, code.Constant(0))))
+            self.block.test(code.Operation(">", (number, ZERO)))
         value = code.Operation("/", (result, number)) if goal.function == "avg" else result
         self._give(goal.result, value)
 
@@ -527,7 +490,7 @@ def _suits(body: Body, goal: CallAtom, key: ViewKey) -> bool:
 
 def count_solutions(body: Body, number: code.Local) -> None:
     """Count the solution, or those of the word."""
-    one = code.Constant(1) if body.word is None else code.call("count_bits", body.word.word)
+    one = ONE if body.word is None else code.call("count_bits", body.word.word)
     body.block.add(code.Assign(number, one, "+="))
 
 

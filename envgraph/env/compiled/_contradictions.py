@@ -8,16 +8,14 @@ from typing import Literal
 from envgraph import code
 from envgraph.code import dataclass
 from envgraph.env.compiled._blocks import Frame, Slots
-from envgraph.env.compiled._layout import failed
+from envgraph.env.compiled._layout import NOBODY, ZERO
 from envgraph.env.compiled._member import absent
 from envgraph.env.compiled._refused import NotCompiled
-from envgraph.env.compiled._site import REFUSED, Site
+from envgraph.env.compiled._site import Site
 from envgraph.env.compiled._terms import Term, as_float
 from envgraph.metamodel import Attribute, Metamodel, Reference, Scalar
 from envgraph.pattern import Constant, EnumLiteral, StaticType
 from envgraph.rewrite.plans import BlockPlan, Increase, SetTargets, SetValue
-
-NONE = code.Constant(-1)
 
 Kind = Literal["gone", "touched", "class", "owner", "value", "removed", "added", "targets", "end"]
 
@@ -173,7 +171,7 @@ class Pairs:
             return None
         for claim, slots in ((a, sa), (b, sb)):
             if claim.present is not None:
-                known.append(code.Operation(">=", (slots[claim.present], code.Constant(0))))
+                known.append(code.Operation(">=", (slots[claim.present], ZERO)))
         return code.joined("and", [part for part in known if part != code.TRUE], True)
 
     def _same(
@@ -245,7 +243,7 @@ class Pairs:
 
 
 def _value(claim: Claim, slots: Mapping[int, code.Expression]) -> code.Expression:
-    return NONE if claim.other is None else slots[claim.other]
+    return NOBODY if claim.other is None else slots[claim.other]
 
 
 def _constant(claim: Claim, frame: Frame) -> object:
@@ -285,10 +283,10 @@ def _check_pair(site: Site, pairs: Pairs, one: Frame, other: Frame) -> None:
         loads, slots = ([], frame.slots) if frame.outer is None else site.blocks.loaded(frame, row)
         sides.append((frame, row, loads, slots))
     tests = dict.fromkeys(pairs.tests(one, sides[0][3], other, sides[1][3]))
-    body: list[code.Statement] = [code.If(test, (failed(REFUSED), site.leave)) for test in tests]
+    body: code.Body = tuple(code.If(test, site.fail("REFUSED")) for test in tests)
     for frame, row, loads, _ in reversed(sides):
         if body and frame.outer is not None:
-            body = [site.blocks.each(frame, row, loads, body)]
+            body = (site.blocks.each(frame, row, loads, body),)
     site.add(*body)
 
 

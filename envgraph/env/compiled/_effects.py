@@ -56,7 +56,7 @@ class Effects:
         for phase in phases:
             self._each(phase)
         self._each(self._set_all)
-        return tuple(self._site.statements)
+        return self._site.written()
 
     def _each(self, write: Callable[[], None]) -> None:
         """Do something for each match of the rule and of its blocks."""
@@ -147,7 +147,7 @@ class Effects:
         value = term.number
         optional = term.present if not compute.needed else ()
         if term.beyond is not None and self._expected(compute.slot) is not Scalar.FLOAT:
-            self._site.unless_beyond(code.joined("and", [*optional, term.beyond], True))
+            self._site.fail_if(code.joined("and", [*optional, term.beyond], True), "BEYOND")
         if optional:
             value = code.Choice(
                 code.joined("and", optional, True), value, absent(term.type or ObjectType(""))
@@ -196,5 +196,5 @@ class Effects:
         if attribute.type is Scalar.FLOAT:
             self._site.unless(code.Operation("<", (code.call("abs", local), code.Name("INFINITY"))))
         if (beyond := Term(local, attribute.type, bits=WORD + 1).beyond) is not None:
-            self._site.unless_beyond(beyond)
+            self._site.fail_if(beyond, "BEYOND")
         self._site.add(code.Assign(place, local))

@@ -10,11 +10,10 @@ from envgraph.env.compiled._refused import NotCompiled
 from envgraph.env.compiled._tables import (
     AttributeColumn,
     ClassSet,
+    LinkColumn,
     LinkMatrix,
     Matches,
     Reached,
-    SourceColumn,
-    TargetColumn,
 )
 from envgraph.rewrite import Engine
 
@@ -32,9 +31,7 @@ def explanation(engine: Engine, behaviour: Behaviour) -> str:
 def _facts(program: Program) -> Iterator[str]:
     arrays, columns = program.arrays, [column for column, _ in program.layout.columns()]
     features = [str(one.attribute) for one in columns if isinstance(one, AttributeColumn)]
-    features += [
-        str(one.reference) for one in columns if isinstance(one, TargetColumn | SourceColumn | LinkMatrix)
-    ]
+    features += [str(one.reference) for one in columns if isinstance(one, LinkColumn | LinkMatrix)]
     classes = [one.cls for one in columns if isinstance(one, ClassSet)]
     relations = program.layout.relations()
     patterns = [one.pattern for one in relations if isinstance(one, Matches)]

@@ -9,7 +9,8 @@ from itertools import count
 from envgraph import code
 from envgraph.code import dataclass
 from envgraph.env.compiled._changes import Changes
-from envgraph.env.compiled._layout import STATE, TOP, Layout, Text, bit, cell, plus, table
+from envgraph.env.compiled._connections import Connections
+from envgraph.env.compiled._layout import STATE, Layout, Text, bit, cell, plus, table
 from envgraph.env.compiled._member import absent, missing
 from envgraph.env.compiled._refused import NotCompiled
 from envgraph.env.compiled._tables import (
@@ -17,24 +18,18 @@ from envgraph.env.compiled._tables import (
     AttributeColumn,
     Bits,
     ClassSet,
-    Holders,
-    HowMany,
+    Extent,
     Instances,
     Keys,
     Links,
     Listed,
     One,
-    Places,
     Relation,
     SetsOf,
-    SourceColumn,
     Starts,
-    TargetColumn,
     Values,
-    Words,
     classes_below,
     keys_of,
-    matrix_of,
 )
 from envgraph.match.plan import LiveSizes
 from envgraph.metamodel import Attribute, Reference, Scalar
@@ -101,32 +96,6 @@ class Module:
         return self._names[key]
 
 
-def call(name: str, *arguments: code.Expression, top: code.Expression = TOP) -> code.Call:
-    """Code for a call of a function of the program, which may use the space for rows from `top` on."""
-    return code.call(name, *STATE[:-1], top, *arguments)
-
-
-@dataclass(frozen=True, slots=True)
-class Stored:
-    """Where the links of a reference that changes are kept: one number for each object at one of its ends.
-
-    Attributes:
-        reference: of a pair of opposites the first.
-        at_source: whether that is the end where links begin.
-        classes: concrete classes of the objects at that end.
-    """
-
-    reference: Reference
-    at_source: bool
-    classes: tuple[str, ...]
-
-    @property
-    def column(self) -> TargetColumn | SourceColumn:
-        """The column."""
-        kind = TargetColumn if self.at_source else SourceColumn
-        return kind(self.reference, self.classes)
-
-
 @dataclass(frozen=True, slots=True)
 class WordOf:
     """A word of a set, while the words of a group are looped over; `number` is its own."""
@@ -155,7 +124,7 @@ class Facts:
         self.changes = changes
         self.library = library
         self.metamodel = library.metamodel
-        self._sizes = sizes
+        self.links = Connections(self, sizes)
 
     # --- what no rule changes
 
@@ -265,14 +234,14 @@ class Facts:
         self, classes: tuple[str, ...], node: code.Expression, *, sure: bool
     ) -> tuple[code.Expression, list[code.Expression]]:
         """Code for the place of an object among those of some classes, and for whether it is one of them."""
-        found = table(plus(self.layout.offset(Places(classes)), node))
+        found = table(plus(self.layout.offset(Extent(classes, "places")), node))
         guard: list[code.Expression] = [] if sure else [code.Operation(">=", (found, code.Constant(0)))]
         return (code.Constant(0) if self.layout.single(classes) else found), guard
 
     def each(self, block: code.Block, classes: tuple[str, ...]) -> tuple[code.Local, code.Expression]:
         """What follows is done for each object that is of some classes at the start: its number, and its place."""
         node = self.module.fresh("v", "object")
-        holders = self.layout.offset(Holders(classes))
+        holders = self.layout.offset(Extent(classes, "objects"))
         if self.layout.single(classes):
             block.test(code.Operation(">", (self.count(classes), code.Constant(0))))
             block.add(code.Assign(node, table(holders)))
@@ -283,7 +252,7 @@ class Facts:
         return node, place
 
     def count(self, classes: tuple[str, ...]) -> code.Expression:
-        return table(self.layout.offset(HowMany(classes)))
+        return table(self.layout.offset(Extent(classes, "count")))
 
     def instances(self, block: code.Block, cls: str, exact: bool = False) -> code.Local:
         """What follows is done for each object of a class."""
@@ -321,7 +290,7 @@ class Facts:
         """
         group = sets[0].group
         word, number = self.module.fresh("w"), self.module.fresh("n")
-        words = table(self.layout.offset(Words(group)))
+        words = table(self.layout.offset(Extent(group, "words")))
         block.loop(number, code.call("range", words))
         united = code.joined("|", [cell(plus(self.layout.offset(one), number)) for one in sets], 0)
         if within is not None:
@@ -345,7 +314,7 @@ class Facts:
 
     def _object(self, of: WordOf, place: code.Expression) -> code.Expression:
         first = code.Operation("*", (of.number, code.Constant(WORD)))
-        return table(plus(self.layout.offset(Holders(of.group)), first, place))
+        return table(plus(self.layout.offset(Extent(of.group, "objects")), first, place))
 
     def nth_of(self, of: WordOf, number: code.Expression) -> code.Expression:
         """Code for one of the objects of a word."""
@@ -388,76 +357,3 @@ class Facts:
         column = AttributeColumn(attribute, classes)
         place, guard = self.place(classes, node, sure=sure)
         return cell(plus(self.layout.offset(column), place), column.is_float), guard
-
-    # --- references
-
-    def stored(self, reference: Reference) -> tuple[Stored, bool]:
-        """Where the links of a reference that changes are kept, and whether it is that reference and no opposite.
-
-        Raises:
-            NotCompiled: both of its ends are one.
-        """
-        opposite = self.metamodel.opposite(reference)
-        if opposite is not None and (opposite.index < reference.index):
-            return self.stored(opposite)[0], False
-        if opposite == reference:
-            raise NotCompiled(f"a reference that is its own opposite, and changes (`{reference}`)")
-        at_target = reference.containment or (opposite is not None and not opposite.many)
-        source, target = self._sizes.extent(reference.owner), self._sizes.extent(reference.target)
-        assert at_target or not reference.many, "links with many at both ends have a matrix"
-        at_source = not reference.many and (not at_target or source <= target)
-        end = reference.owner if at_source else reference.target
-        return Stored(reference, at_source, classes_below(self.metamodel, end)), True
-
-    def link_cell(
-        self, stored: Stored, node: code.Expression, *, sure: bool
-    ) -> tuple[code.Index, list[code.Expression]]:
-        """The cell of an object at the end where links are kept, and what has to hold before it is looked at."""
-        place, guard = self.place(stored.classes, node, sure=sure)
-        return cell(plus(self.layout.offset(stored.column), place)), guard
-
-    def other_end(
-        self, reference: Reference, node: code.Expression, *, forward: bool, sure: bool
-    ) -> code.Expression | None:
-        """Code for the one target of an object, or its one source, -1 for none; None if there may be several."""
-        if self.changes.fixed_feature(reference):
-            position = 0 if forward else 1
-            keys, _ = keys_of(Links(reference), self.library, (position,))
-            if not self.layout.functional(One(keys, (1 - position,))):
-                return None
-            type_ = Links(reference).types(self.library)[1 - position]
-            values = Values(keys, 1 - position, (1 - position,), type_)
-            return table(plus(self.layout.offset(values), node))
-        if matrix_of(self.metamodel, reference) is not None:
-            return None
-        stored, same = self.stored(reference)
-        if stored.at_source is (forward is same):
-            place, guard = self.link_cell(stored, node, sure=sure)
-            return code.Choice(guard[0], place, code.Constant(-1)) if guard else place
-        if not self._one(reference, forward):
-            return None
-        return call(self._finder(stored), node)
-
-    def _one(self, reference: Reference, forward: bool) -> bool:
-        """Whether an object has at most one target, or source."""
-        if forward:
-            return not reference.many
-        opposite = self.metamodel.opposite(reference)
-        return reference.containment or (opposite is not None and not opposite.many)
-
-    def _finder(self, stored: Stored) -> str:
-        """The function that finds the object whose cell has another."""
-
-        def write() -> tuple[Sequence[code.Local], code.Body]:
-            block, wanted = code.Block(), self.module.fresh("v", "object")
-            block.add(code.Return(self.holding(block, stored, wanted)))
-            return [wanted], (*block.body(), code.Return(code.Constant(-1)))
-
-        return self.module.once(stored, "find", write)
-
-    def holding(self, block: code.Block, stored: Stored, wanted: code.Expression) -> code.Local:
-        """What follows is done for each object whose cell has another."""
-        node, place = self.each(block, stored.classes)
-        held = cell(plus(self.layout.offset(stored.column), place))
-        block.test(code.equal(held, wanted))
-        return node

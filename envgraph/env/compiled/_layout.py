@@ -19,15 +19,14 @@ from envgraph.env.compiled._tables import (
     Bits,
     ClassSet,
     Column,
+    LinkColumn,
     LinkMatrix,
     Made,
     One,
     Relation,
     Single,
-    SourceColumn,
     Starts,
     Table,
-    TargetColumn,
     Values,
 )
 
@@ -44,6 +43,8 @@ RI, RF = code.Local("RI"), code.Local("RF")
 TOP = code.Local("top")
 STATE: Final = (T, G, L, K, S, F, RI, RF, D, TOP)
 """What each function gets."""
+
+ZERO, ONE, NOBODY = code.Constant(0), code.Constant(1), code.Constant(-1)
 
 ERROR, TURN, FIRST_COLUMN = 0, 1, 2
 """Columns of each state: what went wrong, and whose turn it is."""
@@ -135,7 +136,7 @@ class Layout:
 
     def columns(self) -> list[tuple[Column, int]]:
         """The columns of states, each with the place in the vector of offsets that says where it begins."""
-        kinds = AttributeColumn | TargetColumn | SourceColumn | LinkMatrix | ClassSet
+        kinds = AttributeColumn | LinkColumn | LinkMatrix | ClassSet
         return [(symbol, number) for symbol, number in self._numbers.items() if isinstance(symbol, kinds)]
 
     def stored(self) -> list[tuple[Column | Made, int]]:
@@ -255,9 +256,11 @@ def bit(word: code.Expression, place: code.Expression) -> code.Expression:
     return code.Operation("==", (code.call("bit", word, place), code.Constant(1)))
 
 
-BEYOND: Final = code.Name("BEYOND")
+def call(name: str, *arguments: code.Expression, top: code.Expression = TOP) -> code.Call:
+    """Code for a call of a function of the program, which may use the space for rows from `top` on."""
+    return code.call(name, *STATE[:-1], top, *arguments)
 
 
-def failed(error: code.Expression) -> code.Assign:
-    """Code for what is done where the live engine raises an error."""
-    return code.Assign(cell(ERROR), error)
+def failed(error: str) -> code.Assign:
+    """Code for what is done where the live engine raises an error, which has this name in `_kernels`."""
+    return code.Assign(cell(ERROR), code.Name(error))

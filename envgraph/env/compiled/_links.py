@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-
 from envgraph import code
 from envgraph.env.compiled._blocks import Frame
-from envgraph.env.compiled._facts import Stored, call
-from envgraph.env.compiled._matrices import linked_with, matrix_cell
+from envgraph.env.compiled._connections import LinkCell
+from envgraph.env.compiled._layout import NOBODY, ZERO, call
 from envgraph.env.compiled._refused import NotCompiled
-from envgraph.env.compiled._site import MISSING, Site
-from envgraph.env.compiled._tables import LinkMatrix, matrix_of
+from envgraph.env.compiled._site import Site
+from envgraph.env.compiled._tables import LinkColumn
 from envgraph.metamodel import Reference
 from envgraph.pattern import ObjectType
 from envgraph.rewrite.plans import Link, Rehome, SetTargets, Unlink
@@ -27,49 +25,21 @@ class Links:
         self._site = site
         self._facts = site.facts
 
-    def _ends(
-        self, source: int, reference: Reference, target: int
-    ) -> tuple[Stored, code.Index, code.Expression, list[code.Expression]]:
-        """The cell that keeps a link, the other end, and what has to hold for there to be that cell."""
-        stored, same = self._facts.stored(reference)
-        at_source = stored.at_source is same
-        holder, other = (source, target) if at_source else (target, source)
-        end = reference.owner if at_source else reference.target
-        place, guard = self._facts.link_cell(
-            stored, self._site.slots[holder], sure=self._site.sure(holder, end)
-        )
-        return stored, place, self._site.slots[other], guard
-
-    def _kept(
-        self, source: int, reference: Reference, target: int
-    ) -> tuple[code.Index, code.Expression, code.Expression, list[code.Expression]]:
-        """The cell that keeps a link, what it is with the link and without, and what has to hold for there to be it."""
-        facts, kept = self._facts, matrix_of(self._facts.metamodel, reference)
-        if kept is None:
-            _, place, other, guard = self._ends(source, reference, target)
-            return place, other, MISSING, guard
-        matrix, same = kept
-        first, second = (source, target) if same else (target, source)
-        ends = (first, matrix.reference.owner), (second, matrix.reference.target)
-        place, guard = matrix_cell(
-            facts,
-            matrix,
-            self._site.slots[first],
-            self._site.slots[second],
-            sure=(self._site.sure(*ends[0]), self._site.sure(*ends[1])),
-        )
-        return place, code.Constant(1), code.Constant(0), guard
+    def _cell(self, source: int, reference: Reference, target: int) -> LinkCell:
+        """The cell that keeps a link between the objects in two slots."""
+        slots, sure = self._site.slots, self._site.sure
+        certain = sure(source, reference.owner), sure(target, reference.target)
+        return self._facts.links.cell(reference, slots[source], slots[target], sure=certain)
 
     def linked(self, source: int, reference: Reference, target: int) -> code.Expression:
         if self._facts.changes.fixed_feature(reference):
             raise AssertionError(reference)
-        place, value, _, guard = self._kept(source, reference, target)
-        return code.joined("and", [*guard, code.equal(place, value)], True)
+        return code.joined("and", self._cell(source, reference, target).tests, True)
 
     def unlink(self, unlink: Unlink) -> None:
-        place, _, nothing, _ = self._kept(unlink.source, unlink.reference, unlink.target)
+        kept = self._cell(unlink.source, unlink.reference, unlink.target)
         test = self.linked(unlink.source, unlink.reference, unlink.target)
-        self._site.add(code.If(test, (code.Assign(place, nothing),)))
+        self._site.add(code.If(test, (code.Assign(kept.place, kept.unlinked),)))
 
     def leave_containers(self, move: Rehome) -> None:
         """An object leaves its container, unless that is where it is to go."""
@@ -89,7 +59,7 @@ class Links:
     def _held_cell(self, reference: Reference, node: code.Expression, cls: str) -> code.Expression:
         """Code for the container of an object by a reference."""
         sure = self._facts.metamodel.is_a(cls, reference.target)
-        found = self._facts.other_end(reference, node, forward=False, sure=sure)
+        found = self._facts.links.other_end(reference, node, forward=False, sure=sure)
         assert found is not None
         return found
 
@@ -97,17 +67,17 @@ class Links:
         self, reference: Reference, node: code.Expression, cls: str, test: code.Expression | None
     ) -> None:
         """The container of an object by a reference is no more, if a test holds."""
-        stored, same = self._facts.stored(reference)
+        stored, same = self._facts.links.column(reference)
         if stored.at_source is same:
             holder = self._facts.local(ObjectType(""))
             self._site.add(code.Assign(holder, self._held_cell(reference, node, cls)))
-            place, _ = self._facts.link_cell(stored, holder, sure=True)
-            there: list[code.Expression] = [code.Operation(">=", (holder, code.Constant(0)))]
+            place, _ = self._facts.links.near(stored, holder, sure=True)
+            there: list[code.Expression] = [code.Operation(">=", (holder, ZERO))]
         else:
             sure = self._facts.metamodel.is_a(cls, reference.target)
-            place, there = self._facts.link_cell(stored, node, sure=sure)
+            place, there = self._facts.links.near(stored, node, sure=sure)
         tests = [*there, *([] if test is None else [test])]
-        cleared = code.Assign(place, MISSING)
+        cleared = code.Assign(place, NOBODY)
         self._site.add(code.If(code.joined("and", tests, True), (cleared,)) if tests else cleared)
 
     def link(self, link: Link | Rehome) -> None:
@@ -122,19 +92,20 @@ class Links:
             content, end = target, reference.target
         elif opposite is not None and opposite.containment:
             content, end = source, reference.owner
-        before = self._site.statements
-        self._site.statements = []
-        if content is not None:
-            self._check_contents(content, end)
-            self._check_homeless(content, end, reference)
-        self._check_room(reference, self._site.slots[source], source, forward=True)
-        self._check_room(reference, self._site.slots[target], target, forward=False)
-        place, value, _, guard = self._kept(source, reference, target)
-        for test in guard:
-            self._site.unless(test)
-        made = (*self._site.statements, code.Assign(place, value))
-        self._site.statements = before
-        there = code.Operation(">=", (self._site.slots[target], code.Constant(0)))
+
+        def write() -> None:
+            if content is not None:
+                self._check_contents(content, end)
+                self._check_homeless(content, end, reference)
+            self._check_room(reference, self._site.slots[source], source, forward=True)
+            self._check_room(reference, self._site.slots[target], target, forward=False)
+            kept = self._cell(source, reference, target)
+            for test in kept.guard:
+                self._site.unless(test)
+            self._site.add(code.Assign(kept.place, kept.linked))
+
+        made = self._site.collected(write)
+        there = code.Operation(">=", (self._site.slots[target], ZERO))
         missing_ = code.inverse(self.linked(source, reference, target))
         test = code.Operation("and", (there, missing_)) if target in self._site.types else missing_
         self._site.add(code.If(test, made))
@@ -163,7 +134,7 @@ class Links:
                 and metamodel.overlap(cls, reference.target)
             ):
                 held = self._held_cell(reference, self._site.slots[content], cls)
-                self._site.unless(code.Operation("<", (held, code.Constant(0))))
+                self._site.unless(code.Operation("<", (held, ZERO)))
 
     def _check_new_contents(self, content: int) -> None:
         """What contains a new object is not inside of it, as far as the rule puts it together."""
@@ -201,89 +172,57 @@ class Links:
         if upper is None:
             return
         sure = self._site.sure(slot, reference.owner if forward else reference.target)
-        one = self._facts.other_end(reference, node, forward=forward, sure=sure) if upper == 1 else None
+        one = self._facts.links.other_end(reference, node, forward=forward, sure=sure) if upper == 1 else None
         if one is not None:
-            self._site.unless(code.Operation("<", (one, code.Constant(0))))
+            self._site.unless(code.Operation("<", (one, ZERO)))
         else:
-            kept = matrix_of(self._facts.metamodel, reference)
-            counted = (
-                self._holders(self._facts.stored(reference)[0])
-                if kept is None
-                else self._partners(kept[0], forward is kept[1])
-            )
-            self._site.unless(code.Operation("<", (call(counted, node), code.Constant(upper))))
-
-    def _holders(self, stored: Stored) -> str:
-        """The function that counts the objects whose cell has another."""
-        return self._counter(
-            stored, "holders", lambda block, wanted: self._facts.holding(block, stored, wanted)
-        )
-
-    def _partners(self, matrix: LinkMatrix, forward: bool) -> str:
-        """The function that counts the targets of an object, or its sources."""
-
-        def loop(block: code.Block, wanted: code.Local) -> None:
-            linked_with(self._facts, block, matrix, wanted, forward=forward, sure=False)
-
-        return self._counter((matrix, forward), "partners", loop)
-
-    def _counter(self, of: object, prefix: str, loop: Callable[[code.Block, code.Local], object]) -> str:
-        """The function that counts what something loops over for an object."""
-
-        def write() -> tuple[Sequence[code.Local], code.Body]:
-            block, wanted = code.Block(), self._facts.module.fresh("v", "object")
-            number = code.Local("n", "int")
-            loop(block, wanted)
-            block.add(code.Assign(number, code.Constant(1), "+="))
-            return [wanted], (code.Assign(number, code.Constant(0)), *block.body(), code.Return(number))
-
-        return self._facts.module.once((prefix, of), prefix, write)
+            counted = call(self._facts.links.counter(reference, forward), node)
+            self._site.unless(code.Operation("<", (counted, code.Constant(upper))))
 
     def set_target(self, change: SetTargets) -> None:
         """The one target of an object; where the opposite of a single one is taken, its holder lets go."""
-        facts, reference = self._facts, change.reference
-        opposite = facts.metamodel.opposite(reference)
-        stored, same = facts.stored(reference)
-        source = self._site.slots[change.object]
-        target = self._site.slots[change.values[0]] if change.values else MISSING
-        at_source = stored.at_source is same
-        before, self._site.statements = self._site.statements, []
-        if at_source:
-            sure = self._site.sure(change.object, reference.owner)
-            place, guard = facts.link_cell(stored, source, sure=sure)
-            for test in guard:
-                self._site.unless(test)
-            old: code.Expression = place
-            there = code.Operation(">=", (target, code.Constant(0)))
-            if opposite is not None and opposite.upper == 1:
-                holder = facts.local(ObjectType(""))
-                held = facts.other_end(reference, target, forward=False, sure=False)
-                assert held is not None
-                self._site.add(code.Assign(holder, code.Choice(there, held, MISSING)))
-                other, _ = facts.link_cell(stored, holder, sure=True)
-                self._site.add(
-                    code.If(code.Operation(">=", (holder, code.Constant(0))), (code.Assign(other, MISSING),))
-                )
-            elif opposite is not None and opposite.upper is not None:
-                few = code.Operation(
-                    "<", (call(self._holders(stored), target), code.Constant(opposite.upper))
-                )
-                self._site.unless(code.Operation("or", (code.inverse(there), few)))
-            self._site.add(code.Assign(place, target))
+        site, links, reference = self._site, self._facts.links, change.reference
+        stored, same = links.column(reference)
+        source = site.slots[change.object]
+        target = site.slots[change.values[0]] if change.values else NOBODY
+        old: code.Expression
+        if stored.at_source is same:
+            old, guard = links.near(stored, source, sure=site.sure(change.object, reference.owner))
+
+            def write() -> None:
+                for test in guard:
+                    site.unless(test)
+                self._make_room(stored, reference, target)
+                site.add(code.Assign(old, target))  # type: ignore[arg-type]
         else:
-            found = facts.other_end(reference, source, forward=True, sure=False)
+            found = links.other_end(reference, source, forward=True, sure=False)
             assert found is not None
-            local = facts.local(ObjectType(""))
-            before.append(code.Assign(local, found))
-            old = local
-            held_by, _ = facts.link_cell(stored, local, sure=True)
-            self._site.add(
-                code.If(code.Operation(">=", (local, code.Constant(0))), (code.Assign(held_by, MISSING),))
-            )
-            place, _ = facts.link_cell(stored, target, sure=True)
-            self._site.add(
-                code.If(code.Operation(">=", (target, code.Constant(0))), (code.Assign(place, source),))
-            )
-        made = tuple(self._site.statements)
-        self._site.statements = before
-        self._site.add(code.If(code.Operation("!=", (old, target)), made))
+            old = self._facts.local(ObjectType(""))
+            site.add(code.Assign(old, found))
+
+            def write() -> None:
+                self._hold(stored, old, NOBODY)
+                self._hold(stored, target, source)
+
+        site.add(code.If(code.Operation("!=", (old, target)), site.collected(write)))
+
+    def _hold(self, stored: LinkColumn, holder: code.Expression, other: code.Expression) -> None:
+        """The cell of an object, if there is that object, has another."""
+        place, _ = self._facts.links.near(stored, holder, sure=True)
+        there = code.Operation(">=", (holder, ZERO))
+        self._site.add(code.If(there, (code.Assign(place, other),)))
+
+    def _make_room(self, stored: LinkColumn, reference: Reference, target: code.Expression) -> None:
+        """A target that has as many sources as it may have loses its only one, or else the rule is refused."""
+        links, opposite = self._facts.links, self._facts.metamodel.opposite(reference)
+        there = code.Operation(">=", (target, ZERO))
+        if opposite is not None and opposite.upper == 1:
+            holder = self._facts.local(ObjectType(""))
+            held = links.other_end(reference, target, forward=False, sure=False)
+            assert held is not None
+            self._site.add(code.Assign(holder, code.Choice(there, held, NOBODY)))
+            self._hold(stored, holder, NOBODY)
+        elif opposite is not None and opposite.upper is not None:
+            counted = call(links.counter(reference, forward=False), target)
+            few = code.Operation("<", (counted, code.Constant(opposite.upper)))
+            self._site.unless(code.Operation("or", (code.inverse(there), few)))

@@ -1,4 +1,4 @@
-"""Questions about matches as functions over arrays: rows, whether there is one, how many, and which one is drawn."""
+"""Questions about matches as functions over arrays: rows, whether there is ONE, how many, and which one is drawn."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from envgraph import code
 from envgraph.env.compiled._bodies import (
     CAPACITY,
     COUNT,
-    OVERFLOW,
     Body,
     Found,
     count_solutions,
@@ -17,8 +16,8 @@ from envgraph.env.compiled._bodies import (
     found_one,
 )
 from envgraph.env.compiled._changes import StaticPatterns
-from envgraph.env.compiled._facts import Facts, call
-from envgraph.env.compiled._layout import RF, RI, TOP, D, entry, failed, plus
+from envgraph.env.compiled._facts import Facts
+from envgraph.env.compiled._layout import ONE, RF, RI, TOP, ZERO, D, call, entry, failed, plus
 from envgraph.env.compiled._refused import NotCompiled, standing
 from envgraph.match.plan import CallGraph, Planner, Unplannable, ViewKey, ViewPlan
 from envgraph.metamodel import Scalar
@@ -91,7 +90,7 @@ class Matching:
         if shape is Shape.WORDS:
             return (
                 *self._counted(key, given, True, number),
-                code.If(code.equal(number, code.Constant(0)), (nothing,)),
+                code.If(code.equal(number, ZERO), (nothing,)),
                 code.Assign(row, code.call("pick", D, number)),
                 *self._bodies(
                     key,
@@ -105,7 +104,7 @@ class Matching:
         loads, values = self.loaded(key, row)
         return (
             *self._collected(key, given, True, number),
-            code.If(code.equal(number, code.Constant(0)), (nothing,)),
+            code.If(code.equal(number, ZERO), (nothing,)),
             code.Assign(row, plus(TOP, code.call("pick", D, number))),
             *loads,
             *then(values),
@@ -191,7 +190,7 @@ class Matching:
     ) -> code.Body:
         """Statements that count rows of which none is repeated."""
         counted = self._bodies(key, given, sure, lambda body: count_solutions(body, number), words=True)
-        return (code.Assign(number, code.Constant(0)), *counted)
+        return (code.Assign(number, ZERO), *counted)
 
     def _given(self, key: ViewKey) -> list[StaticType]:
         types = self.facts.library.parameter_types(key.pattern)
@@ -214,12 +213,12 @@ class Matching:
             ordered = ordered and body.in_order(key)
             room = code.Operation("<", (number, CAPACITY))
             stores = self._stored(body, key, plus(TOP, number))
-            more = (*stores, code.Assign(number, code.Constant(1), "+="))
-            body.block.add(code.If(room, more, (failed(OVERFLOW),)))
+            more = (*stores, code.Assign(number, ONE, "+="))
+            body.block.add(code.If(room, more, (failed("OVERFLOW"),)))
 
-        whole = (code.Assign(number, code.Constant(0)), *self._bodies(key, given, sure, write))
+        whole = (code.Assign(number, ZERO), *self._bodies(key, given, sure, write))
         if not types:
-            return (*whole, code.Assign(number, code.call("min", number, code.Constant(1))))
+            return (*whole, code.Assign(number, code.call("min", number, ONE)))
         if ordered:
             return whole
         kinds = sum(1 << column for column, type_ in enumerate(types) if type_ is Scalar.FLOAT)
@@ -232,9 +231,9 @@ class Matching:
             return (*self._collected(key, given, sure, COUNT), code.Return(COUNT))
 
         def write(body: Body) -> None:
-            body.block.add(*self._stored(body, key, TOP), code.Return(code.Constant(1)))
+            body.block.add(*self._stored(body, key, TOP), code.Return(ONE))
 
-        return (*self._bodies(key, given, sure, write), code.Return(code.Constant(0)))
+        return (*self._bodies(key, given, sure, write), code.Return(ZERO))
 
     def search(self, step: str, star: bool, forward: bool) -> str:
         """The function that searches breadth first along a binary pattern, and returns how many objects it has found.
@@ -250,7 +249,6 @@ class Matching:
         rows = self.rows(ViewKey(step, (near,), (far,)), sure=False)
         self.module.uses(rows, 1)
         self.module.width = max(self.module.width, 2)
-        zero, one = code.Constant(0), code.Constant(1)
         fresh = self.module.fresh
         above, node, head, going = (fresh(prefix) for prefix in "tvhg")
         number, row, other, stride = (fresh(prefix) for prefix in "nivs")
@@ -259,30 +257,30 @@ class Matching:
             return entry(RI, plus(TOP, place), which)
 
         def mark(found: code.Expression) -> code.Body:
-            stored = code.Assign(column(found, one), one), code.Assign(column(COUNT, zero), found)
-            return (*stored, code.Assign(COUNT, one, "+="))
+            stored = code.Assign(column(found, ONE), ONE), code.Assign(column(COUNT, ZERO), found)
+            return (*stored, code.Assign(COUNT, ONE, "+="))
 
-        new = code.equal(column(other, one), zero)
-        read = code.Assign(other, entry(RI, plus(above, row), zero))
+        new = code.equal(column(other, ONE), ZERO)
+        read = code.Assign(other, entry(RI, plus(above, row), ZERO))
         each = code.For(row, code.call("range", number), (read, code.If(new, mark(other))))
-        follow = code.Assign(node, column(head, zero)), code.Assign(head, one, "+=")
-        more = code.If(code.Operation("<", (head, COUNT)), follow, (code.Assign(going, zero),))
+        follow = code.Assign(node, column(head, ZERO)), code.Assign(head, ONE, "+=")
+        more = code.If(code.Operation("<", (head, COUNT)), follow, (code.Assign(going, ZERO),))
         found = code.Assign(number, call(rows, node, top=above))
         whole: list[code.Statement] = [
-            code.Assign(COUNT, zero),
+            code.Assign(COUNT, ZERO),
             code.Assign(stride, self.facts.layout.stride()),
-            code.If(code.Operation(">", (stride, CAPACITY)), (failed(OVERFLOW), code.Return(zero))),
-            code.For(row, code.call("range", stride), (code.Assign(column(row, one), zero),)),
+            code.If(code.Operation(">", (stride, CAPACITY)), (failed("OVERFLOW"), code.Return(ZERO))),
+            code.For(row, code.call("range", stride), (code.Assign(column(row, ONE), ZERO),)),
             code.Assign(above, plus(TOP, CAPACITY)),
             code.Assign(node, start),
-            code.Assign(head, zero),
-            code.Assign(going, one),
-            code.While(code.equal(going, one), (found, each, more)),
+            code.Assign(head, ZERO),
+            code.Assign(going, ONE),
+            code.While(code.equal(going, ONE), (found, each, more)),
         ]
         if star:
             type_ = self.facts.library.parameter_types(step)[0]
             assert isinstance(type_, ObjectType)
-            itself = code.equal(column(start, one), zero), self.facts.is_instance(start, type_.cls)
+            itself = code.equal(column(start, ONE), ZERO), self.facts.is_instance(start, type_.cls)
             whole.append(code.If(code.Operation("and", itself), mark(start)))
         return [start], (*whole, code.Return(COUNT))
 

@@ -156,13 +156,6 @@ class Member:
             return missing(attribute.type)
         return self.encoded(self.model.value(self.objects[number], attribute), attribute.type)
 
-    def target(self, number: int, reference: Reference) -> int:
-        """The target of an object in a single-valued reference."""
-        if number in self.spare:
-            return NO_OBJECT
-        target = self.model.target(self.objects[number], reference)
-        return NO_OBJECT if target is None else self.number[target]
-
     def links(self, feature: Reference | Attribute) -> list[Row]:
         """The links of a reference, or an object with each of its values."""
         found: list[Row] = []

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from envgraph import code
-from envgraph.env.compiled._layout import cell, failed, plus
-from envgraph.env.compiled._matrices import linked_with
+from envgraph.env.compiled._layout import NOBODY, ZERO, cell, plus
 from envgraph.env.compiled._member import absent
-from envgraph.env.compiled._site import MISSING, REFUSED, Site
-from envgraph.env.compiled._tables import WORD, ClassSet, matrix_of
+from envgraph.env.compiled._site import Site
+from envgraph.env.compiled._tables import WORD, ClassSet, LinkColumn
 from envgraph.env.compiled._terms import literal
 from envgraph.metamodel import Attribute, Reference
 from envgraph.rewrite.plans import ChangeClass, Delete, New
@@ -86,8 +87,7 @@ class Objects:
         }
         for attribute in attributes.values():
             place, guard = facts.attribute_cell(attribute, node, sure=metamodel.is_a(cls, attribute.owner))
-            cleared = code.Assign(place, absent(attribute.type))
-            self._site.add(code.If(code.joined("and", guard, True), (cleared,)) if guard else cleared)
+            self._clear(place, absent(attribute.type), guard)
         group = facts.changes.group_of(concrete[0])
         assert group is not None
         self._leave_sets(group, delete.node)
@@ -96,38 +96,29 @@ class Objects:
         """The links of an object that goes, at one end of a reference: refused where they would dangle."""
         facts = self._facts
         opposite = facts.metamodel.opposite(reference)
-        if (kept := matrix_of(facts.metamodel, reference)) is not None:
-            sure = facts.metamodel.is_a(cls, reference.owner if forward else reference.target)
-            block = code.Block()
-            _, linked = linked_with(facts, block, kept[0], node, forward=forward, sure=sure)
-            if self._site.plan.lossy:
-                block.add(code.Assign(linked, code.Constant(0)))
-            else:
-                block.add(failed(REFUSED), self._site.leave)
-            self._site.add(*block.body())
-            return
-        stored, _ = facts.stored(reference)
+        kept, _ = facts.links.kept(reference)
         content = reference.containment if not forward else opposite is not None and opposite.containment
-        if stored.at_source is forward:
-            end = reference.owner if forward else reference.target
-            place, guard = facts.link_cell(stored, node, sure=facts.metamodel.is_a(cls, end))
-            if content or self._site.plan.lossy:
-                cleared = code.Assign(place, MISSING)
-                self._site.add(code.If(code.joined("and", guard, True), (cleared,)) if guard else cleared)
-            else:
-                free = code.Operation("<", (place, code.Constant(0)))
+        clears = content or self._site.plan.lossy
+        end = reference.owner if forward else reference.target
+        sure = facts.metamodel.is_a(cls, end)
+        if isinstance(kept, LinkColumn) and kept.at_source is forward:
+            place, guard = facts.links.near(kept, node, sure=sure)
+            if not clears:
+                free = code.Operation("<", (place, ZERO))
                 self._site.unless(code.Choice(guard[0], free, code.TRUE) if guard else free)
-                cleared = code.Assign(place, MISSING)
-                self._site.add(code.If(guard[0], (cleared,)) if guard else cleared)
+            self._clear(place, NOBODY, guard)
             return
         block = code.Block()
-        holder = facts.holding(block, stored, node)
-        place, _ = facts.link_cell(stored, holder, sure=True)
-        if content or self._site.plan.lossy:
-            block.add(code.Assign(place, MISSING))
+        _, link = facts.links.each(block, reference, node, forward=forward, sure=sure)
+        if clears:
+            block.add(code.Assign(link.place, link.unlinked))
         else:
-            block.add(failed(REFUSED), self._site.leave)
+            block.add(*self._site.fail("REFUSED"))
         self._site.add(*block.body())
+
+    def _clear(self, place: code.Index, nothing: code.Expression, guard: Sequence[code.Expression]) -> None:
+        cleared = code.Assign(place, nothing)
+        self._site.add(code.If(code.joined("and", guard, True), (cleared,)) if guard else cleared)
 
 
 def _bit_at(place: code.Expression) -> code.Expression:

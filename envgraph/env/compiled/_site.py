@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 from envgraph import code
 from envgraph.env.compiled._blocks import Blocks, Frame, Slots
-from envgraph.env.compiled._layout import BEYOND, failed
 from envgraph.env.compiled._matching import Matching
+from envgraph.env.compiled._statements import Statements
 from envgraph.pattern import StaticType
 from envgraph.rewrite.plans import BlockPlan, RulePlan
 
-REFUSED = code.Name("REFUSED")
-MISSING = code.Constant(-1)
 
-
-class Site:
+class Site(Statements):
     """The statements of a rule, and the match that they are about: of the rule first.
 
     Args:
@@ -33,10 +30,9 @@ class Site:
     def __init__(
         self, matching: Matching, plan: RulePlan, slots: Sequence[code.Expression], leave: code.Return
     ) -> None:
+        super().__init__(leave)
         self.facts = matching.facts
         self.plan = plan
-        self.leave = leave
-        self.statements: list[code.Statement] = []
         self.blocks = Blocks(matching, plan, dict(enumerate(slots)), leave)
         self.rule = self.blocks.frames[0]
         self.enter(self.rule, self.rule.slots, None)
@@ -55,24 +51,10 @@ class Site:
         """Types of the values in slots."""
         return self.frame.types
 
-    def collected(self, write: Callable[[], None]) -> list[code.Statement]:
-        """The statements that something writes."""
-        before, self.statements = self.statements, []
-        write()
-        made, self.statements = self.statements, before
-        return made
-
-    def add(self, *statements: code.Statement) -> None:
-        self.statements += statements
-
     def unless(self, test: code.Expression) -> None:
         """The rule is refused unless something holds."""
-        self.add(code.If(code.inverse(test), (failed(REFUSED), self.leave)))
+        self.fail_if(code.inverse(test), "REFUSED")
 
     def sure(self, slot: int, cls: str) -> bool:
         own = self.frame.classes.get(slot)
         return own is not None and self.facts.metamodel.is_a(own, cls)
-
-    def unless_beyond(self, test: code.Expression) -> None:
-        """The rule is refused if an int is too large for the state."""
-        self.add(code.If(test, (failed(BEYOND), self.leave)))

@@ -247,42 +247,28 @@ def _grouped(
 
 
 @dataclass(frozen=True, slots=True)
-class Places:
-    """The place of each object among those of some classes; -1 for others."""
+class Extent:
+    """The objects of some classes: all of them, ascending; how many they are; how many words a set of them has; or the
+    place of each object among them, -1 for others."""
 
     classes: tuple[str, ...]
+    of: Literal["objects", "count", "words", "places"]
     is_float = False
 
     def fill(self, member: Member, stride: int) -> Sequence[Cell]:
         """The table of a member."""
+        objects = members(member, self.classes)
+        match self.of:
+            case "objects":
+                return objects
+            case "count":
+                return [len(objects)]
+            case "words":
+                return [-(-len(objects) // WORD)]
         found = [NO_OBJECT] * stride
-        for place, number in enumerate(members(member, self.classes)):
+        for place, number in enumerate(objects):
             found[number] = place
         return found
-
-
-@dataclass(frozen=True, slots=True)
-class Holders:
-    """The objects of some classes, ascending."""
-
-    classes: tuple[str, ...]
-    is_float = False
-
-    def fill(self, member: Member, stride: int) -> Sequence[Cell]:
-        """The table of a member."""
-        return members(member, self.classes)
-
-
-@dataclass(frozen=True, slots=True)
-class HowMany:
-    """The number of objects of some classes."""
-
-    classes: tuple[str, ...]
-    is_float = False
-
-    def fill(self, member: Member, stride: int) -> Sequence[Cell]:
-        """The table of a member."""
-        return [len(members(member, self.classes))]
 
 
 @dataclass(frozen=True, slots=True)
@@ -337,30 +323,25 @@ class AttributeColumn:
 
 
 @dataclass(frozen=True, slots=True)
-class TargetColumn:
-    """The target of each object that has a reference."""
+class LinkColumn:
+    """The other end of each object at one end of a reference, where it has one at most.
+
+    Attributes:
+        reference: of a pair of opposites the first.
+        at_source: whether that is the end where links begin.
+        classes: concrete classes of the objects at that end.
+    """
 
     reference: Reference
+    at_source: bool
     classes: tuple[str, ...]
     is_float = False
 
     def initial(self, member: Member) -> Sequence[Cell]:
         """The column in the initial state."""
-        return [member.target(number, self.reference) for number in members(member, self.classes)]
-
-
-@dataclass(frozen=True, slots=True)
-class SourceColumn:
-    """The source of each object that is a target of a reference, where it has one at most."""
-
-    reference: Reference
-    classes: tuple[str, ...]
-    is_float = False
-
-    def initial(self, member: Member) -> Sequence[Cell]:
-        """The column in the initial state."""
-        source = {target: source for source, target in member.rows(Links(self.reference))}
-        return [source.get(number, NO_OBJECT) for number in members(member, self.classes)]
+        links = member.rows(Links(self.reference))
+        held = {ends[not self.at_source]: ends[self.at_source] for ends in links}
+        return [held.get(number, NO_OBJECT) for number in members(member, self.classes)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -377,23 +358,6 @@ class LinkMatrix:
         links = {(int(source), int(target)) for source, target in member.rows(Links(self.reference))}
         ends = members(member, self.sources), members(member, self.targets)
         return [int((source, target) in links) for source in ends[0] for target in ends[1]]
-
-
-def matrix_of(metamodel: Metamodel, reference: Reference) -> tuple[LinkMatrix, bool] | None:
-    """Where links that change are kept if both ends may have many, and whether for it and not its opposite.
-
-    Raises:
-        NotCompiled: both ends are one.
-    """
-    opposite = metamodel.opposite(reference)
-    if opposite == reference:
-        raise NotCompiled(f"a reference that is its own opposite, and changes (`{reference}`)")
-    if not reference.many or reference.containment or (opposite is not None and not opposite.many):
-        return None
-    same = opposite is None or reference.index < opposite.index
-    kept = reference if same or opposite is None else opposite
-    ends = (classes_below(metamodel, end) for end in (kept.owner, kept.target))
-    return LinkMatrix(kept, *ends), same
 
 
 @dataclass(frozen=True, slots=True)
@@ -436,18 +400,6 @@ class Spare:
     def fill(self, member: Member, stride: int) -> Sequence[Cell]:
         """The table of a member."""
         return [member.spare.start if self.of == "first" else len(member.spare)]
-
-
-@dataclass(frozen=True, slots=True)
-class Words:
-    """How many words a set of the objects of a group has."""
-
-    group: tuple[str, ...]
-    is_float = False
-
-    def fill(self, member: Member, stride: int) -> Sequence[Cell]:
-        """The table of a member."""
-        return [-(-len(members(member, self.group)) // WORD)]
 
 
 # --- what a behaviour names
@@ -541,9 +493,10 @@ class Seats:
         return [node if self.of == "object" else block for node, block in seats]
 
 
-OfRows: TypeAlias = "Bits | Values | Starts | Listed | SetsOf"
-Table: TypeAlias = "OfRows | Places | Holders | HowMany | Words | Spare | Bound | Keyed | IndexOf | Seats"
-Column: TypeAlias = "AttributeColumn | TargetColumn | SourceColumn | LinkMatrix | ClassSet"
+Table: TypeAlias = (
+    "Bits | Values | Starts | Listed | SetsOf | Extent | Spare | Bound | Keyed | IndexOf | Seats"
+)
+Column: TypeAlias = "AttributeColumn | LinkColumn | LinkMatrix | ClassSet"
 
 
 def keys_of(relation: Relation, library: Library, bound: Sequence[int]) -> tuple[Keys, tuple[int, ...]]:

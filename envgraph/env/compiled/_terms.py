@@ -161,7 +161,7 @@ class Terms:
             sure = None
         else:
             type_, sure = ObjectType(feature.target), feature.target
-            end = self._facts.other_end(feature, owner.value, forward=True, sure=above)
+            end = self._facts.links.other_end(feature, owner.value, forward=True, sure=above)
             if end is None:
                 raise NotCompiled(f"the many targets of `{feature}` in an expression", node.span)
             found = end

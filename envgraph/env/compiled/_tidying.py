@@ -4,20 +4,17 @@ from __future__ import annotations
 
 from envgraph import code
 from envgraph.env.compiled._facts import Facts
-from envgraph.env.compiled._layout import RI, TOP, F, S, cell, entry, plus, table
+from envgraph.env.compiled._layout import NOBODY, ONE, RI, TOP, ZERO, F, S, cell, entry, plus, table
 from envgraph.env.compiled._member import absent
 from envgraph.env.compiled._tables import (
     AttributeColumn,
     ClassSet,
     Column,
-    HowMany,
+    Extent,
     LinkMatrix,
     Made,
-    Places,
     Spare,
 )
-
-ZERO, ONE = code.Constant(0), code.Constant(1)
 
 
 def tidied(facts: Facts, group: tuple[str, ...]) -> code.Body:
@@ -33,12 +30,12 @@ def tidied(facts: Facts, group: tuple[str, ...]) -> code.Body:
     made = cell(layout.offset(Made()))
     used, kept, first, number, place = (fresh(prefix) for prefix in "ukfnp")
     inside = [facts.in_set(group, cls, place) for cls in group]
-    begin = table(plus(layout.offset(Places(group)), first))
+    begin = table(plus(layout.offset(Extent(group, "places")), first))
     row = entry(RI, plus(TOP, number), 0)
     gone = code.If(
         code.joined("or", inside, False),
         (code.Assign(row, kept), code.Assign(kept, ONE, "+=")),
-        (code.Assign(row, code.Constant(-1)),),
+        (code.Assign(row, NOBODY),),
     )
     moved: list[code.Statement] = [code.Assign(made, kept)]
     for column, _ in layout.columns():
@@ -58,18 +55,21 @@ def _matrix_moved(
 ) -> list[code.Statement]:
     """What happens to the rows of new objects, and to their columns."""
     layout = facts.layout
-    start, width = layout.offset(matrix), table(layout.offset(HowMany(matrix.targets)))
+    start, width = layout.offset(matrix), table(layout.offset(Extent(matrix.targets, "count")))
     found: list[code.Statement] = []
     for classes, across, step in (
         (matrix.sources, matrix.targets, width),
         (matrix.targets, matrix.sources, ONE),
     ):
         if not facts.changes.created.isdisjoint(classes):
-            place, number = table(plus(layout.offset(Places(classes)), first)), facts.module.fresh("n")
+            place, number = (
+                table(plus(layout.offset(Extent(classes, "places")), first)),
+                facts.module.fresh("n"),
+            )
             apart = (place, width, number, ONE) if classes is matrix.sources else (place, ONE, number, width)
             begin = [code.Operation("*", pair) for pair in (apart[:2], apart[2:])]
             slid = code.Do(code.call("slide", S, plus(start, *begin), step, used, RI, TOP, ZERO))
-            count = table(layout.offset(HowMany(across)))
+            count = table(layout.offset(Extent(across, "count")))
             found.append(code.For(number, code.call("range", count), (slid,)))
     return found
 
@@ -83,16 +83,14 @@ def _moved(facts: Facts, column: Column, first: code.Local, used: code.Local) ->
     classes = column.group if isinstance(column, ClassSet) else column.classes
     found: list[code.Statement] = []
     if not facts.changes.created.isdisjoint(classes):
-        place = table(plus(layout.offset(Places(classes)), first))
+        place = table(plus(layout.offset(Extent(classes, "places")), first))
         if isinstance(column, ClassSet):
             found.append(code.Do(code.call("slide_bits", S, start, place, used, RI, TOP)))
         else:
-            nothing = (
-                absent(column.attribute.type) if isinstance(column, AttributeColumn) else code.Constant(-1)
-            )
+            nothing = absent(column.attribute.type) if isinstance(column, AttributeColumn) else NOBODY
             array = F if column.is_float else S
             found.append(code.Do(code.call("slide", array, plus(start, place), ONE, used, RI, TOP, nothing)))
     if not isinstance(column, ClassSet | AttributeColumn):
-        count = table(layout.offset(HowMany(classes)))
+        count = table(layout.offset(Extent(classes, "count")))
         found.append(code.Do(code.call("renumber", S, start, count, first, RI, TOP)))
     return found

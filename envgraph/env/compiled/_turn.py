@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from envgraph import code
@@ -23,20 +23,18 @@ from envgraph.env._sampling import lacking
 from envgraph.env.compiled._bodies import CAPACITY
 from envgraph.env.compiled._changes import plan_of
 from envgraph.env.compiled._effects import Effects
-from envgraph.env.compiled._facts import call
-from envgraph.env.compiled._layout import BEYOND, TOP, D, failed, plus
+from envgraph.env.compiled._layout import NOBODY, ONE, TOP, ZERO, D, call, plus
 from envgraph.env.compiled._matching import Matching
 from envgraph.env.compiled._refused import standing
+from envgraph.env.compiled._statements import Statements
 from envgraph.env.compiled._terms import Term, Terms, as_float, named
 from envgraph.match.plan import ViewKey
 from envgraph.metamodel import Scalar
 from envgraph.pattern import Expression, Negation, ObjectType, StaticType, Variable, variables_in
 from envgraph.rewrite import Engine
 
-FAILED = code.Name("FAILED")
 TOTAL, END = code.Local("total", "float"), code.Local("end", "int")
-NOTHING = code.Return(code.tuple_of(code.Constant(0.0), code.Constant(0)))
-ZERO, ONE = code.Constant(0), code.Constant(1)
+NOTHING = code.Return(code.tuple_of(code.Constant(0.0), ZERO))
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +50,7 @@ class Called:
     outputs: Mapping[str, Term]
 
 
-class Writer:
+class Writer(Statements):
     """Writes the statements of one function of a behaviour.
 
     Args:
@@ -63,40 +61,14 @@ class Writer:
     """
 
     def __init__(self, matching: Matching, engine: Engine, behaviour: str, leave: code.Return) -> None:
+        super().__init__(leave)
         self.matching = matching
         self.facts = matching.facts
         self.module = matching.module
         self.engine = engine
         self.behaviour = behaviour
-        self.leave = leave
         self.top: code.Expression = TOP
         self.levels = 0
-        self._bodies: list[list[code.Statement]] = [[]]
-
-    def add(self, *statements: code.Statement) -> None:
-        """Add statements."""
-        self._bodies[-1] += statements
-
-    def assign(self, target: code.Local, value: code.Expression) -> None:
-        """Give a variable a value."""
-        self.add(code.Assign(target, value))
-
-    def collected(self, write: Callable[[], None]) -> code.Body:
-        """The statements that something writes."""
-        self._bodies.append([])
-        write()
-        return tuple(self._bodies.pop())
-
-    def when(self, test: code.Expression, write: Callable[[], None]) -> None:
-        """Statements under a test."""
-        body = self.collected(write)
-        if body:
-            self.add(code.If(test, body))
-
-    def body(self) -> code.Body:
-        """All statements."""
-        (whole,) = self._bodies
-        return tuple(whole)
 
     def call(self, name: str, *arguments: code.Expression) -> code.Call:
         """Code for a call of a function."""
@@ -118,12 +90,8 @@ class Writer:
         """Code for a reward; where it has no value that is an error."""
         term = self.value(expression, scope)
         if term.tests:
-            self.add(code.If(code.inverse(code.joined("and", term.tests, True)), self.fail()))
+            self.fail_if(code.inverse(code.joined("and", term.tests, True)))
         return as_float(term)
-
-    def fail(self) -> code.Body:
-        """What is done where the live engine raises an error."""
-        return failed(FAILED), self.leave
 
     def gone(self, term: Term, cls: str) -> code.Expression | None:
         """Code for whether an object is deleted, or no longer of a class; None if it cannot be."""
@@ -160,7 +128,7 @@ class Writer:
                     tests += self._of_class(term, taken.type)
                 elif term.beyond is not None and taken.type is not Scalar.FLOAT:
                     wrong = code.joined("and", [*term.tests, term.beyond], True)
-                    self.add(code.If(wrong, (failed(BEYOND), self.leave)))
+                    self.fail_if(wrong, "BEYOND")
                 values.append(as_float(term) if taken.type is Scalar.FLOAT else term.number)
         names = [taken.name for _, taken in pairs if not taken.output]
         wanted = {
@@ -191,7 +159,7 @@ class Writer:
     def _check_argument(self, argument: Expression, scope: Mapping[str, Term], term: Term) -> None:
         """An argument that fails is an error, unless it reads from an object that is gone."""
         wrong = code.inverse(code.joined("and", term.valid, True))
-        self.add(code.If(code.joined("and", [*self._there(argument, scope), wrong], True), self.fail()))
+        self.fail_if(code.joined("and", [*self._there(argument, scope), wrong], True))
 
     def _there(self, expression: Expression, scope: Mapping[str, Term]) -> list[code.Expression]:
         """Tests that the objects from which an expression reads are not deleted."""
@@ -214,7 +182,7 @@ class Writer:
         others = tuple(p for p in range(len(plan.variables)) if p not in positions)
         given = {p: self.facts.local(plan.types[p]) for p in positions}
         nothing = [_zero(type_) for type_ in self._output_types(rule, wanted)]
-        refused = code.Return(_listed(code.Constant(-1), nothing))
+        refused = code.Return(_listed(NOBODY, nothing))
         places = dict(plan.outputs)
 
         def change(found: Sequence[code.Expression]) -> code.Body:
@@ -269,7 +237,7 @@ class Writer:
         for chance in chances:
             self.add(code.Assign(left, chance, "+="))
         self.assign(left, code.Operation("-", (code.Constant(1.0), left)))
-        self.add(code.If(code.Operation("<", (left, code.Constant(-1e-9))), self.fail()))
+        self.fail_if(code.Operation("<", (left, code.Constant(-1e-9))))
         return code.tuple_of(*chances), left
 
     def _chance(self, given: float | Expression, scope: Mapping[str, Term]) -> code.Expression:

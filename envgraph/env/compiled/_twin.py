@@ -16,10 +16,9 @@ from envgraph.env.compiled._tables import (
     WORD,
     AttributeColumn,
     ClassSet,
+    LinkColumn,
     LinkMatrix,
     Links,
-    SourceColumn,
-    TargetColumn,
     members,
 )
 
@@ -42,7 +41,7 @@ class Twin:
         self._objects = [*member.objects]
         self._columns = [(column, int(offsets[number])) for column, number in layout.columns()]
         for column, _ in self._columns:
-            if isinstance(column, TargetColumn | SourceColumn | LinkMatrix):
+            if isinstance(column, LinkColumn | LinkMatrix):
                 member.rows(Links(column.reference))  # asked for while the model is in its initial state
 
     @contextmanager
@@ -62,7 +61,7 @@ class Twin:
     def _restore(self, state: Numbers, floats: Numbers) -> None:
         member, model, objects = self._member, self._member.model, self._objects
         for column, _ in self._columns:
-            if isinstance(column, TargetColumn | SourceColumn | LinkMatrix):
+            if isinstance(column, LinkColumn | LinkMatrix):
                 for source, target in member.rows(Links(column.reference)):
                     model.unlink(member.objects[int(source)], column.reference, member.objects[int(target)])
         del objects[len(member.objects) :]
@@ -83,7 +82,7 @@ class Twin:
                     model.set_value(node, column.attribute, member.decoded(value, column.attribute.type))
                 elif value >= 0:
                     other = objects[int(value)]
-                    ends = (node, other) if isinstance(column, TargetColumn) else (other, node)
+                    ends = (node, other) if column.at_source else (other, node)
                     model.link(ends[0], column.reference, ends[1])
 
     def _restore_links(self, matrix: LinkMatrix, cells: Numbers) -> None:
