@@ -108,7 +108,7 @@ def _facts(tabular: Tabular | InProgram) -> Iterator[Any]:
     program, member = tabular.program, tabular.member
     arrays = program.arrays
     yield from (program.source, program.action_names, program.observation_shape, arrays.offsets)
-    yield from (each[member] for each in (arrays.tables, arrays.floats, arrays.states, arrays.float_states))
+    yield from (each[member] for each in (arrays.tables, arrays.reals, arrays.ints, arrays.floats))
 
 
 def _result(data: Mapping[str, Any]) -> RunResult:

@@ -13,8 +13,9 @@ from envgraph.env.compiled._export import check_package, export, program_files
 from envgraph.env.compiled._learner import Learner, Rates
 from envgraph.env.compiled._native import functions, has_numba
 from envgraph.env.compiled._planning import Plan, Plans, find_plan, guided
-from envgraph.env.compiled._program import Program, program_of, program_over, set_stream, streams
+from envgraph.env.compiled._program import Program, program_of, program_over, set_stream
 from envgraph.env.compiled._refused import NotCompiled
+from envgraph.env.compiled._world import streams
 
 __all__ = [
     "Batch",

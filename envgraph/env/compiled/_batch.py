@@ -15,77 +15,18 @@ from numpy.typing import NDArray
 from envgraph.env._simulator import Simulator
 from envgraph.env.compiled._growth import carried, grown
 from envgraph.env.compiled._kernels import BEYOND, CAPACITY, FULL, OVERFLOW
-from envgraph.env.compiled._program import Program, streams
+from envgraph.env.compiled._program import Program
 from envgraph.env.compiled._tables import Made
 from envgraph.env.compiled._twin import Twin
+from envgraph.env.compiled._world import NO_ACTIONS, NO_NUMBERS, Rows, World, rows_of, streams
 from envgraph.errors import EvaluationError
 
-NO_NUMBERS: Final = np.zeros(0)
-NO_ACTIONS: Final = np.zeros(0, dtype=np.int64)
 SHOWN: Final = {
     OVERFLOW: f"a question has more than {CAPACITY} matches",
     BEYOND: "an int has more than 32 bits",
     FULL: "rules create more objects in one step than there is space for",
 }
 """What only a program has bounds for."""
-
-
-class Part:
-    """Some environments of a batch, one after the other, and the space that a thread needs for their steps.
-
-    Args:
-        program: the compiled behaviour.
-        members: of all environments of the batch.
-        arrays: those of the batch that have a row for each environment.
-        rows: the environments.
-
-    Attributes:
-        before: in the second row of each the state before the step in which something went wrong last.
-    """
-
-    def __init__(
-        self,
-        program: Program,
-        members: NDArray[np.int64],
-        arrays: Sequence[NDArray[Any]],
-        rows: slice,
-    ) -> None:
-        self.rows = rows
-        states, floats, streams, *others = (array[rows] for array in arrays)
-        shared = program.arrays
-        self.before = (
-            np.zeros((2, states.shape[1]), dtype=np.int64),
-            np.zeros((2, floats.shape[1])),
-        )
-        self._arrays = (
-            tables_of(program),
-            shared.floats,
-            shared.offsets,
-            states,
-            floats,
-            *space_of(program),
-            np.zeros(1),
-            members[rows],
-            shared.states,
-            shared.float_states,
-            streams,
-            *others,
-            *self.before,
-        )
-        self._world: Any = _addresses_of(self._arrays) if program.native else self._arrays
-        self._function = program.functions("step")["advance"]
-
-    def advance(
-        self,
-        which: NDArray[np.bool_],
-        starts: NDArray[np.float64],
-        actions: NDArray[np.int64],
-        uniforms: NDArray[np.float64],
-        limit: int,
-    ) -> int:
-        """What `advance` of `_kernels` does; the last environment of the batch in which something went wrong, or -1."""
-        failed: int = self._function(self._world, which, starts, actions, uniforms, limit)
-        return failed if failed < 0 else failed + self.rows.start
 
 
 class Batch:
@@ -106,43 +47,35 @@ class Batch:
 
     def __init__(self, program: Program, members: Sequence[int] | NDArray[Any], threads: int = 1) -> None:
         self.program = program
-        arrays = program.arrays
         self.members = np.asarray(members, dtype=np.int64)
-        n = len(self.members)
-        self.states = np.zeros((n, arrays.states.shape[1]), dtype=np.int64)
-        self.float_states = np.zeros((n, arrays.float_states.shape[1]))
-        self.steps = np.zeros(n, dtype=np.int64)
-        self.over = np.zeros(n, dtype=np.bool_)
-        self.observation = np.zeros(n, dtype=np.int64)
-        self.components = np.zeros((n, len(program.observation_shape)), dtype=np.int64)
-        self.reward = np.zeros(n)
-        self.ended = np.zeros(n, dtype=np.int64)
-        self.cut = np.zeros(n, dtype=np.bool_)
-        self._drawn = np.zeros(n)
+        n, arrays = len(self.members), program.arrays
+        self._rows = rows = rows_of(n, arrays, len(program.observation_shape))
+        self.states, self.float_states, self._streams, self.components = rows[:4]
+        self.steps, self.over, self.observation, self.reward, self.ended, self.cut, self._drawn = rows[4:]
         self._none = np.zeros(n, dtype=np.bool_)
-        self._streams = np.zeros((n, 4), dtype=np.uint64)
-        self._rows = (
-            self.states,
-            self.float_states,
-            self._streams,
-            self.components,
-            self.steps,
-            self.over,
-            self.observation,
-            self.reward,
-            self.ended,
-            self.cut,
-            self._drawn,
-        )
         bounds = [n * number // threads for number in range(threads + 1)]
-        stretches = [slice(*ends) for ends in pairwise(bounds) if ends[0] < ends[1]]
-        self._parts = [Part(program, self.members, self._rows, stretch) for stretch in stretches]
+        self._parts = [
+            (part := slice(*ends), self._world(part)) for ends in pairwise(bounds) if ends[0] < ends[1]
+        ]
         self._threads = threads
         self._pool = ThreadPoolExecutor(threads - 1) if len(self._parts) > 1 else None
         self._twins: dict[int, Twin] = {}
         self._made = [
             int(arrays.offsets[n]) for column, n in program.layout.stored() if isinstance(column, Made)
         ]
+
+    def _world(self, part: slice) -> World:
+        """Some of the environments, one after the other."""
+        program, rows = self.program, [array[part] for array in self._rows]
+        advance = program.functions("step")["advance"]
+        return World(
+            program.arrays,
+            self.members[part],
+            Rows._make(rows),
+            program.space,
+            advance,
+            native=program.native,
+        )
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Batch:
         """Other environments in the same states; what refers to arrays of these refers to arrays of those."""
@@ -220,17 +153,17 @@ class Batch:
         limit: int,
     ) -> int:
         """What `advance` does, in several threads; the last environment in which something went wrong, or -1."""
-        parts = self._parts
+        (_, first), *others = self._parts
         if self._pool is None:
-            return parts[0].advance(which, starts, actions, uniforms, limit)
-        given = [
-            (which[rows], starts[rows], actions[rows], uniforms[rows], limit)
-            for rows in (part.rows for part in parts)
+            return first.advance(which, starts, actions, uniforms, limit)
+        given = [(which[part], starts[part], actions[part], uniforms[part], limit) for part, _ in self._parts]
+        waiting = [
+            self._pool.submit(world.advance, *each)
+            for (_, world), each in zip(others, given[1:], strict=True)
         ]
-        others = [
-            self._pool.submit(part.advance, *each) for part, each in zip(parts[1:], given[1:], strict=True)
-        ]
-        return max(parts[0].advance(*given[0]), *(other.result() for other in others))
+        failed = [first.advance(*given[0]), *(one.result() for one in waiting)]
+        places = zip(failed, self._parts, strict=True)
+        return max(part.start + row if row >= 0 else -1 for row, (part, _) in places)
 
     def _raise(self, row: int, action: int | None) -> None:
         """Do on the live engine what went wrong, for the message.
@@ -238,15 +171,16 @@ class Batch:
         Raises:
             RuleError, EvaluationError: always.
         """
-        error, arrays = int(self.states[row, 0]), self.program.arrays
+        error = int(self.states[row, 0])
         self.over[row] = True
         member = int(self.members[row])
         if error not in SHOWN:
             twin = self._twin(member)
             begun = action is None or self.steps[row] == 0
-            part = next(part for part in self._parts if row < part.rows.stop)
-            before = arrays.states[member] if begun else part.before[0][1]
-            floats = arrays.float_states[member] if begun else part.before[1][1]
+            world = next(world for part, world in self._parts if row < part.stop)
+            arrays = self.program.arrays
+            before = arrays.ints[member] if begun else world.before[0][1]
+            floats = arrays.floats[member] if begun else world.before[1][1]
             with twin.at(before, floats) as simulator:
                 _again(simulator, None if begun else action, float(self._drawn[row]))
         message = SHOWN.get(error, "a rule cannot be applied, or something has no value")
@@ -274,27 +208,6 @@ def longer(array: NDArray[Any], size: int) -> NDArray[Any]:
     found = np.zeros((size, *array.shape[1:]), dtype=array.dtype)
     found[: len(array)] = array
     return found
-
-
-def tables_of(program: Program) -> NDArray[Any]:
-    """The tables of the members; Python calculates with their entries, so there they have 64 bits."""
-    tables = program.arrays.tables
-    return tables if program.native else tables.astype(np.int64)
-
-
-def _addresses_of(arrays: Sequence[NDArray[Any]]) -> NDArray[np.int64]:
-    """Where arrays are, and their shapes; they have to outlive that."""
-    rows = np.zeros((len(arrays), 3), dtype=np.int64)
-    for row, array in zip(rows, arrays, strict=True):
-        assert array.flags.c_contiguous
-        row[: 1 + array.ndim] = array.ctypes.data, *array.shape
-    return rows
-
-
-def space_of(program: Program) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Space for the rows of a program's questions."""
-    shape = CAPACITY * program.levels, program.width
-    return np.zeros(shape, dtype=np.int64), np.zeros(shape)
 
 
 def _again(simulator: Simulator, action: int | None, uniform: float) -> None:

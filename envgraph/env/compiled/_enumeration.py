@@ -15,13 +15,14 @@ from envgraph.env._keys import KeyIndex
 from envgraph.env._simulator import MOST_OUTCOMES
 from envgraph.env._tabular import Tabular
 from envgraph.env._too_many import TooManyStates, check_entries
-from envgraph.env.compiled._batch import longer, space_of, tables_of
+from envgraph.env.compiled._batch import longer
 from envgraph.env.compiled._kernels import CAPACITY
 from envgraph.env.compiled._layout import TURN
 from envgraph.env.compiled._listing import DONE, PAUSED, SPACE
 from envgraph.env.compiled._native import has_numba
 from envgraph.env.compiled._program import Program, program_of, program_over
 from envgraph.env.compiled._refused import NotCompiled
+from envgraph.env.compiled._world import space_of
 from envgraph.rewrite import Engine
 
 CHOICES: Final = 1_000
@@ -128,12 +129,12 @@ class Visit:
         self._limit, self._progress = limit, progress
         self._kernels = program.functions("list")
         arrays = program.arrays
-        self._tables = tables_of(program)
-        self._space = space_of(program)
+        self._tables = program.tables
+        self._space = space_of(program.space)
         self._draw = np.zeros(3 + 2 * CHOICES)
         self._actions = len(program.action_names)
-        self.states = np.zeros((FIRST, arrays.states.shape[1]), dtype=np.int64)
-        self.floats = np.zeros((FIRST, arrays.float_states.shape[1]))
+        self.states = np.zeros((FIRST, arrays.ints.shape[1]), dtype=np.int64)
+        self.floats = np.zeros((FIRST, arrays.floats.shape[1]))
         self.components = np.zeros((FIRST, len(program.observation_shape)), dtype=np.int64)
         self.observations = np.zeros(FIRST, dtype=np.int64)
         self.starts = np.zeros(FIRST * self._actions + 1, dtype=np.int64)
@@ -184,7 +185,7 @@ class Visit:
         arrays = self._program.arrays
         return (
             self._tables,
-            arrays.floats,
+            arrays.reals,
             arrays.offsets,
             self.states,
             self.floats,
@@ -199,8 +200,8 @@ class Visit:
             how, states, used = self._kernels["visit_starts"](
                 *self._world(),
                 self._member,
-                arrays.states,
-                arrays.float_states,
+                arrays.ints,
+                arrays.floats,
                 self.floats.view(np.int64),
                 self.hashed,
                 self.components,
@@ -241,7 +242,7 @@ class Visit:
         """
         program, arrays = self._program, self._program.arrays
         if state < 0:
-            before, floats = arrays.states[self._member], arrays.float_states[self._member]
+            before, floats = arrays.ints[self._member], arrays.floats[self._member]
         else:
             before, floats = self.states[state], self.floats[state]
         with program.twin(self._member).at(before, floats) as simulator:

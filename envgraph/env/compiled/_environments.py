@@ -19,9 +19,10 @@ from envgraph.env._gymnasium import (
     known_options,
 )
 from envgraph.env._vector import Bools, Floats, Ints, VectorEnvironmentBase
-from envgraph.env.compiled._batch import NO_NUMBERS, Batch
+from envgraph.env.compiled._batch import Batch
 from envgraph.env.compiled._layout import TURN
 from envgraph.env.compiled._program import Program
+from envgraph.env.compiled._world import NO_NUMBERS
 from envgraph.env.scene._pixels import scene_rgb
 from envgraph.env.scene._scene import Scene
 from envgraph.errors import InvalidArgument

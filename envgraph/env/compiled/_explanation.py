@@ -36,7 +36,7 @@ def _facts(program: Program) -> Iterator[str]:
     relations = program.layout.relations()
     patterns = [one.pattern for one in relations if isinstance(one, Matches)]
     patterns += [f"{one.step}{'*' if one.star else '+'}" for one in relations if isinstance(one, Reached)]
-    size = 8 * (arrays.states.shape[1] + arrays.float_states.shape[1])
+    size = 8 * (arrays.ints.shape[1] + arrays.floats.shape[1])
     yield f"  a state:  {size} bytes"
     yield f"  changes:  {', '.join(dict.fromkeys(features)) or 'no feature'}"
     if classes:

@@ -8,11 +8,11 @@ import json
 from collections.abc import Sequence
 from keyword import iskeyword
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
-from envgraph.env.compiled import _exported, _kernels, _plain
+from envgraph.env.compiled import _exported, _kernels, _plain, _world
 from envgraph.env.compiled._batch import SHOWN
 from envgraph.env.compiled._kernels import CAPACITY, FAILED, REFUSED
 from envgraph.env.compiled._program import Program
@@ -118,6 +118,7 @@ def program_files(
     kernels = inspect.getsource(_kernels)
     return {
         "__init__.py": inspect.getsource(_exported),
+        "_world.py": inspect.getsource(_world),
         "program.py": f"{kernels}\n\n{program.source}\n{_TAIL}",
         "arrays.py": (Path(__file__).parent / "_arrays.py").read_text("utf-8"),  # importing it takes numba
         "plain.py": inspect.getsource(_plain),
@@ -128,14 +129,6 @@ def program_files(
 
 
 def _packed(program: Program) -> bytes:
-    arrays = program.arrays
-    written: dict[str, Any] = {
-        "tables": arrays.tables,
-        "reals": arrays.floats,
-        "offsets": arrays.offsets,
-        "ints": arrays.states,
-        "floats": arrays.float_states,
-    }
     stream = io.BytesIO()
-    np.savez_compressed(stream, **written)
+    np.savez_compressed(stream, **program.arrays._asdict())
     return stream.getvalue()

@@ -18,6 +18,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ._world import NO_ACTIONS, NO_NUMBERS, Arrays, World, rows_of, streams
+
 __all__ = ["ABOUT", "Environments", "State", "begin", "step"]
 
 FOLDER = Path(__file__).parent
@@ -25,7 +27,6 @@ ABOUT: dict[str, Any] = (
     json.loads((FOLDER / "about.json").read_text("utf-8")) if (FOLDER / "about.json").exists() else {}
 )
 ERROR, TURN, SUCCESS = 0, 1, 1
-NO_NUMBERS, NO_ACTIONS = np.zeros(0), np.zeros(0, dtype=np.int64)
 SHARED_STREAM, OWN_STREAMS = "shared", "each"
 
 
@@ -73,7 +74,7 @@ class Environments:
         self._limit = (ABOUT["limit"] if max_episode_steps == -1 else max_episode_steps) or 0
         self._each = streams == OWN_STREAMS
         self._multi = observation == "multi"
-        self._world = _World(self.members)
+        self._world = _Many(self.members)
         self._random: np.random.Generator | None = None
 
     def reset(self, seed: int | None = None) -> tuple[NDArray[np.int64], dict[str, NDArray[Any]]]:
@@ -83,7 +84,7 @@ class Environments:
             self._random = np.random.default_rng(seed)
             if self._each:
                 seeds = [None if seed is None else seed + place for place in range(self.num_envs)]
-                world.streams[:] = [_stream(np.random.default_rng(one)) for one in seeds]
+                world.rows.streams[:] = streams([np.random.default_rng(one) for one in seeds])
         world.advance(np.ones(self.num_envs, dtype=np.bool_), self._numbers(), NO_ACTIONS, NO_NUMBERS, 0)
         return self._observed(), self._infos()
 
@@ -107,25 +108,25 @@ class Environments:
         if self._random is None:
             raise ValueError("call `reset` before `step`")
         uniforms = self._numbers()
-        starts = self._numbers() if world.over.any() else NO_NUMBERS
-        world.advance(world.over, starts, chosen, uniforms, self._limit)
-        terminated, truncated = world.ended > 0, world.cut.copy()
-        return self._observed(), world.reward.copy(), terminated, truncated, self._infos()
+        starts = self._numbers() if world.rows.over.any() else NO_NUMBERS
+        world.advance(world.rows.over, starts, chosen, uniforms, self._limit)
+        terminated, truncated = world.rows.ended > 0, world.rows.cut.copy()
+        return self._observed(), world.rows.reward.copy(), terminated, truncated, self._infos()
 
     def _numbers(self) -> NDArray[np.float64]:
         assert self._random is not None
         return NO_NUMBERS if self._each else self._random.random(self.num_envs)
 
     def _observed(self) -> NDArray[np.int64]:
-        return (self._world.components if self._multi else self._world.observation).copy()
+        return (self._world.rows.components if self._multi else self._world.rows.observation).copy()
 
     def _infos(self) -> dict[str, NDArray[Any]]:
         world = self._world
         infos: dict[str, NDArray[Any]] = {
-            "step": world.steps.copy(),
-            "success": world.ended == SUCCESS,
+            "step": world.rows.steps.copy(),
+            "success": world.rows.ended == SUCCESS,
         }
-        agents, turns = ABOUT["agents"], world.ints[:, TURN].tolist()
+        agents, turns = ABOUT["agents"], world.rows.ints[:, TURN].tolist()
         if agents[0]:
             acting = [agents[member][turn] for member, turn in zip(self.members.tolist(), turns, strict=True)]
             infos["agent"] = np.array(acting, dtype=object)
@@ -142,10 +143,10 @@ def begin(members: Sequence[int], uniforms: Sequence[float]) -> tuple[State, NDA
     Returns:
         The states, and observations [n].
     """
-    world = _World(np.asarray(members, dtype=np.int64))
+    world = _Many(np.asarray(members, dtype=np.int64))
     which = np.ones(len(world.members), dtype=np.bool_)
     world.advance(which, np.asarray(uniforms, dtype=np.float64), NO_ACTIONS, NO_NUMBERS, 0)
-    return world.state(), world.observation
+    return world.state(), world.rows.observation
 
 
 def step(
@@ -161,72 +162,40 @@ def step(
     Returns:
         The states, observations [n], rewards [n], and ends [n]: 0, 1 for success, 2 for failure.
     """
-    world = _World(state.members)
-    world.ints[:], world.floats[:] = state.ints, state.floats
+    world = _Many(state.members)
+    world.rows.ints[:], world.rows.floats[:] = state.ints, state.floats
     chosen = _actions(actions, len(state.members))
     which = np.zeros(len(chosen), dtype=np.bool_)
     world.advance(which, NO_NUMBERS, chosen, np.asarray(uniforms, dtype=np.float64), 0)
-    return world.state(), world.observation, world.reward, world.ended
+    return world.state(), world.rows.observation, world.rows.reward, world.rows.ended
 
 
-class _World:
-    """The arrays that a program works on."""
+class _Many:
+    """The states of environments, and how they go on."""
 
     def __init__(self, members: NDArray[np.int64]) -> None:
-        n, data, program = len(members), _data(), _program()
-        shape = ABOUT["capacity"] * ABOUT["levels"], ABOUT["width"]
+        program, arrays = _program(), _arrays()
         self.members = members
-        self.ints = np.zeros((n, data["ints"].shape[1]), dtype=np.int64)
-        self.floats = np.zeros((n, data["floats"].shape[1]))
-        self.streams = np.zeros((n, 4), dtype=np.uint64)
-        self.components = np.zeros((n, len(ABOUT["observation_shape"])), dtype=np.int64)
-        self.steps, self.observation, self.ended = (np.zeros(n, dtype=np.int64) for _ in range(3))
-        self.over, self.cut = (np.zeros(n, dtype=np.bool_) for _ in range(2))
-        self.reward = np.zeros(n)
-        tables = data["tables"] if program.NATIVE else data["tables"].astype(np.int64)
-        self._arrays = (
-            tables,
-            data["reals"],
-            data["offsets"],
-            self.ints,
-            self.floats,
-            np.zeros(shape, dtype=np.int64),
-            np.zeros(shape),
-            np.zeros(1),
-            members,
-            data["ints"],
-            data["floats"],
-            self.streams,
-            self.components,
-            self.steps,
-            self.over,
-            self.observation,
-            self.reward,
-            self.ended,
-            self.cut,
-            np.zeros(n),
-            np.zeros((2, self.ints.shape[1]), dtype=np.int64),
-            np.zeros((2, self.floats.shape[1])),
-        )
-        self._addresses: Any = _addresses(self._arrays) if program.NATIVE else self._arrays
-        self._advance = program.advance
+        self.rows = rows_of(len(members), arrays, len(ABOUT["observation_shape"]))
+        space = ABOUT["capacity"] * ABOUT["levels"], ABOUT["width"]
+        self._world = World(arrays, members, self.rows, space, program.advance, native=program.NATIVE)
 
     def advance(self, *arguments: Any) -> None:
         """Begin episodes, or do steps."""
-        failed = self._advance(self._addresses, *arguments)
+        failed = self._world.advance(*arguments)
         if failed >= 0:
-            error = ABOUT["errors"][str(self.ints[failed, ERROR])]
+            error = ABOUT["errors"][str(self.rows.ints[failed, ERROR])]
             raise RuntimeError(f"environment {failed}: {error}")
 
     def state(self) -> State:
         """The states of all environments."""
-        return State(self.members, self.ints, self.floats)
+        return State(self.members, self.rows.ints, self.rows.floats)
 
 
 @cache
-def _data() -> dict[str, NDArray[Any]]:
+def _arrays() -> Arrays:
     with np.load(FOLDER / "data.npz", allow_pickle=False) as arrays:
-        return {name: np.ascontiguousarray(arrays[name]) for name in arrays.files}
+        return Arrays(*(np.ascontiguousarray(arrays[name]) for name in Arrays._fields))
 
 
 @cache
@@ -248,15 +217,3 @@ def _actions(actions: Any, count: int) -> NDArray[np.int64]:
     if chosen.shape != (count,) or not ((chosen >= 0) & (chosen < most)).all():
         raise ValueError(f"actions are {count} numbers in 0..{most - 1}")
     return chosen.astype(np.int64, copy=False)
-
-
-def _stream(generator: np.random.Generator) -> list[int]:
-    state: Any = generator.bit_generator.state["state"]
-    return [part >> shift & 2**64 - 1 for part in (state["state"], state["inc"]) for shift in (0, 64)]
-
-
-def _addresses(arrays: Sequence[NDArray[Any]]) -> NDArray[np.int64]:
-    rows = np.zeros((len(arrays), 3), dtype=np.int64)
-    for row, array in zip(rows, arrays, strict=True):
-        row[: 1 + array.ndim] = array.ctypes.data, *array.shape
-    return rows

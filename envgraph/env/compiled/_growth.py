@@ -35,7 +35,7 @@ def carried(
         of: int64 [n], the number of the member of each state.
         states, floats: [n, ..].
     """
-    found = new.arrays.states[of].copy(), new.arrays.float_states[of].copy()
+    found = new.arrays.ints[of].copy(), new.arrays.floats[of].copy()
     found[0][:, :FIRST_COLUMN] = states[:, :FIRST_COLUMN]
     for number, member in enumerate(old.members):
         rows = of == number

@@ -29,6 +29,7 @@ from envgraph.env.compiled._tables import (
     Table,
     Values,
 )
+from envgraph.env.compiled._world import Arrays
 
 T, G = code.Local("T"), code.Local("G")
 """What no rule changes about the member: ints, and floats."""
@@ -60,24 +61,6 @@ class Text:
     """The number of a string, among all that a family has."""
 
     text: str
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Arrays:
-    """A family as data.
-
-    Attributes:
-        tables: int32 [members, ..], `T`.
-        floats: float64 [members, ..], `G`.
-        states, float_states: int64 and float64 [members, ..]: the initial states, `S` and `F`.
-        offsets: int64 [..], `L`.
-    """
-
-    tables: NDArray[np.int32]
-    floats: NDArray[np.float64]
-    states: NDArray[np.int64]
-    float_states: NDArray[np.float64]
-    offsets: NDArray[np.int64]
 
 
 Symbol: TypeAlias = "Table | Column | Made | Stride | Constants | Text"
@@ -200,7 +183,7 @@ class Layout:
             for (where, start), values in zip(homes, each, strict=True):
                 arrays[where][row, start : start + len(values)] = values
         whole = np.concatenate([offsets, np.array(tails, dtype=np.int64)])
-        return Arrays(arrays["T"], arrays["G"], arrays["S"], arrays["F"], whole)
+        return Arrays(arrays["T"], arrays["G"], whole, arrays["S"], arrays["F"])
 
 
 def _is_array(symbol: Symbol) -> bool:

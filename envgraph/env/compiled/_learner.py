@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from envgraph.code import dataclass
-from envgraph.env.compiled._batch import longer, space_of, tables_of
+from envgraph.env.compiled._batch import longer
 from envgraph.env.compiled._learning import OUTCOMES, SPACE, STARTS, WRONG
-from envgraph.env.compiled._program import Program, set_stream, streams
+from envgraph.env.compiled._program import Program, set_stream
+from envgraph.env.compiled._world import space_of, streams
 from envgraph.errors import EvaluationError, InvalidArgument
 
 FIRST: Final = 4_096
@@ -82,9 +83,9 @@ class Learner:
     def _open(self, program: Program) -> None:
         self._program, arrays = program, program.arrays
         self._functions = program.functions("learn")
-        self._states = np.zeros((1, arrays.states.shape[1]), dtype=np.int64)
-        self._floats = np.zeros((1, arrays.float_states.shape[1]))
-        self._space = space_of(program)
+        self._states = np.zeros((1, arrays.ints.shape[1]), dtype=np.int64)
+        self._floats = np.zeros((1, arrays.floats.shape[1]))
+        self._space = space_of(program.space)
         self._seen = np.zeros((1, len(program.observation_shape)), dtype=np.int64)
 
     def train(
@@ -186,8 +187,8 @@ class Learner:
     def _world(self, member: int) -> tuple[Any, ...]:
         arrays = self._program.arrays
         return (
-            tables_of(self._program),
-            arrays.floats,
+            self._program.tables,
+            arrays.reals,
             arrays.offsets,
             self._states,
             self._floats,
@@ -195,8 +196,8 @@ class Learner:
             *self._space,
             np.zeros(1),
             member,
-            arrays.states,
-            arrays.float_states,
+            arrays.ints,
+            arrays.floats,
         )
 
     @contextmanager

@@ -18,12 +18,12 @@ from envgraph.env._keys import KeyIndex, indexed_classes
 from envgraph.env._simulator import Simulator
 from envgraph.env.compiled import _kernels, _learning, _listing
 from envgraph.env.compiled._behaviour import Text, written
-from envgraph.env.compiled._layout import Arrays, Layout
+from envgraph.env.compiled._layout import Layout
 from envgraph.env.compiled._member import SPARE, Member, strings_of
 from envgraph.env.compiled._native import functions, has_numba
-from envgraph.env.compiled._plain import WORD
 from envgraph.env.compiled._refused import Misfit, NotCompiled
 from envgraph.env.compiled._twin import Twin
+from envgraph.env.compiled._world import Arrays
 from envgraph.rewrite import Engine
 
 Purpose = Literal["step", "list", "learn"]
@@ -69,6 +69,16 @@ class Program:
         """The functions for a purpose; compiled when they are first asked for."""
         modules, called = PURPOSES[purpose]
         return functions(self.source, modules, called, native=self.native)
+
+    @property
+    def tables(self) -> NDArray[Any]:
+        """The tables of the members, as functions take them."""
+        return self.arrays.tables_for(self.native)
+
+    @property
+    def space(self) -> tuple[int, int]:
+        """How many rows the program's questions may have, and how many columns."""
+        return _kernels.CAPACITY * self.levels, self.width
 
     def __deepcopy__(self, _: object) -> Program:
         return self
@@ -201,15 +211,6 @@ def _compiled(
         native,
         spare,
     )
-
-
-def streams(generators: Sequence[np.random.Generator]) -> np.ndarray[Any, np.dtype[np.uint64]]:
-    """The states of NumPy's generators, a row each."""
-    rows = []
-    for generator in generators:
-        state: Any = generator.bit_generator.state["state"]
-        rows.append([part >> shift & WORD for part in (state["state"], state["inc"]) for shift in (0, 64)])
-    return np.array(rows, dtype=np.uint64).reshape(len(rows), 4)
 
 
 def set_stream(generator: np.random.Generator, row: NDArray[np.uint64]) -> None:
