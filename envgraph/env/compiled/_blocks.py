@@ -6,7 +6,8 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from envgraph import code
 from envgraph.code import dataclass
-from envgraph.env.compiled._bodies import CAPACITY, names_in
+from envgraph.env.compiled._bodies import CAPACITY
+from envgraph.env.compiled._inlining import names_in
 from envgraph.env.compiled._layout import ONE, RF, RI, TOP, ZERO, call, cell, entry, failed, plus, table
 from envgraph.env.compiled._matching import Matching
 from envgraph.env.compiled._tables import Made, Spare

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from envgraph import code
 from envgraph.env.compiled._facts import WordOf
+from envgraph.env.compiled._inlining import names_in
 from envgraph.env.compiled._layout import ONE, RI, TOP, ZERO, call, entry, failed, plus
 from envgraph.env.compiled._refused import NotCompiled
 from envgraph.env.compiled._tables import Keys, Links, Matches, Reached, Relation
@@ -527,18 +528,3 @@ def _arguments(goal: Goal) -> tuple[int, ...]:
 
 def found_one(body: Body) -> None:
     body.block.add(code.Return(code.TRUE))
-
-
-def names_in(node: object) -> set[str]:
-    """Names of the local variables in some code."""
-    found: set[str] = set()
-    todo = [node]
-    while todo:
-        one = todo.pop()
-        if isinstance(one, code.Local):
-            found.add(one.name)
-        elif isinstance(one, tuple):
-            todo += one
-        elif hasattr(one, "__slots__"):
-            todo += [getattr(one, name) for name in one.__slots__ if name != "origin"]
-    return found

@@ -37,12 +37,25 @@ def inlined(
     return tuple(left.values())
 
 
-def _called(node: Any) -> Iterator[str]:
-    """The functions that something calls."""
-    if isinstance(node, code.Call) and isinstance(node.function, code.Name):
-        yield node.function.name
-    for part in _parts(node):
-        yield from _called(part)
+def _called(body: code.Body) -> Iterator[str]:
+    """The functions that a body calls."""
+    for node in walk(body):
+        if isinstance(node, code.Call) and isinstance(node.function, code.Name):
+            yield node.function.name
+
+
+def walk(node: Any) -> Iterator[Any]:
+    """A piece of code and all that it consists of, from the outside in."""
+    waiting = [node]
+    while waiting:
+        one = waiting.pop()
+        yield one
+        waiting += reversed(_parts(one))
+
+
+def names_in(node: object) -> set[str]:
+    """Names of the local variables in some code."""
+    return {one.name for one in walk(node) if isinstance(one, code.Local)}
 
 
 def _parts(node: Any) -> Sequence[Any]:
@@ -91,11 +104,8 @@ def _body(body: code.Body, known: Mapping[str, code.Function], fresh: Fresh) -> 
 
 
 def _returns_at_end(function: code.Function) -> bool:
-    return _returns(function.body) == 1 and isinstance(function.body[-1], code.Return)
-
-
-def _returns(node: Any) -> int:
-    return isinstance(node, code.Return) + sum(map(_returns, _parts(node)))
+    returns = sum(isinstance(node, code.Return) for node in walk(function.body))
+    return returns == 1 and isinstance(function.body[-1], code.Return)
 
 
 def _inside(
@@ -113,13 +123,12 @@ def _inside(
     yield from _renamed(function.body, names)
 
 
-def _assigned(node: Any) -> Iterator[code.Local]:
+def _assigned(body: code.Body) -> Iterator[code.Local]:
     """The variables that get values."""
-    if isinstance(node, code.Assign | code.For):
-        targets = node.target.items if isinstance(node.target, code.Tuple) else (node.target,)
-        yield from (target for target in targets if isinstance(target, code.Local))
-    for part in _parts(node):
-        yield from _assigned(part)
+    for node in walk(body):
+        if isinstance(node, code.Assign | code.For):
+            targets = node.target.items if isinstance(node.target, code.Tuple) else (node.target,)
+            yield from (target for target in targets if isinstance(target, code.Local))
 
 
 def _renamed(node: Any, names: Mapping[code.Local, code.Local]) -> Any:
