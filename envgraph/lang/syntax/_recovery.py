@@ -1,15 +1,20 @@
 """What happens at an unexpected token.
 
-First the mistake behind it is looked for: a mistyped keyword is read as the keyword meant, a forgotten separator is put
-in, a keyword that starts an outer definition closes the ones before it. What cannot be mended that way is left out: the
-innermost definition or statement that is under way is given up, and parsing resumes behind its `;`, before the `}` of
-its surroundings, or at a word that starts the next one. Either way there is one diagnostic.
+First the mistake behind it is looked for. Most are one token: a mistyped keyword is read as the keyword meant, a
+forgotten separator is put in. Such repairs are tried one after the other, each a few tokens ahead. A keyword that
+starts an outer definition closes the ones before it. What cannot be mended that way is left out: the innermost
+definition or statement that is under way is given up, and parsing resumes behind its `;`, before the `}` of its
+surroundings, or at a word that starts the next one. Either way there is one diagnostic.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import partial
+from typing import Any
 
+from envgraph.code import dataclass
 from envgraph.errors import Diagnostic, Note, did_you_mean, nearest
 from envgraph.lang.syntax._hints import VALUE_WORDS
 from envgraph.lang.syntax._lexer import END, PUNCTUATION, Lexeme, first_on_line
@@ -18,6 +23,28 @@ from envgraph.lang.syntax._unexpected import Reports
 
 _LOOKAHEAD = 3
 _SEPARATORS = (";", ",", ")", "]")
+
+
+@dataclass(frozen=True, slots=True)
+class Repair:
+    """One token that is read for a lexeme, or put before it.
+
+    Attributes:
+        place: of that lexeme.
+        height: how much of the stack stands before it.
+        terminal, token: what is read.
+        inserted: whether it is put before the lexeme.
+        until: up to this lexeme the text has to make sense then.
+        told: code, message, lexeme, hint and notes; () for what is said of any unexpected lexeme.
+    """
+
+    place: int
+    height: int
+    terminal: str
+    token: Lexeme
+    inserted: bool
+    until: int
+    told: tuple[Any, ...]
 
 
 class Recovery:
@@ -41,14 +68,13 @@ class Recovery:
     def recover(self, index: int) -> int | None:
         """Reports the unexpected lexeme, mends or gives up a part, and says where to go on."""
         self._stack.depth = self._lexemes[index].braces
-        attempts = (
+        attempts: tuple[Callable[[int], int | None], ...] = (
             self._misplaced,
-            self._mistyped,
-            self._missing_brace,
-            self._unescaped,
+            partial(self._mend, self._mistyped),
+            partial(self._mend, self._braces),
+            partial(self._mend, self._unescaped),
             self._swallowed,
-            self._wrong_separator,
-            self._missing,
+            partial(self._mend, self._separators),
         )
         for attempt in attempts:
             resumed = attempt(index)
@@ -65,6 +91,42 @@ class Recovery:
         self.diagnostics.append(
             Diagnostic("too-many-errors", message, self._stack.span(lexeme), "mend these first")
         )
+
+    def _mend(self, repairs: Callable[[int], Iterator[Repair]], index: int) -> int | None:
+        """Makes the first of some repairs after which the text makes sense for a while; says where to go on."""
+        stack, grammar = self._stack, self._grammar
+        for repair in repairs(index):
+            start = repair.place + (not repair.inserted)
+            states = stack.states[: repair.height]
+            if not grammar.accepts(states, repair.terminal):
+                continue
+            grammar.shift(states, repair.terminal)
+            if not stack.makes_sense(states, start, repair.until):
+                continue
+            stack.cut(repair.height)
+            if repair.inserted:
+                stack.previous_end = repair.token.start
+            if repair.told:
+                self._reports.report(*repair.told)
+            else:
+                self._reports.unexpected(index)
+            stack.feed(repair.terminal, repair.token, repair.place)
+            return start
+        return None
+
+    def _insertion(self, sign: str, place: int, height: int, until: int) -> Iterator[Repair]:
+        """A sign that is missing before a lexeme, if the language has it."""
+        terminal = self._grammar.core.signs.get(sign)
+        if terminal is None:
+            return
+        end = self._stack.previous_end
+        if sign in "{}":
+            end = self._lexemes[place - 1].end if place else 0
+        opening = self._stack.open_brace(place) if sign == "}" else None
+        notes = (Note("this `{` is not closed", self._stack.span(opening)),) if opening else ()
+        token = Lexeme(PUNCTUATION, sign, end, end)
+        told = "missing-token", f"missing `{sign}`", token, self._completion(sign, place), notes
+        yield Repair(place, height, terminal, token, True, until, told)
 
     def _misplaced(self, index: int) -> int | None:
         """A keyword that starts an outer definition, taken for a name so far: a `}` is missing before it."""
@@ -123,37 +185,29 @@ class Recovery:
         )
         return True
 
-    def _mistyped(self, index: int) -> int | None:
+    def _mistyped(self, index: int) -> Iterator[Repair]:
         """A word that is nearly the keyword that makes sense here, or at the start of the statement under way."""
-        if self._substitute(index, len(self._stack.states), index):
-            return index + 1
-        just_before = bool(self._stack.begins) and self._stack.begins[-1] == index - 1
-        if just_before and self._substitute(index - 1, len(self._stack.states) - 1, index):
-            return index
-        for level in self._stack.levels():
-            if 0 <= level.begin < index and self._substitute(level.begin, level.height, index):
-                return level.begin + 1
-            return None
-        return None
+        height = len(self._stack.states)
+        places = [(index, height)]
+        if self._just_before(index):
+            places.append((index - 1, height - 1))
+        level = next(self._stack.levels(), None)
+        if level and 0 <= level.begin < index:
+            places.append((level.begin, level.height))
+        for place, kept in places:
+            lexeme, states = self._lexemes[place], self._stack.states[:kept]
+            if lexeme.kind != "NAME" or lexeme.escaped or len(lexeme.value) <= 2:
+                continue
+            meant = nearest(lexeme.value, self._reports.words(states))
+            if meant is not None:
+                hint = did_you_mean(lexeme.value, [meant])
+                told = "unexpected-token", f"unexpected `{lexeme.value}`", lexeme, hint
+                token, until = replace(lexeme, value=meant), self._line_end(index, index + _LOOKAHEAD)
+                yield Repair(place, kept, self._grammar.core.keywords[meant], token, False, until, told)
 
-    def _substitute(self, place: int, height: int, index: int) -> bool:
-        """Reads the word at `place` as the keyword it resembles, if the text then makes sense past `index`."""
-        lexeme = self._lexemes[place]
-        if lexeme.kind != "NAME" or lexeme.escaped:
-            return False
-        states = self._stack.states[:height]
-        meant = nearest(lexeme.value, self._reports.words(states)) if len(lexeme.value) > 2 else None
-        if meant is None:
-            return False
-        terminal = self._grammar.core.keywords[meant]
-        self._grammar.shift(states, terminal)
-        if not self._stack.makes_sense(states, place + 1, self._line_end(index, index + _LOOKAHEAD)):
-            return False
-        hint = did_you_mean(lexeme.value, [meant])
-        self._reports.report("unexpected-token", f"unexpected `{lexeme.value}`", lexeme, hint)
-        self._stack.cut(height)
-        self._stack.feed(terminal, replace(lexeme, value=meant), place)
-        return True
+    def _just_before(self, index: int) -> bool:
+        """Whether the lexeme before is all of what stands last on the stack."""
+        return bool(self._stack.begins) and self._stack.begins[-1] == index - 1
 
     def _line_end(self, index: int, most: int) -> int:
         """The last lexeme on the line of one, at most another: the next line may have a mistake of its own."""
@@ -164,26 +218,23 @@ class Recovery:
             last += 1
         return last
 
-    def _unescaped(self, index: int) -> int | None:
+    def _unescaped(self, index: int) -> Iterator[Repair]:
         """A name that is a keyword where it stands, just before the unexpected lexeme."""
-        if not self._stack.begins or self._stack.begins[-1] != index - 1:
-            return None
+        if not self._just_before(index) or self._lexemes[index].value == "(":
+            return
         lexeme, height = self._lexemes[index - 1], len(self._stack.states) - 1
-        states = self._stack.states[:height]
-        is_keyword = lexeme.kind == "NAME" and self._stack.resolve(states, index - 1) not in {None, "NAME"}
-        if not is_keyword or self._lexemes[index].value == "(" or not self._grammar.accepts(states, "NAME"):
-            return None
+        if lexeme.kind != "NAME" or self._stack.resolve(self._stack.states[:height], index - 1) in {
+            None,
+            "NAME",
+        }:
+            return
         level = next(self._stack.levels(), None)
         if level and level.begin == index - 1 and lexeme.value not in VALUE_WORDS:
-            return None  # the word of a statement: more likely its name is missing
-        self._grammar.shift(states, "NAME")
-        if not self._stack.makes_sense(states, index, self._line_end(index, index + _LOOKAHEAD)):
-            return None
+            return  # the word of a statement: more likely its name is missing
         hint = f"write `^{lexeme.value}` for the name"
-        self._reports.report("unescaped-keyword", f"`{lexeme.value}` is a keyword here", lexeme, hint)
-        self._stack.cut(height)
-        self._stack.feed("NAME", lexeme, index - 1)
-        return index
+        told = "unescaped-keyword", f"`{lexeme.value}` is a keyword here", lexeme, hint
+        until = self._line_end(index, index + _LOOKAHEAD)
+        yield Repair(index - 1, height, "NAME", lexeme, False, until, told)
 
     def _swallowed(self, index: int) -> int | None:
         """A keyword that starts the next statement, taken for a name by an unfinished one before it."""
@@ -226,81 +277,47 @@ class Recovery:
             list(states), place, index
         )
 
-    def _wrong_separator(self, index: int) -> int | None:
-        """A `,` for a `;`, or the other way round."""
-        lexeme = self._lexemes[index]
-        meant = {",": ";", ";": ","}.get(lexeme.value) if lexeme.kind == PUNCTUATION else None
-        terminal = self._grammar.core.signs.get(meant) if meant else None
-        if meant is None or terminal is None or not self._grammar.accepts(self._stack.states, terminal):
-            return None
-        states = list(self._stack.states)
-        self._grammar.shift(states, terminal)
-        if not self._stack.makes_sense(states, index + 1, index + _LOOKAHEAD):
-            return None
-        self._reports.report("unexpected-token", f"unexpected `{lexeme.value}`", lexeme, f"write `{meant}`")
-        self._stack.feed(terminal, replace(lexeme, value=meant), index)
-        return index + 1
-
-    def _missing(self, index: int) -> int | None:
-        """A separator or closing bracket that was left out."""
-        lexeme = self._lexemes[index]
-        for sign in _SEPARATORS:
-            terminal = self._grammar.core.signs.get(sign)
-            if terminal is None or not self._grammar.accepts(self._stack.states, terminal):
-                continue
-            states = list(self._stack.states)
-            self._grammar.shift(states, terminal)
+    def _separators(self, index: int) -> Iterator[Repair]:
+        """A `,` for a `;`, or the other way round; a separator or closing bracket that was left out."""
+        lexeme, height, until = self._lexemes[index], len(self._stack.states), index + _LOOKAHEAD
+        meant = {",": ";", ";": ","}.get(lexeme.value, "") if lexeme.kind == PUNCTUATION else ""
+        if meant in self._grammar.core.signs:
+            told = "unexpected-token", f"unexpected `{lexeme.value}`", lexeme, f"write `{meant}`"
+            token = replace(lexeme, value=meant)
+            yield Repair(index, height, self._grammar.core.signs[meant], token, False, until, told)
+        for sign in _SEPARATORS if lexeme.kind != END else ():
             if sign == ";" and (self._reports.foreign(index) or self._opens_block(lexeme)):
                 continue
-            if lexeme.kind == END or not self._stack.makes_sense(states, index, index + _LOOKAHEAD):
-                continue
-            if sign != "," or first_on_line(self._source, lexeme.start):
-                before = Lexeme(PUNCTUATION, sign, self._stack.previous_end, self._stack.previous_end)
-                self._reports.report(
-                    "missing-token", f"missing `{sign}`", before, self._completion(sign, index)
-                )
-            else:
-                self._reports.unexpected(index)
-            self._stack.feed(
-                terminal, Lexeme(PUNCTUATION, sign, self._stack.previous_end, self._stack.previous_end), index
-            )
-            return index
-        return None
+            for repair in self._insertion(sign, index, height, until):
+                on_line = sign == "," and not first_on_line(self._source, lexeme.start)
+                yield replace(repair, told=()) if on_line else repair
 
     def _opens_block(self, lexeme: Lexeme) -> bool:
         """Whether it is a `{` that more likely belongs to a mistyped word before it than to a statement of its own."""
         return lexeme.value == "{" and not first_on_line(self._source, lexeme.start)
 
-    def _missing_brace(self, index: int) -> int | None:
+    def _braces(self, index: int) -> Iterator[Repair]:
         """A `{` before this or the previous lexeme, or a `}` before a `;` or a keyword that was taken for a name."""
-        if self._lexemes[index].kind == END:
-            return None
-        places = [(index - 1, "{"), (index - 1, "}"), (index, "{")]
-        if self._lexemes[index].value == ";":
-            places.append((index, "}"))
-        for place, sign in places:
-            if sign == "}" and self._is_inside(index):
-                continue
-            terminal = self._grammar.core.signs.get(sign)
-            height = len(self._stack.states)
-            if place < index:
-                if (
-                    not self._stack.begins
-                    or self._stack.begins[-1] != place
-                    or self._lexemes[place].kind != "NAME"
-                ):
-                    continue
-                height -= 1
-            states = self._stack.states[:height]
-            if terminal is None or not self._grammar.accepts(states, terminal):
-                continue
-            self._grammar.shift(states, terminal)
-            if sign == "}" and place < index and self._stack.resolve(states, place) in {None, "NAME"}:
-                continue
-            if self._stack.makes_sense(states, place, index + _LOOKAHEAD):
-                self._insert_brace(terminal, sign, place, height)
-                return place
-        return None
+        lexeme, height = self._lexemes[index], len(self._stack.states)
+        if lexeme.kind == END:
+            return
+        until = index + _LOOKAHEAD
+        inside = self._is_inside(index)
+        if self._just_before(index) and self._lexemes[index - 1].kind == "NAME":
+            yield from self._insertion("{", index - 1, height - 1, until)
+            if not inside and self._closes_before(index - 1, height - 1):
+                yield from self._insertion("}", index - 1, height - 1, until)
+        yield from self._insertion("{", index, height, until)
+        if lexeme.value == ";" and not inside:
+            yield from self._insertion("}", index, height, until)
+
+    def _closes_before(self, place: int, height: int) -> bool:
+        """Whether a word is a keyword after a `}`, which can stand before it."""
+        states, terminal = self._stack.states[:height], self._grammar.core.signs.get("}")
+        if terminal is None or not self._grammar.accepts(states, terminal):
+            return False
+        self._grammar.shift(states, terminal)
+        return self._stack.resolve(states, place) not in {None, "NAME"}
 
     def _is_inside(self, index: int) -> bool:
         """Whether a `{` opens a block that ends right before a `}`: so what it stands in is closed, after all."""
@@ -311,17 +328,6 @@ class Recovery:
             if self._lexemes[place].value == "}" and self._lexemes[place].braces == opening.braces + 1:
                 return self._lexemes[place + 1].value == "}"
         return False
-
-    def _insert_brace(self, terminal: str, sign: str, place: int, height: int) -> None:
-        self._stack.cut(height)
-        self._stack.previous_end = self._lexemes[place - 1].end if place else 0
-        before = Lexeme(PUNCTUATION, sign, self._stack.previous_end, self._stack.previous_end)
-        opening = self._stack.open_brace(place) if sign == "}" else None
-        notes = (Note("this `{` is not closed", self._stack.span(opening)),) if opening else ()
-        self._reports.report(
-            "missing-token", f"missing `{sign}`", before, self._completion(sign, place), notes
-        )
-        self._stack.feed(terminal, before, place)
 
     def _completion(self, sign: str, index: int) -> str:
         """Where a separator belongs that was left out."""
