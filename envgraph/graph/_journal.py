@@ -91,16 +91,6 @@ class IndexedSet(list[Item]):
         """Position of an element."""
         return self.position[item]
 
-    def withdraw(self, item: Item, inverse: Journal) -> None:
-        """`take`, after writing down what undoes that."""
-        index = self.position[item]
-        inverse.extend((self, item, index, IN))
-        del self.position[item]
-        last = self.pop()
-        if index < len(self):
-            self[index] = last
-            self.position[last] = index
-
     def contents(self, state: Contents[Item]) -> Contents[Item]:
         """What undoes an `exchange`."""
         return _overwritten(self, *state)
@@ -177,16 +167,6 @@ class Extent(list[int]):
     def where(self, node: int) -> int:
         """Position of a member."""
         return self.place[node]
-
-    def withdraw(self, node: int, inverse: Journal) -> None:
-        """`take`, after writing down what undoes that."""
-        index = self.place[node]
-        inverse.extend((self, node, index, IN))
-        last = self.pop()
-        if index < len(self):
-            self[index] = last
-            self.place[last] = index
-        self.classes[node] = -1
 
     def contents(self, state: Contents[int]) -> Contents[int]:
         """What undoes an `exchange`."""
@@ -287,7 +267,8 @@ def invert(journal: Journal, inverse: Journal) -> None:
             inverse.extend((container, key, container[key], SET))
             container[key] = old
         elif opcode == OUT:
-            container.withdraw(key, inverse)
+            inverse.extend((container, key, container.where(key), IN))
+            container.take(key)
         elif opcode == IN:
             inverse.extend((container, key, None, OUT))
             container.put(key, old)

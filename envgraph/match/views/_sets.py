@@ -131,27 +131,11 @@ class MatchSet(IndexedSet[Row]):
             self.deleted(item)
         return index
 
-    def withdraw(self, item: Row, inverse: list[Any]) -> None:
-        """As `IndexedSet.withdraw`."""
-        if self.log is not None:
-            self.log.extend((item, False))
-        super().withdraw(item, inverse)
-        if self.indexes:
-            self.deleted(item)
-
     def put(self, item: Row, index: int) -> None:
-        """As `IndexedSet.put`; written out, because rollbacks consist of it."""
+        """As `IndexedSet.put`."""
         if self.log is not None:
             self.log.extend((item, True))
-        position = self.position
-        if index < len(self):
-            moved = self[index]
-            position[moved] = len(self)
-            self.append(moved)
-            self[index] = item
-        else:
-            self.append(item)
-        position[item] = index
+        super().put(item, index)
         if self.indexes:
             self.inserted(item)
 
