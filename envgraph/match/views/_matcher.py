@@ -145,10 +145,9 @@ class ViewMatcher:
         view = self._current(pattern)
         if view is None:
             return self.demand.rows(pattern, arguments)
-        if arguments.count(FREE) == len(arguments):
-            self._check_number(pattern, arguments)
-            return view.rows[:]
         positions, known = self._known(pattern, arguments)
+        if not positions:
+            return view.rows[:]
         if not self._partly.worthwhile(pattern, view, positions):
             return self.demand.rows(pattern, arguments)
         return [] if known is None else list(self._partly.rows(pattern, view, positions, known))
@@ -158,10 +157,9 @@ class ViewMatcher:
         view = self._current(pattern)
         if view is None:
             return self.demand.first(pattern, arguments)
-        if arguments.count(FREE) == len(arguments):
-            self._check_number(pattern, arguments)
-            return view.rows[0] if view.rows else None
         positions, known = self._known(pattern, arguments)
+        if not positions:
+            return view.rows[0] if view.rows else None
         if not self._partly.worthwhile(pattern, view, positions):
             return self.demand.first(pattern, arguments)
         return None if known is None else self._partly.first(pattern, view, positions, known)
@@ -171,34 +169,29 @@ class ViewMatcher:
         view = self._current(pattern)
         if view is None:
             return self.demand.exists(pattern, arguments)
-        if arguments.count(FREE) == len(arguments):
-            self._check_number(pattern, arguments)
-            return bool(view.rows)
-        positions, known = self._known(pattern, arguments)
-        return known is not None and self._partly.count(pattern, view, positions, known) > 0
+        return self._number(pattern, view, arguments) > 0
 
     def count(self, pattern: str, arguments: tuple[object, ...]) -> int:
         """The number of `rows`."""
         view = self._current(pattern)
         if view is None:
             return self.demand.count(pattern, arguments)
-        if arguments.count(FREE) == len(arguments):
-            self._check_number(pattern, arguments)
-            return len(view.rows)
+        return self._number(pattern, view, arguments)
+
+    def _number(self, pattern: str, view: Rows, arguments: tuple[object, ...]) -> int:
         positions, known = self._known(pattern, arguments)
+        if not positions:
+            return len(view.rows)
         return 0 if known is None else self._partly.count(pattern, view, positions, known)
 
     def _known(self, pattern: str, arguments: tuple[object, ...]) -> tuple[tuple[int, ...], Any]:
         """The positions with a value, and what rows with these are filed under; None if an object is gone."""
         types = self.library.parameter_types(pattern)
+        if arguments.count(FREE) == len(arguments) == len(types):
+            return (), None
         checked = check_arguments(self.model, self.library, pattern, types, arguments)
         positions = tuple([place for place, value in enumerate(arguments) if value is not FREE])
         return positions, None if checked is None else key_of(positions)(checked)
-
-    def _check_number(self, pattern: str, arguments: tuple[object, ...]) -> None:
-        size = len(self.library.parameter_types(pattern))
-        if len(arguments) != size:
-            raise InvalidArgument(f"pattern `{pattern}` has {size} parameters, not {len(arguments)}")
 
     def prepare(self, pattern: str, bound: tuple[int, ...]) -> Callable[..., list[Row]]:
         """`rows` for one set of bound positions; arguments are not checked, see `Matcher.prepare`."""
