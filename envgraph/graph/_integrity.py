@@ -6,7 +6,7 @@ from collections.abc import Sized
 from itertools import pairwise
 
 from envgraph.graph._journal import Extent, IndexedSet
-from envgraph.graph._store import CROWD, Ends, Relation, Store, recomputed_total
+from envgraph.graph._store import Ends, Relation, Store, recomputed_total
 from envgraph.metamodel import accepts
 
 
@@ -68,7 +68,7 @@ def _check_relation(store: Store, relation: Relation) -> None:
 
 def _check_column(column: Ends) -> None:
     for ends in column:
-        assert isinstance(ends, IndexedSet) == (len(ends) > CROWD)
+        assert isinstance(ends, IndexedSet) == (len(ends) > Store.crowd)
         assert len(set(ends)) == len(ends)
         if isinstance(ends, IndexedSet):
             assert ends.position == {end: index for index, end in enumerate(ends)}

@@ -6,18 +6,15 @@ the hash and told to the listeners.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from itertools import repeat
 from sys import maxsize
-from typing import Any, Protocol
+from typing import Any, ClassVar, Protocol
 
 from envgraph.graph._facts import ClassFact, Fact, LinkFact, Listener, ValueFact
 from envgraph.graph._hashing import class_code, node_salts, reference_code, value_code
-from envgraph.graph._journal import IN, OUT, SET, Extent, IndexedSet, Journal
+from envgraph.graph._journal import IN, OUT, SET, Extent, IndexedSet, Item, Journal
 from envgraph.metamodel import Metamodel, Reference, Value, Values
-
-CROWD = 32
-"""Adjacency of more targets than this is an `IndexedSet`, of fewer an immutable tuple; nothing else decides."""
 
 Ends = list[tuple[int, ...] | IndexedSet[int]]
 """Column of adjacency: for each node the objects at the other ends of its links."""
@@ -180,13 +177,16 @@ class Store:
         class_added, class_removing: for each class (by index) a function of the node, or None.
         retyping: gives the two functions for a change from one class index to another, or None.
         interrupted: what is to be made good before anything else is done.
+        crowd: an adjacency of more elements than this is an `IndexedSet`, of fewer a tuple; nothing else decides.
 
     No more than 30 attributes: CPython reads those of objects with more of them in a slower way.
 
-    Invariants: `distinct` has the values of `values`, each once; an adjacency is a tuple if it has at most `CROWD`
+    Invariants: `distinct` has the values of `values`, each once; an adjacency is a tuple if it has at most `crowd`
     elements, else an `IndexedSet`; forward and backward hold the same links; a node that does not exist has no name,
     value or link.
     """
+
+    crowd: ClassVar[int] = 32
 
     def __init__(self, metamodel: Metamodel) -> None:
         self.metamodel = metamodel
@@ -397,7 +397,7 @@ class Store:
     def _connector(self, relation: Relation) -> Callable[[int, int], object]:
         """Adds links of one reference. Most objects have few of them, so these are dealt with on the spot."""
         store, record, symmetric, flipped = self, self.journal.extend, relation.symmetric, relation.flipped
-        forward, backward = relation.forward, relation.backward
+        forward, backward, crowd = relation.forward, relation.backward, self.crowd
         code, (first_salts, second_salts) = relation.code, self.salts
         interrupted = self.interrupted
 
@@ -406,20 +406,20 @@ class Store:
                 interrupted.repair()
             try:
                 ends = forward[source]
-                if len(ends) < CROWD:
+                if len(ends) < crowd:
                     if store.recording:
                         record((forward, source, ends, SET))
                     forward[source] = (*ends, target)
                 else:
-                    store._add(forward, source, target)
+                    store.add_end(forward, source, target)
                 if not (symmetric and source == target):
                     ends = backward[target]
-                    if len(ends) < CROWD:
+                    if len(ends) < crowd:
                         if store.recording:
                             record((backward, target, ends, SET))
                         backward[target] = (*ends, source)
                     else:
-                        store._add(backward, target, source)
+                        store.add_end(backward, target, source)
                 first, second = source, target
                 if flipped or (symmetric and source > target):
                     first, second = target, source
@@ -460,7 +460,7 @@ class Store:
                         record((forward, source, ends, SET))
                     forward[source] = ()
                 else:
-                    store._drop(forward, source, target)
+                    store.drop_end(forward, source, target)
                 if not (symmetric and source == target):
                     ends = backward[target]
                     if len(ends) == 1:
@@ -468,7 +468,7 @@ class Store:
                             record((backward, target, ends, SET))
                         backward[target] = ()
                     else:
-                        store._drop(backward, target, source)
+                        store.drop_end(backward, target, source)
                 store.total -= code * first_salts[first] * second_salts[second]
                 store.revision += 1
             except BaseException:
@@ -506,35 +506,41 @@ class Store:
             self.journal.extend((self.by_name, name, self.by_name.get(name), SET))
         self.by_name[name] = node
 
-    def _add(self, column: Ends, node: int, other: int) -> None:
-        old = column[node]
+    def grouped(self, items: Sequence[Item]) -> tuple[Item, ...] | IndexedSet[Item]:
+        """These elements as an adjacency holds them."""
+        return tuple(items) if len(items) <= self.crowd else IndexedSet(tuple(items))
+
+    def add_end(self, column: Any, key: Any, item: Any) -> None:
+        """Add an element under a key: to what a column, or a table that follows the model, holds there."""
+        old = column[key]
         if isinstance(old, IndexedSet):
             if self.recording:
-                self.journal.extend((old, other, None, OUT))
-            old.add(other)
+                self.journal.extend((old, item, None, OUT))
+            old.add(item)
             return
         if self.recording:
-            self.journal.extend((column, node, old, SET))
-        column[node] = (*old, other) if len(old) < CROWD else IndexedSet((*old, other))
+            self.journal.extend((column, key, old, SET))
+        column[key] = self.grouped((*old, item))
 
-    def _drop(self, column: Ends, node: int, other: int) -> None:
-        old = column[node]
+    def drop_end(self, column: Any, key: Any, item: Any) -> None:
+        """Remove an element under a key."""
+        old = column[key]
         if isinstance(old, tuple):
-            index = old.index(other)
+            index = old.index(item)
             rest = old[:index] + old[index + 1 :]
-        elif len(old) > CROWD + 1:
+        elif len(old) > self.crowd + 1:
             if self.recording:
-                self.journal.extend((old, other, old.position[other], IN))
-            old.take(other)
+                self.journal.extend((old, item, old.position[item], IN))
+            old.take(item)
             return
         else:
-            index = old.position[other]
+            index = old.position[item]
             left = list(old)
             left[index] = left[-1]
             rest = tuple(left[:-1])
         if self.recording:
-            self.journal.extend((column, node, old, SET))
-        column[node] = rest
+            self.journal.extend((column, key, old, SET))
+        column[key] = rest
 
     def _code(self, attribute: int, value: Value | Values) -> int:
         codes = self._value_codes[attribute]
@@ -604,10 +610,10 @@ class Store:
         for source, targets in enumerate(forward):
             for target in targets:
                 if source not in backward[target]:
-                    self._add(backward, target, source)
+                    self.add_end(backward, target, source)
         for target, sources in enumerate(backward):
             for source in [source for source in sources if target not in forward[source]]:
-                self._drop(backward, target, source)
+                self.drop_end(backward, target, source)
 
     # --- reading
 

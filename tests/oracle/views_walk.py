@@ -20,7 +20,7 @@ from itertools import islice
 from types import ModuleType
 
 from envgraph.errors import TransactionError
-from envgraph.graph import Savepoint, Version, _integrity, _store
+from envgraph.graph import Savepoint, Store, Version
 from envgraph.match import FREE, CompiledMatcher, Matcher, NaiveMatcher, ViewMatcher
 from envgraph.match.views import Subscription, _delta, _joins, _kept, _sets
 from envgraph.match.views import _closure_operator as _reach
@@ -28,8 +28,8 @@ from envgraph.match.views import _group_aggregates as _folds
 from envgraph.match.views import _partial_lookup as _agreeing
 from tests.oracle.worlds import Dice, edit, random_world
 
-EAGER: tuple[tuple[ModuleType, str, object], ...] = (
-    *((module, "CROWD", 2) for module in (_store, _integrity, _sets)),
+EAGER: tuple[tuple[ModuleType | type, str, object], ...] = (
+    (Store, "crowd", 2),
     (_sets, "LONG", 4),
     # Three more objects make a model large, two tuples a group; one start shares what it reaches.
     (_kept, "GROWTH", 1),

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
 from envgraph.errors import TransactionError
-from envgraph.graph import Model, Savepoint, Version, _integrity, _store, _versions
+from envgraph.graph import Model, Savepoint, Store, Version, _versions
 from tests.profile import examples
 from tests.property.snapshots import Shadow, snapshot
 from tests.property.strategies import EDITS, edit, metamodels
@@ -120,17 +120,15 @@ class EagerTransactions(Transactions):
     Every spliced segment is reduced to its net changes, and three targets are a crowd.
     """
 
-    @initialize()
-    def be_eager(self) -> None:
+    def __init__(self) -> None:
+        super().__init__()
         self.patch = pytest.MonkeyPatch()
         self.patch.setattr(_versions, "_LONG", 0)
-        self.patch.setattr(_store, "CROWD", 2)
-        self.patch.setattr(_integrity, "CROWD", 2)
+        self.patch.setattr(Store, "crowd", 2)
 
     def teardown(self) -> None:
         super().teardown()
-        if hasattr(self, "patch"):
-            self.patch.undo()
+        self.patch.undo()
 
 
 # One example takes about 40 ms: the invariants recompute everything after every step.

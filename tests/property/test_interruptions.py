@@ -11,10 +11,9 @@ from itertools import count
 import pytest
 from hypothesis import settings
 
-from envgraph.graph import Model, Savepoint, Shelf, Version, _integrity, _store, _versions
+from envgraph.graph import Model, Savepoint, Shelf, Store, Version, _versions
 from envgraph.match import FREE, NaiveMatcher
 from envgraph.match.views import _group_aggregates as _folds
-from envgraph.match.views import _sets
 from envgraph.metamodel import Attribute, Metamodel, Scalar
 from envgraph.pattern import Library
 from tests.property.interrupting import Trip
@@ -83,8 +82,7 @@ EXPECTED: dict[tuple[tuple[str, ...], ...], dict[str, list[tuple[object, ...]]]]
 @pytest.fixture(autouse=True)
 def small(monkeypatch: pytest.MonkeyPatch) -> None:
     """Few elements are many: so small models have everything."""
-    for module in (_store, _integrity, _sets):
-        monkeypatch.setattr(module, "CROWD", 2)
+    monkeypatch.setattr(Store, "crowd", 2)
     monkeypatch.setattr(_versions, "_LONG", 8)
     monkeypatch.setattr(_folds, "LARGE", 0)
 

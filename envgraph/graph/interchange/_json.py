@@ -8,10 +8,9 @@ from contextlib import suppress
 from typing import Any
 
 from envgraph.errors import MOST_ERRORS, Diagnostic, EnvgraphError, LoadError, RuleError, Source, name_hint
-from envgraph.graph._journal import IndexedSet
 from envgraph.graph._model import Model
 from envgraph.graph._refusals import wrong_value
-from envgraph.graph._store import CROWD, Ends, Relation
+from envgraph.graph._store import Ends, Relation
 from envgraph.metamodel import (
     LARGEST_INT,
     Attribute,
@@ -364,7 +363,7 @@ class _Reader:
                 path, "bad-order", message, "these are the objects that have such a link to this one"
             )
             return
-        column[node] = tuple(sources) if len(sources) <= CROWD else IndexedSet(tuple(sources))
+        column[node] = self.model.store.grouped(sources)
 
     def _is_id(self, path: JsonPath, value: Any) -> bool:
         if type(value) is not int or value < 0:

@@ -7,9 +7,7 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 
 from envgraph.errors import InvalidArgument
-from envgraph.graph._journal import IndexedSet
 from envgraph.graph._model import Model
-from envgraph.graph._store import CROWD
 from envgraph.metamodel import (
     Attribute,
     Class,
@@ -212,7 +210,7 @@ class _Writer:
 def arrange_targets(model: Model, node: int, reference: Reference, targets: Sequence[int]) -> None:
     """Lists the targets of an object in this order, while a model is loading; they have to be its targets already."""
     column = model.store.forward[reference.index]
-    column[node] = tuple(targets) if len(targets) <= CROWD else IndexedSet(tuple(targets))
+    column[node] = model.store.grouped(targets)
 
 
 def usual_value(attribute: Attribute) -> Value | None:

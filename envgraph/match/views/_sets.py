@@ -7,9 +7,6 @@ from typing import Any, Final
 
 from envgraph.graph import EXCHANGE, IN, OUT, SET, IndexedSet, Store
 
-CROWD: Final = 32
-"""Rows under one key above which they are kept as an `IndexedSet`, below as a tuple."""
-
 LONG: Final = 256
 """Items of a log from which on it is worth shortening."""
 
@@ -227,39 +224,11 @@ class Groups:
 
     def add(self, row: Row) -> None:
         """Add a row."""
-        table, key, store = self.table, self.key(row), self.store
-        item = row if self.item is None else row[self.item]
-        old = table[key]
-        if isinstance(old, IndexedSet):
-            if store.recording:
-                store.journal.extend((old, item, None, OUT))
-            old.add(item)
-            return
-        if store.recording:
-            store.journal.extend((table, key, old, SET))
-        table[key] = (*old, item) if len(old) < CROWD else IndexedSet((*old, item))
+        self.store.add_end(self.table, self.key(row), row if self.item is None else row[self.item])
 
     def drop(self, row: Row) -> None:
         """Remove a row."""
-        table, key, store = self.table, self.key(row), self.store
-        item = row if self.item is None else row[self.item]
-        old = table[key]
-        if isinstance(old, IndexedSet):
-            if len(old) > CROWD + 1:
-                if store.recording:
-                    store.journal.extend((old, item, old.position[item], IN))
-                old.take(item)
-                return
-            place = old.position[item]
-            left = list(old)
-            left[place] = left[-1]
-            rest = tuple(left[:-1])
-        else:
-            place = old.index(item)
-            rest = old[:place] + old[place + 1 :]
-        if store.recording:
-            store.journal.extend((table, key, old, SET))
-        table[key] = rest
+        self.store.drop_end(self.table, self.key(row), row if self.item is None else row[self.item])
 
     def fill(self, rows: Sequence[Row]) -> None:
         """Hold these rows and no others."""
@@ -270,10 +239,7 @@ class Groups:
         become(
             self.store,
             self.table,
-            {
-                key: tuple(group) if len(group) <= CROWD else IndexedSet(tuple(group))
-                for key, group in table.items()
-            },
+            {key: self.store.grouped(group) for key, group in table.items()},
             (),
         )
 
@@ -283,7 +249,7 @@ class Groups:
         for row in rows:
             assert (row if self.item is None else row[self.item]) in self.table[self.key(row)]
         for group in self.table.values():
-            assert isinstance(group, IndexedSet) == (len(group) > CROWD)
+            assert type(group) is type(self.store.grouped(group))
             assert len(set(group)) == len(group)
 
 

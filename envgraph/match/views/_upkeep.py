@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from envgraph import code
 from envgraph.code import dataclass
-from envgraph.graph import IN, OUT, SET
-from envgraph.match.views import _sets
+from envgraph.graph import IN, OUT, SET, Store
 
 if TYPE_CHECKING:
     from envgraph.match.views._operators import Rows
@@ -129,7 +128,7 @@ def _gain(form: Form, leave: code.Statement) -> code.Body:
         ]
     for number, (positions, item) in enumerate(form.shape):
         key, old, table = _group(number)
-        short = code.Operation("<", (code.call("len", old), code.Constant(_sets.CROWD)))
+        short = code.Operation("<", (code.call("len", old), code.Constant(Store.crowd)))
         longer = code.Text(f"(*{old.name}, {code.expression_text(_item(item))})", reads=(old, _ROW))
         more = _recorded(table, key, old, SET), code.Assign(code.Index(table, key), longer)
         found += [
