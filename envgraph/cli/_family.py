@@ -30,17 +30,22 @@ from envgraph.search import (
     Member,
     Outcome,
     RunStore,
+    SampleProgress,
     caption,
     certificate_texts,
     evolve,
     import_ga4cl,
     lineage,
+    measure_texts,
     open_family,
     run_file,
     why_low,
 )
 from envgraph.search import resume as resume_run
 from envgraph.search.curricula import CurriculumProgress
+
+_MOST_SHOWN = 100
+"""Members of a family that are printed one by one."""
 
 TRAINING, TABLES, REPORT = "training", "tables", "report.html"
 """What is made of a run, beside its store: results of training, one directory a budget; tables of states; the page."""
@@ -84,7 +89,7 @@ def generate_family(
     elif path.exists():
         domain.check_initial()  # before anything is lost
         remove_results(path.parent)
-    whole = (kept if resume else domain).spec.objective is not None
+    whole = not (kept if resume else domain).spec.evolves
     try:
         with progress_bar("% of the effort" if whole else "generations", 100 if whole else total) as advance:
 
@@ -95,15 +100,20 @@ def generate_family(
                 known = f"best {found.value:.3f}" if found.value > -inf else "families to begin with"
                 advance(int(100 * found.spent), f"{known}, {found.tried:,} tried")
 
+            def drawing(found: SampleProgress) -> None:
+                cells = f" in {found.cells:,} bins" if found.cells > 1 else ""
+                advance(int(100 * found.share), f"{found.members:,} members{cells}, {found.attempts:,} tried")
+
+            told: dict[str, Any] = {
+                "progress": progress,
+                "climbing": climbing,
+                "drawing": drawing,
+                "workers": workers,
+            }
             if resume:
-                family = resume_run(
-                    path, generations=generations, progress=progress, climbing=climbing, workers=workers
-                )
+                family = resume_run(path, generations=generations, **told)
             else:
-                family = evolve(
-                    domain, path, overwrite=force, progress=progress, climbing=climbing,
-                    warn=print_diagnostics, workers=workers,
-                )  # fmt: skip
+                family = evolve(domain, path, overwrite=force, warn=print_diagnostics, **told)
     except KeyboardInterrupt:
         if path.exists():
             words = f"envgraph generate {location} --name {path.parent.name} --directory {directory} --resume"
@@ -143,6 +153,9 @@ def show_family(run: str, directory: Path, variant: str | None, format: OutputFo
         return
     if variant is None:
         _print_family(family, format, None)
+    if len(members) > _MOST_SHOWN:
+        print_line(f"`--variant {members[0].name}` shows an environment")
+        return
     for member in members:
         print_line("")
         print_line("  ".join([member.name, *(" ".join(fact) for fact in caption(family, member))]))
@@ -245,6 +258,11 @@ def _print_family(
             }
         )
         return
+    if len(family.members) > _MOST_SHOWN:
+        _print_summary(family, outcome)
+        if path is not None:
+            print_line(f"run: {path.parent}")
+        return
     measures, counts = list(family.members[0].measures), family.class_counts()
     certain = [dict(certificate_texts(member)) for member in family.members]
     columns = ("environment", *measures, *counts, *certain[0], "")
@@ -261,6 +279,18 @@ def _print_family(
     print_table(f"{family.name}: {outcome}", columns, rows, range(1, len(columns) - 1))
     if path is not None:
         print_line(f"run: {path.parent}")
+
+
+def _print_summary(family: Family, outcome: Outcome) -> None:
+    """What the measures of many members are like."""
+    names = ("measure", "least", "quarter", "half", "three quarters", "most", "different")
+    rows = []
+    for name in family.members[0].measures:
+        values = sorted(member.measures[name] for member in family.members)
+        shown = [values[round(share * (len(values) - 1))] for share in (0, 0.25, 0.5, 0.75, 1)]
+        rows.append((name, *measure_texts(shown), f"{len(set(values)):,}"))
+    title = f"{family.name}: {len(family.members):,} environments, {outcome}"
+    print_table(title, names, rows, range(1, len(names)))
 
 
 def run_directory(run: str, directory: Path) -> Path:

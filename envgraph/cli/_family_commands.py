@@ -31,6 +31,11 @@ from envgraph.errors import InvalidArgument
 @click.option("--generations", type=click.IntRange(min=0), help="Instead of the number in the file.")
 @click.option("--population", type=click.IntRange(min=1), help="Instead of the size in the file.")
 @click.option(
+    "--samples",
+    type=click.IntRange(min=2),
+    help="Draw so many environments, all valid and no two the same, instead of searching for a family.",
+)
+@click.option(
     "--set",
     "overrides",
     metavar="KEY=VALUE",
@@ -57,6 +62,7 @@ def generate(
     seed: int | None,
     generations: int | None,
     population: int | None,
+    samples: int | None,
     overrides: tuple[str, ...],
     resume: bool,
     workers: int,
@@ -67,14 +73,19 @@ def generate(
     """Evolve a family of environments from one model."""
     from envgraph.cli._family import generate_family
 
-    if resume and (seed is not None or population is not None or overrides or force):
+    given = {
+        "seed": seed,
+        "search.generations": generations,
+        "search.population": population,
+        "samples.count": samples,
+    }
+    short = [f"{key}={value}" for key, value in given.items() if value is not None]
+    if resume and (len(short) > (generations is not None) or overrides or force):
         raise InvalidArgument(
             "a resumed run keeps what it began with, but for --generations: leave the others out"
         )
-    given = {"seed": seed, "search.generations": generations, "search.population": population}
-    short = [] if resume else [f"{key}={value}" for key, value in given.items() if value is not None]
     generate_family(
-        family, name=name, overrides=[*short, *overrides], generations=generations,
+        family, name=name, overrides=[] if resume else [*short, *overrides], generations=generations,
         resume=resume, force=force, directory=directory, format=format, workers=workers,
     )  # fmt: skip
 

@@ -5,6 +5,7 @@
 """
 
 from envgraph.errors import shorten
+from envgraph.search._archive import Archive
 from envgraph.search._certified import (
     Verification,
     certificate_texts,
@@ -38,6 +39,7 @@ from envgraph.search._problem import (
 )
 from envgraph.search._random_families import lineage_lengths, random_families
 from envgraph.search._rewards import reward_schedule
+from envgraph.search._samples import SampleProgress, Sampler, SampleSettings
 from envgraph.search._selection import (
     BeamSearch,
     ElitistParents,
@@ -50,7 +52,7 @@ from envgraph.search._selection import (
     TournamentParents,
     acceptance,
 )
-from envgraph.search._shown import caption, family_svg
+from envgraph.search._shown import caption, family_svg, measure_texts
 from envgraph.search._store import Generation, Individual, RunStore, Trace
 from envgraph.search._variation import Variation
 from envgraph.search.optimising import (
@@ -68,6 +70,7 @@ from envgraph.search.optimising import (
 
 __all__ = [
     "Annealing",
+    "Archive",
     "Beam",
     "BeamSearch",
     "BinnedEntropy",
@@ -106,6 +109,9 @@ __all__ = [
     "Reachable",
     "Require",
     "RunStore",
+    "SampleProgress",
+    "SampleSettings",
+    "Sampler",
     "Settings",
     "ShortestPath",
     "ShortestPlan",
@@ -142,6 +148,7 @@ __all__ = [
     "make_environment",
     "make_vec",
     "make_vector_environment",
+    "measure_texts",
     "open_family",
     "optimise",
     "optimise_domain",

@@ -34,7 +34,7 @@ from envgraph.search.curricula import MOST_STATES, ChainTransfer, Learning, Leve
 from envgraph.search.optimising import Annealing, Beam, HillClimb, Strategy, TreeSearch
 from envgraph.solve.learning import TrainingSettings
 
-_MOST_BINS, _MOST_STEPS = 100_000, 100_000_000
+MOST_BINS, _MOST_STEPS = 100_000, 100_000_000
 
 if TYPE_CHECKING:
     from envgraph.lang import FamilySpec
@@ -104,7 +104,7 @@ def _value(options: Options, context: Context) -> IndividualMeasure:
 
 def _binned_entropy(options: Options, context: Context) -> FamilyMeasure:
     low, high = options.range("range", getattr(context.measured, "range", (0.0, 1.0)))
-    bins = options.integer("bins", context.spec.search.population, 1, _MOST_BINS)
+    bins = options.integer("bins", context.spec.search.population, 1, MOST_BINS)
     return BinnedEntropy(bins, low, high, whole=getattr(context.measured, "whole", False))
 
 

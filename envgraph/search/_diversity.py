@@ -114,11 +114,12 @@ class BinnedEntropy:
 
     def maximum(self, size: int) -> float:
         """The entropy of a family whose members are spread as evenly as possible."""
-        each, rest = divmod(size, self._usable())
-        counts = [(each + 1, rest), (each, self._usable() - rest)]
+        each, rest = divmod(size, self.usable)
+        counts = [(each + 1, rest), (each, self.usable - rest)]
         return 0.0 - fsum(bins * count / size * log2(count / size) for count, bins in counts if count)
 
-    def _usable(self) -> int:
+    @property
+    def usable(self) -> int:
         """How many bins a value can fall into."""
         if not self.whole or self.high - self.low >= self.bins:
             return self.bins

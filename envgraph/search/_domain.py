@@ -38,7 +38,7 @@ from envgraph.lang import (
 from envgraph.metamodel import Metamodel
 from envgraph.pattern import conformance_patterns, key_patterns
 from envgraph.rewrite import Engine
-from envgraph.search._components import Components, Context
+from envgraph.search._components import MOST_BINS, Components, Context
 from envgraph.search._diversity import BinnedEntropy, FamilyMeasure
 from envgraph.search._evolution import Settings
 from envgraph.search._measures import ShortestPlan
@@ -52,6 +52,7 @@ from envgraph.search._problem import (
     Problem,
     Require,
 )
+from envgraph.search._samples import SampleSettings
 from envgraph.search.curricula import CurriculumSettings, Levels, Objective
 from envgraph.search.optimising import Strategy
 
@@ -178,7 +179,7 @@ class Domain:
     def wrong_options(self) -> list[Diagnostic]:
         """All that is wrong with the options of the components."""
         problems: list[Diagnostic] = []
-        for make in (self._measures, self.settings, self.curriculum_search, self.strategy):
+        for make in (self._measures, self.settings, self.curriculum_search, self.samples, self.strategy):
             try:
                 make()
             except LoadError as error:
@@ -316,6 +317,42 @@ class Domain:
         if has_errors(problems):
             raise LoadError(problems)
         return made, settings
+
+    def samples(self) -> SampleSettings | None:
+        """Which members are drawn, where the file has `[samples]`.
+
+        Raises:
+            LoadError: options that make no sense; all problems at once.
+        """
+        spec, problems = self.spec.samples, list[Diagnostic]()
+        if spec is None:
+            return None
+        measures, _, diversity = self._measures()
+        cover = []
+        for one in spec.cover:
+            options, measure = Options(one), measures[one.name]
+            known = getattr(measure, "range", None)
+            if known is None and str(self.spec.diversity.options["of"]) == one.name:
+                known = (diversity.low, diversity.high) if isinstance(diversity, BinnedEntropy) else None
+            if known is None and not options.given("range"):
+                message, hint = (
+                    f"nobody knows the range of `{one.name}`",
+                    f"{one.name} = {{ bins = 10, range = [0, 64] }}",
+                )
+                problems.append(Diagnostic("missing-key", message, one.span("bins"), f"write `{hint}`"))
+            low, high = options.range("range", known or (0.0, 1.0))
+            bins = options.integer("bins", 10, 1, MOST_BINS)
+            problems += _finished(options)
+            cover.append((one.name, BinnedEntropy(bins, low, high, whole=getattr(measure, "whole", False))))
+        if self.spec.objective is not None:
+            message = "samples are drawn, and an objective searches: a file has one of them"
+            hint = "leave `[samples]` or `[objective]` out"
+            problems.append(Diagnostic("bad-objective", message, self.spec.objective.span(), hint))
+        if has_errors(problems):
+            raise LoadError(problems)
+        best, attempts = spec.maximise or spec.minimise, spec.attempts or 10 * spec.count
+        sense = 1 if spec.maximise else -1
+        return SampleSettings(spec.count, cover, None if best is None else str(best), sense, attempts)
 
     def strategy(self) -> Strategy:
         """How the best model is searched for, where the file has `[optimise]`; else the default.

@@ -11,12 +11,13 @@ from envgraph.code import dataclass
 from envgraph.env import Behaviour, Explored, KeyIndex, Scene, scene_of
 from envgraph.env.compiled import Program, program_of
 from envgraph.errors import InvalidArgument, LoadError, Note, did_you_mean, listed
-from envgraph.graph import Model, model_from_json, model_to_json
+from envgraph.graph import Model, model_from_json
 from envgraph.lang import Bundle
 from envgraph.search._components import Components
 from envgraph.search._domain import Domain
+from envgraph.search._replayed import Derived, Replay
 from envgraph.search._shown import family_html, member_html, member_svg, member_text
-from envgraph.search._store import RunStore, dump_json
+from envgraph.search._store import Individual, RunStore
 from envgraph.search._tables import Record, Tables, table_name
 
 
@@ -27,7 +28,7 @@ class Member:
     Attributes:
         name: "E1" for the first in the order of the curriculum, and so on.
         measures: value of every measure, by name.
-        model: its model, as JSON text.
+        source: its model, as JSON text; or what makes that text when it is asked for.
         individual: id in the run store, or None.
         initial: whether it is the initial model.
         certificates: what was verified of it: "shortest_plan" (None where there is none), "random_success",
@@ -36,11 +37,16 @@ class Member:
 
     name: str
     measures: Mapping[str, float]
-    model: str = field(repr=False)
+    source: str | Derived = field(repr=False)
     individual: int | None = None
     initial: bool = False
     certificates: Mapping[str, float | None] = field(default_factory=dict)
     _family: Family | None = field(default=None, compare=False, repr=False)
+
+    @property
+    def model(self) -> str:
+        """Its model, as JSON text."""
+        return self.source if isinstance(self.source, str) else self.source.text()
 
     def _repr_html_(self) -> str | None:
         return None if self._family is None else member_html(self._family, self)
@@ -203,7 +209,7 @@ def place_of(variant: int | str | None, names: Sequence[str], family: str) -> in
 
 
 def ordered(
-    domain: Domain, found: Sequence[tuple[Mapping[str, float], str, int | None, bool]]
+    domain: Domain, found: Sequence[tuple[Mapping[str, float], str | Derived, int | None, bool]]
 ) -> tuple[Member, ...]:
     """Members from measures, model, individual and initial flag, in the order of the curriculum.
 
@@ -260,23 +266,31 @@ def family_of(store: RunStore, domain: Domain) -> Family:
     last = store.last_generation()
     if last is None:
         raise InvalidArgument(f"{store.path} has no generation yet: `envgraph generate --resume` goes on")
-    imported = store.imported is not None
+    imported, sampled = store.imported is not None, domain.spec.samples is not None
+    individuals = (
+        {one.id: one for one in store.individuals()} if sampled else _with_ancestors(store, last.members)
+    )
+    replay = Replay(domain, individuals, str(store.path))
     found = []
     for id_ in last.members:
-        individual = store.individual(id_)
-        if individual.model is None:
-            model = _replayed(domain, store, id_)
-        else:
-            model = model_from_json(
-                individual.model, domain.metamodel, file=f"{store.path}: individual {id_}"
-            )
-        if f"{model.state_hash():016x}" != individual.state_hash:
-            raise store.damaged(f"individual {id_} is not the model that was measured")
+        if id_ not in individuals:
+            raise store.damaged(f"individual {id_} is not there")
+        individual = individuals[id_]
         lacking = lacking_measures(domain, individual.measures)
         if lacking:
             raise store.damaged(f"individual {id_} has no measure {listed(lacking)}")
-        text = individual.model or dump_json(model_to_json(model))
-        found.append((individual.measures, text, id_, individual.parent is None and not imported))
+        derived = Derived(individual.state_hash, id_, replay)
+        source: str | Derived = derived
+        if individual.model is not None:
+            model = model_from_json(
+                individual.model, domain.metamodel, file=f"{store.path}: individual {id_}"
+            )
+            if f"{model.state_hash():016x}" != individual.state_hash:
+                raise store.damaged(f"individual {id_} is not the model that was measured")
+            source = individual.model
+        elif not sampled:
+            source = derived.text()  # so that what is wrong with it is found now
+        found.append((individual.measures, source, id_, individual.parent is None and not imported))
     tables, certificates = Tables.of_run(store.path), store.certificates
     members = tuple(
         replace(one, certificates=certificates.get(one.individual or 0, {})) for one in ordered(domain, found)
@@ -289,8 +303,11 @@ def lacking_measures(domain: Domain, measures: Mapping[str, float]) -> list[str]
     return [one.name for one in domain.spec.measures if one.name not in measures]
 
 
-def _replayed(domain: Domain, store: RunStore, id_: int) -> Model:
-    engine = domain.engine()
-    for ancestor in store.lineage(id_):
-        engine.replay(ancestor.trace)
-    return engine.model
+def _with_ancestors(store: RunStore, members: Sequence[int]) -> dict[int, Individual]:
+    """Some individuals, and what those descend from whose models are not stored."""
+    found: dict[int, Individual] = {}
+    for id_ in members:
+        individual = store.individual(id_)
+        line = [individual] if individual.model is not None else store.lineage(id_)
+        found |= {one.id: one for one in line}
+    return found

@@ -17,11 +17,13 @@ from envgraph.search._family import Family, domain_of, family_of
 from envgraph.search._ga4cl import GridVariant, grid_rows, read_ga4cl, retype_grid, write_ga4cl
 from envgraph.search._problem import Problem
 from envgraph.search._rewards import reward_schedule
+from envgraph.search._samples import SampleProgress, Sampler
 from envgraph.search._store import Generation, Individual, RunStore, dump_json
 from envgraph.search.curricula import CurriculumProgress, CurriculumSearch, Levels
 
 Progress = Callable[[Generation], None]
 Climbing = Callable[[CurriculumProgress], None]
+Drawing = Callable[[SampleProgress], None]
 Warn = Callable[[Sequence[Diagnostic]], None]
 
 _SAME = 1e-9
@@ -35,10 +37,12 @@ def generate(
     seed: int | None = None,
     generations: int | None = None,
     population: int | None = None,
+    samples: int | None = None,
     overrides: Sequence[str] = (),
     components: Components | None = None,
     progress: Progress = lambda generation: None,
     climbing: Climbing = lambda progress: None,
+    drawing: Drawing = lambda progress: None,
     warn: Warn = lambda diagnostics: None,
     workers: int = 1,
 ) -> Family:
@@ -48,10 +52,12 @@ def generate(
         location: a family file, a directory that holds one, or the name of a bundled domain.
         store_path: where the run store is made.
         seed, generations, population: instead of those in the family file.
+        samples: draw so many members, all valid and no two the same, instead of searching for a family.
         overrides: what else holds instead of what the family file says, such as "mutation.rate=0.5", as `--set` has it.
         components: what the names in the family file mean; by default the ones that come with envgraph.
         progress: called after every generation.
         climbing: called now and then while a family with an objective is searched for.
+        drawing: called now and then while samples are drawn.
         workers: threads for learners of an objective; they change no result.
         warn: called at the start, with what looks wrong.
 
@@ -62,13 +68,19 @@ def generate(
         LoadError: all that is wrong with the files, or the initial model violates a constraint, or lacks a value.
         InvalidArgument: the store exists already.
     """
-    given = {"seed": seed, "search.generations": generations, "search.population": population}
+    given = {
+        "seed": seed,
+        "search.generations": generations,
+        "search.population": population,
+        "samples.count": samples,
+    }
     chosen = [f"{key}={value}" for key, value in given.items() if value is not None]
     return evolve(
         Domain.load(location, components, [*chosen, *overrides]),
         store_path,
         progress=progress,
         climbing=climbing,
+        drawing=drawing,
         warn=warn,
         workers=workers,
     )
@@ -81,6 +93,7 @@ def evolve(
     overwrite: bool = False,
     progress: Progress = lambda generation: None,
     climbing: Climbing = lambda progress: None,
+    drawing: Drawing = lambda progress: None,
     warn: Warn = lambda diagnostics: None,
     workers: int = 1,
 ) -> Family:
@@ -94,7 +107,7 @@ def evolve(
     with telling():  # the individuals whose states are visited are pieces of one work
         warn(domain.check_initial(problem))
         search = _search(
-            domain, problem, progress, climbing, workers
+            domain, problem, progress, climbing, drawing, workers
         )  # what is wrong is said before there is a run
         with RunStore.create(store_path, _stored(domain), texts, overwrite=overwrite) as store:
             search(store)
@@ -114,6 +127,7 @@ def resume(
     components: Components | None = None,
     progress: Progress = lambda generation: None,
     climbing: Climbing = lambda progress: None,
+    drawing: Drawing = lambda progress: None,
     workers: int = 1,
 ) -> Family:
     """Go on with an interrupted run, from the texts that it keeps; the result is that of an uninterrupted one.
@@ -123,11 +137,11 @@ def resume(
         generations: go on to this one, also where the run had come to its end.
         components: what the names in the family file mean; by default the ones that come with envgraph.
         progress: called after every generation.
-        climbing, workers: see `generate`.
+        climbing, drawing, workers: see `generate`.
 
     Raises:
         InvalidArgument: there is no such run, it is an imported family, or has so many generations already; or
-            generations are asked for, and it has an objective.
+            generations are asked for, and it has an objective or samples.
     """
     with RunStore.open(store_path) as store:
         if store.imported is not None:
@@ -138,20 +152,24 @@ def resume(
         changed = [] if generations is None else [f"search.generations={generations}"]
         domain = domain_of(store.bundle(), [*store.overrides, *changed], str(store.path), components)
         if changed:
-            if domain.spec.objective is not None:
-                raise InvalidArgument(f"{store_path} has an objective, and no generations to go on to")
+            if not domain.spec.evolves:
+                what = "an objective" if domain.spec.objective else "samples"
+                raise InvalidArgument(f"{store_path} has {what}, and no generations to go on to")
             store.set("overrides", list(domain.overrides))
-        if domain.spec.objective is None or last is None:
+        if domain.spec.evolves or last is None:
             with telling():
-                _search(domain, domain.problem(domain.engine()), progress, climbing, workers)(store)
+                _search(domain, domain.problem(domain.engine()), progress, climbing, drawing, workers)(store)
         return family_of(store, domain)
 
 
 def _search(
-    domain: Domain, problem: Problem, progress: Progress, climbing: Climbing, workers: int
+    domain: Domain, problem: Problem, progress: Progress, climbing: Climbing, drawing: Drawing, workers: int
 ) -> Callable[[RunStore], None]:
-    """What makes the family of a run: of single models, or, with an objective, as a whole."""
+    """What makes the family of a run: of single models, or, with an objective, as a whole; or samples."""
     search, settings, seed = domain.curriculum_search(), domain.settings(), domain.spec.seed
+    wanted = domain.samples()
+    if wanted is not None:
+        return lambda store: _drawn(Sampler(problem, settings, wanted, seed), drawing, store)
     if search is None:
         return lambda store: _evolved(Evolution(problem, settings, seed, store), progress)
     assert domain.behaviour is not None, "check_family demands an environment for an objective"
@@ -159,6 +177,11 @@ def _search(
     levels = Levels(problem, domain.behaviour)
     whole = CurriculumSearch(levels, make(levels, workers), climb, seed, climbing)
     return lambda store: _store(store, levels, whole.run())
+
+
+def _drawn(sampler: Sampler, drawing: Drawing, store: RunStore) -> None:
+    sampler.run(drawing)
+    sampler.write(store)
 
 
 def _evolved(evolution: Evolution, progress: Progress) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from itertools import groupby
 from math import inf
@@ -15,6 +16,9 @@ from envgraph.search._problem import Problem
 from envgraph.search._store import RunStore
 
 _SAME = 1e-9
+
+_MOST_TOLD = 100
+"""Members whose bins are told one by one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +44,7 @@ class Outcome:
         """The outcome of the search that made a family."""
         problem = family.domain.problem(family.domain.engine())
         values, measure = _values(family, problem), problem.diversity
-        maximum = problem.maximum(family.domain.spec.search.population)
+        maximum = problem.maximum(family.domain.spec.size)
         spec, value = family.domain.spec.objective, family.value
         objective = None if spec is None or value is None else (spec.kind, value)
         if not isinstance(measure, BinnedEntropy):
@@ -52,6 +56,9 @@ class Outcome:
         limit = f" of {self.maximum:.3f}" if self.maximum < inf else ""
         unit = f" {self.unit}" if self.unit else ""
         bins = f", members in bins {','.join(map(str, self.bins))}" if self.bins else ""
+        if len(self.bins) > _MOST_TOLD:
+            counts = [f"{number} ({count:,})" for number, count in sorted(Counter(self.bins).items())]
+            bins = f", members in bins {', '.join(counts)}"
         objective = "{} {:.3f}, ".format(*self.objective) if self.objective else ""
         return f"{objective}diversity {self.diversity:.3f}{limit}{unit}{bins}"
 
@@ -63,8 +70,8 @@ def why_low(family: Family, store: RunStore) -> Diagnostic | None:
     search ended too soon.
     """
     outcome = Outcome.of(family)
-    wanted, found = family.domain.spec.search.population, len(family.members)
-    low = outcome.diversity < outcome.maximum - _SAME
+    wanted, found = family.domain.spec.size, len(family.members)
+    low = family.domain.spec.samples is None and outcome.diversity < outcome.maximum - _SAME
     if family.domain.spec.objective is not None or (found >= wanted and (not low or outcome.maximum == inf)):
         return None  # the objective is what was to be large
     problem, spec = family.domain.problem(family.domain.engine()), family.domain.spec
@@ -75,7 +82,8 @@ def why_low(family: Family, store: RunStore) -> Diagnostic | None:
     if found < wanted:
         code, span = "small-family", spec.mutation.rules[0].span if spec.mutation.rules else None
         message = f"only {found} of {wanted} environments were found that satisfy the constraints{rejected}"
-        hint = "see whether the mutation rules match, what the constraints allow, and `max_attempts`"
+        tries = "`attempts` of `[samples]`" if spec.samples else "`max_attempts`"
+        hint = f"see whether the mutation rules match, what the constraints allow, and {tries}"
         return Diagnostic(code, message, span, hint, Severity.WARNING)
     hint = _go_on(store)
     message = f"every bin was reached, but not by one family{rejected}"

@@ -128,6 +128,24 @@ class OptimiseSpec:
 
 
 @dataclass(frozen=True, slots=True)
+class SamplesSpec:
+    """`[samples]`: the family is many members that need not go together, not a few that are as diverse as can be.
+
+    Attributes:
+        count: members of the family, the initial model among them.
+        cover: measures whose bins are to have as many members each; their options are `bins` and `range`.
+        maximise, minimise: a measure by which a better member takes the place of one in the same bins; at most one.
+        attempts: how many models are tried; None for ten times as many as members.
+    """
+
+    count: int = 1_000
+    cover: tuple[ComponentSpec, ...] = ()
+    maximise: Name | None = None
+    minimise: Name | None = None
+    attempts: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class CurriculumSpec:
     """`[curriculum]`.
 
@@ -181,6 +199,7 @@ class FamilySpec:
         measures: in the order of the file; at least one.
         diversity: `options["of"]` is the name of a measure.
         objective: what a family is worth as a whole; None: families are as diverse as can be.
+        samples: how many members are drawn, and of which kinds; None: a family is searched for.
         optimise: which model is searched for, if not a family.
         audit: what students see, and how they learn, where scores of levels are audited.
         ga4cl: the classes whose standing rewards fill the reward schedule of that format.
@@ -197,6 +216,7 @@ class FamilySpec:
     measures: tuple[ComponentSpec, ...] = ()
     diversity: ComponentSpec = ComponentSpec("diversity", "binned_entropy")
     objective: ComponentSpec | None = None
+    samples: SamplesSpec | None = None
     audit: ComponentSpec | None = None
     mutation: MutationSpec = MutationSpec()
     search: SearchSpec = SearchSpec()
@@ -212,6 +232,16 @@ class FamilySpec:
         """All files that the family names."""
         named = [self.model, *self.imports, *([self.environment] if self.environment else [])]
         return tuple(dict.fromkeys(str(one) for one in named))
+
+    @property
+    def evolves(self) -> bool:
+        """Whether the genetic algorithm makes the family, generation after generation."""
+        return self.objective is None and self.samples is None
+
+    @property
+    def size(self) -> int:
+        """How many members the family is to have."""
+        return self.search.population if self.samples is None else self.samples.count
 
     def measure(self, name: str) -> ComponentSpec | None:
         """A measure by name."""

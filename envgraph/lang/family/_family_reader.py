@@ -21,6 +21,7 @@ from envgraph.lang.family._family import (
     MutationSpec,
     Name,
     OptimiseSpec,
+    SamplesSpec,
     SearchSpec,
     Sequences,
     Strength,
@@ -396,6 +397,7 @@ class _Reader:
             measures=measures,
             diversity=self._diversity(top, measures),
             objective=self._objective(top),
+            samples=self._samples(top, measures),
             optimise=self._optimise(top, measures),
             audit=self._audit(top),
             mutation=_mutation(top.table("mutation")),
@@ -481,6 +483,23 @@ class _Reader:
             section.error("bad-value", "several objectives have no target", section.span("target"), hint)
         return spec
 
+    def _samples(self, top: _Section, measures: tuple[ComponentSpec, ...]) -> SamplesSpec | None:
+        section = top.table("samples")
+        if not section.there:
+            return None
+        spec, names = _read(section, "samples", SamplesSpec()), [one.name for one in measures]
+        if spec.maximise and spec.minimise:
+            hint = "leave one of them out"
+            section.error(
+                "bad-value", "`maximise` and `minimise` exclude each other", section.span("minimise"), hint
+            )
+        for key, chosen in (("maximise", spec.maximise), ("minimise", spec.minimise)):
+            if chosen is not None:
+                self._check_measure(section, key, chosen.text, names, chosen.span)
+        for one in spec.cover:
+            self._check_measure(section, "cover", one.name, names, one.key_span(""))
+        return spec
+
     def _curriculum(self, section: _Section, measures: tuple[ComponentSpec, ...]) -> CurriculumSpec:
         spec = _read(section, "curriculum", CurriculumSpec())
         if spec.order is not None:
@@ -501,7 +520,15 @@ class _Reader:
 
 
 Spec = TypeVar(
-    "Spec", ConstraintsSpec, CurriculumSpec, EpsilonSpec, MutationSpec, OptimiseSpec, SearchSpec, TrainingSpec
+    "Spec",
+    ConstraintsSpec,
+    CurriculumSpec,
+    EpsilonSpec,
+    MutationSpec,
+    OptimiseSpec,
+    SamplesSpec,
+    SearchSpec,
+    TrainingSpec,
 )
 
 Field = Callable[[_Section, str, Any], Any]
@@ -554,6 +581,24 @@ def _counts(section: _Section) -> tuple[tuple[Name, tuple[int, int | None]], ...
     return tuple(counts)
 
 
+def _cover(section: _Section) -> tuple[ComponentSpec, ...]:
+    """`measure = 20`, a number of bins, or `measure = { bins = 20, range = [0, 1] }`."""
+    found = []
+    for key, value in section.data.items():
+        place = section.text.key(*section.path, key)
+        if _is_int(value):
+            section.take(key)
+            spans = {"bins": section.span(key), "": place}
+            found.append(ComponentSpec(key, key, {"bins": value}, spans))
+        elif not isinstance(value, dict):
+            section.take(key)
+            section.wrong(key, "a number of bins", hint=f"write `{key} = 10`, or `{key} = {{ bins = 10 }}`")
+        else:
+            options = section.table(key).options(key)
+            found.append(replace(options, spans={**options.spans, "": place}))
+    return tuple(found)
+
+
 def _unless_false(field: Field, off: object) -> Field:
     """A key that `false` turns off."""
 
@@ -589,6 +634,13 @@ _FIELDS: Final[Mapping[str, Mapping[str, Field]]] = {
         "time_limit": _number(0),
         "target": _unless_false(_number(), inf),
         "stagnation": _integer(1),
+    },
+    "samples": {
+        "count": _integer(2, _MOST),
+        "cover": lambda section, key, default: _cover(section.table(key)),
+        "maximise": _Section.string,
+        "minimise": _Section.string,
+        "attempts": _integer(1),
     },
     "optimise": {
         "maximise": _names,

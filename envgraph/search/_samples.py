@@ -1,0 +1,178 @@
+"""Many members at once: random walks over valid models, of which an archive keeps what it has room for.
+
+A walk goes from a member of the archive, each of whose cells is as likely, from one valid model to the next, by as many
+applications of rules as make a member of the first population of a search, or by a heavy-tailed mutation where that
+is the strength. Every model on its way that was not met before is offered to the archive. So all members descend from
+the initial model, and what leads to them is kept as for any individual.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Final
+
+from numpy.random import Generator, SeedSequence, default_rng
+
+from envgraph.code import dataclass
+from envgraph.graph import Version
+from envgraph.search._archive import Archive
+from envgraph.search._diversity import BinnedEntropy
+from envgraph.search._evolution import Settings
+from envgraph.search._problem import Problem
+from envgraph.search._store import Generation, Individual, RunStore, Trace
+from envgraph.search._variation import Variation
+
+WALK: Final = 16
+"""Models on a walk: at about this length members differ most, and longer walks save little time
+(`benchmarks/bench_samples.py`)."""
+
+_TOLD: Final = 256
+"""Attempts after which progress is told."""
+
+REPEATED: Final = "the model was met before"
+"""Why a model is turned down that is not worth another look."""
+
+
+@dataclass(frozen=True, slots=True)
+class SampleSettings:
+    """What is to be drawn.
+
+    Attributes:
+        count: members, at least 2, the initial model among them.
+        cover: measures and their bins, which are to have as many members each.
+        best: the measure by which one member is better than another in the same bins, or None.
+        sense: 1 where more of it is better, else -1.
+        attempts: how many models are tried.
+    """
+
+    count: int
+    cover: Sequence[tuple[str, BinnedEntropy]]
+    best: str | None
+    sense: int
+    attempts: int
+
+
+@dataclass(frozen=True, slots=True)
+class SampleProgress:
+    """How far it is.
+
+    Attributes:
+        members: in the archive.
+        cells: that have members.
+        attempts: made.
+        share: of the members, or, once there are enough, of the attempts.
+    """
+
+    members: int
+    cells: int
+    attempts: int
+    share: float
+
+
+class Sampler:
+    """Draws members from models that mutations make of the initial one.
+
+    Args:
+        problem: what is varied, validated and measured; its engine stands at the initial model.
+        settings: how models are varied.
+        wanted: how many members, and of which kinds.
+        seed: the one source of randomness; each walk has a generator of its own.
+    """
+
+    def __init__(self, problem: Problem, settings: Settings, wanted: SampleSettings, seed: int) -> None:
+        self._problem, self._settings, self._wanted, self._seed = problem, settings, wanted, seed
+        problem.valid()  # from the first question on patterns are kept current, unless a version is held by then
+        self._variation = Variation(problem, settings.max_attempts, settings.strength)
+        self._archive = Archive(wanted.count, [bins for _, bins in wanted.cover])
+        self._versions: dict[int, Version] = {}
+        self._individuals: list[Individual] = []
+        self._met: set[int] = set()
+        self._tried = 0
+
+    def run(self, progress: Callable[[SampleProgress], None] = lambda progress: None) -> Archive:
+        """Draw until there are enough, or too many attempts were made; `write` keeps what was found."""
+        first = self._problem.measure()
+        self._offer(None, (), first, default_rng(SeedSequence(self._seed, spawn_key=(0,))))
+        walk, told = 0, 0
+        while not self._over():
+            walk += 1
+            self._walk(default_rng(SeedSequence(self._seed, spawn_key=(walk,))))
+            if self._tried >= told:
+                told = self._tried + _TOLD
+                progress(self.progress)
+        progress(replace(self.progress, share=1.0))
+        return self._archive
+
+    @property
+    def progress(self) -> SampleProgress:
+        """How far it is."""
+        members, wanted = len(self._archive), self._wanted
+        share = members / wanted.count if members < wanted.count else self._tried / wanted.attempts
+        return SampleProgress(members, len(self._archive.counts()), self._tried, min(1.0, share))
+
+    def write(self, store: RunStore) -> None:
+        """Write the members and those that they descend from as the one generation of a run."""
+        members = [*self._archive]
+        kept = dict.fromkeys(members)
+        for number in reversed(range(len(self._individuals))):
+            parent = self._individuals[number].parent
+            if number in kept and parent is not None:
+                kept[parent] = None
+        born = [self._individuals[number] for number in sorted(kept)]
+        of = self._problem.diversity_of
+        values = [self._individuals[number].measures[of] for number in members]
+        reasons = dict(sorted(self._variation.reasons.items()))
+        diversity = self._problem.diversity.score(values)
+        store.write_generation(Generation(0, tuple(members), diversity, len(self._met), reasons), born)
+
+    def _over(self) -> bool:
+        enough = self._archive.level and self._wanted.best is None
+        return enough or self._tried >= self._wanted.attempts
+
+    def _walk(self, rng: Generator) -> None:
+        """Go from a member of the archive from one valid model to the next, and offer them."""
+        engine, variation = self._problem.engine, self._variation
+        parent, since = self._archive.draw(rng), Trace()
+        engine.checkout(self._versions[parent], discard=True)
+        for _ in range(WALK):
+            if self._over():
+                return
+            before = variation.reasons.total()
+            step = variation.attempts(rng, self._vary)
+            self._tried += variation.reasons.total() - before + (step is not None)
+            if step is None:
+                return
+            trace, measures = step
+            since += trace
+            found = self._offer(parent, since, measures, rng)
+            if found is not None:
+                parent, since = found, ()
+
+    def _vary(self, rng: Generator) -> Trace | None:
+        if self._settings.strength == "heavy_tailed":
+            return self._variation.mutation(rng)
+        return self._variation.several(rng, self._settings.initial_applications)
+
+    def _offer(
+        self, parent: int | None, trace: Trace, measures: dict[str, float], rng: Generator
+    ) -> int | None:
+        """Offer the present model to the archive; the number of the member, if it is kept."""
+        engine, wanted, archive = self._problem.engine, self._wanted, self._archive
+        state = engine.model.state_hash()
+        if state in self._met:
+            self._variation.reasons[REPEATED] += 1
+            return None
+        self._met.add(state)
+        cell = archive.cell([measures[name] for name, _ in wanted.cover])
+        quality = wanted.sense * measures[wanted.best] if wanted.best is not None else 0.0
+        found = archive.put(cell, quality, rng)
+        if found is None:
+            return None
+        number, left = found
+        self._versions[number] = engine.commit()
+        if left is not None:
+            del self._versions[left]
+        name = f"{state:016x}"
+        self._individuals.append(Individual(number, 0, number - 1, parent, trace, measures, name))
+        return number

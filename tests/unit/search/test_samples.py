@@ -1,0 +1,210 @@
+"""Many members at once."""
+
+from __future__ import annotations
+
+import sqlite3
+import sys
+from collections import Counter
+from pathlib import Path
+
+import pytest
+
+from envgraph.cli import main
+from envgraph.errors import InvalidArgument, LoadError
+from envgraph.graph import Node
+from envgraph.search import (
+    Family,
+    RunStore,
+    generate,
+    lineage,
+    open_family,
+    read_family,
+    resume,
+    why_low,
+    write_family,
+)
+from tests.unit.search.test_generate import maps, reachable
+
+COVER = "samples.cover={ complexity = 5 }"
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("made") / "run.sqlite"
+    generate("burning_forest", path, samples=60, overrides=[COVER])
+    return path
+
+
+@pytest.fixture(scope="module")
+def family(run: Path) -> Family:
+    return open_family(run)
+
+
+def test_members_are_valid_and_distinct_and_what_was_measured(family: Family) -> None:
+    problem = family.domain.problem(family.domain.engine())
+    assert len({member.model for member in family.members}) == len(family.members) == 60
+    assert [member.initial for member in family.members] == [False] * 59 + [True]
+    assert all(reachable(rows) for rows in maps(family))
+    for member in family.members[::6]:
+        problem = family.domain.problem(family.domain.engine(family.model(member)))
+        assert problem.valid() and problem.measure() == member.measures
+
+
+def test_bins_of_a_measure_that_is_covered_have_as_many_members_each(family: Family) -> None:
+    counts = Counter(min(int(member.measures["complexity"] * 5), 4) for member in family.members)
+    assert counts == dict.fromkeys(range(5), 12)
+    values = [member.measures["complexity"] for member in family.members[:-1]]
+    assert values == sorted(values)
+
+
+def test_the_seed_decides(run: Path, family: Family, tmp_path: Path) -> None:
+    again = generate("burning_forest", tmp_path / "again.sqlite", samples=60, overrides=[COVER])
+    assert again.members == family.members and write_family(again) == write_family(family)
+    other = generate("burning_forest", tmp_path / "other.sqlite", samples=60, overrides=[COVER], seed=1)
+    assert len({one.model for one in (*other.members, *family.members)}) == 119  # the target is in both
+    with RunStore.open(run) as one, RunStore.open(tmp_path / "again.sqlite") as two:
+        assert [*one.individuals()] == [*two.individuals()] and one.reasons() == two.reasons()
+
+
+def test_rules_lead_to_a_member_from_the_initial_model(run: Path, family: Family) -> None:
+    member = family.members[7]
+    with RunStore.open(run) as store:
+        assert member.individual is not None
+        steps = [*lineage(store, family.domain, member.individual)]
+        assert store.individual(member.individual).model is None
+    engine = family.domain.engine()
+    for step in steps:
+        row = tuple(one.id if isinstance(one, Node) else one for one in step.match.values())
+        engine.replay([(step.rule, row)])
+    assert engine.model.state_hash() == family.model(member).state_hash()
+
+
+def test_a_family_of_samples_is_written_and_read(family: Family, tmp_path: Path) -> None:
+    file = tmp_path / "family.json"
+    file.write_text(write_family(family))
+    found = read_family(file)
+    assert [one.model for one in found.members] == [one.model for one in family.members]
+
+
+def test_with_maximise_a_bin_keeps_its_best(tmp_path: Path) -> None:
+    """The measure that is covered is the one that counts: of each fifth the members at its upper end stay."""
+    given = ["samples.maximise=complexity", "samples.attempts=600", COVER]
+    found = generate("burning_forest", tmp_path / "run.sqlite", samples=10, overrides=given)
+    given[0] = "samples.minimise=complexity"
+    other = generate("burning_forest", tmp_path / "other.sqlite", samples=10, overrides=given)
+    high, low = ([one.measures["complexity"] * 5 for one in each.members[:-1]] for each in (found, other))
+    assert [int(value) for value in high if value < 5][:8] == [int(value) for value in low][:8]
+    above, below = (sum(value % 1 for value in each if value < 4) for each in (high, low))
+    assert above > 6 and below < 2
+
+
+GARDEN = {
+    "garden.metamodel": "metamodel garden\nclass Plot { contains Bed bed }\nclass Bed { int size }\n",
+    "garden.model": 'import "garden.metamodel"\n'
+    "model plot : garden { p : Plot { bed = b : Bed { size = 0 } } }\n",
+    "garden.rules": 'import "garden.metamodel"\n'
+    "rule grow { lhs { b : Bed; check(b.size < 6); } modify { set b.size += 1; } }\n"
+    "rule shrink { lhs { b : Bed; check(b.size > 0); } modify { set b.size -= 1; } }\n",
+    "garden.query": 'import "garden.metamodel"\n'
+    "pattern odd(b : Bed) { Bed.size(b, s); check(s == 3); }\n"
+    "pattern size(s : int) { Bed.size(_, s); }\n",
+    "family.toml": 'model = "garden.model"\nimports = ["garden.rules", "garden.query"]\n'
+    '[constraints]\nforbid = ["odd"]\n[measures.size]\nkind = "value"\nof = "size"\n'
+    '[mutation]\nrules = ["grow", "shrink"]\ninitial_applications = [1, 3]\n'
+    "[samples]\ncount = 50\n",
+}
+
+
+@pytest.fixture
+def garden(tmp_path: Path) -> Path:
+    for name, text in GARDEN.items():
+        (tmp_path / name).write_text(text)
+    return tmp_path
+
+
+def test_where_there_are_few_models_all_are_found_and_it_is_told(garden: Path) -> None:
+    """A bed has seven sizes, of which one is forbidden: a walk goes past it."""
+    found = generate(str(garden), garden / "run.sqlite")
+    assert sorted(one.measures["size"] for one in found.members) == [0, 1, 2, 4, 5, 6]
+    with RunStore.open(garden / "run.sqlite") as store:
+        told = why_low(found, store)
+        assert sum(store.reasons().values()) + 6 >= 500 and "the model was met before" in store.reasons()
+    assert told is not None and "only 6 of 50 environments" in told.message and "attempts" in str(told.hint)
+
+
+def test_a_heavy_tailed_strength_is_that_of_walks(garden: Path) -> None:
+    given = ["mutation.strength=heavy_tailed", "samples.count=6"]
+    found = generate(str(garden), garden / "run.sqlite", overrides=given)
+    assert len(found.members) == 6
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ("samples.cover={ size = 3 }", "nobody knows the range of `size`"),
+        (
+            "samples.cover={ size = { bins = 0, range = [0, 6] } }",
+            "`bins` of `size` is a whole number from 1",
+        ),
+        ("samples.cover={ size = 'many' }", "`size` is a number of bins, not a string"),
+        ("samples.cover={ sizes = 3 }", "unknown measure `sizes`"),
+        ("samples.maximise=width", "unknown measure `width`"),
+        ("samples={ maximise = 'size', minimise = 'size' }", "exclude each other"),
+        ("samples.count=1", "it must be at least 2"),
+        ("samples.number=9", "unknown key `number` in `[samples]`"),
+    ],
+)
+def test_mistakes_are_told_where_they_are(garden: Path, given: str, message: str) -> None:
+    diversity = "diversity.kind=variance"
+    with pytest.raises(LoadError, match="--set:1:") as caught:
+        generate(str(garden), garden / "run.sqlite", overrides=[given, diversity])
+    assert message in str(caught.value) and not (garden / "run.sqlite").exists()
+
+
+def test_samples_and_an_objective_exclude_each_other(tmp_path: Path) -> None:
+    with pytest.raises(LoadError, match="a file has one of them"):
+        generate("burning_forest/teaching.toml", tmp_path / "run.sqlite", samples=20)
+
+
+def test_a_run_of_samples_has_no_generations_to_go_on_to(run: Path, family: Family) -> None:
+    assert resume(run).members == family.members
+    with pytest.raises(InvalidArgument, match="has samples, and no generations"):
+        resume(run, generations=5)
+
+
+def test_an_interrupted_run_begins_anew(run: Path, family: Family, tmp_path: Path) -> None:
+    with RunStore.open(run) as store:
+        settings, sources = store.settings(), store.sources()
+    RunStore.create(tmp_path / "run.sqlite", settings, sources).close()
+    assert resume(tmp_path / "run.sqlite").members == family.members
+
+
+def test_a_member_that_is_not_what_was_measured_is_told_when_it_is_asked_for(
+    run: Path, tmp_path: Path
+) -> None:
+    path = tmp_path / "run.sqlite"
+    path.write_bytes(run.read_bytes())
+    with sqlite3.connect(path) as db:
+        (last,) = db.execute("SELECT max(individual) FROM member").fetchone()
+        db.execute("UPDATE individual SET trace = '[]' WHERE id = ?", (last,))
+    found = open_family(path)
+    (wrong,) = (member for member in found.members if member.individual == last)
+    with pytest.raises(InvalidArgument, match=f"individual {last} is not the model that was measured"):
+        found.model(wrong)
+
+
+def test_many_members_are_summed_up(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+
+    def call(*arguments: str) -> str:
+        monkeypatch.setattr(sys, "argv", ["envgraph", *arguments])
+        assert main() == 0
+        return capsys.readouterr().out
+
+    printed = call("generate", "burning_forest", "--samples", "101", "--name", "many")
+    assert printed.startswith("BurningForest: 101 environments, diversity ")
+    assert "three quarters" in printed and "E7" not in printed
+    assert "`--variant E1` shows an environment" in call("show", "many")
+    assert "E7  complexity" in call("show", "many", "--variant", "E7")
