@@ -222,13 +222,15 @@ class Domain:
             engine.function(name, code)
         return engine
 
-    def keys(self, *models: Model) -> KeyIndex:
-        """Indices of objects over models; the initial model always counts."""
+    def keys(self, models: Iterable[Model] = ()) -> KeyIndex:
+        """Indices of objects over models, one after the other; the initial model always counts."""
         behaviour = self.behaviour
         classes = indexed_classes(behaviour, self.metamodel) if behaviour else ()
         index = KeyIndex.of(self._model(), classes)
         for model in models:
-            index = index.merge(KeyIndex.of(model, classes), self.metamodel)
+            found = KeyIndex.of(model, classes)
+            if found != index:
+                index = index.merge(found, self.metamodel)
         return index
 
     def problem(self, engine: Engine) -> Problem:

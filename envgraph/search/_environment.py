@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from functools import cached_property
 from os import PathLike
 from pathlib import Path
@@ -23,7 +24,14 @@ from envgraph.env import (
     environment_spec,
     make_vec_spec,
 )
-from envgraph.env.compiled import CompiledEnv, CompiledVectorEnv, NotCompiled, Program, Streams
+from envgraph.env.compiled import (
+    CompiledEnv,
+    CompiledVectorEnv,
+    NotCompiled,
+    Program,
+    Streams,
+    has_numba,
+)
 from envgraph.errors import EvaluationError, InvalidArgument
 from envgraph.files import telling
 from envgraph.graph import model_to_json
@@ -34,6 +42,9 @@ from envgraph.search._store import dump_json
 from envgraph.search._tables import Record, Tables
 
 Location = str | PathLike[str]
+
+MANY: Final = 100
+"""Members from which on a program is filled and compiled in less time than their states are visited in."""
 
 EngineKind = Literal["table", "compiled", "live"]
 ENGINES: Final = get_args(EngineKind)
@@ -258,6 +269,10 @@ class _Opened:
         """What steps some members: their tables, a program, or None for the live engine."""
         if engine == "live":
             return None
+        many = engine is None and len(places) > MANY and has_numba() and not pictures
+        if many:
+            with suppress(NotCompiled):
+                return self.program(places)
         if engine != "compiled":
             try:
                 shown = [f"environments: {number} of {len(places)}" for number in range(len(places))]
@@ -269,12 +284,16 @@ class _Opened:
                 if engine == "table":
                     raise
         try:
-            return self.family.program([self.family.members[place] for place in places])
+            return self.program(places)
         except NotCompiled as refused:
             self._refused = refused
             if engine == "compiled":
                 raise self.refused() from None
             return None
+
+    def program(self, places: Sequence[int]) -> Program:
+        """The program over some members; raises `NotCompiled`."""
+        return self.family.program([self.family.members[place] for place in places])
 
     def refused(self) -> EvaluationError:
         """The error of a behaviour that is not compiled."""
@@ -287,6 +306,7 @@ class _Opened:
 
     def explored(self, place: int, *, pictures: bool, told: str) -> Explored:
         name, table = [*self.record.tables.items()][place]
+        table = table or self.family.table_name(self.family.members[place])
         found = self._tables.read(table, drawn=pictures and self.record.drawn)
         if found is not None:
             return found

@@ -2,21 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from envgraph.code import dataclass
 from envgraph.env import Behaviour, Explored, KeyIndex, Scene, scene_of
-from envgraph.env.compiled import Program, program_of
+from envgraph.env.compiled import Borrowed, Program, program_of
 from envgraph.errors import InvalidArgument, LoadError, Note, did_you_mean, listed
 from envgraph.graph import Model, model_from_json
 from envgraph.lang import Bundle
+from envgraph.rewrite import Engine
 from envgraph.search._components import Components
 from envgraph.search._domain import Domain
 from envgraph.search._replayed import Derived, Replay
 from envgraph.search._shown import family_html, member_html, member_svg, member_text
+from envgraph.search._split import described, differing, split
 from envgraph.search._store import Individual, RunStore
 from envgraph.search._tables import Record, Tables, table_name
 
@@ -74,14 +80,22 @@ class Family:
     value: float | None = None
     tables: Tables = field(default_factory=Tables.of_user, compare=False, repr=False)
     _explored: dict[tuple[str, bool], Explored] = field(default_factory=dict, compare=False, repr=False)
+    _keys: KeyIndex | None = field(default=None, compare=False, repr=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "members", tuple(replace(one, _family=self) for one in self.members))
 
     @cached_property
     def keys(self) -> KeyIndex:
-        """Indices of objects that mean the same in every member."""
-        return self.domain.keys(*(self.model(member) for member in self.members))
+        """Indices of objects that mean the same in every member, and in those of a family that this is a part of."""
+        if self._keys is not None:
+            return self._keys
+        near = sorted(
+            self.members, key=lambda one: one.individual or 0
+        )  # the way from one to the next is short
+        return self.domain.keys(
+            self.model(one) if isinstance(one.source, str) else one.source.engine().model for one in near
+        )
 
     @property
     def behaviour(self) -> Behaviour:
@@ -139,14 +153,26 @@ class Family:
             InvalidArgument: the family has no environment.
             NotCompiled: something in its behaviour only the live engine has.
         """
-        engines = [self.domain.engine(self.model(member)) for member in members]
-        return program_of(self.domain.engine(), self.behaviour, engines, self.keys)
+        homes = [
+            self.domain.engine(self.model(one))
+            if isinstance(one.source, str)
+            else Borrowed(one.source.engine, partial(self._own_engine, one))
+            for one in members
+        ]
+        return program_of(self.domain.engine(), self.behaviour, homes, self.keys)
+
+    def _own_engine(self, member: Member) -> Engine:
+        return self.domain.engine(self.model(member))
+
+    def table_name(self, member: Member) -> str:
+        """The file in which the table of a member is kept."""
+        return table_name(self.domain, self.behaviour, self.model(member), self.keys)
 
     def record(self) -> Record:
         """What making environments takes beside the tables; raises as `behaviour`."""
         behaviour = self.behaviour
         tables = {
-            one.name: table_name(self.domain, behaviour, self.model(one), self.keys) for one in self.members
+            one.name: self.table_name(one) if isinstance(one.source, str) else "" for one in self.members
         }
         certificates = {one.name: one.certificates for one in self.members}
         drawn = behaviour.draw is not None
@@ -166,6 +192,81 @@ class Family:
     def text(self, member: Member) -> str:
         """The same in letters."""
         return member_text(self, member)
+
+    def subset(self, members: Iterable[Member | int | str]) -> Family:
+        """The family of some members, in their order here and with their names.
+
+        Args:
+            members: of this family, or their names or numbers from 1.
+
+        Raises:
+            InvalidArgument: there is no such member, or none is named.
+        """
+        chosen = {one.name if isinstance(one, Member) else self.member(one).name for one in members}
+        return self._of([place for place, one in enumerate(self.members) if one.name in chosen])
+
+    def between(self, measure: str, low: float, high: float) -> Family:
+        """The family of the members whose measure is from `low` to `high`, such as a band of difficulty.
+
+        Raises:
+            InvalidArgument: there is no such measure, or no such member.
+        """
+        known = self.members[0].measures
+        if measure not in known:
+            hint = did_you_mean(measure, known) or f"there are {', '.join(known)}"
+            raise InvalidArgument(f"family `{self.name}` has no measure `{measure}`", hint)
+        return self._of(
+            [place for place, one in enumerate(self.members) if low <= one.measures[measure] <= high]
+        )
+
+    def split(
+        self, test: float | int | Callable[[Member], bool] = 0.2, *, apart: int = 1, seed: int = 0
+    ) -> tuple[Family, Family]:
+        """A family to train on, and one to test what was learnt: no member is in both, or like one in the other.
+
+        Args:
+            test: which members are tested: a share of them or a number, drawn by lot; or what says so of a member.
+            apart: in how many objects, at least, each member that is trained on differs from each that is tested;
+                those that are nearer are left out of both.
+            seed: of the lot.
+
+        Raises:
+            InvalidArgument: nothing is left to train on, or to test.
+        """
+        trained, tested = split(self.members, test, apart, seed)
+        return self._of(trained), self._of(tested)
+
+    def distances(self) -> NDArray[np.int64]:
+        """In how many objects each member differs from each other one [members, members]: class, values or links.
+
+        An object is what has the same id: the members of a run share the objects of the initial model.
+        """
+        objects = described(self.members)
+        return differing(objects, objects)
+
+    def columns(self) -> dict[str, NDArray[Any]]:
+        """The members as columns of a table: `name`, `initial`, and each measure and certificate.
+
+        `pandas.DataFrame(family.columns())` makes a data frame of them, and `polars.DataFrame` does.
+        """
+        members = self.members
+        certain = dict.fromkeys(name for one in members for name in one.certificates)
+        known = [
+            {name: np.nan if value is None else value for name, value in one.certificates.items()}
+            for one in members
+        ]
+        return {
+            "name": np.array([one.name for one in members]),
+            "initial": np.array([one.initial for one in members]),
+            **{name: np.array([one.measures[name] for one in members]) for name in members[0].measures},
+            **{name: np.array([one.get(name, np.nan) for one in known]) for name in certain},
+        }
+
+    def _of(self, places: Sequence[int]) -> Family:
+        if not places:
+            raise InvalidArgument(f"family `{self.name}` has no such members")
+        members = tuple(self.members[place] for place in places)
+        return replace(self, members=members, _explored={}, _keys=self.keys)
 
     def __repr__(self) -> str:
         return f"<Family {self.name}: {len(self.members)} environments>"

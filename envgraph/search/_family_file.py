@@ -122,13 +122,14 @@ def read_family(path: Path, components: Components | None = None) -> Family:
     members = tuple(_members(value["members"], domain, spans, str(path)))
     family = Family(value["name"], bundle, members, domain, domain.overrides)
     try:
-        known = KeyIndex.from_json(value["keys"], domain.metamodel) == family.keys
+        keys = KeyIndex.from_json(value["keys"], domain.metamodel)
+        known = keys.merge(family.keys, domain.metamodel) == keys
     except EnvgraphError as error:
         raise LoadError([Diagnostic("bad-format", str(error), spans["keys",], _WRITTEN)]) from error
     if not known:
         message = "the keys are not those of the members"
         raise LoadError([Diagnostic("bad-format", message, spans["keys",], _WRITTEN)])
-    return family
+    return replace(family, _keys=keys)  # a part of a larger family counts objects that only others have, too
 
 
 _WRITTEN = "`envgraph export RUN -o family.json` writes one; `envgraph import` reads ga4cl files"

@@ -75,4 +75,5 @@ def random_families(
             members=(*ordered(domain, found), last),
             tables=Tables(()),
             _explored={},
+            _keys=None,
         )

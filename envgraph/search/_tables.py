@@ -45,7 +45,7 @@ class Record:
         behaviour: the name of its environment.
         limit: steps after which an episode is truncated, or None.
         drawn: whether the behaviour says how to draw.
-        tables: the file of each member, by its name.
+        tables: the file of each member, by its name; "" where that takes longer to say than to make its model.
         certificates: what was verified of each member, by its name.
     """
 

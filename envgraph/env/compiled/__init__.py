@@ -11,6 +11,7 @@ from envgraph.env.compiled._environments import CompiledEnv, CompiledVectorEnv, 
 from envgraph.env.compiled._explanation import explanation
 from envgraph.env.compiled._export import check_package, export, program_files
 from envgraph.env.compiled._learner import Learner, Rates
+from envgraph.env.compiled._member import Borrowed
 from envgraph.env.compiled._native import functions, has_numba
 from envgraph.env.compiled._planning import Plan, Plans, find_plan, guided
 from envgraph.env.compiled._program import Program, program_of, program_over, set_stream
@@ -19,6 +20,7 @@ from envgraph.env.compiled._world import streams
 
 __all__ = [
     "Batch",
+    "Borrowed",
     "CompiledEnv",
     "CompiledVectorEnv",
     "Learner",

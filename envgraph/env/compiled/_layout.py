@@ -151,6 +151,7 @@ class Layout:
         symbols = [symbol for symbol in self._numbers if _is_array(symbol)]
         filled: list[list[Sequence[Cell]]] = []
         for member in members:
+            member.arrive()
             for assumed in self._single.values():
                 assumed.check(member)
             filled.append([_numbers(symbol, member, stride) for symbol in symbols])

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from copy import copy
-from typing import Protocol, TypeAlias
+from typing import NamedTuple, Protocol, TypeAlias
 
 from envgraph import code
 from envgraph.env._keys import KeyIndex
@@ -51,33 +51,38 @@ def ranks(type_: EnumType) -> dict[str, int]:
     return {literal: rank for rank, literal in enumerate(sorted(type_.literals))}
 
 
+class Borrowed(NamedTuple):
+    """How to come to the initial state of a member whose engine is that of others, too.
+
+    Attributes:
+        engine: takes the engine there, until somebody takes it to another member.
+        own: makes an engine that is the member's alone.
+    """
+
+    engine: Callable[[], Engine]
+    own: Callable[[], Engine]
+
+
 class Member:
     """The initial state of one member, with its objects numbered in the order of their ids.
 
     Args:
-        engine: its model is that state, now and whenever something is asked.
+        home: an engine whose model is that state, now and whenever something is asked; a borrowed one is asked after
+            `arrive` alone.
         keys: the indices of objects over the family.
-        strings: number of each string that the family has, in alphabetical order.
         library: of the domain: has the patterns that are asked about.
-        created: the concrete classes of objects that rules create.
-        spare: how many of these there may be.
 
     Attributes:
         objects: the ids of those that are there, by number.
-        strings: see above.
+        texts: the strings in the model.
+        strings: number of each string that the family has, in alphabetical order.
+        created: the concrete classes of objects that rules create.
         spare: the numbers of those that rules may create: they are in none of the extents.
     """
 
-    def __init__(
-        self,
-        engine: Engine,
-        keys: KeyIndex,
-        strings: dict[str, int],
-        library: Library,
-        created: frozenset[str] = frozenset(),
-        spare: int = SPARE,
-    ) -> None:
-        self.engine = engine
+    def __init__(self, home: Engine | Borrowed, keys: KeyIndex, library: Library) -> None:
+        self._home = home
+        self.engine = engine = home if isinstance(home, Engine) else home.engine()
         self.keys = keys
         self.model = engine.model
         self.metamodel = engine.model.metamodel
@@ -85,12 +90,29 @@ class Member:
         extents = {cls: sorted(self.model.exact_extent(cls)) for cls in concrete}
         self.objects = sorted(node for nodes in extents.values() for node in nodes)
         self.number = {node: number for number, node in enumerate(self.objects)}
-        self.created = created
-        self.spare = range(len(self.objects), len(self.objects) + (spare if created else 0))
+        self.texts = strings_of(engine)
+        self.strings: dict[str, int] = {}
+        self.created: frozenset[str] = frozenset()
+        self.spare = range(len(self.objects), len(self.objects))
         self._extents = {cls: [self.number[node] for node in nodes] for cls, nodes in extents.items()}
-        self.strings = strings
         self._library = library
         self._rows: dict[Relation, list[Row]] = {}
+
+    def within(self, strings: dict[str, int], created: frozenset[str], spare: int) -> Member:
+        """The same in a family and a program, whose rules may create so many objects of some classes."""
+        other = self.with_spare(spare if created else 0)
+        other.strings, other.created, other._rows = strings, created, {}
+        return other
+
+    def arrive(self) -> Member:
+        """Take the engine to the initial state, if others use it, too."""
+        if isinstance(self._home, Borrowed):
+            self._home.engine()
+        return self
+
+    def own_engine(self) -> Engine:
+        """An engine in the initial state that may be changed."""
+        return self._home if isinstance(self._home, Engine) else self._home.own()
 
     def with_spare(self, spare: int) -> Member:
         """The same with space for so many new objects."""

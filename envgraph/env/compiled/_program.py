@@ -19,7 +19,7 @@ from envgraph.env._simulator import Simulator
 from envgraph.env.compiled import _kernels, _learning, _listing
 from envgraph.env.compiled._behaviour import Text, written
 from envgraph.env.compiled._layout import Layout
-from envgraph.env.compiled._member import SPARE, Member, strings_of
+from envgraph.env.compiled._member import SPARE, Borrowed, Member
 from envgraph.env.compiled._native import functions, has_numba
 from envgraph.env.compiled._refused import Misfit, NotCompiled
 from envgraph.env.compiled._twin import Twin
@@ -95,27 +95,30 @@ class Program:
         """
         if keys != self.keys:
             raise Misfit("keys")
-        strings = _numbered(strings_of(engine), self.layout)
-        member = Member(engine, keys, strings, engine.library, self.layout.created, self.spare)
+        alone = Member(engine, keys, engine.library)
+        strings = _numbered(alone.texts, self.layout)
+        member = alone.within(strings, self.layout.created, self.spare)
         arrays = self.layout.arrays([member], member.size, strings)
         return replace(self, arrays=arrays, members=(member,))
 
     def agent_names(self, number: int) -> tuple[str, ...]:
         """The names of a member's agents, in the order of their turns; () for a behaviour without agents."""
-        member = self.members[number]
+        if not self.behaviour.agents:
+            return ()
+        member = self.members[number].arrive()
         return tuple(name for name, _ in named_agents(self.behaviour, member.model, self.keys))
 
     def twin(self, number: int) -> Twin:
         """The live engine of a member, put into states."""
-        member = self.members[number]
-        simulator = Simulator(member.engine, self.behaviour, self.keys)
+        member = self.members[number].arrive()
+        simulator = Simulator(member.own_engine(), self.behaviour, self.keys)
         return Twin(simulator, member, self.layout, self.arrays.offsets)
 
 
 def program_of(
     engine: Engine,
     behaviour: Behaviour,
-    members: Iterable[Engine] | None = None,
+    members: Iterable[Engine | Borrowed] | None = None,
     keys: KeyIndex | None = None,
     *,
     native: bool | None = None,
@@ -127,7 +130,8 @@ def program_of(
     Args:
         engine: of the domain: has the patterns and rules; plans go by the sizes of its model.
         behaviour: free of errors.
-        members: an engine for each member of the family, in its initial state; that one alone if None.
+        members: an engine for each member of the family, in its initial state, which several may share; that one alone
+            if None.
         keys: the indices of objects over the family; those of the first engine's model alone if None.
         native: whether to compile it with numba; None: if that is installed.
         broken: assumptions that are not made, because other members do not meet them.
@@ -138,16 +142,17 @@ def program_of(
     """
     behaviour = engine.library.resolved(behaviour)
     keys = keys or KeyIndex.of(engine.model, indexed_classes(behaviour, engine.model.metamodel))
-    engines = [engine] if members is None else list(members)
-    for each in engines:
-        _check_agents(behaviour, each)
+    alone = []
+    for home in [engine] if members is None else members:
+        alone.append(Member(home, keys, engine.library))
+        _check_agents(behaviour, alone[-1].engine)
+    known = {text for each in alone for text in each.texts}
     unmet = {*broken}
-    known = {text for each in engines for text in strings_of(each)}
     while True:
         layout = Layout(unmet)
         text = written(engine, behaviour, keys, layout)
         strings = _numbered(known, layout)
-        data = [Member(each, keys, strings, engine.library, layout.created, spare) for each in engines]
+        data = [each.within(strings, layout.created, spare) for each in alone]
         try:
             arrays = layout.arrays(data, max(each.size for each in data), strings)
         except Misfit as misfit:

@@ -59,7 +59,7 @@ class Twin:
             self.simulator.turn = turn
 
     def _restore(self, state: Numbers, floats: Numbers) -> None:
-        member, model, objects = self._member, self._member.model, self._objects
+        member, model, objects = self._member, self.simulator.engine.model, self._objects
         for column, _ in self._columns:
             if isinstance(column, LinkColumn | LinkMatrix):
                 for source, target in member.rows(Links(column.reference)):
@@ -89,10 +89,12 @@ class Twin:
         pairs = product(members(self._member, matrix.sources), members(self._member, matrix.targets))
         for (source, target), linked in zip(pairs, cells, strict=False):  # behind them are other columns
             if linked:
-                self._member.model.link(self._objects[source], matrix.reference, self._objects[target])
+                self.simulator.engine.model.link(
+                    self._objects[source], matrix.reference, self._objects[target]
+                )
 
     def _restore_classes(self, state: Numbers) -> None:
-        member, model = self._member, self._member.model
+        member, model = self._member, self.simulator.engine.model
         found: dict[int, str | None] = {}
         for column, start in self._columns:
             if isinstance(column, ClassSet):

@@ -7,11 +7,15 @@ import sys
 from collections import Counter
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+import envgraph
 from envgraph.cli import main
+from envgraph.env import EnvgraphVectorEnv
+from envgraph.env.compiled import CompiledVectorEnv
 from envgraph.errors import InvalidArgument, LoadError
-from envgraph.graph import Node
+from envgraph.graph import Node, model_to_json
 from envgraph.search import (
     Family,
     RunStore,
@@ -23,6 +27,7 @@ from envgraph.search import (
     why_low,
     write_family,
 )
+from envgraph.search._store import dump_json
 from tests.unit.search.test_generate import maps, reachable
 
 COVER = "samples.cover={ complexity = 5 }"
@@ -84,6 +89,36 @@ def test_a_family_of_samples_is_written_and_read(family: Family, tmp_path: Path)
     file.write_text(write_family(family))
     found = read_family(file)
     assert [one.model for one in found.members] == [one.model for one in family.members]
+
+
+def test_an_engine_that_members_share_fills_the_same_program(family: Family, tmp_path: Path) -> None:
+    file = tmp_path / "family.json"
+    file.write_text(write_family(family))
+    alone = read_family(file)  # has an engine for each
+    shared, apart = (one.program(one.members[:9]) for one in (family, alone))
+    assert family.keys == alone.keys and shared.source == apart.source
+    for name in ("tables", "floats", "states", "float_states", "offsets"):
+        assert (getattr(shared.arrays, name) == getattr(apart.arrays, name)).all(), name
+    twins = [shared.twin(place) for place in (2, 5)]
+    for place, twin in zip((2, 5), twins, strict=True):
+        with twin.at(shared.arrays.states[place], shared.arrays.float_states[place]) as simulator:
+            assert dump_json(model_to_json(simulator.engine.model)) == family.members[place].model
+
+
+def test_many_environments_are_stepped_by_a_program(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with monkeypatch.context() as context:
+        context.setattr("envgraph.search._environment.MANY", 3)
+        context.setattr("envgraph.search._environment.has_numba", lambda: True)
+        context.setattr("envgraph.env.compiled._program.has_numba", lambda: False)  # in Python
+        many = envgraph.make_vec(run, num_envs=6, variant=["E1", "E9", "E17", "E60"])
+    few = envgraph.make_vec(run, num_envs=6, variant=["E1", "E9", "E17", "E60"])
+    assert isinstance(many, CompiledVectorEnv) and isinstance(few, EnvgraphVectorEnv)
+    seen = [envs.reset(seed=1)[0] for envs in (many, few)]
+    assert (seen[0] == seen[1]).all()
+    for number in range(30):
+        many_step, few_step = (envs.step(np.full(6, number % 4)) for envs in (many, few))
+        for one, other in zip(many_step[:4], few_step[:4], strict=True):
+            assert (one == other).all()
 
 
 def test_with_maximise_a_bin_keeps_its_best(tmp_path: Path) -> None:
