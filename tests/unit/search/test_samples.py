@@ -97,11 +97,11 @@ def test_an_engine_that_members_share_fills_the_same_program(family: Family, tmp
     alone = read_family(file)  # has an engine for each
     shared, apart = (one.program(one.members[:9]) for one in (family, alone))
     assert family.keys == alone.keys and shared.source == apart.source
-    for name in ("tables", "floats", "states", "float_states", "offsets"):
+    for name in ("tables", "reals", "ints", "floats", "offsets"):
         assert (getattr(shared.arrays, name) == getattr(apart.arrays, name)).all(), name
     twins = [shared.twin(place) for place in (2, 5)]
     for place, twin in zip((2, 5), twins, strict=True):
-        with twin.at(shared.arrays.states[place], shared.arrays.float_states[place]) as simulator:
+        with twin.at(shared.arrays.ints[place], shared.arrays.floats[place]) as simulator:
             assert dump_json(model_to_json(simulator.engine.model)) == family.members[place].model
 
 
