@@ -24,14 +24,8 @@ from envgraph.lang.family._family import (
 from envgraph.lang.family._family_reader import find_family, load_family
 from envgraph.lang.loading._checking import conformance
 from envgraph.lang.loading._family_check import COMPONENTS, check_family, numeric_parameters
-from envgraph.lang.loading._loader import (
-    LANGUAGES,
-    load,
-    load_behaviour,
-    load_workspace,
-    open,
-    open_workspace,
-)
+from envgraph.lang.loading._import_check import LANGUAGES
+from envgraph.lang.loading._open import load, load_behaviour, load_workspace, open, open_workspace
 from envgraph.lang.loading._workspace import Workspace
 from envgraph.lang.read._model import ModelText
 from envgraph.lang.syntax._data import bundled_domain, bundled_domains, data_path

@@ -3,15 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import field
+from dataclasses import field, replace
 
 from envgraph.code import dataclass
 from envgraph.errors import Diagnostic, Severity, did_you_mean
 from envgraph.lang.read._ecore_types import library_types
 from envgraph.lang.read._imports import Import
 from envgraph.lang.read._query_header import PatternImport
+from envgraph.lang.syntax._data import bundled_domains
+from envgraph.lang.syntax._formats import suffix_of
 from envgraph.metamodel import Metamodel, simple_name
 from envgraph.pattern import Pattern, UnknownNames
+
+LANGUAGES = ("metamodel", "model", "query", "rules", "environment")
+
+LANGUAGE_OF = {language: language for language in LANGUAGES} | {
+    "ecore": "metamodel",
+    "xmi": "model",
+    "json": "model",
+    "vql": "query",
+}
+"""Formats that can be imported, and the language that each is read as."""
+
+NAME_IT = "name its file too, for example with `--metamodel`, or import the path of a file"
 
 
 @dataclass(slots=True)
@@ -31,6 +45,26 @@ class ImportedFile:
     mentioned: frozenset[str] | None = None
     defined: set[str] = field(default_factory=set)
     metamodel: bool = False
+
+
+def is_path(text: str) -> bool:
+    """Whether an import is a path by its looks; else it may be the uri or the name of a metamodel."""
+    return "://" not in text and suffix_of(text) in LANGUAGE_OF
+
+
+def at_import(problem: Diagnostic, asked: Import | None, name: str) -> Diagnostic:
+    """A file that cannot be read is the mistake of who asks for it."""
+    if asked is None or (problem.span and problem.span.source.text):
+        if problem.code == "missing-file" and problem.hint is None and "." not in name:
+            return replace(problem, hint=did_you_mean(name, bundled_domains()))
+        return problem
+    if not asked.path.strip():
+        hint = 'write `import "name.metamodel"`'
+        return Diagnostic("missing-file", "the import names no file", asked.span, hint)
+    if problem.code == "missing-file" and problem.hint is None and not is_path(asked.path):
+        message = f"`{asked.path}` is the uri or the name of none of the metamodels, and no file"
+        return Diagnostic("missing-file", message, asked.span, NAME_IT)
+    return Diagnostic(problem.code, f"`{asked.path}`: {problem.message}", asked.span, problem.hint)
 
 
 def names_of(metamodel: Metamodel, calls: Collection[str] | None = None) -> set[str]:

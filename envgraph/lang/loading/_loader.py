@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
-import gc
 import re
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import field, replace
-from os import PathLike, fspath
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING, NoReturn, TypeVar
 
 from envgraph.code import dataclass
 from envgraph.errors import (
     RAISE_LIMIT,
     Diagnostic,
-    InvalidArgument,
     LoadError,
-    Note,
     Severity,
     Source,
     did_you_mean,
@@ -25,24 +20,29 @@ from envgraph.errors import (
 from envgraph.lang.family._family import FamilySpec
 from envgraph.lang.family._family_reader import FAMILY_FILE, PROBLEM_FILE, read_family
 from envgraph.lang.loading._checking import check, conformance
-from envgraph.lang.loading._family_check import COMPONENTS, check_family
+from envgraph.lang.loading._family_check import check_family
 from envgraph.lang.loading._import_check import (
+    LANGUAGE_OF,
+    NAME_IT,
     ImportedFile,
+    at_import,
     imported_patterns,
+    is_path,
     names_of,
     unused_files,
 )
+from envgraph.lang.loading._metamodels import Metamodels
 from envgraph.lang.loading._workspace import Workspace
 from envgraph.lang.read._ecore_types import ECORE
 from envgraph.lang.read._expressions import Reading
 from envgraph.lang.read._imports import Import, near_uri
-from envgraph.lang.read._metamodel import MetamodelFile, read_metamodel
+from envgraph.lang.read._metamodel import read_metamodel
 from envgraph.lang.read._model import ModelText, imports_of, read_models
 from envgraph.lang.read._query import QueryFile, read_query
 from envgraph.lang.read._query_header import header_of
 from envgraph.lang.read._suppress import Suppression, suppressions_of, unsuppressed
 from envgraph.lang.read._type_names import TypeNames
-from envgraph.lang.syntax._data import bundled_domains, bundled_file, data_path
+from envgraph.lang.syntax._data import bundled_domains, data_path
 from envgraph.lang.syntax._files import DiskFiles, Files, file_format, in_directory, read_source
 from envgraph.lang.syntax._formats import FORMATS, suffix_of
 from envgraph.lang.syntax._grammar import grammar
@@ -52,7 +52,7 @@ from envgraph.lang.syntax._parsing import Parsed, parse_tokens
 from envgraph.lang.syntax._xml import as_utf8
 from envgraph.metamodel import Metamodel
 from envgraph.pattern import Derivation, FunctionDeclaration, Library, Pattern, Rule, Unit, UnknownNames
-from envgraph.rewrite import Engine, Registration
+from envgraph.rewrite import Registration
 
 if TYPE_CHECKING:  # each is loaded with the first file that needs it
     from envgraph.behaviour import Behaviour
@@ -60,134 +60,16 @@ if TYPE_CHECKING:  # each is loaded with the first file that needs it
     from envgraph.lang.read._environment import EnvironmentFile
     from envgraph.lang.read._rules import RulesFile
 
-LANGUAGES = ("metamodel", "model", "query", "rules", "environment")
-
-_FOREIGN = {"ecore": "metamodel", "xmi": "model", "json": "model", "vql": "query"}
-"""Formats that are none of the five languages, and what they are read as."""
-
-_LANGUAGE_OF = {**{language: language for language in LANGUAGES}, **_FOREIGN}
-
 _LIBRARIES = (ECORE, "http://www.eclipse.org/emf/2003/XMLType")
 """Packages that every `.vql` file may import: they hold the data types."""
+
+_Kind = TypeVar("_Kind")
 
 _MOST_FILES = 10_000
 """With all imports."""
 
-_NAME_IT = "name its file too, for example with `--metamodel`, or import the path of a file"
 
-StrPath = str | PathLike[str]
-
-
-def open(*paths: StrPath, seed: int = 0, allow_unresolved: bool = False) -> Engine:
-    """An engine with everything that the files and their imports say.
-
-    Args:
-        paths: files of any language, a family file, a directory that holds one, or the name of a bundled domain.
-            Without a model among them and what they import, the engine's model is empty.
-        seed: of the engine's random choices.
-        allow_unresolved: whether links of EMF models to files and objects that are nowhere are left out; else they are
-            mistakes.
-
-    Raises:
-        LoadError: all that is wrong with all of the files, together.
-        InvalidArgument: no path leads to a metamodel, or several lead to a model.
-
-    >>> engine = open("burning_forest")
-    >>> engine.count("burningTile")
-    20
-    """
-    return open_workspace(*paths, allow_unresolved=allow_unresolved).engine(seed=seed)
-
-
-def open_workspace(*paths: StrPath, allow_unresolved: bool = False) -> Workspace:
-    """What `open` makes an engine of, and all that is wrong with it, warnings too."""
-    return load_workspace(_family_first(paths), allow_unresolved=allow_unresolved)
-
-
-def load(engine: Engine, *paths: StrPath) -> None:
-    """Adds the patterns, rules, units and derived groups of files and their imports to an engine.
-
-    What the engine has already is left alone: a definition that is equal to a known one of the same name is no error.
-    Models and behaviours among the files are not used.
-
-    Raises:
-        LoadError: all that is wrong with all of the files, together. Nothing is added.
-        InvalidArgument: the files are about another metamodel than the engine's model.
-    """
-    own = engine.model.metamodel
-    workspace = load_workspace(paths, metamodel=own)
-    workspace.raise_errors()
-    if workspace.metamodel is not None and not _same(workspace.metamodel, own):
-        raise InvalidArgument(
-            f"the files are about metamodel `{workspace.metamodel.name}`, the engine's model is of `{own.name}`"
-        )
-    known = {one.qualified_name: one for one in engine.definitions}
-    new = [one for one in workspace.definitions if known.get(one.qualified_name) != one]
-    engine.add(*new)
-
-
-def load_behaviour(path: StrPath, name: str | None = None) -> Behaviour:
-    """The behaviour of an `.environment` file (the one of that name if there are several).
-
-    Raises:
-        LoadError: all that is wrong with the file and its imports.
-        InvalidArgument: there is none, or several to choose from.
-    """
-    return load_workspace([path]).behaviour(name)
-
-
-def load_workspace(
-    paths: Iterable[StrPath],
-    *,
-    files: Files | None = None,
-    components: Mapping[str, Collection[str]] = COMPONENTS,
-    metamodel: Metamodel | None = None,
-    allow_unresolved: bool = False,
-    overrides: Sequence[str] = (),
-) -> Workspace:
-    """Reads and checks files and what they import; errors are in `diagnostics` of the result.
-
-    Args:
-        paths: files of any language; family files, whose model and environment are read too; directories, of which all
-            files are read; names of bundled domains, or of files in them, `burning_forest/teaching.toml`.
-        files: where files are read from; the disk if None. `TextFiles` for texts at hand.
-        components: the kinds of measures and selections that a family file may name, by role (see `check_family`).
-        metamodel: what the files are about if none of them is a metamodel, or imports one by its path; they may
-            import this one by its uri or its name.
-        allow_unresolved: whether links of EMF models to what is nowhere are warnings, and left out.
-        overrides: what holds instead of what family files say, such as "search.population=10".
-    """
-    with _without_collection():
-        loader = _Loader(files or DiskFiles(), components, metamodel, allow_unresolved, overrides)
-        for path in paths:
-            loader.add_root(fspath(path) if files else bundled_file(fspath(path)))
-        return loader.workspace()
-
-
-@contextmanager
-def _without_collection() -> Iterator[None]:
-    """Stops looking for garbage: nearly all that is made while reading stays, and to look takes a third of the time."""
-    enabled = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if enabled:
-            gc.enable()
-
-
-def _family_first(paths: Sequence[StrPath]) -> list[str]:
-    """The paths, with the family file in place of a directory or domain that has one."""
-    files = DiskFiles()
-    chosen = []
-    for path in (bundled_file(fspath(one)) for one in paths):
-        directory = _directory(files, path)
-        family = in_directory(directory, FAMILY_FILE) if directory else None
-        chosen.append(family if family and family in files.entries(directory or "") else path)
-    return chosen
-
-
-def _directory(files: Files, path: str) -> str | None:
+def directory_of(files: Files, path: str) -> str | None:
     """The directory that a path means, which may be the name of a bundled domain; None for a file."""
     name = files.name(path)
     if files.is_directory(name):
@@ -197,33 +79,23 @@ def _directory(files: Files, path: str) -> str | None:
     return None
 
 
-def _same(one: Metamodel, other: Metamodel) -> bool:
-    return one is other or (one.class_list == other.class_list and one.enum_types == other.enum_types)
-
-
 @dataclass(slots=True)
-class _Loader:
+class Loader:
     """Reads each file once; a file's imports are read right after it, so that the order is that of the text."""
 
     files: Files
     components: Mapping[str, Collection[str]]
-    given: Metamodel | None = None
-    allow_unresolved: bool = False
+    metamodels: Metamodels
     overrides: Sequence[str] = ()
     diagnostics: list[Diagnostic] = field(default_factory=list)
     roots: list[str] = field(default_factory=list)
     order: dict[str, int] = field(default_factory=dict)
     sources: dict[str, str] = field(default_factory=dict)
     lost: set[str] = field(default_factory=set)
-    metamodels: dict[str, tuple[MetamodelFile, Import | None]] = field(default_factory=dict)
-    ecore: dict[str, tuple[EcoreDocument, Import | None]] = field(default_factory=dict)
-    """The `.ecore` files, of which one metamodel is made when all are there."""
     texts: list[tuple[str, Parsed, Sequence[Lexeme]]] = field(default_factory=list)
     """Files with definitions, which are read when it is known what the names in them mean."""
     models: list[Parsed | Source] = field(default_factory=list)
-    patterns: list[Pattern] = field(default_factory=list)
-    functions: list[FunctionDeclaration] = field(default_factory=list)
-    definitions: list[Rule | Unit | Derivation] = field(default_factory=list)
+    definitions: list[Pattern | FunctionDeclaration | Rule | Unit | Derivation] = field(default_factory=list)
     behaviours: list[Behaviour] = field(default_factory=list)
     families: list[FamilySpec] = field(default_factory=list)
     suppressions: list[Suppression] = field(default_factory=list)
@@ -241,7 +113,7 @@ class _Loader:
 
     def add_root(self, path: str) -> None:
         """Reads a path that was asked for."""
-        directory = _directory(self.files, path)
+        directory = directory_of(self.files, path)
         if directory is None:
             name = self.files.name(path)
             self.roots.append(name)
@@ -261,7 +133,7 @@ class _Loader:
             self._read(name)
 
     def _known_files(self, directory: str) -> list[str]:
-        known = (*_LANGUAGE_OF.keys() - {"json"}, "toml")  # many things are kept as JSON
+        known = (*LANGUAGE_OF.keys() - {"json"}, "toml")  # many things are kept as JSON
         return [name for name in self.files.entries(directory) if suffix_of(name) in known]
 
     def _read(self, first: str, asked: Import | None = None) -> None:
@@ -286,21 +158,21 @@ class _Loader:
         try:
             if format == "toml" and asked is None:
                 return self._family(name)
-            if format not in _LANGUAGE_OF and self.files.exists(name):
+            if format not in LANGUAGE_OF and self.files.exists(name):
                 self._no_language(name, format, asked)
             source = read_source(self.files, name)
         except LoadError as error:
-            self.diagnostics.extend(self._at_import(one, asked, name) for one in error.diagnostics)
+            self.diagnostics.extend(at_import(one, asked, name) for one in error.diagnostics)
             self.incomplete = True
             return []
         assert format is not None
         self.sources[name] = as_utf8(source.text) if format in ("ecore", "xmi") else source.text
         file = self.read[name] = ImportedFile()
         imports = self._take(format, source, asked)
-        self.named.extend((one, name) for one in imports if not _is_path(one.path))
-        found = [(one, self.files.name(one.path, beside=name)) for one in imports if _is_path(one.path)]
+        self.named.extend((one, name) for one in imports if not is_path(one.path))
+        found = [(one, self.files.name(one.path, beside=name)) for one in imports if is_path(one.path)]
         if format == "ecore":
-            found = self._other_packages(self.ecore[name][0])
+            found = self._other_packages(self.metamodels.ecore[name][0])
         file.imports += found
         return [(target, one) for one, target in found]
 
@@ -319,33 +191,17 @@ class _Loader:
     def _no_language(self, name: str, format: str | None, asked: Import | None) -> NoReturn:
         span = asked.span if asked else Source(name, "").span(0, 0)
         suffix = suffix_of(name)
-        hint = did_you_mean(suffix, _LANGUAGE_OF) if suffix and format is None else None
+        hint = did_you_mean(suffix, LANGUAGE_OF) if suffix and format is None else None
         what = f"{FORMATS[format]}, and" if format else "a file"
         message = f"`{name.rpartition('/')[2]}` is {what} of none of the languages"
         raise LoadError([Diagnostic("unknown-language", message, span, hint or _extensions())])
-
-    def _at_import(self, problem: Diagnostic, asked: Import | None, name: str) -> Diagnostic:
-        """A file that cannot be read is the mistake of who asks for it."""
-        if asked is None or (problem.span and problem.span.source.text):
-            if problem.code == "missing-file" and problem.hint is None and "." not in name:
-                hint = did_you_mean(name, bundled_domains())
-                return Diagnostic(problem.code, problem.message, problem.span, hint)
-            return problem
-        if not asked.path.strip():
-            hint = 'write `import "name.metamodel"`'
-            return Diagnostic("missing-file", "the import names no file", asked.span, hint)
-        message = f"`{asked.path}`: {problem.message}"
-        if problem.code == "missing-file" and problem.hint is None and not _is_path(asked.path):
-            message = f"`{asked.path}` is the uri or the name of none of the metamodels, and no file"
-            return Diagnostic("missing-file", message, asked.span, _NAME_IT)
-        return Diagnostic(problem.code, message, asked.span, problem.hint)
 
     def _take(self, format: str, source: Source, asked: Import | None) -> Sequence[Import]:
         """Keeps what a file says, and returns its imports."""
         if format == "ecore":
             from envgraph.lang.interchange._ecore_document import EcoreDocument
 
-            self.ecore[source.name] = EcoreDocument(source), asked
+            self.metamodels.ecore[source.name] = EcoreDocument(source), asked
             return ()
         if format == "json":
             self.models.append(source)
@@ -357,7 +213,7 @@ class _Loader:
 
             self.schemas += [self.files.name(path, source.name) for path in schema_paths(source)]
             return ()
-        return self._take_text(_LANGUAGE_OF[format], source, asked)
+        return self._take_text(LANGUAGE_OF[format], source, asked)
 
     def _take_text(self, language: str, source: Source, asked: Import | None) -> Sequence[Import]:
         parsed, lexemes = parse_tokens(grammar(language), source)
@@ -368,7 +224,7 @@ class _Loader:
         self.diagnostics += problems
         match language:
             case "metamodel":
-                self.metamodels[parsed.source.name] = read_metamodel(parsed), asked
+                self.metamodels.files[parsed.source.name] = read_metamodel(parsed), asked
                 return ()
             case "model":
                 self.models.append(parsed)
@@ -389,8 +245,8 @@ class _Loader:
         imported: list[str] = []
         for import_, target in self.read[name].imports:
             paths = tuple(one.path for one in metamodel.packages if one.uri == import_.path)
-            if not paths and target in self.ecore:
-                calls = set(self.ecore[target][0].calls())
+            if not paths and target in self.metamodels.ecore:
+                calls = set(self.metamodels.ecore[target][0].calls())
                 paths = tuple(one.path for one in metamodel.packages if one.uri in calls)
             if import_.alias is None:
                 imported += paths
@@ -407,14 +263,13 @@ class _Loader:
         match language:
             case "query":
                 file = read_query(parsed, types)
-                self.patterns.extend(file.patterns)
-                self.functions.extend(file.functions)
+                self.definitions += file.definitions
                 defined = file.definitions
             case "rules":
                 from envgraph.lang.read._rules import read_rules
 
                 file = read_rules(parsed, types)
-                self.definitions.extend(file.definitions)
+                self.definitions += file.definitions
                 defined = file.definitions
             case _:
                 from envgraph.lang.read._environment import read_environment
@@ -450,21 +305,22 @@ class _Loader:
         self._read_schemas()
         self._resolve_names()
         metamodel = self._metamodel()
-        self._read_definitions(None if self._others() else metamodel)
+        clear = not self.metamodels.others()  # else nobody knows which of them the names are of
+        self._read_definitions(metamodel if clear else None)
         lost = frozenset(self.lost)
         unknown = UnknownNames(lost, self.incomplete)
-        imports = [] if self._others() else self._wrong_imports(unknown)
-        models = self._models(None if self._others() else metamodel, lost)
+        imports = self._wrong_imports(unknown) if clear else []
+        models = self._models(metamodel if clear else None, lost)
         workspace = Workspace(
             metamodel,
             tuple(models),
-            tuple(self.patterns),
-            tuple(one for one in self.definitions if isinstance(one, Rule)),
-            tuple(one for one in self.definitions if isinstance(one, Unit)),
-            tuple(one for one in self.definitions if isinstance(one, Derivation)),
+            self._defined(Pattern),
+            self._defined(Rule),
+            self._defined(Unit),
+            self._defined(Derivation),
             self._behaviours(metamodel),
             tuple(self.families),
-            functions=tuple(self.functions),
+            functions=self._defined(FunctionDeclaration),
             roots=tuple(dict.fromkeys(self.roots)),
             sources=self.sources,
             unknown=unknown | (str(name) for one in imports for name in one.subject),
@@ -475,7 +331,7 @@ class _Loader:
             ),
         )
         self.diagnostics += imports
-        if not self._others():  # else nobody knows which of them the names are of
+        if clear:
             if metamodel is not None:
                 library = Library(metamodel)
                 library.unknown = workspace.unknown
@@ -493,6 +349,10 @@ class _Loader:
         self.diagnostics += self._conformance(models)
         return replace(workspace, diagnostics=self._sorted())
 
+    def _defined(self, kind: type[_Kind]) -> tuple[_Kind, ...]:
+        """The definitions of a kind."""
+        return tuple(one for one in self.definitions if isinstance(one, kind))
+
     def _behaviours(self, metamodel: Metamodel | None) -> tuple[Behaviour, ...]:
         """Those of environments, in which it is known what literals are of which enum."""
         if metamodel is None or not self.behaviours:
@@ -503,7 +363,7 @@ class _Loader:
 
     def _wrong_imports(self, unknown: UnknownNames) -> list[Diagnostic]:
         """Patterns that are imported and are nowhere; without such mistakes, also files that are of no use."""
-        patterns = {one.qualified_name: one for one in self.patterns}
+        patterns = {one.qualified_name: one for one in self._defined(Pattern)}
         wrong = [
             one
             for name, file in self.read.items()
@@ -516,15 +376,16 @@ class _Loader:
         ]
         if wrong or unknown:
             return wrong
-        for name, (file, _) in self.metamodels.items():
+        for name, (file, _) in self.metamodels.files.items():
             self.read[name].metamodel = True
             self.read[name].defined = names_of(file.metamodel) if file.metamodel else set()
-            if name in self.ecore and file.metamodel:
-                for other, (document, _) in self.ecore.items():
+            if name in self.metamodels.ecore and file.metamodel:
+                for other, (document, _) in self.metamodels.ecore.items():
                     self.read[other].metamodel = True
                     self.read[other].defined = names_of(file.metamodel, set(document.calls()))
-        if self.given is not None and not self.metamodels:
-            self.read[""] = ImportedFile(defined=names_of(self.given), metamodel=True)
+        given = self.metamodels.given
+        if given is not None and not self.metamodels.files:
+            self.read[""] = ImportedFile(defined=names_of(given), metamodel=True)
         return list(unused_files(self.read))
 
     def _conformance(self, models: Iterable[ModelText]) -> list[Diagnostic]:
@@ -537,61 +398,15 @@ class _Loader:
         ]
 
     def _metamodel(self) -> Metamodel | None:
-        self._put_together()
-        for file, _ in self.metamodels.values():
+        self.diagnostics += self.metamodels.put_together(self.order)
+        for file, _ in self.metamodels.files.values():
             self._note(file.diagnostics, file.lost)
-        self._one_metamodel()
-        found = [file.metamodel for file, _ in self.metamodels.values()]
-        return found[0] if found else self.given
-
-    def _put_together(self) -> None:
-        """Makes one metamodel of the `.ecore` files."""
-        first: dict[str, EcoreDocument] = {}
-        doubles: dict[str, EcoreDocument] = {}
-        homes: dict[str, EcoreDocument] = {}
-        for name, (document, asked) in self.ecore.items():
-            uris = [one for one in document.uris if one in homes]
-            known = homes[uris[0]] if uris else document
-            homes.update((one, document) for one in document.uris if one not in homes)
-            if known is document:
-                first[document.uri or name] = document
-            else:
-                doubles[name] = known
-                if known.uri != document.uri or not self._alike(known, document):
-                    message = f"the package `{uris[0]}` is in another file already, and is not the same there"
-                    notes = (Note("the first one is here", known.span),)
-                    span = asked.span if asked else document.span
-                    hint = "leave one of the files out"
-                    self.diagnostics.append(Diagnostic("two-metamodels", message, span, hint, notes=notes))
-        if first:
-            name, (_, asked) = next(iter(self.ecore.items()))
-            documents = tuple(first.values())
-            from envgraph.lang.interchange._ecore import read_ecore
-
-            read = read_ecore(documents, doubles, allow_unresolved=self.allow_unresolved)
-            self.metamodels[name] = read, asked
-            ordered = sorted(self.metamodels.items(), key=lambda one: self.order[one[0]])
-            self.metamodels = dict(ordered)
-
-    def _alike(self, one: EcoreDocument, other: EcoreDocument) -> bool:
-        """Whether two files say the same."""
-        if one.source.text == other.source.text:
-            return True
-        from envgraph.lang.interchange._ecore import read_ecore
-
-        documents = {each.uri or name: each for name, (each, _) in reversed(self.ecore.items())}
-        names = [name for name, (each, _) in self.ecore.items() if each.uri == one.uri]
-        first, second = (
-            read_ecore(
-                tuple({**documents, each.uri or "": each}.values()), dict.fromkeys(names, each)
-            ).metamodel
-            for each in (one, other)
-        )
-        return first is not None and second is not None and _same(first, second)
+        self.diagnostics += self.metamodels.one()
+        return self.metamodels.first
 
     def _read_schemas(self) -> None:
         """Reads the metamodels that models mention, if nothing else says what they are made of."""
-        if not self.metamodels and not self.ecore and self.given is None:
+        if not self.metamodels:
             for name in dict.fromkeys(self.schemas):
                 if self.files.exists(name):
                     self._read(name)
@@ -599,15 +414,15 @@ class _Loader:
     def _resolve_names(self) -> None:
         """Finds the metamodels that are imported by uri or name; the rest are paths after all."""
         uris = {one.path for one, _ in self.named}
-        if ECORE in uris and uris <= set(_LIBRARIES) and not (self.metamodels or self.ecore or self.given):
+        if ECORE in uris and uris <= set(_LIBRARIES) and not self.metamodels:
             from envgraph.lang.interchange._ecore_document import ecore_itself
 
-            self.ecore[ECORE] = ecore_itself(), None
+            self.metamodels.ecore[ECORE] = ecore_itself(), None
             self.order.setdefault(ECORE, len(self.order))
             self.read[ECORE] = ImportedFile()
         while self.named:
             import_, beside = self.named.pop(0)
-            known = self._known_names()
+            known = self.metamodels.names()
             if import_.path in known or import_.path in _LIBRARIES:
                 self.read[beside].imports.append((import_, known.get(import_.path)))
                 continue
@@ -616,29 +431,14 @@ class _Loader:
                 self.read[beside].imports.append((import_, target))
                 self._read(target, import_)
                 continue
-            unread = any(file.metamodel is None for file, _ in self.metamodels.values())
-            if unread or any(document.root is None for document, _ in self.ecore.values()):
+            if self.metamodels.unread:
                 continue  # it may be one that cannot be read
             hint = near_uri(import_.path, known)
             if hint is None:
-                hint = _NAME_IT
+                hint = NAME_IT
             message = f"no metamodel has the uri `{import_.path}`"
             self.incomplete = True
             self.diagnostics.append(Diagnostic("unknown-uri", message, import_.span, hint))
-
-    def _known_names(self) -> dict[str, str]:
-        """By which metamodels can be imported, with the files that they are in, "" for the one at hand."""
-        found = {file: one.metamodel for file, (one, _) in self.metamodels.items()}
-        if not found and not self.ecore:
-            found = {"": self.given}
-        known = {
-            name: file
-            for file, metamodel in found.items()
-            if metamodel
-            for name in (*(package.uri for package in metamodel.packages), metamodel.name)
-        }
-        calls = {name: file for file, (one, _) in self.ecore.items() for name in one.calls()}
-        return {**calls, **known}
 
     def _models(self, metamodel: Metamodel | None, lost: frozenset[str]) -> list[ModelText]:
         """The models of all files; an XMI document that another one names is part of that one's model."""
@@ -659,7 +459,7 @@ class _Loader:
                 from envgraph.lang.interchange._xmi import read_xmi
 
                 document = read_xmi(
-                    parsed, metamodel, lost, self._fetch, allow_unresolved=self.allow_unresolved
+                    parsed, metamodel, lost, self._fetch, allow_unresolved=self.metamodels.allow_unresolved
                 )
                 models.append(document.text)
                 self.diagnostics.extend(document.diagnostics)
@@ -674,27 +474,6 @@ class _Loader:
             self.xml[name] = read_source(self.files, name)
             self.sources[name] = as_utf8(self.xml[name].text)
         return self.xml[name]
-
-    def _others(self) -> list[tuple[MetamodelFile, Import | None]]:
-        """The metamodels that are not the first one, in another format perhaps."""
-        found = list(self.metamodels.values())
-        first = found[0][0].metamodel if found else None
-        return [
-            (file, asked)
-            for file, asked in found[1:]
-            if not (first and file.metamodel and _same(first, file.metamodel))
-        ]
-
-    def _one_metamodel(self) -> None:
-        for other, asked in self._others():
-            first = next(iter(self.metamodels.values()))[0]
-            notes = (Note("the first one is here", first.span),)
-            hint = "one engine has one metamodel: put the classes together"
-            if any(one.name.endswith(".ecore") for one in (other.span.source, first.span.source)):
-                hint = f"{hint}, or name `.ecore` files only: those become one metamodel"
-            span = asked.span if asked else other.span
-            message = "this is a second metamodel"
-            self.diagnostics.append(Diagnostic("two-metamodels", message, span, hint, notes=notes))
 
     def _sorted(self) -> tuple[Diagnostic, ...]:
         """In the order of reading, and each file in the order of its text."""
@@ -712,10 +491,5 @@ def _file(problem: Diagnostic) -> str | None:
     return problem.span.source.name if problem.span else None
 
 
-def _is_path(text: str) -> bool:
-    """Whether an import is a path by its looks; else it may be the uri or the name of a metamodel."""
-    return "://" not in text and suffix_of(text) in _LANGUAGE_OF
-
-
 def _extensions() -> str:
-    return "the languages are " + ", ".join(f"`.{language}`" for language in _LANGUAGE_OF)
+    return "the languages are " + ", ".join(f"`.{language}`" for language in LANGUAGE_OF)

@@ -1,0 +1,141 @@
+"""The metamodels of a set of files: one of all `.ecore` files, and no second one beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import field
+from typing import TYPE_CHECKING
+
+from envgraph.code import dataclass
+from envgraph.errors import Diagnostic, Note, Span
+from envgraph.lang.read._imports import Import
+from envgraph.lang.read._metamodel import MetamodelFile
+from envgraph.metamodel import Metamodel
+
+if TYPE_CHECKING:  # loaded with the first file that needs it
+    from envgraph.lang.interchange._ecore_document import EcoreDocument
+
+
+def same(one: Metamodel, other: Metamodel) -> bool:
+    """Whether two metamodels have the same classes and enums."""
+    return one is other or (one.class_list == other.class_list and one.enum_types == other.enum_types)
+
+
+@dataclass(slots=True)
+class Metamodels:
+    """What is read of metamodels, each with the import that asked for it.
+
+    Attributes:
+        given: what there is without a file.
+        files: by name, in the order of reading.
+        ecore: the `.ecore` files, of which one metamodel is made when all are there.
+    """
+
+    given: Metamodel | None = None
+    allow_unresolved: bool = False
+    files: dict[str, tuple[MetamodelFile, Import | None]] = field(default_factory=dict)
+    ecore: dict[str, tuple[EcoreDocument, Import | None]] = field(default_factory=dict)
+
+    def __bool__(self) -> bool:
+        return bool(self.files or self.ecore or self.given)
+
+    @property
+    def first(self) -> Metamodel | None:
+        """What the files are about; None if it has errors, or there is none."""
+        found = [file.metamodel for file, _ in self.files.values()]
+        return found[0] if found else self.given
+
+    @property
+    def unread(self) -> bool:
+        """Whether there is one that cannot be read."""
+        return any(file.metamodel is None for file, _ in self.files.values()) or any(
+            document.root is None for document, _ in self.ecore.values()
+        )
+
+    def put_together(self, order: Mapping[str, int]) -> list[Diagnostic]:
+        """Makes one metamodel of the `.ecore` files; says where two of them contradict each other.
+
+        Args:
+            order: the place of each file among all that were read.
+        """
+        problems = []
+        first: dict[str, EcoreDocument] = {}
+        doubles: dict[str, EcoreDocument] = {}
+        homes: dict[str, EcoreDocument] = {}
+        for name, (document, asked) in self.ecore.items():
+            uris = [one for one in document.uris if one in homes]
+            known = homes[uris[0]] if uris else document
+            homes.update((one, document) for one in document.uris if one not in homes)
+            if known is document:
+                first[document.uri or name] = document
+            else:
+                doubles[name] = known
+                if known.uri != document.uri or not self._alike(known, document):
+                    message = f"the package `{uris[0]}` is in another file already, and is not the same there"
+                    hint = "leave one of the files out"
+                    problems.append(_second(message, asked, document.span, known.span, hint))
+        if first:
+            name, (_, asked) = next(iter(self.ecore.items()))
+            documents = tuple(first.values())
+            from envgraph.lang.interchange._ecore import read_ecore
+
+            read = read_ecore(documents, doubles, allow_unresolved=self.allow_unresolved)
+            self.files[name] = read, asked
+            self.files = dict(sorted(self.files.items(), key=lambda one: order[one[0]]))
+        return problems
+
+    def _alike(self, one: EcoreDocument, other: EcoreDocument) -> bool:
+        """Whether two files say the same."""
+        if one.source.text == other.source.text:
+            return True
+        from envgraph.lang.interchange._ecore import read_ecore
+
+        documents = {each.uri or name: each for name, (each, _) in reversed(self.ecore.items())}
+        names = [name for name, (each, _) in self.ecore.items() if each.uri == one.uri]
+        first, second = (
+            read_ecore(
+                tuple({**documents, each.uri or "": each}.values()), dict.fromkeys(names, each)
+            ).metamodel
+            for each in (one, other)
+        )
+        return first is not None and second is not None and same(first, second)
+
+    def names(self) -> dict[str, str]:
+        """By which metamodels can be imported, with the files that they are in, "" for the one at hand."""
+        found = {file: one.metamodel for file, (one, _) in self.files.items()}
+        if not found and not self.ecore:
+            found = {"": self.given}
+        known = {
+            name: file
+            for file, metamodel in found.items()
+            if metamodel
+            for name in (*(package.uri for package in metamodel.packages), metamodel.name)
+        }
+        calls = {name: file for file, (one, _) in self.ecore.items() for name in one.calls()}
+        return {**calls, **known}
+
+    def others(self) -> list[tuple[MetamodelFile, Import | None]]:
+        """The metamodels that are not the first one, in another format perhaps."""
+        found = list(self.files.values())
+        first = found[0][0].metamodel if found else None
+        return [
+            (file, asked)
+            for file, asked in found[1:]
+            if not (first and file.metamodel and same(first, file.metamodel))
+        ]
+
+    def one(self) -> list[Diagnostic]:
+        """There is one metamodel: what is wrong with the others."""
+        problems = []
+        for other, asked in self.others():
+            first = next(iter(self.files.values()))[0]
+            hint = "one engine has one metamodel: put the classes together"
+            if any(one.name.endswith(".ecore") for one in (other.span.source, first.span.source)):
+                hint = f"{hint}, or name `.ecore` files only: those become one metamodel"
+            problems.append(_second("this is a second metamodel", asked, other.span, first.span, hint))
+        return problems
+
+
+def _second(message: str, asked: Import | None, span: Span, first: Span, hint: str) -> Diagnostic:
+    notes = (Note("the first one is here", first),)
+    return Diagnostic("two-metamodels", message, asked.span if asked else span, hint, notes=notes)
