@@ -8,39 +8,34 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from functools import cache
 from types import MappingProxyType
 
 from envgraph.errors import (
-    MOST_NESTED,
     LoadError,
     Note,
     ResolutionError,
     Source,
     Span,
-    did_you_mean,
     has_errors,
     sort_diagnostics,
 )
 from envgraph.lang.interchange._ecore_document import EcoreDocument, ecore_itself, without_values
-from envgraph.lang.interchange._ecore_names import Enough, Joint, Names, Target, inside
+from envgraph.lang.interchange._ecore_names import Enough, Joint, Target, inside
 from envgraph.lang.interchange._ecore_parts import (
     annotations_of,
-    boolean,
     bounds_of,
     called,
     data_type_of,
     default_of,
     doc_of,
-    integer,
     marks_of,
     name_of,
+    said,
 )
-from envgraph.lang.read._ecore_types import (
-    ECORE,
-)
+from envgraph.lang.interchange._ecore_tags import Tags
+from envgraph.lang.read._ecore_types import ECORE
 from envgraph.lang.read._metamodel import MetamodelFile
-from envgraph.lang.syntax._xml import XMI, XSI, Element
+from envgraph.lang.syntax._xml import Element
 from envgraph.metamodel import (
     Attribute,
     Class,
@@ -50,24 +45,6 @@ from envgraph.metamodel import (
     Package,
     Reference,
 )
-
-
-@cache
-def _known_parts(kind: str) -> tuple[Sequence[str], Sequence[str]]:
-    """The attributes that tags of a class of Ecore may have, and the tags in them, as Ecore itself says."""
-    ecore = ecore_itself()
-    classes = ecore.parts(ecore.packages[0])
-    attributes: list[str] = []
-    children: list[str] = []
-    above = [kind]
-    for name in above:
-        above += re.findall(r"\w+$", classes[name].attributes.get("eSuperTypes", ""))
-        for one in classes[name].children:
-            own = one.attributes["name"]
-            contained = one.attributes.get("containment") == "true"
-            attributes += [] if contained else [own]
-            children += [own] if one.attributes["xsi:type"] == "ecore:EReference" else []
-    return attributes, children
 
 
 def read_ecore(
@@ -141,9 +118,9 @@ def _read_all(joint: Joint, readers: Sequence[_Reader]) -> Metamodel | None:
     homes: dict[str, dict[str, None]] = {}
     for path, one, _ in classifiers:
         if joint.kinds.get(one) in ("EClass", "EEnum"):
-            homes.setdefault(one.attributes.get("name", ""), {})[path] = None
+            homes.setdefault(one.get("name"), {})[path] = None
     for path, one, _ in classifiers:
-        name = one.attributes.get("name", "")
+        name = one.get("name")
         joint.names[one] = f"{named[path]}::{name}" if name and len(homes.get(name, ())) > 1 else name
     return _built(joint, packages, classifiers)
 
@@ -176,7 +153,7 @@ def _qualifiers(packages: Sequence[tuple[str, Element]]) -> dict[str, str]:
     found: dict[str, str] = {}
     taken: set[str] = set()
     for path, one in packages:
-        words = (one.attributes.get("name", ""), one.attributes.get("nsPrefix", ""), re.sub(r"\W", "_", path))
+        words = (one.get("name"), one.get("nsPrefix"), re.sub(r"\W", "_", path))
         free = [word for word in words if word.isidentifier() and word not in taken]
         word = free[0] if free else "package"
         while word in taken:
@@ -186,31 +163,8 @@ def _qualifiers(packages: Sequence[tuple[str, Element]]) -> dict[str, str]:
     return found
 
 
-class _Reader(Names):
+class _Reader(Tags):
     """The reading of one file."""
-
-    def begin(self) -> bool:
-        """Whether the file has a package."""
-        root, problem = self.document.root, self.document.problem
-        if problem or root is None:
-            self.joint.diagnostics.extend([problem] if problem else [])
-            self.joint.lost |= self.names()
-            return False
-        return self._is_package(root)
-
-    def enter(self, paths: set[str]) -> None:
-        """Notes the packages and what is in them; those of a second file are inside of the first one's."""
-        self.document.index(self._owners)
-        root = self._root
-        path = root.attributes.get("name") or "package" if paths else ""
-        while path in paths:
-            path += "_"
-        self._enter_package(path, root)
-        paths |= {path for path, _ in self.packages}
-
-    def names(self) -> set[str]:
-        """All words of the text: each may be a name of something that was not read."""
-        return set(re.findall(r"[^\W\d]\w*", self.places.source.text))
 
     def begin_metamodel(self, root: Element) -> str:
         """The name of the outermost package."""
@@ -218,107 +172,9 @@ class _Reader(Names):
             self.span = self.at(root, "name")
         return name_of(self, root, "package")
 
-    # --- packages and what is in them ---
-
-    def _is_package(self, root: Element) -> bool:
-        if root.name == "EPackage" and root.namespace == ECORE:
-            return True
-        where = self.places.tag(root.byte)
-        hint: str | None
-        if root.name == "XMI" and "/XMI" in (root.namespace or ""):
-            message = f"the file holds {len(root.children)} packages"
-            hint = "put them into one package, as `eSubpackages`"
-        elif root.name == "EPackage":
-            message = "this is an `EPackage` of another language than Ecore"
-            hint = f'write `xmlns:ecore="{ECORE}"` and `ecore:EPackage`'
-        else:
-            message = f"a metamodel is an `ecore:EPackage`, and this is a `{root.tag}`"
-            hint = "a model has the ending `.xmi`" if root.namespace else None
-        self.error("not-ecore", message, where, hint)
-        return False
-
-    def _enter_package(self, path: str, element: Element, depth: int = 0) -> None:
-        self.packages.append((path, element))
-        self._kinds[element] = "EPackage"
-        self._check_parts(element, "EPackage")
-        if depth > MOST_NESTED:
-            self.error(
-                "nested-too-deeply",
-                "packages are nested too deeply",
-                self.places.tag(element.byte),
-                f"there may be {MOST_NESTED} levels",
-            )
-            return
-        for classifier in inside(element, "eClassifiers"):
-            self._enter_classifier(classifier)
-        for inner in inside(element, "eSubpackages"):
-            name = inner.attributes.get("name", "")
-            self._enter_package(f"{path}.{name}" if path else name, inner, depth + 1)
-
-    def _enter_classifier(self, element: Element) -> None:
-        kind = self._kind(element, ("EClass", "EEnum", "EDataType"), "a classifier")
-        if kind is None:
-            self.joint.lost.add(element.attributes.get("name", ""))
-            return
-        self._kinds[element] = kind
-        self._check_parts(element, kind)
-        features = ("EAttribute", "EReference")
-        for member in inside(element, "eStructuralFeatures") if kind == "EClass" else ():
-            found = self._kind(member, features, "a feature")
-            if found is None:
-                self.joint.lost.add(member.attributes.get("name", ""))
-            else:
-                self._kinds[member] = found
-                self._check_parts(member, found)
-        for literal in inside(element, "eLiterals") if kind == "EEnum" else ():
-            self._check_parts(literal, "EEnumLiteral")
-
-    def _kind(self, element: Element, known: Sequence[str], what: str) -> str | None:
-        """The `xsi:type` of an element."""
-        key = element.qualified("type", XSI, XMI)
-        if key is None:
-            wrong = next((one for one in element.attributes if one.endswith(":type")), None)
-            if wrong:
-                where, prefix = self.places.name_of(element.byte, wrong), wrong.rpartition(":")[0]
-                message, hint = (
-                    f"the prefix `{prefix}` is not declared",
-                    f'write `xmlns:xsi="{XSI}"` in the first tag',
-                )
-                self.error("unknown-prefix", message, where, hint)
-                return None
-            hint = f'write `xsi:type="ecore:{known[0]}"`'
-            self.error("missing-type", f"{what} needs an `xsi:type`", self.places.tag(element.byte), hint)
-            return None
-        value = element.attributes[key]
-        prefix, _, name = value.rpartition(":")
-        if name in known and element.scope.get(prefix) == ECORE:
-            return name
-        where = self.at(element, key)
-        if name in known:
-            hint = did_you_mean(prefix, element.scope) or f'write `xmlns:{prefix}="{ECORE}"` in the first tag'
-            self.error("unknown-prefix", f"the prefix `{prefix}` does not stand for Ecore", where, hint)
-        else:
-            hint = did_you_mean(name, known) or "there are " + ", ".join(f"`ecore:{one}`" for one in known)
-            self.error("unknown-type", f"{what} cannot be `{value}`", where, hint)
-        return None
-
-    def _check_parts(self, element: Element, kind: str) -> None:
-        """Attributes and tags that Ecore does not know here are typing mistakes, and would be overlooked."""
-        attributes, children = _known_parts(kind)
-        for key in element.attributes:
-            if ":" not in key and key != "xmlns" and key not in attributes:
-                where = self.places.name_of(element.byte, key)
-                message = f"`{kind}` has no attribute `{key}`"
-                self.error("unknown-attribute", message, where, did_you_mean(key, attributes))
-        for child in element.children:
-            if child.name not in (*children, "Extension"):
-                message = f"`{kind}` has nothing called `{child.name}`"
-                hint = did_you_mean(child.name, children)
-                self.error("unknown-element", message, self.places.tag(child.byte), hint)
-
     def package(self, path: str, element: Element) -> Package:
-        uri, prefix = element.attributes.get("nsURI", ""), element.attributes.get("nsPrefix", "")
-        name = element.attributes.get("name", "")
+        uri, prefix = element.get("nsURI"), element.get("nsPrefix")
+        name = element.get("name")
         if not uri:
             where = self.places.tag(element.byte)
             self.warn("missing-uri", f"package `{name}` has no `nsURI`", where, "other files name it by that")
@@ -335,7 +191,7 @@ class _Reader(Names):
             literals.append(name)
             labels.append(literal.attributes.get("literal", name))
             # As in EMF, where the number is that of the enumeration's author, and 0 if nothing is said.
-            numbers.append(integer(self, literal, "value", 0))
+            numbers.append(said(self, literal, "value"))
             places.append((f"literal {index}", self.named(literal)))
         usual = tuple(range(len(literals)))
         return EnumType(
@@ -361,12 +217,12 @@ class _Reader(Names):
         if any_object and element is not any_object and not supertypes:
             supertypes.append(self.joint.names[any_object])
         features = [one for one in map(self._feature, inside(element, "eStructuralFeatures")) if one]
-        abstract = boolean(self, element, "abstract", False)
+        abstract = said(self, element, "abstract")
         marks = marks_of(self, element, features)
         self._check_class(element)
         return Class(
             called(self, element, "class"),
-            abstract=boolean(self, element, "interface", False) or abstract,
+            abstract=said(self, element, "interface") or abstract,
             supertypes=tuple(supertypes),
             features=tuple(features),
             key=marks.key,
@@ -381,7 +237,7 @@ class _Reader(Names):
         )
 
     def _left_out_of(self, element: Element) -> tuple[tuple[str, str], ...]:
-        members = [(one.attributes.get("name", ""), one) for one in inside(element, "eStructuralFeatures")]
+        members = [(one.get("name"), one) for one in inside(element, "eStructuralFeatures")]
         known = self.joint.left_out
         return tuple((name, known[name][one]) for name, one in members if one in known.get(name, ()))
 
@@ -403,7 +259,7 @@ class _Reader(Names):
             )
         operations = list(inside(element, "eOperations"))
         if operations:
-            name = element.attributes.get("name", "")
+            name = element.get("name")
             number, verb = len(operations), "is" if len(operations) == 1 else "are"
             message = f"{number} operation{'s' * (number > 1)} of `{name}` {verb} left out"
             hint = "what they do is written as rules; nothing else is lost"
@@ -429,23 +285,19 @@ class _Reader(Names):
         if found is None and self.joint.allow_unresolved and self.joint.errors == errors:
             self._leave_out(element, "its type is in a file that is nowhere")
         elif found is None:
-            self.joint.lost.add(element.attributes.get("name", ""))
+            self.joint.lost.add(element.get("name"))
         return found
 
     def _without_values(self, element: Element) -> str | None:
         """Why a feature holds nothing: see `without_values`; of a transient pair of opposites neither does."""
         word = without_values(element)
-        if word is None and element.attributes.get("transient") == "true":
+        if word is None and element.get("transient") == "true":
             other = [one.element for one in self.quietly(element, "eOpposite")]
-            word = (
-                "transient"
-                if any(one and one.attributes.get("transient") == "true" for one in other)
-                else None
-            )
+            word = "transient" if any(one and one.get("transient") == "true" for one in other) else None
         return word
 
     def _leave_out(self, element: Element, why: str) -> None:
-        name = element.attributes.get("name", "")
+        name = element.get("name")
         self.joint.lost.add(name)
         self.joint.left_out.setdefault(name, {})[element] = why
 
@@ -456,7 +308,7 @@ class _Reader(Names):
         if found:
             return found[0]
         if len(self.joint.diagnostics) == before and not self._mentions(element, ("eType", "eGenericType")):
-            name = element.attributes.get("name", "")
+            name = element.get("name")
             self.error(
                 "missing-type", f"{what} `{name}` has no type", self.named(element), 'write `eType="..."`'
             )
@@ -472,9 +324,7 @@ class _Reader(Names):
         many = upper != 1
         default = None if many else default_of(self, element, name, data.type)
         places = [("type", target.span), ("default", self.at(element, "defaultValueLiteral"))]
-        bound = next((one for one in ("upperBound", "lowerBound") if one in element.attributes), None)
-        if bound:
-            places.append(("multiplicity", self.at(element, bound)))
+        places += self._multiplicity(element)
         return Attribute(
             name,
             data.type,
@@ -485,9 +335,14 @@ class _Reader(Names):
             places=tuple(places),
             lower=lower if many else 0 if lower == 0 and data.nullable and default is None else 1,
             upper=upper,
-            unique=boolean(self, element, "unique", True),
-            identifier=boolean(self, element, "iD", False),
+            unique=said(self, element, "unique"),
+            identifier=said(self, element, "iD"),
         )
+
+    def _multiplicity(self, element: Element) -> list[tuple[str, Span]]:
+        """Where the bounds of a feature stand, if they do."""
+        bounds = (one for one in ("upperBound", "lowerBound") if one in element.attributes)
+        return [("multiplicity", self.at(element, bound)) for bound in bounds][:1]
 
     def _reference(self, element: Element) -> Reference | None:
         target = self._type(element, "reference")
@@ -502,15 +357,12 @@ class _Reader(Names):
             if kind:  # else not even that is known, which has been reported
                 self.error("wrong-type", "a reference leads to a class", target.span, hint)
             return None
-        if upper != 1 and not boolean(self, element, "unique", True):
+        if upper != 1 and not said(self, element, "unique"):
             where = self.places.name_of(element.byte, "unique")
             hint = "make a class for each time, with a reference to the object"
             self.warn("unique", f"`{name}` holds an object once, and not several times", where, hint)
         opposite = self._opposite(element, target.element)
-        places = [("target", target.span)]
-        bound = next((one for one in ("upperBound", "lowerBound") if one in element.attributes), None)
-        if bound:
-            places.append(("multiplicity", self.at(element, bound)))
+        places = [("target", target.span), *self._multiplicity(element)]
         if opposite:
             places.append(("opposite", opposite[1]))
         return Reference(
@@ -518,7 +370,7 @@ class _Reader(Names):
             self.joint.names.get(target.element, ""),
             lower,
             upper,
-            containment=boolean(self, element, "containment", False),
+            containment=said(self, element, "containment"),
             opposite=opposite[0] if opposite else None,
             doc=doc_of(element),
             annotations=annotations_of(self, element),
@@ -552,7 +404,7 @@ class _Reader(Names):
             if self._owners[other] is not there or owner not in types or element not in back:
                 mine, its = self._path(element), self._path(other)
                 note = Note("the other reference is here", there_reader.named(other))
-                cls = owner.attributes.get("name", "")
+                cls = owner.get("name")
                 file = "" if there_reader is self else self.places.source.name.rpartition("/")[2]
                 hint = f'write `eOpposite="{file}{self._fragment(element)}"` there, and `{cls}` as its type'
                 if self._owners[other] is not there:
@@ -562,13 +414,13 @@ class _Reader(Names):
                 message = f"`{mine}` and `{its}` are not each other's opposites"
                 self.error("opposite-mismatch", message, target.span, hint, (note,))
                 return None
-            return other.attributes.get("name", ""), target.span
+            return other.get("name"), target.span
         return None
 
     def _fragment(self, element: Element) -> str:
         names: list[str] = []
         while element is not self._root:
-            names.append(element.attributes.get("name", ""))
+            names.append(element.get("name"))
             element = self._owners[element]
         return "#//" + "/".join(reversed(names))
 

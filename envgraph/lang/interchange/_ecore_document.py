@@ -73,7 +73,7 @@ class EcoreDocument:
     def calls(self) -> Iterator[str]:
         """What other files may call the file by: the nsURIs of its packages, and the name of the outermost."""
         yield from self.uris
-        yield from (one.attributes.get("name", "") for one in self.packages[:1])
+        yield from (one.get("name") for one in self.packages[:1])
 
     def mentioned(self) -> dict[str, Span]:
         """What stands before `#` where something of another file is named, with the first place of each."""
@@ -104,7 +104,7 @@ class EcoreDocument:
                 continue
             waiting += [child for child in element.children if child.name not in _SKIPPED]
             for key in ("href",) if element.name in _NAMING else _NAMING:
-                for word in element.attributes.get(key, "").split():
+                for word in element.get(key).split():
                     yield element, key, word
             if element.name == "eTypeParameters" and not any(
                 child.name == "eBounds" for child in element.children
@@ -150,7 +150,7 @@ class EcoreDocument:
             named = {}
             for child in reversed(element.children):
                 if child.name in _PARTS:
-                    named[child.attributes.get("name", "")] = child
+                    named[child.get("name")] = child
             self._names[element] = named
         return self._names[element]
 

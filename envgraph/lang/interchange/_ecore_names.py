@@ -131,7 +131,7 @@ class Names:
 
     def _targets(self, element: Element, name: str) -> Iterator[Target]:
         """What an attribute names (`#//A ecore:EClass other.ecore#//B`), and tags of that name with an `href`."""
-        words = element.attributes.get(name, "").split()
+        words = element.get(name).split()
         for index, word in enumerate(words):
             after = words[index + 1] if index + 1 < len(words) else ""
             if "#" not in word and ":" in word and "#" in after:

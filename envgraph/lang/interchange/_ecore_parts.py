@@ -5,9 +5,12 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
+from functools import cache
+from typing import Any
 
 from envgraph.code import dataclass
 from envgraph.errors import Span, did_you_mean, name_hint
+from envgraph.lang.interchange._ecore_document import ecore_itself
 from envgraph.lang.interchange._ecore_names import Names, Target, inside
 from envgraph.lang.read._ecore_types import ECORE_TYPES, DataType, java_type, too_large, value_of
 from envgraph.lang.syntax._xml import Element
@@ -31,7 +34,7 @@ def _details(element: Element) -> Iterator[tuple[Element, str, str]]:
     for annotation in inside(element, "eAnnotations"):
         if annotation.attributes.get("source") == _OWN:
             for one in inside(annotation, "details"):
-                yield one, one.attributes.get("key", ""), one.attributes.get("value", "")
+                yield one, one.get("key"), one.get("value")
 
 
 def marks_of(names: Names, element: Element, features: Sequence[Feature]) -> Marks:
@@ -88,7 +91,7 @@ def doc_of(element: Element) -> str | None:
 
 def name_of(names: Names, element: Element, what: str) -> str:
     """The name of something; one of our own, reported, if it has none."""
-    name = element.attributes.get("name", "")
+    name = element.get("name")
     if not name:
         where = names.places.tag(element.byte)
         names.error("missing-name", f"the {what} has no name", where, 'write `name="..."`')
@@ -101,31 +104,41 @@ def called(names: Names, element: Element, what: str) -> str:
     return name_of(names, element, what) and (names.joint.names[element] or f"unnamed_{element.byte}")
 
 
-def boolean(names: Names, element: Element, name: str, otherwise: bool) -> bool:
-    """A truth value; a wrong one is reported."""
-    text = element.attributes.get(name)
-    if text not in (None, "true", "false"):
-        hint = did_you_mean(text, ("true", "false")) or "write `true` or `false`"
-        names.error("wrong-type", f"`{name}` is true or false, not `{text}`", names.at(element, name), hint)
-        return otherwise
-    return otherwise if text is None else text == "true"
+@cache
+def _said_by_ecore() -> dict[str, tuple[Scalar | EnumType, Value]]:
+    """The type of each attribute that Ecore's own tags have, and what it is where nothing is said."""
+    found: dict[str, tuple[Scalar | EnumType, Value]] = {}
+    for cls in ecore_itself().packages[0].children:
+        for one in inside(cls, "eStructuralFeatures"):
+            data = ECORE_TYPES.get(one.get("eType").rpartition("/")[2])
+            if data is not None and data.type in (Scalar.BOOL, Scalar.INT):
+                usual = one.get("defaultValueLiteral") or ("false" if data.type is Scalar.BOOL else "0")
+                value = value_of(usual, data.type)
+                assert value is not None
+                found[one.get("name")] = data.type, value
+    return found
 
 
-def integer(names: Names, element: Element, name: str, otherwise: int) -> int:
-    """A number; a wrong one is reported."""
+def said(names: Names, element: Element, name: str) -> Any:
+    """A truth value or a number, as Ecore says; a wrong one is reported."""
+    type_, usual = _said_by_ecore()[name]
     text = element.attributes.get(name)
     if text is None:
-        return otherwise
-    if not re.fullmatch(r"[+-]?[0-9]{1,10}", text):
+        return usual
+    if type_ is Scalar.BOOL and text not in ("true", "false"):
+        hint = did_you_mean(text, ("true", "false")) or "write `true` or `false`"
+        names.error("wrong-type", f"`{name}` is true or false, not `{text}`", names.at(element, name), hint)
+        return usual
+    if type_ is Scalar.INT and not re.fullmatch(r"[+-]?[0-9]{1,10}", text):
         hint = "write `-1` for any number" if name == "upperBound" else "write a whole number from 0"
         names.error("wrong-type", f"`{name}` is a number, not `{text}`", names.at(element, name), hint)
-        return otherwise
-    return int(text)
+        return usual
+    return value_of(text, type_)
 
 
 def bounds_of(names: Names, element: Element) -> tuple[int, int | None]:
     """The lower and the upper bound of a feature, None for any number."""
-    lower, upper = integer(names, element, "lowerBound", 0), integer(names, element, "upperBound", 1)
+    lower, upper = said(names, element, "lowerBound"), said(names, element, "upperBound")
     return lower, None if upper < 0 else upper
 
 
@@ -159,7 +172,7 @@ def data_type_of(names: Names, target: Target, name: str) -> DataType | None:
         return ECORE_TYPES["EJavaObject"]
     if kind == "EEnum":
         return DataType(names.joint.enums[target.element])
-    type_name = target.element.attributes.get("name", "")
+    type_name = target.element.get("name")
     if kind == "EDataType":
         java = target.element.attributes
         data = java_type(java.get("instanceTypeName", java.get("instanceClassName", "")))

@@ -335,6 +335,10 @@ class Element:
         """The tag without its prefix."""
         return self.tag.rpartition(":")[2]
 
+    def get(self, name: str) -> str:
+        """The value of an attribute, "" if it is not there."""
+        return self.attributes.get(name, "")
+
     @property
     def namespace(self) -> str | None:
         """What the prefix of the tag stands for; None without one."""

@@ -1,0 +1,154 @@
+"""Whether the tags of an `.ecore` file are packages of Ecore, and have what Ecore says."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from functools import cache
+
+from envgraph.errors import MOST_NESTED, did_you_mean
+from envgraph.lang.interchange._ecore_document import ecore_itself
+from envgraph.lang.interchange._ecore_names import Names, inside
+from envgraph.lang.read._ecore_types import ECORE
+from envgraph.lang.syntax._xml import XMI, XSI, Element
+
+
+@cache
+def _known_parts(kind: str) -> tuple[Sequence[str], Sequence[str]]:
+    """The attributes that tags of a class of Ecore may have, and the tags in them, as Ecore itself says."""
+    ecore = ecore_itself()
+    classes = ecore.parts(ecore.packages[0])
+    attributes: list[str] = []
+    children: list[str] = []
+    above = [kind]
+    for name in above:
+        above += re.findall(r"\w+$", classes[name].get("eSuperTypes"))
+        for one in classes[name].children:
+            own = one.attributes["name"]
+            contained = one.attributes.get("containment") == "true"
+            attributes += [] if contained else [own]
+            children += [own] if one.attributes["xsi:type"] == "ecore:EReference" else []
+    return attributes, children
+
+
+class Tags(Names):
+    """The tags of one file."""
+
+    def begin(self) -> bool:
+        """Whether the file has a package."""
+        root, problem = self.document.root, self.document.problem
+        if problem or root is None:
+            self.joint.diagnostics.extend([problem] if problem else [])
+            self.joint.lost |= self.names()
+            return False
+        return self._is_package(root)
+
+    def enter(self, paths: set[str]) -> None:
+        """Notes the packages and what is in them; those of a second file are inside of the first one's."""
+        self.document.index(self._owners)
+        root = self._root
+        path = root.attributes.get("name") or "package" if paths else ""
+        while path in paths:
+            path += "_"
+        self._enter_package(path, root)
+        paths |= {path for path, _ in self.packages}
+
+    def names(self) -> set[str]:
+        """All words of the text: each may be a name of something that was not read."""
+        return set(re.findall(r"[^\W\d]\w*", self.places.source.text))
+
+    def _is_package(self, root: Element) -> bool:
+        if root.name == "EPackage" and root.namespace == ECORE:
+            return True
+        where = self.places.tag(root.byte)
+        hint: str | None
+        if root.name == "XMI" and "/XMI" in (root.namespace or ""):
+            message = f"the file holds {len(root.children)} packages"
+            hint = "put them into one package, as `eSubpackages`"
+        elif root.name == "EPackage":
+            message = "this is an `EPackage` of another language than Ecore"
+            hint = f'write `xmlns:ecore="{ECORE}"` and `ecore:EPackage`'
+        else:
+            message = f"a metamodel is an `ecore:EPackage`, and this is a `{root.tag}`"
+            hint = "a model has the ending `.xmi`" if root.namespace else None
+        self.error("not-ecore", message, where, hint)
+        return False
+
+    def _enter_package(self, path: str, element: Element, depth: int = 0) -> None:
+        self.packages.append((path, element))
+        self._kinds[element] = "EPackage"
+        self._check_parts(element, "EPackage")
+        if depth > MOST_NESTED:
+            self.error(
+                "nested-too-deeply",
+                "packages are nested too deeply",
+                self.places.tag(element.byte),
+                f"there may be {MOST_NESTED} levels",
+            )
+            return
+        for classifier in inside(element, "eClassifiers"):
+            self._enter_classifier(classifier)
+        for inner in inside(element, "eSubpackages"):
+            name = inner.get("name")
+            self._enter_package(f"{path}.{name}" if path else name, inner, depth + 1)
+
+    def _enter_classifier(self, element: Element) -> None:
+        kind = self._kind(element, ("EClass", "EEnum", "EDataType"), "a classifier")
+        if kind is None:
+            self.joint.lost.add(element.get("name"))
+            return
+        self._kinds[element] = kind
+        self._check_parts(element, kind)
+        features = ("EAttribute", "EReference")
+        for member in inside(element, "eStructuralFeatures") if kind == "EClass" else ():
+            found = self._kind(member, features, "a feature")
+            if found is None:
+                self.joint.lost.add(member.get("name"))
+            else:
+                self._kinds[member] = found
+                self._check_parts(member, found)
+        for literal in inside(element, "eLiterals") if kind == "EEnum" else ():
+            self._check_parts(literal, "EEnumLiteral")
+
+    def _kind(self, element: Element, known: Sequence[str], what: str) -> str | None:
+        """The `xsi:type` of an element."""
+        key = element.qualified("type", XSI, XMI)
+        if key is None:
+            wrong = next((one for one in element.attributes if one.endswith(":type")), None)
+            if wrong:
+                where, prefix = self.places.name_of(element.byte, wrong), wrong.rpartition(":")[0]
+                message, hint = (
+                    f"the prefix `{prefix}` is not declared",
+                    f'write `xmlns:xsi="{XSI}"` in the first tag',
+                )
+                self.error("unknown-prefix", message, where, hint)
+                return None
+            hint = f'write `xsi:type="ecore:{known[0]}"`'
+            self.error("missing-type", f"{what} needs an `xsi:type`", self.places.tag(element.byte), hint)
+            return None
+        value = element.attributes[key]
+        prefix, _, name = value.rpartition(":")
+        if name in known and element.scope.get(prefix) == ECORE:
+            return name
+        where = self.at(element, key)
+        if name in known:
+            hint = did_you_mean(prefix, element.scope) or f'write `xmlns:{prefix}="{ECORE}"` in the first tag'
+            self.error("unknown-prefix", f"the prefix `{prefix}` does not stand for Ecore", where, hint)
+        else:
+            hint = did_you_mean(name, known) or "there are " + ", ".join(f"`ecore:{one}`" for one in known)
+            self.error("unknown-type", f"{what} cannot be `{value}`", where, hint)
+        return None
+
+    def _check_parts(self, element: Element, kind: str) -> None:
+        """Attributes and tags that Ecore does not know here are typing mistakes, and would be overlooked."""
+        attributes, children = _known_parts(kind)
+        for key in element.attributes:
+            if ":" not in key and key != "xmlns" and key not in attributes:
+                where = self.places.name_of(element.byte, key)
+                message = f"`{kind}` has no attribute `{key}`"
+                self.error("unknown-attribute", message, where, did_you_mean(key, attributes))
+        for child in element.children:
+            if child.name not in (*children, "Extension"):
+                message = f"`{kind}` has nothing called `{child.name}`"
+                hint = did_you_mean(child.name, children)
+                self.error("unknown-element", message, self.places.tag(child.byte), hint)
