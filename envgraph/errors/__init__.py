@@ -22,7 +22,7 @@ from envgraph.errors._exceptions import (
 from envgraph.errors._limits import MOST_ERRORS, MOST_NESTED, RAISE_LIMIT, limit
 from envgraph.errors._reprs import later, shorten, spelling
 from envgraph.errors._source import Source, Span, visible
-from envgraph.errors._suggest import did_you_mean, listed, name_hint, nearest, plural, with_article
+from envgraph.errors._suggest import did_you_mean, listed, name_hint, nearest, plural, quoted, with_article
 
 __all__ = [
     "MOST_ERRORS",
@@ -52,6 +52,7 @@ __all__ = [
     "name_hint",
     "nearest",
     "plural",
+    "quoted",
     "shorten",
     "sort_diagnostics",
     "spelling",

@@ -91,8 +91,17 @@ def listed(names: Iterable[str]) -> str:
     '`b`; `a`, `b`, `c`, `d`, `e` and 2 more'
     """
     known = set(names)
-    shown = ", ".join(f"`{name}`" for name in nsmallest(_SHOWN, known))
+    shown = quoted(nsmallest(_SHOWN, known))
     return f"{shown} and {len(known) - _SHOWN} more" if len(known) > _SHOWN else shown
+
+
+def quoted(names: Iterable[object]) -> str:
+    """Names in backquotes, all of them as they come.
+
+    >>> quoted("ba")
+    '`b`, `a`'
+    """
+    return ", ".join(f"`{name}`" for name in names)
 
 
 def name_hint(name: str, known: Iterable[str]) -> str | None:

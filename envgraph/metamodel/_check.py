@@ -6,7 +6,7 @@ import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from itertools import islice
 
-from envgraph.errors import MOST_ERRORS, Diagnostic, Note, Span, did_you_mean, name_hint
+from envgraph.errors import MOST_ERRORS, Diagnostic, Note, Span, did_you_mean, name_hint, quoted
 from envgraph.metamodel._above import Above, linearise
 from envgraph.metamodel._features import (
     Annotation,
@@ -325,10 +325,6 @@ def _leads_nowhere(reference: Reference, above: Above) -> bool:
     )
 
 
-def _listed(names: Sequence[str]) -> str | None:
-    return "it has " + ", ".join(f"`{name}`" for name in names) if names else None
-
-
 def _check_key(cls: Class, above: Above) -> Iterator[Diagnostic]:
     known: dict[str, Feature] = {f.name: f for f in cls.features}
     if any(name not in known for name in cls.key):
@@ -351,7 +347,7 @@ def _check_key(cls: Class, above: Above) -> Iterator[Diagnostic]:
                 "unknown-attribute",
                 f"`@key` names `{name}`, which is no attribute of `{cls.name}`",
                 place(cls, f"key {name}"),
-                did_you_mean(name, attributes) or _listed(attributes) or hint,
+                did_you_mean(name, attributes) or (f"it has {quoted(attributes)}" if attributes else hint),
             )
 
 

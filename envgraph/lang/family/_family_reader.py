@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, Final, TypeVar, get_args
 
 from envgraph.code import dataclass
-from envgraph.errors import RAISE_LIMIT, Diagnostic, LoadError, Source, Span, did_you_mean, limit
+from envgraph.errors import RAISE_LIMIT, Diagnostic, LoadError, Source, Span, did_you_mean, limit, quoted
 from envgraph.lang.family._family import (
     ComponentSpec,
     ConstraintsSpec,
@@ -135,7 +135,7 @@ def _no_family(path: str, problem: Diagnostic) -> Diagnostic:
         message = f"the bundled domain `{path}` has no `{FAMILY_FILE}`: it is there for its queries and rules"
     else:
         message = f"there is no directory and no bundled domain `{path}`"
-    known = "those with a family are " + ", ".join(f"`{one}`" for one in families)
+    known = "those with a family are " + quoted(families)
     return replace(problem, message=message, hint=did_you_mean(path, families) or known)
 
 
@@ -198,7 +198,7 @@ class _Section:
         names = tuple(known)
         if value is None or value.text in names:
             return value.text if value else default
-        known = f"write `{names[0]}`" if len(names) == 1 else f"there are {_listed(names)}"
+        known = f"write `{names[0]}`" if len(names) == 1 else f"there are {quoted(names)}"
         hint = did_you_mean(value.text, names) or known
         self.error("unknown-choice", f"`{key}` cannot be `{value}`", self.span(key), hint)
         return default
@@ -360,7 +360,7 @@ class _Section:
         if home:
             before = ", before the first `[section]`" if home.startswith("the top") else ""
             return f"`{key}` belongs to {home}{before}"
-        return near or f"there are {_listed(self.asked)}"
+        return near or f"there are {quoted(self.asked)}"
 
 
 class _Reader:
@@ -445,7 +445,7 @@ class _Reader:
         if of is None:
             if len(names) > 1 and "optimise" not in top:
                 span = component.span("") or self._text.value("diversity")
-                hint = f'write `of = "..."` in `[diversity]`: {_listed(names)}'
+                hint = f'write `of = "..."` in `[diversity]`: {quoted(names)}'
                 top.error("missing-key", "there are several measures to choose from", span, hint)
             return ComponentSpec(
                 "diversity",
@@ -513,9 +513,9 @@ class _Reader:
         where = span or self._text.value(*section.path)
         if not isinstance(value, str):
             message = f"`{key}` is the name of a measure, not {_kind(value)}"
-            section.error("wrong-type", message, where, f"there are {_listed(names)}" if names else None)
+            section.error("wrong-type", message, where, f"there are {quoted(names)}" if names else None)
         elif value not in names and names:
-            hint = did_you_mean(value, names) or f"there are {_listed(names)}"
+            hint = did_you_mean(value, names) or f"there are {quoted(names)}"
             section.error("unknown-measure", f"unknown measure `{value}`", where, hint)
 
 
@@ -749,7 +749,3 @@ def _kind(value: object) -> str:
         case dict():
             return "a table"
     return "a date or time"
-
-
-def _listed(names: Iterable[str]) -> str:
-    return ", ".join(f"`{name}`" for name in names)

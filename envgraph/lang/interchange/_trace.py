@@ -7,7 +7,16 @@ import re
 from collections.abc import Mapping
 from typing import Any, Final
 
-from envgraph.errors import Diagnostic, InvalidArgument, Source, Span, TraceError, TypeMismatch, name_hint
+from envgraph.errors import (
+    Diagnostic,
+    InvalidArgument,
+    Source,
+    Span,
+    TraceError,
+    TypeMismatch,
+    name_hint,
+    quoted,
+)
 from envgraph.graph import JsonPath
 from envgraph.lang.interchange._json import locate
 from envgraph.metamodel import Value
@@ -158,9 +167,11 @@ class _Reader:
             return None
         missing = [name for name in names if name not in match]
         if missing:
-            listed = ", ".join(f"`{name}`" for name in missing)
             self._problem(
-                "wrong-match", f"the match of `{rule.name}` lacks {listed}", spans["match",], _CHANGED
+                "wrong-match",
+                f"the match of `{rule.name}` lacks {quoted(missing)}",
+                spans["match",],
+                _CHANGED,
             )
         values: dict[str, Value] = {}
         for name, given in match.items():

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from envgraph.errors import Span, did_you_mean
+from envgraph.errors import Span, did_you_mean, quoted
 from envgraph.lang.interchange._xmi_document import Document
 from envgraph.lang.read._imports import near_uri
 from envgraph.lang.syntax._xml import XSI, namespaces
@@ -81,8 +81,7 @@ class Namespaces:
             return None
         if metamodel.classes[cls].abstract:
             kinds = metamodel.concrete(cls)
-            names = ", ".join(f"`{one}`" for one in kinds)
-            hint = f"its concrete classes are {names}" if kinds else "it has no concrete subclass"
+            hint = f"its concrete classes are {quoted(kinds)}" if kinds else "it has no concrete subclass"
             self._document.report("abstract-class", f"`{simple}` is abstract", span, hint)
             return None
         return cls
@@ -117,7 +116,7 @@ class Namespaces:
             if near:  # then classes are looked for by their names alone
                 self._document.report("unknown-uri", message, span, near)
             else:
-                hint = "it has " + ", ".join(f"`{one}`" for one in packages)
+                hint = "it has " + quoted(packages)
                 self._reading.unresolved("unknown-uri", message, span, hint, "objects of it are left out")
         return packages.get(uri)
 

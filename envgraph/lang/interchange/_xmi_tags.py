@@ -7,7 +7,7 @@ from dataclasses import field
 from functools import partial
 
 from envgraph.code import dataclass
-from envgraph.errors import MOST_ERRORS, Note, Span, did_you_mean, plural, with_article
+from envgraph.errors import MOST_ERRORS, Note, Span, did_you_mean, plural, quoted, with_article
 from envgraph.lang.interchange._xmi_document import LOST, Document, Link, Table, short
 from envgraph.lang.interchange._xmi_namespaces import Namespaces
 from envgraph.lang.read._ecore_types import too_large, value_of
@@ -225,7 +225,7 @@ class TagReader:
             return
         hint = did_you_mean(name, known)
         if hint is None:
-            hint = "it has " + ", ".join(f"`{one}`" for one in known) if known else "it has no features"
+            hint = "it has " + quoted(known) if known else "it has no features"
         self._document.report("unknown-feature", f"`{table.name}` has no feature `{name}`", span, hint)
 
     # --- objects ---
@@ -310,7 +310,7 @@ class TagReader:
         span = where()
         if isinstance(type_, EnumType):
             names = type_.labels or type_.literals
-            hint = did_you_mean(text, names) or "its literals are " + ", ".join(f"`{one}`" for one in names)
+            hint = did_you_mean(text, names) or "its literals are " + quoted(names)
             self._document.report(
                 "unknown-literal", f"`{type_.name}` has no literal `{short(text)}`", span, hint
             )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from types import MappingProxyType
 
-from envgraph.errors import Diagnostic, Span, did_you_mean, listed, name_hint
+from envgraph.errors import Diagnostic, Span, did_you_mean, listed, name_hint, quoted
 from envgraph.lang.family._family import ComponentSpec, FamilySpec, Name
 from envgraph.lang.loading._workspace import Workspace
 from envgraph.metamodel import Metamodel, Reference, Scalar
@@ -153,7 +153,7 @@ class _Checker:
         if count == 1 or (not count and name in self._workspace.unknown):
             return
         if count > 1:
-            full = ", ".join(f"`{one}`" for one in known if one.endswith(f".{name}"))
+            full = quoted(one for one in known if one.endswith(f".{name}"))
             message = f"there are several {what}s `{name}`"
             yield Diagnostic(f"ambiguous-{what}", message, span, f"write one of {full}")
             return
@@ -173,9 +173,7 @@ class _Checker:
         known = self._components.get(role, ())
         if component.kind not in known:
             word = "name" if role in {"parents", "survivors", "strategy"} else "kind"
-            hint = did_you_mean(component.kind, known) or "there are " + ", ".join(
-                f"`{one}`" for one in known
-            )
+            hint = did_you_mean(component.kind, known) or "there are " + quoted(known)
             if role == "measure" and not hint.startswith("did"):
                 hint += "; `value` is a number that a pattern computes, such as a sum"
             message = f"unknown {word} of {role} `{component.kind}`"
@@ -190,7 +188,7 @@ class _Checker:
             if option == "otherwise":
                 continue
             if option not in expected:
-                known = ", ".join(f"`{one}`" for one in (*expected, "otherwise"))
+                known = quoted((*expected, "otherwise"))
                 hint = did_you_mean(option, (*expected, "otherwise")) or f"`{measure.kind}` has {known}"
                 yield Diagnostic("unknown-key", f"unknown key `{option}` in `{measure.name}`", span, hint)
             elif expected[option]:

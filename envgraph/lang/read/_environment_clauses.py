@@ -33,13 +33,12 @@ from envgraph.lang.read._expressions import (
     Reading,
     expression_of,
     expressions_of,
-    number_of,
     type_of,
     type_span_of,
     variable_of,
 )
 from envgraph.lang.read._query_conditions import condition_of, pattern_call_of
-from envgraph.lang.syntax._parsing import qualified_name_of, tokens, trees
+from envgraph.lang.syntax._parsing import number_of, qualified_name_of, signed, tokens, trees
 from envgraph.pattern import Expression, Navigation, Negation, Parameter, PatternCall
 
 _NOTHING = "nothing"
@@ -86,13 +85,8 @@ def _domain(reading: Reading, tree: Tree[Token]) -> Domain:
 
 
 def _bounds(tree: Tree[Token]) -> tuple[int, int]:
-    low, high = (_bound(part) for part in trees(tree.children))
+    low, high = (int(signed(part)) for part in trees(tree.children))
     return low, high
-
-
-def _bound(tree: Tree[Token]) -> int:
-    *sign, digits = tokens(tree.children)
-    return -int(digits) if sign else int(digits)
 
 
 def branches_of(reading: Reading, tree: Tree[Token]) -> tuple[Branch, ...]:

@@ -31,7 +31,7 @@ from envgraph.lang.read._java import (
     function_of,
 )
 from envgraph.lang.read._type_names import TypeNames
-from envgraph.lang.syntax._parsing import Parsed, follows, span_of, tokens, trees
+from envgraph.lang.syntax._parsing import Parsed, follows, number_of, span_of, tokens, trees
 from envgraph.metamodel import type_name
 from envgraph.pattern import (
     Binary,
@@ -160,11 +160,6 @@ class Reading:
 def variable_of(reading: Reading, token: Token) -> Variable:
     """A name as a variable."""
     return Variable(str(token), reading.span(token))
-
-
-def number_of(token: Token) -> int | float:
-    """The value of an INT, LONG or FLOAT."""
-    return float(token) if token.type == "FLOAT" else int(token)
 
 
 def type_of(reading: Reading, tree: Tree[Token]) -> str:

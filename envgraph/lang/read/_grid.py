@@ -9,7 +9,7 @@ from dataclasses import field
 from lark import Token, Tree
 
 from envgraph.code import dataclass
-from envgraph.errors import Diagnostic, Note, Span
+from envgraph.errors import Diagnostic, Note, Span, quoted
 from envgraph.lang.syntax._parsing import Parsed, tokens, trees
 from envgraph.metamodel import Metamodel
 
@@ -206,7 +206,7 @@ def _cells(
 
 
 def _unknown_letter(letter: str, where: Span, legend: Mapping[str, Entry], given: bool) -> Diagnostic:
-    known = ", ".join(f"`{one}`" for one in legend)
+    known = quoted(legend)
     if given:
         hint = f"the legend has {known}" if known else "the legend is empty"
     else:

@@ -18,7 +18,7 @@ from envgraph.errors import (
     name_hint,
     with_article,
 )
-from envgraph.lang.syntax._parsing import Parsed, annotation_of, tokens, trees
+from envgraph.lang.syntax._parsing import Parsed, annotation_of, signed, tokens, trees
 from envgraph.metamodel import (
     SUPPRESS,
     Annotation,
@@ -254,8 +254,7 @@ class _Reader:
             case "false":
                 return False
             case "number":
-                number: int | float = float(parts[-1]) if parts[-1].type == "FLOAT" else int(parts[-1])
-                return float(sign(parts, number)) if type_ is Scalar.FLOAT else sign(parts, number)
+                return float(signed(tree)) if type_ is Scalar.FLOAT else signed(tree)
             case "string":
                 if isinstance(type_, EnumType):
                     self._wrong_default(tree, type_, name, f"write `::{parts[0]}` for a literal")
@@ -319,8 +318,7 @@ class _Reader:
         return first or 0, last
 
     def _bound(self, tree: Tree[Token]) -> int | None:
-        parts = tokens(tree.children)
-        return None if parts[-1].type == "STAR" else int(sign(parts, int(parts[-1])))
+        return None if tokens(tree.children)[-1].type == "STAR" else int(signed(tree))
 
     # --- annotations ---
 
@@ -415,8 +413,3 @@ class _Reader:
         notes: tuple[Note, ...] = (),
     ) -> None:
         self.diagnostics.append(Diagnostic(code, message, self.parsed.span(where), hint, notes=notes))
-
-
-def sign(parts: list[Token], number: float) -> int | float:
-    """The number of a `SIGN? (INT | FLOAT)`, negative if a sign stands before it."""
-    return -number if len(parts) > 1 else number

@@ -22,15 +22,15 @@ from envgraph.errors import (
     has_errors,
     name_hint,
     plural,
+    quoted,
     with_article,
 )
 from envgraph.graph import Model
 from envgraph.lang.read._grid import Cell, Entry, GridText, read_grid
 from envgraph.lang.read._imports import Import
-from envgraph.lang.read._metamodel import sign
-from envgraph.lang.read._model_values import NO_VALUE, Reports, kind_of, listed, value_of, values_of
+from envgraph.lang.read._model_values import NO_VALUE, Reports, kind_of, value_of, values_of
 from envgraph.lang.read._refused_links import link_hint
-from envgraph.lang.syntax._parsing import Parsed, tokens, trees
+from envgraph.lang.syntax._parsing import Parsed, signed, tokens, trees
 from envgraph.metamodel import (
     Attribute,
     EnumType,
@@ -92,15 +92,8 @@ def read_models(parsed: Parsed, metamodel: Metamodel | None) -> ModelFile:
         if first is not text:
             note = Note("the first definition is here", first.span)
             message = f"model `{text.name}` is defined twice"
-            diagnostics.append(
-                Diagnostic(
-                    "duplicate-definition",
-                    message,
-                    text.span,
-                    "choose another name, or leave one out",
-                    notes=(note,),
-                )
-            )
+            hint = "choose another name, or leave one out"
+            diagnostics.append(Diagnostic("duplicate-definition", message, text.span, hint, notes=(note,)))
     if not models and not diagnostics:
         hint = "write `model name : metamodel { ... }`"
         diagnostics.append(
@@ -204,7 +197,7 @@ class _Reader:
             return False
         if metamodel.classes[cls].abstract:
             kinds = metamodel.concrete(cls)
-            hint = f"its concrete classes are {listed(kinds)}" if kinds else "it has no concrete subclass"
+            hint = f"its concrete classes are {quoted(kinds)}" if kinds else "it has no concrete subclass"
             self.reports.report("abstract-class", f"`{cls}` is abstract", span, hint)
             return False
         return True
@@ -212,15 +205,13 @@ class _Reader:
     def _free(self, name: Token) -> bool:
         if str(name) not in self._names:
             return True
-        note = Note("the first one is here", self._names[str(name)][1])
-        self.reports.error(
-            "duplicate-object",
-            f"there are two objects `{name}`",
-            name,
-            "choose another name for one",
-            notes=(note,),
-        )
+        self._duplicate("objects", name, self._names[str(name)][1])
         return False
+
+    def _duplicate(self, what: str, name: Token, first: Span) -> None:
+        notes = (Note("the first one is here", first),)
+        message, hint = f"there are two {what} `{name}`", "choose another name for one"
+        self.reports.error("duplicate-object", message, name, hint, notes)
 
     def _body(self, node: int | None, body: Tree[Token] | None, made: Made) -> None:
         """Creates what stands in the features of an object, and notes the features for later."""
@@ -231,13 +222,8 @@ class _Reader:
             self._declare(value, made)
             if first.setdefault(str(feature), feature) is not feature:
                 note = Note("the first value is here", self.parsed.span(first[str(feature)]))
-                self.reports.error(
-                    "duplicate-feature",
-                    f"`{feature}` is set twice",
-                    feature,
-                    "leave one out; several targets stand in a list: `[a, b]`",
-                    notes=(note,),
-                )
+                hint = "leave one out; several targets stand in a list: `[a, b]`"
+                self.reports.error("duplicate-feature", f"`{feature}` is set twice", feature, hint, (note,))
             elif node is not None:
                 self._tasks.append(_Task(node, feature, value, made))
 
@@ -276,7 +262,7 @@ class _Reader:
         if self.parsed.mended(line):
             return
         where = cells[len(columns)] if len(cells) > len(columns) else line
-        hint = f"the columns are {listed(columns)}"
+        hint = f"the columns are {quoted(columns)}"
         self.reports.error("wrong-columns", f"this line has {plural(len(cells), 'value')}", where, hint)
 
     # --- grids ---
@@ -286,14 +272,7 @@ class _Reader:
         grid = _Grid(text, {})
         first = self._grids.setdefault(str(text.name), grid)
         if first is not grid:
-            note = Note("the first one is here", self.parsed.span(first.text.name))
-            self.reports.error(
-                "duplicate-object",
-                f"there are two grids `{text.name}`",
-                text.name,
-                "choose another name for one",
-                notes=(note,),
-            )
+            self._duplicate("grids", text.name, self.parsed.span(first.text.name))
         for cell in text.cells:
             if cell.entry is not None and cell.entry.cls is not None:
                 self._letter(grid, cell, cell.entry)
@@ -351,7 +330,7 @@ class _Reader:
         if found is None:
             known = self.metamodel.features(cls)
             hint = self.metamodel.left_out(cls, str(token)) or did_you_mean(token, known)
-            hint = hint or (f"it has {listed(known)}" if known else "it has no features")
+            hint = hint or (f"it has {quoted(known)}" if known else "it has no features")
             self.reports.error("unknown-feature", f"`{cls}` has no feature `{token}`", token, hint)
         return found
 
@@ -448,9 +427,7 @@ class _Reader:
                 )
             return
         grid = self._grids[str(name)]
-        column, row = (
-            int(sign(parts := tokens(part.children), int(parts[-1]))) for part in trees(tree.children)
-        )
+        column, row = (int(signed(part)) for part in trees(tree.children))
         node = grid.nodes.get((column, row))
         if node is not None:
             yield node, self.parsed.span(tree)

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import field
 
 from lark import Token, Tree
 
 from envgraph.code import dataclass
-from envgraph.errors import Diagnostic, Note, Span, did_you_mean, plural, with_article
-from envgraph.lang.read._metamodel import sign
-from envgraph.lang.syntax._parsing import Parsed, tokens, trees
+from envgraph.errors import Diagnostic, Note, Span, did_you_mean, plural, quoted, with_article
+from envgraph.lang.syntax._parsing import Parsed, signed, tokens, trees
 from envgraph.metamodel import Attribute, EnumType, Scalar, Value, accepts, type_name
 from envgraph.pattern import value_hint
 
@@ -83,7 +81,7 @@ def value_of(tree: Tree[Token], attribute: Attribute, reports: Reports) -> Value
         case "true" | "false":
             value = tree.data == "true"
         case "number":
-            value = sign(parts, float(parts[-1]) if parts[-1].type == "FLOAT" else int(parts[-1]))
+            value = signed(tree)
         case "string" if not isinstance(type_, EnumType):
             value = str(parts[0])
     if value is not None and accepts(type_, value):
@@ -113,16 +111,11 @@ def _literal(tree: Tree[Token], attribute: Attribute, reports: Reports) -> Value
             hint,
         )
     elif literal not in type_.literals:
-        hint = did_you_mean(literal, type_.literals) or f"its literals are {listed(type_.literals)}"
+        hint = did_you_mean(literal, type_.literals) or f"its literals are {quoted(type_.literals)}"
         reports.error("unknown-literal", f"`{type_.name}` has no literal `{literal}`", literal, hint)
     else:
         return str(literal)
     return None
-
-
-def listed(names: Iterable[str]) -> str:
-    """Names, for messages."""
-    return ", ".join(f"`{name}`" for name in names)
 
 
 def kind_of(tree: Tree[Token]) -> str:

@@ -10,7 +10,7 @@ from lark import Token, Tree
 from envgraph.code import dataclass
 from envgraph.errors import Span, did_you_mean
 from envgraph.lang.read._expressions import Reading
-from envgraph.lang.syntax._parsing import annotation_of, tokens, trees
+from envgraph.lang.syntax._parsing import annotation_of, signed, tokens, trees
 from envgraph.metamodel import Annotation
 
 
@@ -44,7 +44,7 @@ def marks_of(reading: Reading, tree: Tree[Token]) -> Marks:
 
 def _weight(reading: Reading, tree: Tree[Token], marks: Marks) -> None:
     value = _only_value(tree, "annotation_number")
-    number = _number(value) if value else None
+    number = signed(value) if value else None
     if value is None or number is None:
         _wrong(reading, tree, "one number above 0", "write `@weight(2.0)`")
     elif number <= 0:
@@ -64,7 +64,7 @@ def _weights(reading: Reading, tree: Tree[Token], marks: Marks) -> None:
 
 def _priority(reading: Reading, tree: Tree[Token], marks: Marks) -> None:
     value = _only_value(tree, "annotation_number")
-    number = _number(value) if value else None
+    number = signed(value) if value else None
     if isinstance(number, int):
         marks.priority = number
     else:
@@ -116,12 +116,6 @@ def _only_value(tree: Tree[Token], kind: str) -> Tree[Token] | None:
     return (
         values[0] if len(trees(tree.children)) == 1 and [value.data for value in values] == [kind] else None
     )
-
-
-def _number(value: Tree[Token]) -> int | float:
-    *sign, digits = tokens(value.children)
-    number = float(digits) if digits.type == "FLOAT" else int(digits)
-    return -number if sign else number
 
 
 def _wrong(reading: Reading, tree: Tree[Token], takes: str, hint: str) -> None:

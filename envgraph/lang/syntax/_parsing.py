@@ -155,10 +155,19 @@ def _annotation_value(tree: Tree[Token]) -> Value:
         case "annotation_false":
             return False
         case "annotation_number":
-            *sign, number = tokens(tree.children)
-            value = float(number) if number.type == "FLOAT" else int(number)
-            return -value if sign else value
+            return signed(tree)
     return str(tree.children[0])
+
+
+def number_of(token: Token) -> int | float:
+    """The value of an INT, LONG or FLOAT."""
+    return float(token) if token.type == "FLOAT" else int(token)
+
+
+def signed(tree: Tree[Token]) -> int | float:
+    """The number of a tree that has one, negative if a sign stands before it."""
+    *sign, number = tokens(tree.children)
+    return -number_of(number) if sign else number_of(number)
 
 
 def qualified_name_of(tree: Tree[Token]) -> str:
