@@ -5,13 +5,13 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import field, replace
-from math import inf, isfinite
+from dataclasses import replace
+from math import inf
 from pathlib import Path
 from typing import Any, Final, TypeVar, get_args
 
 from envgraph.code import dataclass
-from envgraph.errors import RAISE_LIMIT, Diagnostic, LoadError, Source, Span, did_you_mean, limit, quoted
+from envgraph.errors import Diagnostic, LoadError, Source, Span, did_you_mean, quoted
 from envgraph.lang.family._family import (
     ComponentSpec,
     ConstraintsSpec,
@@ -27,6 +27,7 @@ from envgraph.lang.family._family import (
     Strength,
     TrainingSpec,
 )
+from envgraph.lang.family._section import Section, is_int, kind_of
 from envgraph.lang.syntax._data import bundled_domains, bundled_file, data_path
 from envgraph.lang.syntax._files import DiskFiles, Files, file_format, read_source
 from envgraph.lang.syntax._formats import FORMATS
@@ -36,15 +37,6 @@ FAMILY_FILE, PROBLEM_FILE = "family.toml", "problem.toml"
 """What stands for its directory; the second, which says what to optimise, where there is no first."""
 _MOST = 100_000
 """Members of a family, and agents that are trained for each curriculum."""
-
-# What to write where another type is expected.
-_WANTED = {
-    "a string": 'write `{} = "..."`',
-    "a whole number": "write `{} = 3`, without a fraction and without quotation marks",
-    "a number": "write `{} = 0.5`, without quotation marks",
-    "true or false": "write `{0} = true` or `{0} = false`",
-    "a list of names": 'names stand between `"`: `{} = ["...", "..."]`',
-}
 
 
 def load_family(path: str, files: Files | None = None) -> FamilySpec:
@@ -150,219 +142,6 @@ def family_path(path: str, files: Files) -> str:
     return files.name(bundled_file(path)) if isinstance(files, DiskFiles) else name
 
 
-@dataclass(slots=True)
-class _Section:
-    """One table, `there` if the file has it. Each question takes a key; what nobody asked for is unknown."""
-
-    text: TomlText
-    path: tuple[str, ...]
-    data: Mapping[str, Any]
-    diagnostics: list[Diagnostic]
-    there: bool = True
-    asked: dict[str, None] = field(default_factory=dict)
-
-    def __contains__(self, key: str) -> bool:
-        return key in self.data
-
-    def span(self, *path: str | int) -> Span:
-        return self.text.value(*self.path, *path)
-
-    def error(self, code: str, message: str, span: Span, hint: str | None = None) -> None:
-        self.diagnostics.append(Diagnostic(code, message, span, hint))
-
-    def wrong(self, key: str, wanted: str, *path: str | int, hint: str | None = None) -> None:
-        value: Any = self.data[key]
-        for step in path:
-            value = value[step]
-        hint = hint or _WANTED.get(wanted, "").format(key) or None
-        self.error("wrong-type", f"`{key}` is {wanted}, not {_kind(value)}", self.span(key, *path), hint)
-
-    def take(self, key: str) -> Any:
-        self.asked[key] = None
-        return self.data.get(key)
-
-    def string(self, key: str, default: str | None = None) -> Name | None:
-        value = self.take(key)
-        if value is None:
-            return None if default is None else Name(default)
-        if not isinstance(value, str):
-            self.wrong(key, "a string")
-            return None
-        if not value.strip():
-            self.error("bad-value", f"`{key}` is empty", self.span(key), "write a name, or leave the key out")
-            return None
-        return Name(value, self.span(key))
-
-    def choice(self, key: str, known: Iterable[str], default: str) -> str:
-        value = self.string(key, default)
-        names = tuple(known)
-        if value is None or value.text in names:
-            return value.text if value else default
-        known = f"write `{names[0]}`" if len(names) == 1 else f"there are {quoted(names)}"
-        hint = did_you_mean(value.text, names) or known
-        self.error("unknown-choice", f"`{key}` cannot be `{value}`", self.span(key), hint)
-        return default
-
-    def integer(self, key: str, default: Any, low: int | None = None, most: int | None = None) -> Any:
-        value = self.take(key)
-        if value is None:
-            return default
-        if not _is_int(value):
-            self.wrong(key, "a whole number")
-            return default
-        if low is not None and value < low:
-            message = f"`{key}` is {value}, it must be at least {low}"
-            self.error(
-                "bad-range", message, self.span(key), f"write `{key} = {low}` or more, or leave it out"
-            )
-            return default
-        if most is not None and value > limit(most):
-            message = f"`{key}` is {value}, and at most {limit(most):,}"
-            self.error("bad-range", message, self.span(key), RAISE_LIMIT)
-            return default
-        return int(value)
-
-    def number(self, key: str, default: Any, low: float | None = None, high: float | None = None) -> Any:
-        value = self.take(key)
-        if value is None:
-            return default
-        if not _is_number(value):
-            self.wrong(key, "a number")
-            return default
-        below, above = low is not None and value < low, high is not None and value > high
-        if below or above or not isfinite(value):
-            wanted = f"at least {low:g}" if high is None and low is not None else f"from {low} to {high}"
-            wanted = "finite" if low is None else wanted
-            message = f"`{key}` is {value}, it must be {wanted}"
-            self.error(
-                "bad-range", message, self.span(key), "write another number, or leave it out for the default"
-            )
-            return default
-        return float(value)
-
-    def positive(self, key: str, default: Any, high: float) -> Any:
-        found = self.number(key, default, 0, high)
-        if found == 0:
-            message = f"`{key}` is 0, it must be above 0"
-            self.error("bad-range", message, self.span(key), f"write `{key} = {default}`, or leave it out")
-            return default
-        return found
-
-    def boolean(self, key: str, default: bool) -> bool:
-        value = self.take(key)
-        if value is None or isinstance(value, bool):
-            return default if value is None else value
-        self.wrong(key, "true or false")
-        return default
-
-    def names(self, key: str) -> tuple[Name, ...]:
-        """A list of names; a name alone is a list of one."""
-        value = self.take(key)
-        if value is None:
-            return ()
-        if isinstance(value, str):
-            return (Name(value, self.span(key)),)
-        if not isinstance(value, list):
-            self.wrong(key, "a list of names", hint=f'write `{key} = ["...", "..."]`')
-            return ()
-        found: dict[str, Name] = {}
-        for index, item in enumerate(value):
-            if not isinstance(item, str):
-                self.wrong(key, "a list of names", index)
-            elif item in found:
-                message = f"`{item}` stands in `{key}` twice"
-                self.error("duplicate-name", message, self.span(key, index), "leave one out")
-            else:
-                found[item] = Name(item, self.span(key, index))
-        return tuple(found.values())
-
-    def table(self, key: str) -> _Section:
-        """A table inside, also under a mistyped name, which is unknown then; empty if it is not there."""
-        value = self.take(key)
-        if value is None:
-            tables = (one for one, found in self.data.items() if isinstance(found, dict))
-            key = next((one for one in tables if did_you_mean(one, [key])), key)
-            value = self.data.get(key)
-        if value is not None and not isinstance(value, dict):
-            self.wrong(key, "a table", hint=f"write `[{'.'.join((*self.path, key))}]` or `{key} = {{ ... }}`")
-            value = None
-        return _Section(self.text, (*self.path, key), value or {}, self.diagnostics, value is not None)
-
-    def interval(self, key: str, default: tuple[int, int]) -> tuple[int, int]:
-        value = self.take(key)
-        if value is None:
-            return default
-        if _is_int(value):
-            value = [value, value]
-        if not isinstance(value, list) or len(value) != 2 or not all(_is_int(one) for one in value):
-            self.wrong(key, "a pair of whole numbers", hint=f"write `{key} = [1, 5]`")
-            return default
-        if not 0 <= value[0] <= value[1]:
-            message = f"`{key}` is {value[0]} to {value[1]}, it must go up from 0 or more"
-            self.error("bad-range", message, self.span(key), f"write `{key} = [1, 5]`")
-            return default
-        return value[0], value[1]
-
-    def component(self, role: str, default: str | None, word: str = "kind") -> ComponentSpec | None:
-        """This table as the part of a search; `word` is the key that names it."""
-        kind = self.string(word, default)
-        if kind is None:
-            near = next((key for key in self.data if did_you_mean(key, [word])), None)
-            if word not in self.data and near:
-                message = f"unknown key `{near}` in `[{'.'.join(self.path)}]`"
-                self.error("unknown-key", message, self.text.key(*self.path, near), f"did you mean `{word}`?")
-            elif word not in self.data and self.there:
-                self.missing(word, f'write `{word} = "..."`')
-            return None
-        found = self.options(role, kind.text, word)
-        return replace(found, spans={**found.spans, "kind": kind.span or self.span()})
-
-    def options(self, role: str, kind: str | None = None, word: str | None = None) -> ComponentSpec:
-        """This table as options, all but the key that names the kind; the kind is by default the role."""
-        spans = {key: self.span(key) for key in self.data} | {"": self.span()}
-        for key, value in self.data.items():
-            items = range(len(value)) if isinstance(value, list) else ()
-            spans |= {f"{key}[{index}]": self.span(key, index) for index in items}
-        spans |= {f"{key} =": self.text.key(*self.path, key) for key in self.data}
-        options = {key: value for key, value in self.data.items() if key != word}
-        return ComponentSpec(role, kind or role, options, spans)
-
-    def chosen(self, key: str, default: ComponentSpec) -> ComponentSpec:
-        """`key = { name = "...", option = ... }`, or the name alone."""
-        value = self.data.get(key)
-        if isinstance(value, str):
-            self.take(key)
-            return ComponentSpec(key, value, {}, {"kind": self.span(key), "": self.span(key)})
-        table = self.table(key)
-        if not table.data:
-            return default
-        return table.component(key, None, "name") or default
-
-    def missing(self, key: str, hint: str) -> None:
-        """Reports that a key is not there."""
-        where = f"`[{'.'.join(self.path)}]`" if self.path else "the file"
-        self.error("missing-key", f"{where} has no `{key}`", self.text.value(*self.path), hint)
-
-    def finish(self) -> None:
-        """Reports the keys that nobody asked for."""
-        for key in self.data:
-            if key not in self.asked:
-                where = f"`[{'.'.join(self.path)}]`" if self.path else "the file"
-                message = f"unknown key `{key}` in {where}"
-                self.error("unknown-key", message, self.text.key(*self.path, key), self._hint(key))
-
-    def _hint(self, key: str) -> str | None:
-        near = did_you_mean(key, self.asked)
-        home = next((f"`[{name}]`" for name, keys in _FIELDS.items() if key in keys), None)
-        home = "the top of the file" if key in _TOP else home
-        if near and not (home and near != f"did you mean `{key}`?"):
-            return near
-        if home:
-            before = ", before the first `[section]`" if home.startswith("the top") else ""
-            return f"`{key}` belongs to {home}{before}"
-        return near or f"there are {quoted(self.asked)}"
-
-
 class _Reader:
     def __init__(self, text: TomlText, files: Files, name: str) -> None:
         self.diagnostics: list[Diagnostic] = []
@@ -372,7 +151,7 @@ class _Reader:
         self._name = name
 
     def family(self) -> FamilySpec:
-        top = _Section(self._text, (), self._text.data, self.diagnostics)
+        top = Section(self._text, (), self._text.data, self.diagnostics, {"": _TOP, **_FIELDS})
         model, environment = self._path(top.string("model")), self._path(top.string("environment"))
         imports = tuple(path for one in top.names("imports") if (path := self._path(one)))
         if model is None and "model" not in top:
@@ -421,7 +200,7 @@ class _Reader:
         name = os.path.abspath(self._name) if isinstance(self._files, DiskFiles) else self._name
         return Path(name).parent.name or "family"
 
-    def _measures(self, top: _Section, section: _Section) -> tuple[ComponentSpec, ...]:
+    def _measures(self, top: Section, section: Section) -> tuple[ComponentSpec, ...]:
         found = []
         if "kind" in section and not isinstance(section.data["kind"], dict):
             hint = "write `[measures.complexity]`, or another name of your choice"
@@ -437,7 +216,7 @@ class _Reader:
             section.error("missing-key", "the family has no measure", self._text.value("measures"), hint)
         return tuple(found)
 
-    def _diversity(self, top: _Section, measures: tuple[ComponentSpec, ...]) -> ComponentSpec:
+    def _diversity(self, top: Section, measures: tuple[ComponentSpec, ...]) -> ComponentSpec:
         component = top.table("diversity").component("diversity", "binned_entropy")
         component = component or ComponentSpec("diversity", "binned_entropy")
         names = list(top.table("measures").data) if measures else []
@@ -456,15 +235,15 @@ class _Reader:
         self._check_measure(top, "of", of, names, component.span("of"))
         return component
 
-    def _audit(self, top: _Section) -> ComponentSpec | None:
+    def _audit(self, top: Section) -> ComponentSpec | None:
         section = top.table("audit")
         return section.options("audit") if section.there else None
 
-    def _objective(self, top: _Section) -> ComponentSpec | None:
+    def _objective(self, top: Section) -> ComponentSpec | None:
         section = top.table("objective")
         return section.component("objective", None) if section.there else None
 
-    def _optimise(self, top: _Section, measures: tuple[ComponentSpec, ...]) -> OptimiseSpec | None:
+    def _optimise(self, top: Section, measures: tuple[ComponentSpec, ...]) -> OptimiseSpec | None:
         section = top.table("optimise")
         if not section.there:
             return None
@@ -483,7 +262,7 @@ class _Reader:
             section.error("bad-value", "several objectives have no target", section.span("target"), hint)
         return spec
 
-    def _samples(self, top: _Section, measures: tuple[ComponentSpec, ...]) -> SamplesSpec | None:
+    def _samples(self, top: Section, measures: tuple[ComponentSpec, ...]) -> SamplesSpec | None:
         section = top.table("samples")
         if not section.there:
             return None
@@ -500,7 +279,7 @@ class _Reader:
             self._check_measure(section, "cover", one.name, names, one.key_span(""))
         return spec
 
-    def _curriculum(self, section: _Section, measures: tuple[ComponentSpec, ...]) -> CurriculumSpec:
+    def _curriculum(self, section: Section, measures: tuple[ComponentSpec, ...]) -> CurriculumSpec:
         spec = _read(section, "curriculum", CurriculumSpec())
         if spec.order is not None:
             names = [one.name for one in measures]
@@ -508,11 +287,11 @@ class _Reader:
         return spec
 
     def _check_measure(
-        self, section: _Section, key: str, value: object, names: list[str], span: Span | None
+        self, section: Section, key: str, value: object, names: list[str], span: Span | None
     ) -> None:
         where = span or self._text.value(*section.path)
         if not isinstance(value, str):
-            message = f"`{key}` is the name of a measure, not {_kind(value)}"
+            message = f"`{key}` is the name of a measure, not {kind_of(value)}"
             section.error("wrong-type", message, where, f"there are {quoted(names)}" if names else None)
         elif value not in names and names:
             hint = did_you_mean(value, names) or f"there are {quoted(names)}"
@@ -531,11 +310,11 @@ Spec = TypeVar(
     TrainingSpec,
 )
 
-Field = Callable[[_Section, str, Any], Any]
+Field = Callable[[Section, str, Any], Any]
 """Reads a key of a table, which has a default."""
 
 
-def _names(section: _Section, key: str, default: tuple[Name, ...]) -> tuple[Name, ...]:
+def _names(section: Section, key: str, default: tuple[Name, ...]) -> tuple[Name, ...]:
     return section.names(key)
 
 
@@ -551,7 +330,7 @@ def _choice(*known: str) -> Field:
     return lambda section, key, default: section.choice(key, known, default)
 
 
-def _outcomes(section: _Section, key: str, default: tuple[Name, ...]) -> tuple[Name, ...]:
+def _outcomes(section: Section, key: str, default: tuple[Name, ...]) -> tuple[Name, ...]:
     found = section.names(key)
     for outcome in found:
         if outcome.text not in {"success", "failure"} and outcome.span:
@@ -560,7 +339,7 @@ def _outcomes(section: _Section, key: str, default: tuple[Name, ...]) -> tuple[N
     return found
 
 
-def _counts(section: _Section) -> tuple[tuple[Name, tuple[int, int | None]], ...]:
+def _counts(section: Section) -> tuple[tuple[Name, tuple[int, int | None]], ...]:
     counts = []
     for key in section.data:
         value = section.take(key)
@@ -581,12 +360,12 @@ def _counts(section: _Section) -> tuple[tuple[Name, tuple[int, int | None]], ...
     return tuple(counts)
 
 
-def _cover(section: _Section) -> tuple[ComponentSpec, ...]:
+def _cover(section: Section) -> tuple[ComponentSpec, ...]:
     """`measure = 20`, a number of bins, or `measure = { bins = 20, range = [0, 1] }`."""
     found = []
     for key, value in section.data.items():
         place = section.text.key(*section.path, key)
-        if _is_int(value):
+        if is_int(value):
             section.take(key)
             spans = {"bins": section.span(key), "": place}
             found.append(ComponentSpec(key, key, {"bins": value}, spans))
@@ -602,7 +381,7 @@ def _cover(section: _Section) -> tuple[ComponentSpec, ...]:
 def _unless_false(field: Field, off: object) -> Field:
     """A key that `false` turns off."""
 
-    def read(section: _Section, key: str, default: Any) -> Any:
+    def read(section: Section, key: str, default: Any) -> Any:
         return (
             field(section, key, default) if section.data.get(key) is not False else section.take(key) or off
         )
@@ -621,16 +400,16 @@ _FIELDS: Final[Mapping[str, Mapping[str, Field]]] = {
     "mutation": {
         "rules": _names,
         "rate": _number(0, 1),
-        "initial_applications": _Section.interval,
+        "initial_applications": Section.interval,
         "max_attempts": _integer(1),
         "strength": _choice(*get_args(Strength)),
     },
     "search": {
         "population": _integer(1, _MOST),
         "generations": _unless_false(_integer(0), None),
-        "keep_initial": _Section.boolean,
-        "parents": _Section.chosen,
-        "survivors": _Section.chosen,
+        "keep_initial": Section.boolean,
+        "parents": Section.chosen,
+        "survivors": Section.chosen,
         "time_limit": _number(0),
         "target": _unless_false(_number(), inf),
         "stagnation": _integer(1),
@@ -638,20 +417,20 @@ _FIELDS: Final[Mapping[str, Mapping[str, Field]]] = {
     "samples": {
         "count": _integer(2, _MOST),
         "cover": lambda section, key, default: _cover(section.table(key)),
-        "maximise": _Section.string,
-        "minimise": _Section.string,
+        "maximise": Section.string,
+        "minimise": Section.string,
         "attempts": _integer(1),
     },
     "optimise": {
         "maximise": _names,
         "minimise": _names,
-        "strategy": _Section.chosen,
+        "strategy": Section.chosen,
         "steps": _integer(1),
         "time_limit": _number(0),
         "target": _number(),
     },
     "curriculum": {
-        "order": _Section.string,
+        "order": Section.string,
         "sequences": _choice(*get_args(Sequences)),
         "initial": _choice("last", "ordered"),
     },
@@ -676,14 +455,14 @@ _FIELDS: Final[Mapping[str, Mapping[str, Field]]] = {
 """What stands in the tables whose keys are known; those of measures and their like are options of what they name."""
 
 
-def _read(section: _Section, name: str, default: Spec) -> Spec:
+def _read(section: Section, name: str, default: Spec) -> Spec:
     """A table whose keys are those of a data class."""
     found = {key: read(section, key, getattr(default, key)) for key, read in _FIELDS[name].items()}
     section.finish()
     return replace(default, **found)
 
 
-def _mutation(section: _Section) -> MutationSpec:
+def _mutation(section: Section) -> MutationSpec:
     if section.data.get("rules", []) == []:
         hint = 'write `rules = ["..."]` in `[mutation]`: names of rules, units and derived groups'
         span = section.text.value("mutation")
@@ -691,7 +470,7 @@ def _mutation(section: _Section) -> MutationSpec:
     return _read(section, "mutation", MutationSpec())
 
 
-def _search(section: _Section) -> SearchSpec:
+def _search(section: Section) -> SearchSpec:
     spec = _read(section, "search", SearchSpec())
     if (spec.generations, spec.time_limit, spec.stagnation) == (None, None, None) and spec.target in (
         None,
@@ -702,7 +481,7 @@ def _search(section: _Section) -> SearchSpec:
     return spec
 
 
-def _epsilon(section: _Section) -> EpsilonSpec:
+def _epsilon(section: Section) -> EpsilonSpec:
     spec = _read(section, "training.epsilon", EpsilonSpec())
     if spec.minimum > spec.start and "minimum" in section:
         message = f"`minimum` is {spec.minimum}, above `start`, which is {spec.start}"
@@ -712,9 +491,9 @@ def _epsilon(section: _Section) -> EpsilonSpec:
 
 def _bounds(value: object) -> tuple[int, int | None] | None:
     """`"1..5"`, `"2..*"`, `"3"`, `3` or `[1, 5]`."""
-    if _is_int(value):
+    if is_int(value):
         return (value, value) if isinstance(value, int) and value >= 0 else None
-    if isinstance(value, list) and len(value) == 2 and all(_is_int(one) and one >= 0 for one in value):
+    if isinstance(value, list) and len(value) == 2 and all(is_int(one) and one >= 0 for one in value):
         return value[0], value[1]
     found = (
         re.fullmatch(r"\s*(\d{1,9})(?:\s*\.\.\s*(\d{1,9}|\*))?\s*", value) if isinstance(value, str) else None
@@ -723,29 +502,3 @@ def _bounds(value: object) -> tuple[int, int | None] | None:
         return None
     low, high = int(found.group(1)), found.group(2)
     return low, low if high is None else None if high == "*" else int(high)
-
-
-def _is_int(value: object) -> bool:
-    return isinstance(value, int) and not isinstance(value, bool)
-
-
-def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)
-
-
-def _kind(value: object) -> str:
-    """What a TOML value is, for messages."""
-    match value:
-        case bool():
-            return "a truth value"
-        case int():
-            return "a whole number"
-        case float():
-            return "a fraction"
-        case str():
-            return "a string"
-        case list():
-            return "a list"
-        case dict():
-            return "a table"
-    return "a date or time"

@@ -1,0 +1,274 @@
+"""One table of a family file: what its keys say, with every mistake at its place."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import field, replace
+from math import isfinite
+from typing import Any
+
+from envgraph.code import dataclass
+from envgraph.errors import RAISE_LIMIT, Diagnostic, Span, did_you_mean, limit, quoted
+from envgraph.lang.family._family import ComponentSpec, Name
+from envgraph.lang.syntax._toml import TomlText
+
+# What to write where another type is expected.
+_WANTED = {
+    "a string": 'write `{} = "..."`',
+    "a whole number": "write `{} = 3`, without a fraction and without quotation marks",
+    "a number": "write `{} = 0.5`, without quotation marks",
+    "true or false": "write `{0} = true` or `{0} = false`",
+    "a list of names": 'names stand between `"`: `{} = ["...", "..."]`',
+}
+
+
+@dataclass(slots=True)
+class Section:
+    """One table. Each question takes a key; what nobody asked for is unknown.
+
+    Attributes:
+        path: its name, in parts.
+        homes: the keys of each table of the file, for hints; of the top under "".
+        there: whether the file has it.
+    """
+
+    text: TomlText
+    path: tuple[str, ...]
+    data: Mapping[str, Any]
+    diagnostics: list[Diagnostic]
+    homes: Mapping[str, Collection[str]]
+    there: bool = True
+    asked: dict[str, None] = field(default_factory=dict)
+
+    def __contains__(self, key: str) -> bool:
+        return key in self.data
+
+    def span(self, *path: str | int) -> Span:
+        return self.text.value(*self.path, *path)
+
+    @property
+    def name(self) -> str:
+        """What the table is called in messages."""
+        return f"`[{'.'.join(self.path)}]`" if self.path else "the file"
+
+    def error(self, code: str, message: str, span: Span, hint: str | None = None) -> None:
+        self.diagnostics.append(Diagnostic(code, message, span, hint))
+
+    def wrong(self, key: str, wanted: str, *path: str | int, hint: str | None = None) -> None:
+        value: Any = self.data[key]
+        for step in path:
+            value = value[step]
+        hint = hint or _WANTED.get(wanted, "").format(key) or None
+        self.error("wrong-type", f"`{key}` is {wanted}, not {kind_of(value)}", self.span(key, *path), hint)
+
+    def take(self, key: str) -> Any:
+        self.asked[key] = None
+        return self.data.get(key)
+
+    def string(self, key: str, default: str | None = None) -> Name | None:
+        value = self.take(key)
+        if value is None:
+            return None if default is None else Name(default)
+        if not isinstance(value, str):
+            self.wrong(key, "a string")
+            return None
+        if not value.strip():
+            self.error("bad-value", f"`{key}` is empty", self.span(key), "write a name, or leave the key out")
+            return None
+        return Name(value, self.span(key))
+
+    def choice(self, key: str, known: Iterable[str], default: str) -> str:
+        value = self.string(key, default)
+        names = tuple(known)
+        if value is None or value.text in names:
+            return value.text if value else default
+        known = f"write `{names[0]}`" if len(names) == 1 else f"there are {quoted(names)}"
+        hint = did_you_mean(value.text, names) or known
+        self.error("unknown-choice", f"`{key}` cannot be `{value}`", self.span(key), hint)
+        return default
+
+    def integer(self, key: str, default: Any, low: int | None = None, most: int | None = None) -> Any:
+        value = self.take(key)
+        if value is None:
+            return default
+        if not is_int(value):
+            self.wrong(key, "a whole number")
+            return default
+        if low is not None and value < low:
+            message = f"`{key}` is {value}, it must be at least {low}"
+            self.error(
+                "bad-range", message, self.span(key), f"write `{key} = {low}` or more, or leave it out"
+            )
+            return default
+        if most is not None and value > limit(most):
+            message = f"`{key}` is {value}, and at most {limit(most):,}"
+            self.error("bad-range", message, self.span(key), RAISE_LIMIT)
+            return default
+        return int(value)
+
+    def number(self, key: str, default: Any, low: float | None = None, high: float | None = None) -> Any:
+        value = self.take(key)
+        if value is None:
+            return default
+        if not _is_number(value):
+            self.wrong(key, "a number")
+            return default
+        below, above = low is not None and value < low, high is not None and value > high
+        if below or above or not isfinite(value):
+            wanted = f"at least {low:g}" if high is None and low is not None else f"from {low} to {high}"
+            wanted = "finite" if low is None else wanted
+            message = f"`{key}` is {value}, it must be {wanted}"
+            self.error(
+                "bad-range", message, self.span(key), "write another number, or leave it out for the default"
+            )
+            return default
+        return float(value)
+
+    def positive(self, key: str, default: Any, high: float) -> Any:
+        found = self.number(key, default, 0, high)
+        if found == 0:
+            message = f"`{key}` is 0, it must be above 0"
+            self.error("bad-range", message, self.span(key), f"write `{key} = {default}`, or leave it out")
+            return default
+        return found
+
+    def boolean(self, key: str, default: bool) -> bool:
+        value = self.take(key)
+        if value is None or isinstance(value, bool):
+            return default if value is None else value
+        self.wrong(key, "true or false")
+        return default
+
+    def names(self, key: str) -> tuple[Name, ...]:
+        """A list of names; a name alone is a list of one."""
+        value = self.take(key)
+        if value is None:
+            return ()
+        if isinstance(value, str):
+            return (Name(value, self.span(key)),)
+        if not isinstance(value, list):
+            self.wrong(key, "a list of names", hint=f'write `{key} = ["...", "..."]`')
+            return ()
+        found: dict[str, Name] = {}
+        for index, item in enumerate(value):
+            if not isinstance(item, str):
+                self.wrong(key, "a list of names", index)
+            elif item in found:
+                message = f"`{item}` stands in `{key}` twice"
+                self.error("duplicate-name", message, self.span(key, index), "leave one out")
+            else:
+                found[item] = Name(item, self.span(key, index))
+        return tuple(found.values())
+
+    def table(self, key: str) -> Section:
+        """A table inside, also under a mistyped name, which is unknown then; empty if it is not there."""
+        value = self.take(key)
+        if value is None:
+            tables = (one for one, found in self.data.items() if isinstance(found, dict))
+            key = next((one for one in tables if did_you_mean(one, [key])), key)
+            value = self.data.get(key)
+        if value is not None and not isinstance(value, dict):
+            self.wrong(key, "a table", hint=f"write `[{'.'.join((*self.path, key))}]` or `{key} = {{ ... }}`")
+            value = None
+        return Section(
+            self.text, (*self.path, key), value or {}, self.diagnostics, self.homes, value is not None
+        )
+
+    def interval(self, key: str, default: tuple[int, int]) -> tuple[int, int]:
+        value = self.take(key)
+        if value is None:
+            return default
+        if is_int(value):
+            value = [value, value]
+        if not isinstance(value, list) or len(value) != 2 or not all(is_int(one) for one in value):
+            self.wrong(key, "a pair of whole numbers", hint=f"write `{key} = [1, 5]`")
+            return default
+        if not 0 <= value[0] <= value[1]:
+            message = f"`{key}` is {value[0]} to {value[1]}, it must go up from 0 or more"
+            self.error("bad-range", message, self.span(key), f"write `{key} = [1, 5]`")
+            return default
+        return value[0], value[1]
+
+    def component(self, role: str, default: str | None, word: str = "kind") -> ComponentSpec | None:
+        """This table as the part of a search; `word` is the key that names it."""
+        kind = self.string(word, default)
+        if kind is None:
+            near = next((key for key in self.data if did_you_mean(key, [word])), None)
+            if word not in self.data and near:
+                message = f"unknown key `{near}` in {self.name}"
+                self.error("unknown-key", message, self.text.key(*self.path, near), f"did you mean `{word}`?")
+            elif word not in self.data and self.there:
+                self.missing(word, f'write `{word} = "..."`')
+            return None
+        found = self.options(role, kind.text, word)
+        return replace(found, spans={**found.spans, "kind": kind.span or self.span()})
+
+    def options(self, role: str, kind: str | None = None, word: str | None = None) -> ComponentSpec:
+        """This table as options, all but the key that names the kind; the kind is by default the role."""
+        spans = {key: self.span(key) for key in self.data} | {"": self.span()}
+        for key, value in self.data.items():
+            items = range(len(value)) if isinstance(value, list) else ()
+            spans |= {f"{key}[{index}]": self.span(key, index) for index in items}
+        spans |= {f"{key} =": self.text.key(*self.path, key) for key in self.data}
+        options = {key: value for key, value in self.data.items() if key != word}
+        return ComponentSpec(role, kind or role, options, spans)
+
+    def chosen(self, key: str, default: ComponentSpec) -> ComponentSpec:
+        """`key = { name = "...", option = ... }`, or the name alone."""
+        value = self.data.get(key)
+        if isinstance(value, str):
+            self.take(key)
+            return ComponentSpec(key, value, {}, {"kind": self.span(key), "": self.span(key)})
+        table = self.table(key)
+        if not table.data:
+            return default
+        return table.component(key, None, "name") or default
+
+    def missing(self, key: str, hint: str) -> None:
+        """Reports that a key is not there."""
+        self.error("missing-key", f"{self.name} has no `{key}`", self.text.value(*self.path), hint)
+
+    def finish(self) -> None:
+        """Reports the keys that nobody asked for."""
+        for key in self.data:
+            if key not in self.asked:
+                message = f"unknown key `{key}` in {self.name}"
+                self.error("unknown-key", message, self.text.key(*self.path, key), self._hint(key))
+
+    def _hint(self, key: str) -> str | None:
+        near = did_you_mean(key, self.asked)
+        homes = [name for name, keys in self.homes.items() if key in keys]
+        home = (f"`[{homes[0]}]`" if homes[0] else "the top of the file") if homes else None
+        if near and not (home and near != f"did you mean `{key}`?"):
+            return near
+        if home:
+            before = ", before the first `[section]`" if home.startswith("the top") else ""
+            return f"`{key}` belongs to {home}{before}"
+        return near or f"there are {quoted(self.asked)}"
+
+
+def is_int(value: object) -> bool:
+    """Whether a TOML value is a whole number."""
+    return isinstance(value, int) and not isinstance(value, bool)
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def kind_of(value: object) -> str:
+    """What a TOML value is, for messages."""
+    match value:
+        case bool():
+            return "a truth value"
+        case int():
+            return "a whole number"
+        case float():
+            return "a fraction"
+        case str():
+            return "a string"
+        case list():
+            return "a list"
+        case dict():
+            return "a table"
+    return "a date or time"
