@@ -7,9 +7,10 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from envgraph import code
+from envgraph.env.compiled._aggregates import aggregated
 from envgraph.env.compiled._facts import WordOf
 from envgraph.env.compiled._inlining import names_in
-from envgraph.env.compiled._layout import ONE, RI, TOP, ZERO, call, entry, failed, plus
+from envgraph.env.compiled._layout import ONE, RI, TOP, call, entry, failed, plus
 from envgraph.env.compiled._refused import NotCompiled
 from envgraph.env.compiled._tables import Keys, Links, Matches, Reached, Relation
 from envgraph.env.compiled._terms import Term, Terms, as_float, literal, named
@@ -39,7 +40,6 @@ if TYPE_CHECKING:
     from envgraph.env.compiled._matching import Matching
 
 CAPACITY = code.Name("CAPACITY")
-COUNT = code.Local("n", "int")
 
 Found = Callable[["Body"], None]
 """Writes what is done with a solution."""
@@ -63,8 +63,8 @@ class Body:
     def __init__(
         self, matching: Matching, conjunction: Conjunction, block: code.Block, *, words: bool = False
     ) -> None:
-        self._matching = matching
-        self._facts = matching.facts
+        self.matching = matching
+        self.facts = matching.facts
         self.conjunction = conjunction
         self.block = block
         self._constants = dict(conjunction.constants)
@@ -77,9 +77,9 @@ class Body:
         self._top: code.Expression = TOP
         self._levels = 0
 
-    def _called(self, name: str, values: Sequence[code.Expression]) -> code.Call:
+    def called(self, name: str, values: Sequence[code.Expression]) -> code.Call:
         """Code for a call of a function, which may use the space behind the rows that are read here."""
-        self._matching.module.uses(name, self._levels)
+        self.matching.module.uses(name, self._levels)
         return call(name, *values, top=self._top)
 
     def values(self, key: ViewKey) -> list[code.Expression]:
@@ -99,30 +99,31 @@ class Body:
 
     def begin(self, key: ViewKey, given: Sequence[code.Expression], sure: bool) -> None:
         """Give variables the values at the bound positions; `sure` if objects are of the classes of the parameters."""
-        types = self._facts.library.parameter_types(key.pattern)
+        types = self.facts.library.parameter_types(key.pattern)
         for position, value in zip(key.bound, given, strict=True):
             variable = self.conjunction.parameters[position]
-            if self._known(variable):
+            if self.known(variable):
                 self.block.test(code.equal(self.source(variable), value))
             else:
                 self._names[variable] = value
             type_ = types[position]
-            if sure and isinstance(type_, ObjectType) and self._facts.changes.fixed_class(type_.cls):
+            if sure and isinstance(type_, ObjectType) and self.facts.changes.fixed_class(type_.cls):
                 self._learn(variable, type_)
 
     def source(self, variable: int) -> code.Expression:
         """Code for the number of a variable's value."""
         if variable not in self._names:
             value = self._constants[variable]
-            self._names[variable] = literal(self._facts, value, self.conjunction.types[variable]).number
+            self._names[variable] = literal(self.facts, value, self.conjunction.types[variable]).number
         return self._names[variable]
 
-    def _known(self, variable: int) -> bool:
+    def known(self, variable: int) -> bool:
+        """Whether a variable has a value."""
         return variable in self._names or variable in self._constants
 
     def _is_sure(self, variable: int, cls: str) -> bool:
         """Whether an object is certainly of a class, by what has been asked so far."""
-        is_a = self._facts.metamodel.is_a
+        is_a = self.facts.metamodel.is_a
         return any(is_a(known, cls) for known in self._sure.get(variable, ()))
 
     def _learn(self, variable: int, type_: StaticType) -> None:
@@ -149,7 +150,7 @@ class Body:
                 self._step(step)
             new = [v for v in self._names if v not in known and v not in self._constants]
             if self.block.loops > loops:
-                searched = isinstance(step.goal, ClosureAtom) and not self._static(step.goal)
+                searched = isinstance(step.goal, ClosureAtom) and not self.static(step.goal)
                 self.looped += [-1, *new] if searched or not new else new
             self._depth.update((variable, len(self.looped)) for variable in new)
         found(self)
@@ -163,17 +164,18 @@ class Body:
             case Kind.EXISTS:
                 self.block.test(self._existence(step.inner[0]))
             case _:
-                if step.kind is Kind.TEST and (free := self._free(goal)):
+                if step.kind is Kind.TEST and (free := self.free(goal)):
                     whole = Plan((replace(step, kind=Kind.LOOP, binds=tuple(free)),), step.rows, step.cost)
-                    if not self._static(goal):
+                    if not self.static(goal):
                         self.block.test(self._existence(whole))
                         return
                 self._solve(goal, step)
 
-    def _free(self, goal: Goal) -> list[int]:
+    def free(self, goal: Goal) -> list[int]:
+        """The variables of a goal that have no value yet."""
         if isinstance(goal, Condition | Valuation | UnequalAtom | Absence | AggregateAtom):
             return []
-        return [v for v in dict.fromkeys(arguments(goal)) if not self._known(v)]
+        return [v for v in dict.fromkeys(arguments(goal)) if not self.known(v)]
 
     def _existence(self, plan: Plan) -> code.Expression:
         """Whether a plan has a solution: the call of a function."""
@@ -182,24 +184,22 @@ class Body:
         *first, last = plan.steps
         if isinstance(last.goal, CallAtom) and len(set(last.goal.arguments)) == len(last.goal.arguments):
             last = replace(last, binds=())  # which values it has makes no difference
-        return self._inside(lambda body: body.steps([*first, last], found_one), code.FALSE)
+        return self.inside(lambda body: body.steps([*first, last], found_one), code.FALSE)
 
-    def _inside(
-        self, write: Callable[[Body], None], last: code.Expression, head: code.Body = ()
-    ) -> code.Call:
+    def inside(self, write: Callable[[Body], None], last: code.Expression, head: code.Body = ()) -> code.Call:
         """A function for a part of this body; the call of it."""
-        body = Body(self._matching, self.conjunction, code.Block())
+        body = Body(self.matching, self.conjunction, code.Block())
         body._sure = {variable: {*classes} for variable, classes in self._sure.items()}
         known = [v for v, value in self._names.items() if isinstance(value, code.Local)]
-        parameters = {v: self._facts.local(self.conjunction.types[v]) for v in known}
+        parameters = {v: self.facts.local(self.conjunction.types[v]) for v in known}
         body._names = {**self._names, **parameters}
-        with self._matching.module.writing():
+        with self.matching.module.writing():
             write(body)
             whole = (*head, *body.block.body(), code.Return(last))
             read = names_in(whole)
             used = [v for v in parameters if parameters[v].name in read]
-            name = self._matching.module.add("some", [parameters[v] for v in used], whole)
-        return self._called(name, [self._names[v] for v in used])
+            name = self.matching.module.add("some", [parameters[v] for v in used], whole)
+        return self.called(name, [self._names[v] for v in used])
 
     # --- goals
 
@@ -219,9 +219,9 @@ class Body:
                 if term.beyond is not None and not is_float:
                     self.block.add(code.If(term.beyond, (failed("BEYOND"),)))
                 number = as_float(term) if is_float else term.number
-                self._give(result, number)
+                self.give(result, number)
             case AggregateAtom():
-                self._aggregate(goal, step)
+                aggregated(self, goal, step)
             case InstanceAtom():
                 self._instance(goal)
             case AttributeAtom(attribute, owner, value):
@@ -235,68 +235,68 @@ class Body:
 
     def _term(self, expression: Expression, reads: Sequence[tuple[str, int]], expected: StaticType) -> Term:
         names = {name: named(self.source(v), self.conjunction.types[v]) for name, v in reads}
-        terms = Terms(self._facts, names)
+        terms = Terms(self.facts, names)
         term = terms.write(expression, expected)
         if terms.steps:
             self.block.add(*terms.steps)
         return term
 
-    def _give(self, variable: int, value: code.Expression) -> None:
+    def give(self, variable: int, value: code.Expression) -> None:
         """A variable has a value: it gets it, or it had it before and they are equal."""
-        if self._known(variable):
+        if self.known(variable):
             self.block.test(code.equal(self.source(variable), value))
         elif isinstance(value, code.Local):
             self._names[variable] = value
         else:
-            local = self._facts.local(self.conjunction.types[variable])
+            local = self.facts.local(self.conjunction.types[variable])
             self.block.add(code.Assign(local, value))
             self._names[variable] = local
 
-    def _static(self, goal: Goal) -> bool:
+    def static(self, goal: Goal) -> bool:
         """Whether a relation is a table."""
         match goal:
             case CallAtom(pattern) | ClosureAtom(pattern):
-                return pattern in self._matching.static
+                return pattern in self.matching.static
             case _:
-                return self._matching.static.goal(goal)
+                return self.matching.static.goal(goal)
 
     def _look_up(self, goal: Goal, step: Step) -> None:
         """Rows of a table: values of the variables that the step binds."""
         relation, variables = _relation(goal), _arguments(goal)
-        bound = {p: self.source(v) for p, v in enumerate(variables) if self._known(v)}
+        bound = {p: self.source(v) for p, v in enumerate(variables) if self.known(v)}
         wanted: dict[int, int] = {}
         for position, variable in enumerate(variables):
             twice = variables.count(variable) > 1
             if position not in bound and (variable in step.binds or twice):
                 wanted[position] = variable
-        found = self._facts.look_up(self.block, relation, bound, list(wanted))
+        found = self.facts.look_up(self.block, relation, bound, list(wanted))
         for position, variable in wanted.items():
-            self._give(variable, found[position])
+            self.give(variable, found[position])
         self._learn_all(goal)
 
     def _learn_all(self, goal: Goal) -> None:
         """The classes of the objects in a row of a table."""
-        for variable, type_ in zip(_arguments(goal), _relation(goal).types(self._facts.library), strict=True):
+        for variable, type_ in zip(_arguments(goal), _relation(goal).types(self.facts.library), strict=True):
             self._learn(variable, type_)
 
     def _instance(self, goal: InstanceAtom) -> None:
         cls, variable = goal.cls, goal.variable
-        if self._known(variable):
+        if self.known(variable):
             if not self._is_sure(variable, cls) or goal.exact:
-                self.block.test(self._facts.is_instance(self.source(variable), cls, goal.exact))
+                self.block.test(self.facts.is_instance(self.source(variable), cls, goal.exact))
         else:
-            self._names[variable] = self._facts.instances(self.block, cls, goal.exact)
+            self._names[variable] = self.facts.instances(self.block, cls, goal.exact)
         self._learn(variable, ObjectType(cls))
 
     def _attribute(self, attribute: Attribute, owner: int, value: int) -> None:
         sure = self._is_sure(owner, attribute.owner)
-        found = self._facts.value(attribute, self.source(owner), sure=sure)
-        if self._known(value):
+        found = self.facts.value(attribute, self.source(owner), sure=sure)
+        if self.known(value):
             self.block.test(code.equal(found, self.source(value)))
         else:
-            local = self._facts.local(attribute.type)
+            local = self.facts.local(attribute.type)
             self.block.add(code.Assign(local, found))
-            self.block.test(self._facts.present(local, attribute.type))
+            self.block.test(self.facts.present(local, attribute.type))
             self._names[value] = local
         self._learn(owner, ObjectType(attribute.owner))
 
@@ -304,14 +304,14 @@ class Body:
 
     def _link(self, goal: LinkAtom, step: Step) -> None:
         reference, source, target = goal.reference, goal.source, goal.target
-        if isinstance(reference, Attribute) or self._facts.changes.fixed_feature(reference):
-            if isinstance(reference, Attribute) and not self._facts.changes.fixed_feature(reference):
+        if isinstance(reference, Attribute) or self.facts.changes.fixed_feature(reference):
+            if isinstance(reference, Attribute) and not self.facts.changes.fixed_feature(reference):
                 raise NotCompiled(f"many values that change (`{reference}`)")
             self._look_up(goal, step)
             return
-        links, forward = self._facts.links, self._known(source)
+        links, forward = self.facts.links, self.known(source)
         sure = self._is_sure(source, reference.owner), self._is_sure(target, reference.target)
-        if forward and self._known(target):
+        if forward and self.known(target):
             kept = links.cell(reference, self.source(source), self.source(target), sure=sure)
             for test in kept.tests:
                 self.block.test(test)
@@ -319,121 +319,74 @@ class Body:
             near, far = (source, target) if forward else (target, source)
             own = sure[not forward]
             found = links.follow(self.block, reference, self.source(near), forward=forward, sure=own)
-            self._give(far, found)
+            self.give(far, found)
         self._learn(source, ObjectType(reference.owner))
         self._learn(target, ObjectType(reference.target))
 
     # --- calls
 
     def _call(self, goal: CallAtom | ClosureAtom, step: Step) -> None:
-        if self._static(goal):
+        if self.static(goal):
             self._look_up(goal, step)
             return
         if isinstance(goal, ClosureAtom):
             self._closure(goal)
             return
-        bound = {v for v in goal.arguments if self._known(v)}
+        bound = {v for v in goal.arguments if self.known(v)}
         key = call_key(goal, bound, step.binds)
         values = [self.source(goal.arguments[position]) for position in key.bound]
-        types = self._facts.library.parameter_types(goal.pattern)
+        types = self.facts.library.parameter_types(goal.pattern)
         if not key.outputs:
-            self.block.test(self._called(self._matching.exists(key, _suits(self, goal, key)), values))
+            self.block.test(self.called(self.matching.exists(key, self.suits(goal, key)), values))
         else:
             self._loop_rows(goal, key, values)
         for variable, type_ in zip(goal.arguments, types, strict=True):
-            if self._known(variable):
+            if self.known(variable):
                 self._learn(variable, type_)
 
     def _closure(self, goal: ClosureAtom) -> None:
         """Search along the steps from an end that has a value; if neither has, from every source."""
-        types = self._facts.library.parameter_types(goal.step)
+        types = self.facts.library.parameter_types(goal.step)
         assert isinstance(types[0], ObjectType)
-        if not self._known(goal.source) and not self._known(goal.target):
-            self._names[goal.source] = self._facts.instances(self.block, types[0].cls)
-        forward = self._known(goal.source)
+        if not self.known(goal.source) and not self.known(goal.target):
+            self._names[goal.source] = self.facts.instances(self.block, types[0].cls)
+        forward = self.known(goal.source)
         start, end = (goal.source, goal.target) if forward else (goal.target, goal.source)
-        name = self._matching.search(goal.step, goal.closure is Closure.STAR, forward)
-        number, top = self._matching.module.fresh("n"), self._matching.module.fresh("t")
+        name = self.matching.search(goal.step, goal.closure is Closure.STAR, forward)
+        number, top = self.matching.module.fresh("n"), self.matching.module.fresh("t")
         self.block.add(code.Assign(top, plus(self._top, CAPACITY)))
         self._top, self._levels = top, self._levels + 1
-        self.block.add(code.Assign(number, self._called(name, [self.source(start)])))
-        if self._known(end):
+        self.block.add(code.Assign(number, self.called(name, [self.source(start)])))
+        if self.known(end):
             self.block.test(_marked(top, self.source(end)))
         else:
-            place, found = self._matching.module.fresh("i"), self._facts.local(types[forward])
+            place, found = self.matching.module.fresh("i"), self.facts.local(types[forward])
             self.block.loop(place, code.call("range", number))
             self.block.add(code.Assign(found, entry(RI, plus(top, place), 0)))
-            self._give(end, found)
+            self.give(end, found)
         for variable, type_ in zip((goal.source, goal.target), types, strict=True):
             self._learn(variable, type_)
 
     def _loop_rows(self, goal: CallAtom, key: ViewKey, values: Sequence[code.Expression]) -> None:
         """Loop over the rows of a call, which are written behind those of this function."""
-        fresh = self._matching.module.fresh
+        fresh = self.matching.module.fresh
         number, row, top = fresh("n"), fresh("i"), fresh("t")
         self.block.add(code.Assign(top, plus(self._top, CAPACITY)))
         self._top, self._levels = top, self._levels + 1
         self.block.add(
-            code.Assign(number, self._called(self._matching.rows(key, _suits(self, goal, key)), values))
+            code.Assign(number, self.called(self.matching.rows(key, self.suits(goal, key)), values))
         )
         self.block.loop(row, code.call("range", number))
-        loads, values = self._matching.loaded(key, plus(top, row))
+        loads, values = self.matching.loaded(key, plus(top, row))
         self.block.add(*loads)
         for position, value in zip(key.outputs, values, strict=True):
-            self._give(goal.arguments[position], value)
+            self.give(goal.arguments[position], value)
 
-    # --- aggregates
-
-    def _aggregate(self, goal: AggregateAtom, step: Step) -> None:
-        relation = goal.relation
-        if goal.function == "count" and isinstance(relation, CallAtom) and not self._static(relation):
-            free = [v for v in relation.arguments if not self._known(v)]
-            key = call_key(relation, {v for v in relation.arguments if self._known(v)}, free)
-            values = [self.source(relation.arguments[position]) for position in key.bound]
-            self._give(
-                goal.result, self._called(self._matching.count(key, _suits(self, relation, key)), values)
-            )
-            return
-        head = (code.Assign(COUNT, ZERO),)
-        plan = step.inner[0]
-        steps = plan.steps
-        if len(steps) == 1 and steps[0].kind is Kind.TEST:
-            steps = (replace(steps[0], kind=Kind.LOOP, binds=tuple(self._free(relation))),)
-        if goal.column is None:
-            counted = self._inside(
-                lambda body: body.steps(steps, lambda body: count_solutions(body, COUNT)), COUNT, head
-            )
-            self._give(goal.result, counted)
-        else:
-            self._fold(goal, goal.column, steps)
-
-    def _fold(self, goal: AggregateAtom, column: int, steps: Sequence[Step]) -> None:
-        """The sum, mean, least or greatest of a column of different tuples; without one there is only a sum."""
-        type_ = self.conjunction.types[column]
-        if type_ is Scalar.FLOAT and goal.function in ("sum", "avg"):
-            raise NotCompiled(f"the aggregate `{goal.function}` of floats that change")
-        folded = code.Local("folded", "float" if type_ is Scalar.FLOAT else "int")
-
-        def found(body: Body) -> None:
-            value = body.source(column)
-            if goal.function in ("sum", "avg"):
-                body.block.add(code.Assign(folded, value, "+="))
-            else:
-                operator = "<" if goal.function == "min" else ">"
-                first = code.equal(COUNT, ZERO)
-                better = code.Operation("or", (first, code.Operation(operator, (value, folded))))
-                body.block.add(code.If(better, (code.Assign(folded, value),)))
-            count_solutions(body, COUNT)
-
-        nothing: code.Expression = code.Constant(0.0 if type_ is Scalar.FLOAT else 0)
-        head = (code.Assign(COUNT, ZERO), code.Assign(folded, nothing))
-        whole = self._inside(lambda body: body.steps(steps, found), code.tuple_of(COUNT, folded), head)
-        number, result = self._matching.module.fresh("n"), self._facts.local(type_)
-        self.block.add(code.Assign(code.Tuple((number, result)), whole))
-        if goal.function != "sum":
-            self.block.test(code.Operation(">", (number, ZERO)))
-        value = code.Operation("/", (result, number)) if goal.function == "avg" else result
-        self._give(goal.result, value)
+    def suits(self, goal: CallAtom, key: ViewKey) -> bool:
+        """Whether the objects that a call is given are certainly of the classes of the parameters."""
+        types = self.facts.library.parameter_types(goal.pattern)
+        given = [(goal.arguments[position], types[position]) for position in key.bound]
+        return all(self._is_sure(v, type_.cls) for v, type_ in given if isinstance(type_, ObjectType))
 
 
 def _loops_over_sets(body: Body, step: Step) -> bool:
@@ -442,8 +395,8 @@ def _loops_over_sets(body: Body, step: Step) -> bool:
     return (
         step.kind is Kind.LOOP
         and isinstance(goal, InstanceAtom)
-        and not body._known(goal.variable)
-        and body._facts.sets(goal.cls, goal.exact) is not None
+        and not body.known(goal.variable)
+        and body.facts.sets(goal.cls, goal.exact) is not None
     )
 
 
@@ -456,53 +409,40 @@ def _among(body: Body, step: Step, following: Step) -> tuple[Keys, int, code.Exp
         and isinstance(goal, LinkAtom | CallAtom | ClosureAtom)
         and isinstance(test, InstanceAtom)
         and step.binds == (test.variable,)
-        and body._static(goal)
-        and body._facts.sets(test.cls, test.exact) is not None
+        and body.static(goal)
+        and body.facts.sets(test.cls, test.exact) is not None
     ):
         return None
     variables = _arguments(goal)
     if variables.count(test.variable) > 1:
         return None
-    bound = {p: body.source(v) for p, v in enumerate(variables) if body._known(v)}
-    return body._facts.related(_relation(goal), bound, variables.index(test.variable))
+    bound = {p: body.source(v) for p, v in enumerate(variables) if body.known(v)}
+    return body.facts.related(_relation(goal), bound, variables.index(test.variable))
 
 
 def _in_sets(
     body: Body, goal: InstanceAtom, within: tuple[Keys, int, code.Expression] | None, *, last: bool
 ) -> None:
     """Loop over objects of a class that are a union of sets."""
-    sets = body._facts.sets(goal.cls, goal.exact)
+    sets = body.facts.sets(goal.cls, goal.exact)
     assert sets is not None
-    word = body._facts.words(body.block, sets, within)
+    word = body.facts.words(body.block, sets, within)
     body._learn(goal.variable, ObjectType(goal.cls))
     if last and body._words:
         body.word = word
-        body._names[goal.variable] = body._facts.local(ObjectType(goal.cls))
+        body._names[goal.variable] = body.facts.local(ObjectType(goal.cls))
     else:
-        body._names[goal.variable] = body._facts.each_in(body.block, word)
-
-
-def _suits(body: Body, goal: CallAtom, key: ViewKey) -> bool:
-    """Whether the objects that a call is given are certainly of the classes of the parameters."""
-    types = body._facts.library.parameter_types(goal.pattern)
-    given = [(goal.arguments[position], types[position]) for position in key.bound]
-    return all(body._is_sure(v, type_.cls) for v, type_ in given if isinstance(type_, ObjectType))
-
-
-def count_solutions(body: Body, number: code.Local) -> None:
-    """Count the solution, or those of the word."""
-    one = ONE if body.word is None else code.call("count_bits", body.word.word)
-    body.block.add(code.Assign(number, one, "+="))
+        body._names[goal.variable] = body.facts.each_in(body.block, word)
 
 
 def do_with_nth(body: Body, number: code.Local, then: Callable[[], code.Body]) -> None:
     """Do something with the solution that has a number; what stands there ends with a return."""
     assert body.word is not None
-    here = body._matching.module.fresh("n")
+    here = body.matching.module.fresh("n")
     body.block.add(code.Assign(here, code.call("count_bits", body.word.word)))
     node = body._names[body.looped[-1]]
     assert isinstance(node, code.Local)
-    chosen = code.Assign(node, body._facts.nth_of(body.word, number))
+    chosen = code.Assign(node, body.facts.nth_of(body.word, number))
     body.block.add(code.If(code.Operation("<", (number, here)), (chosen, *then())))
     body.block.add(code.Assign(number, here, "-="))
 

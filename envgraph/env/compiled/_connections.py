@@ -9,7 +9,7 @@ from envgraph import code
 from envgraph.code import dataclass
 from envgraph.env.compiled._layout import NOBODY, ONE, ZERO, call, cell, plus, table
 from envgraph.env.compiled._refused import NotCompiled
-from envgraph.env.compiled._tables import LinkColumn, LinkMatrix, Links, One, Values, classes_below, keys_of
+from envgraph.env.compiled._tables import LinkColumn, LinkMatrix, Links, One, Values, keys_of
 from envgraph.match.plan import LiveSizes
 from envgraph.metamodel import Reference
 from envgraph.pattern import ObjectType
@@ -62,7 +62,7 @@ class Connections:
             raise NotCompiled(f"a reference that is its own opposite, and changes (`{reference}`)")
         if opposite is not None and opposite.index < reference.index:
             return self.kept(opposite)[0], False
-        ends = [classes_below(metamodel, end) for end in (reference.owner, reference.target)]
+        ends = [metamodel.concrete(end) for end in (reference.owner, reference.target)]
         one_source = self._one(reference, forward=False)
         if reference.many and not one_source:
             return LinkMatrix(reference, *ends), True

@@ -28,7 +28,6 @@ from envgraph.env.compiled._tables import (
     SetsOf,
     Starts,
     Values,
-    classes_below,
     keys_of,
 )
 from envgraph.match.plan import LiveSizes
@@ -200,7 +199,7 @@ class Facts:
             block = code.Block()
             self.look_up(block, Instances(cls, exact), {0: node})
             return block.tests[0][0]
-        classes = (cls,) if exact else classes_below(self.metamodel, cls)
+        classes = (cls,) if exact else self.metamodel.concrete(cls)
         tests = []
         for group in self.changes.groups:
             place, guard = self.place(group, node, sure=False)
@@ -256,7 +255,7 @@ class Facts:
 
     def instances(self, block: code.Block, cls: str, exact: bool = False) -> code.Local:
         """What follows is done for each object of a class."""
-        classes = (cls,) if exact else classes_below(self.metamodel, cls)
+        classes = (cls,) if exact else self.metamodel.concrete(cls)
         if self.changes.fixed_class(cls, exact):
             return self.each(block, classes)[0]
         sets = self.sets(cls, exact)
@@ -269,7 +268,7 @@ class Facts:
 
     def sets(self, cls: str, exact: bool) -> tuple[ClassSet, ...] | None:
         """The sets whose union are the objects of a class, if all of it may change and within one group."""
-        classes = (cls,) if exact else classes_below(self.metamodel, cls)
+        classes = (cls,) if exact else self.metamodel.concrete(cls)
         groups = {self.changes.group_of(one) for one in classes}
         (group,) = groups if len(groups) == 1 else (None,)
         return None if group is None else tuple(ClassSet(group, one) for one in group if one in classes)
@@ -353,7 +352,7 @@ class Facts:
         self, attribute: Attribute, node: code.Expression, *, sure: bool
     ) -> tuple[code.Index, list[code.Expression]]:
         """The cell of an attribute that changes, and what has to hold before it is looked at."""
-        classes = classes_below(self.metamodel, attribute.owner)
+        classes = self.metamodel.concrete(attribute.owner)
         column = AttributeColumn(attribute, classes)
         place, guard = self.place(classes, node, sure=sure)
         return cell(plus(self.layout.offset(column), place), column.is_float), guard

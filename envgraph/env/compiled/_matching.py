@@ -6,12 +6,11 @@ from collections.abc import Callable, Sequence
 from enum import Enum, auto
 
 from envgraph import code
+from envgraph.env.compiled._aggregates import COUNT, count_solutions
 from envgraph.env.compiled._bodies import (
     CAPACITY,
-    COUNT,
     Body,
     Found,
-    count_solutions,
     do_with_nth,
     found_one,
 )

@@ -7,17 +7,25 @@ from math import prod
 from typing import Final, Literal, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from envgraph.code import dataclass
 from envgraph.env._binding import bind_parameter
 from envgraph.env._keys import key_reader
 from envgraph.env.compiled._member import NO_OBJECT, Cell, Member, Row, missing, width
 from envgraph.env.compiled._refused import Misfit, NotCompiled
-from envgraph.metamodel import Attribute, Metamodel, Reference, Scalar
+from envgraph.metamodel import Attribute, Reference, Scalar
 from envgraph.pattern import Library, ObjectType, Parameter, StaticType
 
 WORD: Final = 32
 """Bits of a word of a set."""
+
+
+class Whole:
+    """A table or column of whole numbers."""
+
+    __slots__ = ()
+    is_float = False
 
 
 # --- relations that no rule changes
@@ -118,20 +126,17 @@ class Keys:
 
 
 @dataclass(frozen=True, slots=True)
-class Bits:
+class Bits(Whole):
     """Whether there is a row with some values: one bit for each place."""
 
     keys: Keys
-    is_float = False
 
     def fill(self, member: Member, stride: int) -> Sequence[Cell]:
         """The table of a member."""
         sizes = self.keys.sizes(stride)
         bits = np.zeros(-(-max(prod(sizes), 1) // WORD) * WORD, dtype=np.uint8)
         bits[self.keys.places(member.rows(self.keys.relation), sizes)] = 1
-        packed = np.packbits(bits, bitorder="little").view("<i4")
-        words: list[int] = packed.tolist()
-        return words
+        return _packed(bits)
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,12 +176,11 @@ class Values:
 
 
 @dataclass(frozen=True, slots=True)
-class Starts:
+class Starts(Whole):
     """Where the rows with some values begin, and behind the last one where they end."""
 
     keys: Keys
     shown: tuple[int, ...]
-    is_float = False
 
     def fill(self, member: Member, stride: int) -> Sequence[Cell]:
         """The table of a member."""
@@ -205,13 +209,12 @@ class Listed:
 
 
 @dataclass(frozen=True, slots=True)
-class SetsOf:
+class SetsOf(Whole):
     """Which objects of a group the rows with some values have in a column: as many words as a set of the group has."""
 
     keys: Keys
     position: int
     group: tuple[str, ...]
-    is_float = False
 
     def fill(self, member: Member, stride: int) -> Sequence[Cell]:
         """The table of a member."""
@@ -223,8 +226,13 @@ class SetsOf:
         for place, row in zip(self.keys.places(rows, sizes), rows, strict=True):
             if row[self.position] in rank:
                 bits[place, rank[int(row[self.position])]] = 1
-        packed = np.packbits(bits, axis=1, bitorder="little").ravel().view("<i4")
-        return [int(word) for word in packed]
+        return _packed(bits)
+
+
+def _packed(bits: NDArray[np.uint8], kind: str = "<i4") -> list[int]:
+    """Truth values, as many as words have bits, as words."""
+    words: list[int] = np.packbits(bits, bitorder="little").view(kind).tolist()
+    return words
 
 
 @dataclass(frozen=True, slots=True)
@@ -247,13 +255,12 @@ def _grouped(
 
 
 @dataclass(frozen=True, slots=True)
-class Extent:
+class Extent(Whole):
     """The objects of some classes: all of them, ascending; how many they are; how many words a set of them has; or the
     place of each object among them, -1 for others."""
 
     classes: tuple[str, ...]
     of: Literal["objects", "count", "words", "places"]
-    is_float = False
 
     def fill(self, member: Member, stride: int) -> Sequence[Cell]:
         """The table of a member."""
@@ -293,11 +300,6 @@ def members(member: Member, classes: Sequence[str]) -> list[int]:
     return found if member.created.isdisjoint(classes) else [*found, *member.spare]
 
 
-def classes_below(metamodel: Metamodel, cls: str) -> tuple[str, ...]:
-    """The concrete classes of a class."""
-    return tuple(metamodel.concrete(cls))
-
-
 # --- columns: a row of numbers for each state
 
 
@@ -323,7 +325,7 @@ class AttributeColumn:
 
 
 @dataclass(frozen=True, slots=True)
-class LinkColumn:
+class LinkColumn(Whole):
     """The other end of each object at one end of a reference, where it has one at most.
 
     Attributes:
@@ -335,7 +337,6 @@ class LinkColumn:
     reference: Reference
     at_source: bool
     classes: tuple[str, ...]
-    is_float = False
 
     def initial(self, member: Member) -> Sequence[Cell]:
         """The column in the initial state."""
@@ -345,13 +346,12 @@ class LinkColumn:
 
 
 @dataclass(frozen=True, slots=True)
-class LinkMatrix:
+class LinkMatrix(Whole):
     """Whether each object at one end of a reference has a link to each at the other, where both may have many."""
 
     reference: Reference
     sources: tuple[str, ...]
     targets: tuple[str, ...]
-    is_float = False
 
     def initial(self, member: Member) -> Sequence[Cell]:
         """The column in the initial state, row by row."""
@@ -361,29 +361,24 @@ class LinkMatrix:
 
 
 @dataclass(frozen=True, slots=True)
-class ClassSet:
+class ClassSet(Whole):
     """Which of the objects of a group are of a class: a bit for each."""
 
     group: tuple[str, ...]
     cls: str
-    is_float = False
 
     def initial(self, member: Member) -> Sequence[Cell]:
         """The column in the initial state."""
         objects = members(member, self.group)
-        words = [0] * -(-len(objects) // WORD)
         inside = {*member.extent(self.cls, exact=True)}
-        for place, number in enumerate(objects):
-            if number in inside:
-                words[place // WORD] |= 1 << (place % WORD)
-        return words
+        bits = np.zeros(-(-len(objects) // WORD) * WORD, dtype=np.uint8)
+        bits[: len(objects)] = [number in inside for number in objects]
+        return _packed(bits, "<u4")
 
 
 @dataclass(frozen=True, slots=True)
-class Made:
+class Made(Whole):
     """How many of the spare objects rules have taken."""
-
-    is_float = False
 
     def initial(self, member: Member) -> Sequence[Cell]:
         """The column in the initial state."""
@@ -391,11 +386,10 @@ class Made:
 
 
 @dataclass(frozen=True, slots=True)
-class Spare:
+class Spare(Whole):
     """The number of the first object that rules may create, or how many there are of these."""
 
     of: Literal["first", "count"]
-    is_float = False
 
     def fill(self, member: Member, stride: int) -> Sequence[Cell]:
         """The table of a member."""
@@ -406,11 +400,10 @@ class Spare:
 
 
 @dataclass(frozen=True, slots=True)
-class Bound:
+class Bound(Whole):
     """The object that a parameter of the behaviour stands for."""
 
     parameter: Parameter
-    is_float = False
 
     def fill(self, member: Member, stride: int) -> Sequence[Cell]:
         """The table of a member."""
@@ -418,12 +411,11 @@ class Bound:
 
 
 @dataclass(frozen=True, slots=True)
-class Keyed:
+class Keyed(Whole):
     """The object that has each index among a class, or will have it when it is retyped; -1 for none."""
 
     cls: str
     candidates: tuple[str, ...]
-    is_float = False
 
     def fill(self, member: Member, stride: int) -> Sequence[Cell]:
         """The table of a member.
@@ -441,12 +433,11 @@ class Keyed:
 
 
 @dataclass(frozen=True, slots=True)
-class IndexOf:
+class IndexOf(Whole):
     """The index of each object among a class; -1 for those that have none."""
 
     cls: str
     candidates: tuple[str, ...]
-    is_float = False
 
     def fill(self, member: Member, stride: int) -> Sequence[Cell]:
         """The table of a member."""
@@ -473,12 +464,11 @@ def _indexed(member: Member, cls: str, classes: Sequence[str]) -> Iterator[tuple
 
 
 @dataclass(frozen=True, slots=True)
-class Seats:
+class Seats(Whole):
     """The agents in the order of their turns: their objects, or the numbers of their blocks."""
 
     classes: tuple[str, ...]
     of: Literal["object", "block", "count"]
-    is_float = False
 
     def fill(self, member: Member, stride: int) -> Sequence[Cell]:
         """The table of a member."""

@@ -1,0 +1,76 @@
+"""Numbers over the solutions of a part of a body: how many there are, a sum, a mean, the least, the greatest."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from envgraph import code
+from envgraph.env.compiled._layout import ONE, ZERO
+from envgraph.env.compiled._refused import NotCompiled
+from envgraph.match.plan import Kind, Step, call_key
+from envgraph.metamodel import Scalar
+from envgraph.pattern import AggregateAtom, CallAtom
+
+if TYPE_CHECKING:
+    from envgraph.env.compiled._bodies import Body
+
+COUNT = code.Local("n", "int")
+
+
+def count_solutions(body: Body, number: code.Local) -> None:
+    """Count the solution, or those of the word."""
+    one = ONE if body.word is None else code.call("count_bits", body.word.word)
+    body.block.add(code.Assign(number, one, "+="))
+
+
+def aggregated(body: Body, goal: AggregateAtom, step: Step) -> None:
+    """The result of a goal gets its value."""
+    relation = goal.relation
+    if goal.function == "count" and isinstance(relation, CallAtom) and not body.static(relation):
+        unknown = [v for v in relation.arguments if not body.known(v)]
+        key = call_key(relation, {v for v in relation.arguments if body.known(v)}, unknown)
+        values = [body.source(relation.arguments[position]) for position in key.bound]
+        counter = body.matching.count(key, body.suits(relation, key))
+        body.give(goal.result, body.called(counter, values))
+        return
+    steps = step.inner[0].steps
+    if len(steps) == 1 and steps[0].kind is Kind.TEST:
+        steps = (replace(steps[0], kind=Kind.LOOP, binds=tuple(body.free(relation))),)
+    if goal.column is not None:
+        _fold(body, goal, goal.column, steps)
+        return
+    head = (code.Assign(COUNT, ZERO),)
+    counted = body.inside(
+        lambda part: part.steps(steps, lambda one: count_solutions(one, COUNT)), COUNT, head
+    )
+    body.give(goal.result, counted)
+
+
+def _fold(body: Body, goal: AggregateAtom, column: int, steps: Sequence[Step]) -> None:
+    """The sum, mean, least or greatest of a column of different tuples; without one there is only a sum."""
+    type_ = body.conjunction.types[column]
+    if type_ is Scalar.FLOAT and goal.function in ("sum", "avg"):
+        raise NotCompiled(f"the aggregate `{goal.function}` of floats that change")
+    folded = code.Local("folded", "float" if type_ is Scalar.FLOAT else "int")
+
+    def found(part: Body) -> None:
+        value = part.source(column)
+        if goal.function in ("sum", "avg"):
+            part.block.add(code.Assign(folded, value, "+="))
+        else:
+            operator = "<" if goal.function == "min" else ">"
+            better = code.Operation(operator, (value, folded))
+            first = code.Operation("or", (code.equal(COUNT, ZERO), better))
+            part.block.add(code.If(first, (code.Assign(folded, value),)))
+        count_solutions(part, COUNT)
+
+    nothing: code.Expression = code.Constant(0.0 if type_ is Scalar.FLOAT else 0)
+    head = (code.Assign(COUNT, ZERO), code.Assign(folded, nothing))
+    whole = body.inside(lambda part: part.steps(steps, found), code.tuple_of(COUNT, folded), head)
+    number, result = body.matching.module.fresh("n"), body.facts.local(type_)
+    body.block.add(code.Assign(code.Tuple((number, result)), whole))
+    if goal.function != "sum":
+        body.block.test(code.Operation(">", (number, ZERO)))
+    body.give(goal.result, code.Operation("/", (result, number)) if goal.function == "avg" else result)
