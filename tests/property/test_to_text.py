@@ -260,7 +260,7 @@ UNITS = st.builds(
 
 
 def patterns_of(text: str) -> tuple[Pattern, ...]:
-    return read_query(parse("query", Source("", text))).patterns
+    return read_query(parse("query", Source("", text))).definitions
 
 
 def rules_of(text: str) -> tuple[object, ...]:

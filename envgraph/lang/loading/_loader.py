@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import field, replace
-from typing import TYPE_CHECKING, NoReturn, TypeVar
+from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 
 from envgraph.code import dataclass
 from envgraph.errors import (
@@ -38,8 +38,8 @@ from envgraph.lang.read._expressions import Reading
 from envgraph.lang.read._imports import Import, near_uri
 from envgraph.lang.read._metamodel import read_metamodel
 from envgraph.lang.read._model import ModelText, imports_of, read_models
-from envgraph.lang.read._query import QueryFile, read_query
-from envgraph.lang.read._query_header import header_of
+from envgraph.lang.read._query import read_query
+from envgraph.lang.read._query_header import DefinitionsFile, header_of
 from envgraph.lang.read._suppress import Suppression, suppressions_of, unsuppressed
 from envgraph.lang.read._type_names import TypeNames
 from envgraph.lang.syntax._data import bundled_domains, data_path
@@ -57,8 +57,6 @@ from envgraph.rewrite import Registration
 if TYPE_CHECKING:  # each is loaded with the first file that needs it
     from envgraph.behaviour import Behaviour
     from envgraph.lang.interchange._ecore_document import EcoreDocument
-    from envgraph.lang.read._environment import EnvironmentFile
-    from envgraph.lang.read._rules import RulesFile
 
 _LIBRARIES = (ECORE, "http://www.eclipse.org/emf/2003/XMLType")
 """Packages that every `.vql` file may import: they hold the data types."""
@@ -95,8 +93,8 @@ class Loader:
     texts: list[tuple[str, Parsed, Sequence[Lexeme]]] = field(default_factory=list)
     """Files with definitions, which are read when it is known what the names in them mean."""
     models: list[Parsed | Source] = field(default_factory=list)
-    definitions: list[Pattern | FunctionDeclaration | Rule | Unit | Derivation] = field(default_factory=list)
-    behaviours: list[Behaviour] = field(default_factory=list)
+    definitions: list[Any] = field(default_factory=list)
+    """Patterns, functions, rules, units, derivations, and behaviours."""
     families: list[FamilySpec] = field(default_factory=list)
     suppressions: list[Suppression] = field(default_factory=list)
     unclear: set[str] = field(default_factory=set)
@@ -258,28 +256,22 @@ class Loader:
         self, language: str, parsed: Parsed, lexemes: Sequence[Lexeme], types: TypeNames | None
     ) -> None:
         """Keeps the definitions of a file."""
-        file: QueryFile | RulesFile | EnvironmentFile
-        defined: Iterable[Pattern | FunctionDeclaration | Rule | Unit | Derivation | Behaviour]
+        file: DefinitionsFile[Any]
         match language:
             case "query":
                 file = read_query(parsed, types)
-                self.definitions += file.definitions
-                defined = file.definitions
             case "rules":
                 from envgraph.lang.read._rules import read_rules
 
                 file = read_rules(parsed, types)
-                self.definitions += file.definitions
-                defined = file.definitions
             case _:
                 from envgraph.lang.read._environment import read_environment
 
                 file = read_environment(parsed, types)
-                self.behaviours.extend(file.behaviours)
-                defined = file.behaviours
+        self.definitions += file.definitions
         self._note(file.diagnostics, file.lost)
         known = self.read[parsed.source.name]
-        known.patterns, known.defined = file.header.patterns, {one.name for one in defined}
+        known.patterns, known.defined = file.header.patterns, {one.name for one in file.definitions}
         if language == "query":
             known.mentioned = frozenset(one.value for one in lexemes if one.kind == "NAME")
 
@@ -355,11 +347,13 @@ class Loader:
 
     def _behaviours(self, metamodel: Metamodel | None) -> tuple[Behaviour, ...]:
         """Those of environments, in which it is known what literals are of which enum."""
-        if metamodel is None or not self.behaviours:
-            return tuple(self.behaviours)
+        if not any(language == "environment" for language, _, _ in self.texts):
+            return ()
+        from envgraph.behaviour import Behaviour
         from envgraph.lang.read._environment import with_enums
 
-        return tuple(with_enums(one, metamodel) for one in self.behaviours)
+        found = self._defined(Behaviour)
+        return tuple(with_enums(one, metamodel) for one in found) if metamodel else found
 
     def _wrong_imports(self, unknown: UnknownNames) -> list[Diagnostic]:
         """Patterns that are imported and are nowhere; without such mistakes, also files that are of no use."""

@@ -8,8 +8,6 @@ from dataclasses import replace
 from lark import Token, Tree
 
 from envgraph.behaviour import Action, Agent, Behaviour, Domain, Effect, Observation, OnReset
-from envgraph.code import dataclass
-from envgraph.errors import Diagnostic
 from envgraph.lang.read._environment_clauses import (
     action_of,
     drawing_of,
@@ -19,8 +17,8 @@ from envgraph.lang.read._environment_clauses import (
     on_reset_of,
 )
 from envgraph.lang.read._expressions import Reading, type_of, type_span_of
-from envgraph.lang.read._query import name_of, parameters_of
-from envgraph.lang.read._query_header import Header, definitions_of, header_of, unused_imports
+from envgraph.lang.read._query import parameters_of
+from envgraph.lang.read._query_header import DefinitionsFile, name_of, read_definitions
 from envgraph.lang.read._type_names import TypeNames
 from envgraph.lang.syntax._parsing import Parsed, annotation_of, tokens, trees
 from envgraph.metamodel import SUPPRESS, Annotation, Metamodel
@@ -35,33 +33,12 @@ _OUTSIDE = {
 """Clauses that cannot stand in an agent, and how they are spelt."""
 
 
-@dataclass(frozen=True, slots=True)
-class EnvironmentFile:
-    """What an `.environment` file says, as far as it can be read.
-
-    Attributes:
-        behaviours: one for each environment, in the order of the text.
-        lost: names that may be defined or used in what could not be read.
-    """
-
-    header: Header
-    behaviours: tuple[Behaviour, ...]
-    diagnostics: tuple[Diagnostic, ...]
-    lost: frozenset[str] = frozenset()
+_MISSING = "missing-environment", "the file describes no environment", "write `environment Name { ... }`"
 
 
-def read_environment(parsed: Parsed, types: TypeNames | None = None) -> EnvironmentFile:
-    """The behaviours of a parsed file, and what is wrong with it before any name is looked up."""
-    reading = Reading(parsed, list(parsed.diagnostics), types=types)
-    header = header_of(reading)
-    found = [*definitions_of(reading)]
-    behaviours = tuple(_behaviour(reading, tree) for tree in found)
-    if not found and not parsed.diagnostics:
-        end = parsed.source.span(len(parsed.source.text), len(parsed.source.text))
-        hint = "write `environment Name { ... }`"
-        reading.error("missing-environment", "the file describes no environment", end, hint)
-    unused_imports(reading, header)
-    return EnvironmentFile(header, behaviours, reading.result(), reading.all_lost())
+def read_environment(parsed: Parsed, types: TypeNames | None = None) -> DefinitionsFile[Behaviour]:
+    """The behaviours of an `.environment` file; see `read_definitions`."""
+    return read_definitions(parsed, types, _behaviour, keep=True, missing=_MISSING)
 
 
 def with_enums(behaviour: Behaviour, metamodel: Metamodel) -> Behaviour:
@@ -84,7 +61,7 @@ def _told(domain: Domain, metamodel: Metamodel) -> Domain:
     return replace(domain, cls=None, enum=domain.cls) if domain.cls in metamodel.enums else domain
 
 
-def _behaviour(reading: Reading, tree: Tree[Token]) -> Behaviour:
+def _behaviour(reading: Reading, _: str, tree: Tree[Token]) -> Behaviour:
     name = name_of(tree)
     clauses = _clauses(tree)
     drawings, limits = trees(clauses, "draw_grid", "draw_graph"), trees(clauses, "limit")

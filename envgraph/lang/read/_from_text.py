@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from bisect import bisect_left
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import fields, is_dataclass, replace
 from typing import Any, Final
 
 from envgraph.code import dataclass
 from envgraph.errors import Diagnostic, InvalidArgument, LoadError, Severity, Source, Span
 from envgraph.lang.read._query import read_query
-from envgraph.lang.read._query_header import Header
+from envgraph.lang.read._query_header import DefinitionsFile, Header
 from envgraph.lang.read._rules import read_rules
 from envgraph.lang.read._type_names import TypeNames
 from envgraph.lang.syntax._grammar import grammar
 from envgraph.lang.syntax._lexer import Lexeme
-from envgraph.lang.syntax._parsing import parse
+from envgraph.lang.syntax._parsing import Parsed, parse
 from envgraph.pattern import Derivation, FunctionDeclaration, Pattern, Rule, Unit
 
 Definition = Pattern | Rule | Unit | Derivation | FunctionDeclaration
@@ -48,11 +48,11 @@ def from_text(text: str, language: str = "rules", name: str = "<text>") -> tuple
 
 
 def _read(language: str, source: Source) -> tuple[tuple[Definition, ...], tuple[Diagnostic, ...], Header]:
-    if language == "query":
-        query = read_query(parse("query", source), TypeNames())
-        return query.definitions, query.diagnostics, query.header
-    rules = read_rules(parse("rules", source), TypeNames())
-    return rules.definitions, rules.diagnostics, rules.header
+    read: Callable[[Parsed, TypeNames], DefinitionsFile[Any]] = (
+        read_query if language == "query" else read_rules
+    )
+    file = read(parse(language, source), TypeNames())
+    return file.definitions, file.diagnostics, file.header
 
 
 def _raise_errors(problems: Sequence[Diagnostic]) -> None:

@@ -3,57 +3,31 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 
 from lark import Token, Tree
 
-from envgraph.code import dataclass
-from envgraph.errors import Diagnostic, Span
+from envgraph.errors import Span
 from envgraph.lang.read._expressions import Reading, type_of, type_span_of
 from envgraph.lang.read._query_conditions import conditions_of, java_type_of
-from envgraph.lang.read._query_header import Header, definitions_of, header_of, unused_imports
+from envgraph.lang.read._query_header import DefinitionsFile, name_of, read_definitions
 from envgraph.lang.read._type_names import TypeNames
 from envgraph.lang.syntax._parsing import Parsed, annotation_of, tokens, trees
 from envgraph.metamodel import SUPPRESS
 from envgraph.pattern import Body, FunctionDeclaration, Parameter, Pattern, Strategy
 
 
-@dataclass(frozen=True, slots=True)
-class QueryFile:
-    """What a `.query` file says; a pattern of which a part could not be read is left out.
-
-    Attributes:
-        lost: names that may be defined or used in what could not be read.
-    """
-
-    header: Header
-    patterns: tuple[Pattern, ...]
-    diagnostics: tuple[Diagnostic, ...]
-    lost: frozenset[str] = frozenset()
-    functions: tuple[FunctionDeclaration, ...] = ()
-
-    @property
-    def definitions(self) -> tuple[Pattern | FunctionDeclaration, ...]:
-        """What the file defines, in the order of the text, but functions first."""
-        return (*self.functions, *self.patterns)
+def read_query(
+    parsed: Parsed, types: TypeNames | None = None
+) -> DefinitionsFile[Pattern | FunctionDeclaration]:
+    """What a `.query` file defines, functions first; see `read_definitions`."""
+    file = read_definitions(parsed, types, _definition)
+    ordered = sorted(file.definitions, key=lambda one: isinstance(one, Pattern))
+    return replace(file, definitions=tuple(ordered))
 
 
-def read_query(parsed: Parsed, types: TypeNames | None = None) -> QueryFile:
-    """The patterns of a parsed file, and what is wrong with it before any name is looked up."""
-    reading = Reading(parsed, list(parsed.diagnostics), types=types)
-    header = header_of(reading)
-    found: list[Pattern | FunctionDeclaration] = []
-    for tree in definitions_of(reading):
-        read = (
-            _declaration(reading, tree)
-            if tree.data == "declaration"
-            else _pattern(reading, header.package, tree)
-        )
-        if reading.whole(name_of(tree), tree):
-            found.append(read)
-    unused_imports(reading, header)
-    patterns = tuple(one for one in found if isinstance(one, Pattern))
-    functions = tuple(one for one in found if isinstance(one, FunctionDeclaration))
-    return QueryFile(header, patterns, reading.result(), reading.all_lost(), functions)
+def _definition(reading: Reading, package: str, tree: Tree[Token]) -> Pattern | FunctionDeclaration:
+    return _declaration(reading, tree) if tree.data == "declaration" else _pattern(reading, package, tree)
 
 
 def parameters_of(reading: Reading, tree: Tree[Token]) -> tuple[Parameter, ...]:
@@ -63,11 +37,6 @@ def parameters_of(reading: Reading, tree: Tree[Token]) -> tuple[Parameter, ...]:
         for part in trees(tree.children, "parameters")
         for item in trees(part.children, "parameter")
     )
-
-
-def name_of(tree: Tree[Token]) -> Token:
-    """The token that names a definition."""
-    return tokens(tree.children, "NAME")[0]
 
 
 def _pattern(reading: Reading, package: str, tree: Tree[Token]) -> Pattern:

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import field
+from typing import Generic, TypeVar
 
 from lark import Token, Tree
 
 from envgraph.code import dataclass
-from envgraph.errors import Span
+from envgraph.errors import Diagnostic, Span
 from envgraph.lang.read._ecore_types import library_types
 from envgraph.lang.read._expressions import Reading
 from envgraph.lang.read._imports import Import
-from envgraph.lang.syntax._parsing import qualified_name_of, tokens, trees
+from envgraph.lang.read._type_names import TypeNames
+from envgraph.lang.syntax._parsing import Parsed, qualified_name_of, tokens, trees
 from envgraph.metamodel import type_name
+
+Definition = TypeVar("Definition")
 
 _KINDS = ("package", "import_file", "import_pattern", "import_java")
 
@@ -33,6 +37,56 @@ class Header:
     package: str = ""
     imports: tuple[Import, ...] = ()
     patterns: tuple[PatternImport, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class DefinitionsFile(Generic[Definition]):
+    """What a file with definitions says, as far as it can be read.
+
+    Attributes:
+        lost: names that may be defined or used in what could not be read.
+    """
+
+    header: Header
+    definitions: tuple[Definition, ...]
+    diagnostics: tuple[Diagnostic, ...]
+    lost: frozenset[str] = frozenset()
+
+
+def read_definitions(
+    parsed: Parsed,
+    types: TypeNames | None,
+    read: Callable[[Reading, str, Tree[Token]], Definition],
+    *,
+    keep: bool = False,
+    missing: tuple[str, str, str] | None = None,
+) -> DefinitionsFile[Definition]:
+    """The definitions of a parsed file, and what is wrong with it before any name is looked up.
+
+    Args:
+        parsed: the file.
+        types: what the names of types mean in it.
+        read: reads one definition of a package.
+        keep: whether one of which a part could not be read is kept; else it is left out.
+        missing: code, message and hint for a file that has none.
+    """
+    reading = Reading(parsed, list(parsed.diagnostics), types=types)
+    header, found = header_of(reading), []
+    parts = [*definitions_of(reading)]
+    for tree in parts:
+        one = read(reading, header.package, tree)
+        if keep or reading.whole(name_of(tree), tree):
+            found.append(one)
+    if missing and not parts and not parsed.diagnostics:
+        end = len(parsed.source.text)
+        reading.error(*missing[:2], parsed.source.span(end, end), missing[2])
+    unused_imports(reading, header)
+    return DefinitionsFile(header, tuple(found), reading.result(), reading.all_lost())
+
+
+def name_of(tree: Tree[Token]) -> Token:
+    """The token that names a definition."""
+    return tokens(tree.children, "NAME")[0]
 
 
 def header_of(reading: Reading) -> Header:

@@ -6,11 +6,9 @@ from typing import Literal, cast
 
 from lark import Token, Tree
 
-from envgraph.code import dataclass
-from envgraph.errors import Diagnostic
 from envgraph.lang.read._expressions import Reading, type_of, type_span_of
-from envgraph.lang.read._query import name_of, parameters_of
-from envgraph.lang.read._query_header import Header, definitions_of, header_of, unused_imports
+from envgraph.lang.read._query import parameters_of
+from envgraph.lang.read._query_header import DefinitionsFile, name_of, read_definitions
 from envgraph.lang.read._rules_annotations import marks_of
 from envgraph.lang.read._rules_graph import left_side_of, modification_of, right_side_of
 from envgraph.lang.read._rules_units import block_of
@@ -33,31 +31,9 @@ _NESTED = ("condition_block", "rule_block")
 _SECTIONS = ("left", "right", "modification", *_NESTED)
 
 
-@dataclass(frozen=True, slots=True)
-class RulesFile:
-    """What a `.rules` file says; a definition of which a part could not be read is left out.
-
-    Attributes:
-        lost: names that may be defined or used in what could not be read.
-    """
-
-    header: Header
-    definitions: tuple[Definition, ...]
-    diagnostics: tuple[Diagnostic, ...]
-    lost: frozenset[str] = frozenset()
-
-
-def read_rules(parsed: Parsed, types: TypeNames | None = None) -> RulesFile:
-    """The definitions of a parsed file, and what is wrong with it before any name is looked up."""
-    reading = Reading(parsed, list(parsed.diagnostics), types=types)
-    header = header_of(reading)
-    definitions = []
-    for tree in definitions_of(reading):
-        definition = _definition(reading, header.package, tree)
-        if reading.whole(name_of(tree), tree):
-            definitions.append(definition)
-    unused_imports(reading, header)
-    return RulesFile(header, tuple(definitions), reading.result(), reading.all_lost())
+def read_rules(parsed: Parsed, types: TypeNames | None = None) -> DefinitionsFile[Definition]:
+    """What a `.rules` file defines; see `read_definitions`."""
+    return read_definitions(parsed, types, _definition)
 
 
 def _definition(reading: Reading, package: str, tree: Tree[Token]) -> Definition:

@@ -1,5 +1,7 @@
 """`.environment` files as behaviours."""
 
+from typing import Any
+
 import pytest
 
 from envgraph.env import (
@@ -23,7 +25,8 @@ from envgraph.env import (
     Token,
 )
 from envgraph.errors import Source
-from envgraph.lang.read._environment import EnvironmentFile, read_environment, with_enums
+from envgraph.lang.read._environment import read_environment, with_enums
+from envgraph.lang.read._query_header import DefinitionsFile
 from envgraph.lang.syntax._parsing import parse
 from envgraph.metamodel import Class, EnumType, Metamodel
 from envgraph.pattern import (
@@ -42,14 +45,14 @@ from envgraph.pattern import (
 a, x = Variable("a"), Variable("x")
 
 
-def read(text: str) -> EnvironmentFile:
+def read(text: str) -> DefinitionsFile[Any]:
     return read_environment(parse("environment", Source("t.environment", text)))
 
 
 def behaviour(clauses: str) -> Behaviour:
     file = read(f"environment E {{ {clauses} }}")
     assert file.diagnostics == ()
-    (only,) = file.behaviours
+    (only,) = file.definitions
     return only
 
 
@@ -194,7 +197,7 @@ def test_a_whole_file() -> None:
     assert file.diagnostics == ()
     assert [one.path for one in file.header.imports] == ["q.query", "r.rules"]
     robot = Variable("robot")
-    assert file.behaviours == (
+    assert file.definitions == (
         Behaviour(
             "Hall",
             parameters=(Parameter("hall", "Hall"),),
@@ -240,5 +243,5 @@ def test_a_parameter_of_an_action_counts_through_an_enum_once_the_metamodel_is_k
 
 def test_several_environments_in_a_file() -> None:
     file = read("environment A { action a = r() }\nenvironment B { action b = r() }")
-    assert [one.name for one in file.behaviours] == ["A", "B"]
+    assert [one.name for one in file.definitions] == ["A", "B"]
     assert file.diagnostics == ()

@@ -1,9 +1,12 @@
 """The expression language, read from a check of a query."""
 
+from typing import Any
+
 import pytest
 
 from envgraph.errors import Source
-from envgraph.lang.read._query import QueryFile, read_query
+from envgraph.lang.read._query import read_query
+from envgraph.lang.read._query_header import DefinitionsFile
 from envgraph.lang.syntax._parsing import parse
 from envgraph.pattern import (
     Binary,
@@ -22,14 +25,14 @@ from envgraph.pattern import (
 a, b, c, d = (Variable(name) for name in "abcd")
 
 
-def read(text: str) -> QueryFile:
+def read(text: str) -> DefinitionsFile[Any]:
     return read_query(parse("query", Source("x.query", f"pattern p() {{ check({text}); }}")))
 
 
 def expression(text: str) -> Expression:
     file = read(text)
     assert not file.diagnostics
-    check = file.patterns[0].bodies[0].constraints[0]
+    check = file.definitions[0].bodies[0].constraints[0]
     assert isinstance(check, Check)
     return check.expression
 

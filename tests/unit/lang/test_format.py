@@ -47,7 +47,7 @@ def meaning(name: str, text: str) -> object:
     match language:
         case "query":
             query = read_query(parsed)
-            return query.header, query.patterns
+            return query.header, query.definitions
         case "rules":
             rules = read_rules(parsed)
             return rules.header, rules.definitions

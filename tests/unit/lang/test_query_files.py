@@ -1,10 +1,13 @@
 """`.query` files as patterns."""
 
+from typing import Any
+
 import pytest
 
 from envgraph.errors import Severity, Source
 from envgraph.lang.read._imports import Import
-from envgraph.lang.read._query import QueryFile, read_query
+from envgraph.lang.read._query import read_query
+from envgraph.lang.read._query_header import DefinitionsFile
 from envgraph.lang.syntax._parsing import parse
 from envgraph.metamodel import Annotation
 from envgraph.pattern import (
@@ -33,11 +36,11 @@ x, y, n = Variable("x"), Variable("y"), Variable("n")
 anonymous = Variable("_")
 
 
-def read(text: str) -> QueryFile:
+def read(text: str) -> DefinitionsFile[Any]:
     return read_query(parse("query", Source("t.query", text)))
 
 
-def sound(text: str) -> QueryFile:
+def sound(text: str) -> DefinitionsFile[Any]:
     file = read(text)
     assert file.diagnostics == ()
     return file
@@ -45,7 +48,7 @@ def sound(text: str) -> QueryFile:
 
 def constraint(text: str) -> Constraint:
     """The one constraint of a body."""
-    (only,) = sound(f"pattern p(x, y) {{ {text} }}").patterns[0].bodies[0].constraints
+    (only,) = sound(f"pattern p(x, y) {{ {text} }}").definitions[0].bodies[0].constraints
     return only
 
 
@@ -130,7 +133,7 @@ def test_a_whole_file() -> None:
         ),
         ["c.d.helper"],
     )
-    first, second = file.patterns
+    first, second = file.definitions
     assert first == Pattern(
         name="p",
         parameters=(Parameter("x", "Tile", "in"), Parameter("n", "int", "out"), Parameter("way", "Way")),
@@ -158,12 +161,12 @@ def test_words_of_other_places_are_names(name: str) -> None:
     text = (
         f"package {name} pattern {name}({name} : {name}) {{ {name}.{name}({name}, _); find {name}({name}); }}"
     )
-    (pattern,) = sound(text).patterns
+    (pattern,) = sound(text).definitions
     assert pattern.bodies[0].constraints[1] == PatternCall(name, (Variable(name),))
 
 
 def test_patterns_of_one_line_without_blanks() -> None:
-    (pattern,) = sound("pattern p(x:A){A.b(x,y);y!=x;check(x.c<-1);}").patterns
+    (pattern,) = sound("pattern p(x:A){A.b(x,y);y!=x;check(x.c<-1);}").definitions
     assert len(pattern.bodies[0].constraints) == 3
 
 
@@ -176,6 +179,6 @@ def test_an_unused_import_of_a_pattern_is_a_warning() -> None:
 
 def test_a_pattern_with_an_unreadable_statement_is_left_out_and_the_others_are_read() -> None:
     file = read("pattern p(x) { A(x == y); }\npattern q(x) { A(x); }\npattern r(x) { A(x) }")
-    assert [pattern.name for pattern in file.patterns] == ["q", "r"]
+    assert [pattern.name for pattern in file.definitions] == ["q", "r"]
     assert "p" in file.lost
     assert len(file.diagnostics) == 2

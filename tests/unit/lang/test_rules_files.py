@@ -1,10 +1,13 @@
 """`.rules` files as rules, units and derived groups."""
 
+from typing import Any
+
 import pytest
 
 from envgraph.errors import Source
 from envgraph.lang import to_text
-from envgraph.lang.read._rules import RulesFile, read_rules
+from envgraph.lang.read._query_header import DefinitionsFile
+from envgraph.lang.read._rules import read_rules
 from envgraph.lang.syntax._parsing import parse
 from envgraph.pattern import (
     Action,
@@ -51,7 +54,7 @@ from envgraph.pattern import (
 a, b, c, x = (Variable(name) for name in "abcx")
 
 
-def read(text: str) -> RulesFile:
+def read(text: str) -> DefinitionsFile[Any]:
     return read_rules(parse("rules", Source("t.rules", text)))
 
 

@@ -50,7 +50,7 @@ RULES = sorted([*data_path("rules").rglob("*.rules"), *(TESTS / "golden" / "shar
 def read(text: str, language: str = "rules") -> tuple:
     parsed = parse(language, Source("text", text))
     assert not parsed.diagnostics
-    return read_rules(parsed).definitions if language == "rules" else read_query(parsed).patterns
+    return read_rules(parsed).definitions if language == "rules" else read_query(parsed).definitions
 
 
 @pytest.mark.parametrize("path", QUERIES, ids=lambda path: path.name)

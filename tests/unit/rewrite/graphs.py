@@ -61,7 +61,7 @@ def patterns(text: str) -> tuple[Pattern, ...]:
     """The patterns of a query text."""
     read = read_query(parse("query", Source("test.query", dedent(text))))
     assert not read.diagnostics, [str(diagnostic) for diagnostic in read.diagnostics]
-    return read.patterns
+    return read.definitions
 
 
 def definitions(text: str) -> tuple[Rule | Unit | Derivation, ...]:
