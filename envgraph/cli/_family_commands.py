@@ -10,6 +10,7 @@ import click
 from envgraph.cli._app import app
 from envgraph.cli._options import (
     PATH,
+    count_option,
     directory_option,
     force_option,
     format_option,
@@ -17,6 +18,7 @@ from envgraph.cli._options import (
     noted,
     run_argument,
     seed_option,
+    set_option,
     unresolved_option,
     variant_option,
 )
@@ -28,30 +30,21 @@ from envgraph.errors import InvalidArgument
 @click.argument("family", help="A family.toml, a directory with one, or the name of a bundled domain.")
 @click.option("--name", show_default="that of the family", help="Name of the run.")
 @seed_option
-@click.option("--generations", type=click.IntRange(min=0), help="Instead of the number in the file.")
-@click.option("--population", type=click.IntRange(min=1), help="Instead of the size in the file.")
-@click.option(
+@count_option("--generations", least=0, help="Instead of the number in the file.")
+@count_option("--population", help="Instead of the size in the file.")
+@count_option(
     "--samples",
-    type=click.IntRange(min=2),
+    least=2,
     help="Draw so many environments, all valid and no two the same, instead of searching for a family.",
 )
-@click.option(
-    "--set",
-    "overrides",
-    metavar="KEY=VALUE",
-    multiple=True,
-    help="Instead of what the file says: any key of it, such as search.population=10.",
-)
+@set_option(": any key of it, such as search.population=10")
 @click.option(
     "--resume",
     is_flag=True,
     help="Go on with a run that was interrupted, or, with a larger --generations, one that has ended.",
 )
-@click.option(
-    "--workers",
-    type=click.IntRange(min=1),
-    default=1,
-    help="How many threads train the learners of an objective; changes no result.",
+@count_option(
+    "--workers", default=1, help="How many threads train the learners of an objective; changes no result."
 )
 @force_option
 @directory_option
@@ -95,20 +88,9 @@ def generate(
     "problem", help="A family file with [optimise], a directory with a problem.toml, or a bundled domain."
 )
 @seed_option
-@click.option("--steps", type=click.IntRange(min=1), help="How many moves are tried.")
-@click.option(
-    "--set",
-    "overrides",
-    metavar="KEY=VALUE",
-    multiple=True,
-    help="Instead of what the file says: any key of it, such as optimise.strategy=beam.",
-)
-@click.option(
-    "--solution",
-    type=click.IntRange(min=1),
-    default=1,
-    help="Which one of a front is written, by its number.",
-)
+@count_option("--steps", help="How many moves are tried.")
+@set_option(": any key of it, such as optimise.strategy=beam")
+@count_option("--solution", default=1, help="Which one of a front is written, by its number.")
 @click.option("--output", "-o", type=PATH, help="Write the best model here: .model, .xmi or .json.")
 @click.option(
     "--trace", type=PATH, help="Write the rules that lead to it here, for `envgraph replay`: JSON lines."
@@ -307,12 +289,7 @@ def import_(
     help="Training steps for each environment; several budgets are separated by commas. "
     "A baseline gets as many steps as the whole family together.",
 )
-@click.option(
-    "--seeds",
-    type=click.IntRange(min=1),
-    show_default="as in family.toml",
-    help="How many agents for each curriculum.",
-)
+@count_option("--seeds", usual="as in family.toml", help="How many agents for each curriculum.")
 @click.option(
     "--curricula",
     show_default="as in family.toml, and the baselines",
@@ -328,12 +305,7 @@ def import_(
     "environment drawn for each episode) and random (families that nothing has selected, one a seed), separated by "
     "commas; or all, or none.",
 )
-@click.option(
-    "--workers",
-    type=click.IntRange(min=1),
-    default=1,
-    help="How many agents learn at a time; changes no result.",
-)
+@count_option("--workers", default=1, help="How many agents learn at a time; changes no result.")
 @click.option("--resume", is_flag=True, help="Go on with a training that was interrupted.")
 @click.option(
     "--force",
@@ -366,11 +338,8 @@ def report(run: str, output: Path | None, directory: Path, format: OutputFormat)
 @click.option(
     "--output", "-o", type=PATH, default=Path("reproduction"), help="The directory of what is written."
 )
-@click.option(
-    "--seeds",
-    type=click.IntRange(min=1),
-    default=200,
-    help="How many agents for each curriculum, and how many families of our own.",
+@count_option(
+    "--seeds", default=200, help="How many agents for each curriculum, and how many families of our own."
 )
 @click.option(
     "--steps",
@@ -380,12 +349,7 @@ def report(run: str, output: Path | None, directory: Path, format: OutputFormat)
 @click.option(
     "--times/--no-times", default=True, help="Whether to measure how long generation takes (table 4)."
 )
-@click.option(
-    "--workers",
-    type=click.IntRange(min=1),
-    default=1,
-    help="How many agents learn at a time; changes no result.",
-)
+@count_option("--workers", default=1, help="How many agents learn at a time; changes no result.")
 @click.option("--force", is_flag=True, help="Replace what an earlier one has written.")
 @format_option
 def reproduce(what: str, output: Path, **asked: Any) -> None:
@@ -406,39 +370,19 @@ def reproduce(what: str, output: Path, **asked: Any) -> None:
     help="A family file with `[audit]`, a directory with an audit/audit.toml, or the name of a bundled domain; several "
     "are judged apart and together.",
 )
-@click.option(
-    "--seeds",
-    type=click.IntRange(min=2),
-    show_default="as in the file",
-    help="Students of each decisive method.",
+@count_option("--seeds", least=2, usual="as in the file", help="Students of each decisive method.")
+@count_option(
+    "--controls", least=2, usual="as in the file", help="Students of each other method, no more than --seeds."
 )
-@click.option(
-    "--controls",
-    type=click.IntRange(min=2),
-    show_default="as in the file",
-    help="Students of each other method, no more than --seeds.",
-)
-@click.option(
+@count_option(
     "--steps",
-    type=click.IntRange(min=8 * 4096),
-    show_default="as in the file",
+    least=8 * 4096,
+    usual="as in the file",
     help="Steps of each student, with all that it costs to score levels.",
 )
 @click.option("--methods", show_default="all", help="Some methods by their names, separated by semicolons.")
-@click.option(
-    "--set",
-    "overrides",
-    metavar="KEY=VALUE",
-    multiple=True,
-    help="Instead of what the file says, as in `generate`.",
-)
-@click.option(
-    "--workers",
-    "--jobs",
-    type=click.IntRange(min=1),
-    default=1,
-    help="How many students learn at a time; changes no result.",
-)
+@set_option(", as in `generate`")
+@count_option("--workers", "--jobs", default=1, help="How many students learn at a time; changes no result.")
 @click.option("--force", is_flag=True, help="Replace an audit of other files or with other settings.")
 @click.option("--directory", "-d", type=PATH, default=Path("audits"), help="Where audits are kept.")
 @format_option

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import wraps
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 import click
 
@@ -59,6 +59,7 @@ unresolved_option = click.option(
     help="Leave links of EMF models to files and objects that are nowhere out, with a warning.",
 )
 Command = Callable[..., Any]
+_Command = TypeVar("_Command", bound=Command)
 
 
 def inputs_options(command: Command) -> Command:
@@ -83,6 +84,24 @@ where_option = click.option(
     multiple=True,
     help="Fix a parameter: an object by its name, or a value.",
 )
+
+
+def set_option(how: str) -> Callable[[_Command], _Command]:
+    """The option by which keys of a file have other values; `how` is an example, or where to find one."""
+    text = f"Instead of what the file says{how}."
+    return click.option("--set", "overrides", metavar="KEY=VALUE", multiple=True, help=text)
+
+
+def count_option(
+    *names: str, least: int = 1, default: int | None = None, usual: str = "", help: str
+) -> Callable[[_Command], _Command]:
+    """An option that takes a whole number; `usual` says what holds without it where it has no default."""
+    shown: dict[str, Any] = (
+        {"show_default": usual} if usual else {} if default is None else {"default": default}
+    )
+    return click.option(*names, type=click.IntRange(min=least), help=help, **shown)
+
+
 force_option = click.option(
     "--force",
     is_flag=True,
