@@ -24,12 +24,7 @@ from envgraph.lang.format._document import (
 )
 from envgraph.lang.format._spacing import spaced
 from envgraph.lang.format._tokens import Gap, Item, Part, Remark, Tokens
-
-_LEVELS: Final[Mapping[str, int]] = {
-    "||": 1, "or": 1, "&&": 2, "and": 2, "==": 3, "===": 3, "!=": 3, "!==": 3, "=": 3,
-    "<": 4, "<=": 4, ">": 4, ">=": 4, "+": 5, "-": 5, "*": 6, "/": 6, "%": 6,
-}  # fmt: skip
-"""How tightly operators bind."""
+from envgraph.lang.syntax._parsing import level_of
 
 CHAINS: Final = frozenset({"binary", "conditional"})
 _ATTACHED: Final = frozenset({";", ","})
@@ -257,10 +252,10 @@ class Layout:
             found += [self.between(operator + 1, SPACE), self.item(right)]
         return joined(found)
 
-    def _level(self, part: Part) -> int:
+    def _level(self, part: Part) -> int | None:
         operator = part.items[1]
         assert isinstance(operator, int)
-        return _LEVELS[self.tokens.words[operator]]
+        return level_of(self.tokens.words[operator])
 
     def _conditional(self, part: Part) -> Document:
         """`a ? b : c ? d : e`: broken before each `:`."""

@@ -8,26 +8,16 @@ from contextlib import suppress
 from functools import cache
 from typing import Any
 
-from envgraph.code import dataclass
 from envgraph.errors import Span, did_you_mean, name_hint
 from envgraph.lang.interchange._ecore_document import ecore_itself
 from envgraph.lang.interchange._ecore_names import Names, Target, inside
 from envgraph.lang.read._ecore_types import ECORE_TYPES, DataType, java_type, too_large, value_of
+from envgraph.lang.read._metamodel import Marks
 from envgraph.lang.syntax._xml import Element
-from envgraph.metamodel import Annotation, Attribute, EnumType, Feature, Glyph, Places, Scalar, Value
+from envgraph.metamodel import Annotation, Attribute, EnumType, Feature, Glyph, Scalar, Value
 
 _OWN = "envgraph"
 _GENMODEL = "http://www.eclipse.org/emf/2002/GenModel"
-
-
-@dataclass(slots=True)
-class Marks:
-    """What annotations say of a class."""
-
-    key: tuple[str, ...] = ()
-    glyph: Glyph | None = None
-    frozen: bool = False
-    places: Places = ()
 
 
 def _details(element: Element) -> Iterator[tuple[Element, str, str]]:

@@ -173,9 +173,9 @@ class _Checker:
         known = self._components.get(role, ())
         if component.kind not in known:
             word = "name" if role in {"parents", "survivors", "strategy"} else "kind"
-            hint = did_you_mean(component.kind, known) or "there are " + quoted(known)
-            if role == "measure" and not hint.startswith("did"):
-                hint += "; `value` is a number that a pattern computes, such as a sum"
+            computed = "; `value` is a number that a pattern computes, such as a sum"
+            others = f"there are {quoted(known)}{computed if role == 'measure' else ''}"
+            hint = did_you_mean(component.kind, known) or others
             message = f"unknown {word} of {role} `{component.kind}`"
             yield Diagnostic("unknown-component", message, component.span(), hint)
 

@@ -31,7 +31,17 @@ from envgraph.lang.read._java import (
     function_of,
 )
 from envgraph.lang.read._type_names import TypeNames
-from envgraph.lang.syntax._parsing import Parsed, follows, number_of, span_of, tokens, trees
+from envgraph.lang.syntax._parsing import (
+    MEANT,
+    ORDERINGS,
+    Parsed,
+    follows,
+    level_of,
+    number_of,
+    span_of,
+    tokens,
+    trees,
+)
 from envgraph.metamodel import type_name
 from envgraph.pattern import (
     Binary,
@@ -45,9 +55,7 @@ from envgraph.pattern import (
     Variable,
 )
 
-_MEANT = {"=": "==", "===": "==", "!==": "!=", "and": "&&", "or": "||"}
 _REFUSED = frozenset({"=", "and", "or"})
-_ORDERINGS = frozenset({"<", "<=", ">", ">="})
 
 
 @dataclass(slots=True)
@@ -418,7 +426,11 @@ def _unary(reading: Reading, tree: Tree[Token]) -> Expression:
 
 def _binary(reading: Reading, tree: Tree[Token]) -> Expression:
     left, operator = trees(tree.children)[0], tokens(tree.children)[0]
-    if operator in _ORDERINGS and left.data == "binary" and str(left.children[1]) in _ORDERINGS:
+    if (
+        level_of(operator) == ORDERINGS
+        and left.data == "binary"
+        and level_of(str(left.children[1])) == ORDERINGS
+    ):
         return _compared_twice(reading, tree)
     parts = [tree]
     while follows(trees(parts[-1].children)[0], parts[-1]):
@@ -432,7 +444,7 @@ def _binary(reading: Reading, tree: Tree[Token]) -> Expression:
 
 def _operator(reading: Reading, token: Token) -> str:
     """What an operator means; those of habit are refused."""
-    meant = _MEANT.get(token, str(token))
+    meant = MEANT.get(token, str(token))
     if token in _REFUSED:
         what = "does not compare" if token == "=" else "is not an operator"
         reading.error("unexpected-token", f"`{token}` {what}", token, f"write `{meant}`")

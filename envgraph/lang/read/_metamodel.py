@@ -76,7 +76,7 @@ def read_metamodel(parsed: Parsed) -> MetamodelFile:
 
 
 @dataclass(slots=True)
-class _Marks:
+class Marks:
     """What the annotations of a class say."""
 
     key: tuple[str, ...] = ()
@@ -322,14 +322,14 @@ class _Reader:
 
     # --- annotations ---
 
-    def _marks(self, tree: Tree[Token]) -> tuple[tuple[Annotation, ...], _Marks]:
-        readers: dict[str, Callable[[Tree[Token], Annotation, _Marks], None]] = {
+    def _marks(self, tree: Tree[Token]) -> tuple[tuple[Annotation, ...], Marks]:
+        readers: dict[str, Callable[[Tree[Token], Annotation, Marks], None]] = {
             "key": self._key,
             "glyph": self._glyph,
             "frozen": self._frozen,
         }
         annotations = self._annotations(tree, readers)
-        marks = _Marks()
+        marks = Marks()
         seen: dict[str, Span | None] = {}
         for part, annotation in zip(trees(tree.children, "annotation"), annotations, strict=True):
             if annotation.name in seen:
@@ -363,7 +363,7 @@ class _Reader:
                 )
         return found
 
-    def _key(self, tree: Tree[Token], annotation: Annotation, marks: _Marks) -> None:
+    def _key(self, tree: Tree[Token], annotation: Annotation, marks: Marks) -> None:
         names = self._plain_names(tree)
         if names is None or not names:
             self._error("bad-annotation", "`@key` takes the names of attributes", tree, "write `@key(y, x)`")
@@ -381,7 +381,7 @@ class _Reader:
             names.extend(tokens(values[0].children))
         return names
 
-    def _glyph(self, tree: Tree[Token], annotation: Annotation, marks: _Marks) -> None:
+    def _glyph(self, tree: Tree[Token], annotation: Annotation, marks: Marks) -> None:
         arguments = [value for argument in trees(tree.children) for value in trees(argument.children)]
         strings = [tokens(value.children)[0] for value in arguments if value.data == "annotation_string"]
         if self.parsed.mended(tree):
@@ -394,7 +394,7 @@ class _Reader:
         places = zip(("letter", "colour"), (self._span(string) for string in strings), strict=False)
         marks.places = (*marks.places, *places)
 
-    def _frozen(self, tree: Tree[Token], annotation: Annotation, marks: _Marks) -> None:
+    def _frozen(self, tree: Tree[Token], annotation: Annotation, marks: Marks) -> None:
         marks.frozen = True
         if annotation.arguments or annotation.named:
             self._error("bad-annotation", "`@frozen` takes no arguments", tree, "write `@frozen`")

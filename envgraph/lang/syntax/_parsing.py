@@ -27,8 +27,13 @@ _NAME = re.compile(r"[^\W\d]\w*")
 
 _DEEPEST = 150
 
-_CHAINS = {"+": 1, "-": 1, "*": 2, "/": 2, "%": 2, "&&": 3, "and": 3, "||": 4, "or": 4}
-"""The operators of one number have one precedence: any number of them may follow each other."""
+LEVELS = {
+    "||": 1, "&&": 2, "==": 3, "!=": 3, "<": 4, "<=": 4, ">": 4, ">=": 4, "+": 5, "-": 5, "*": 6, "/": 6, "%": 6,
+}  # fmt: skip
+"""How tightly operators bind. Of one number any number may follow each other, but for comparisons."""
+MEANT = {"=": "==", "===": "==", "!==": "!=", "and": "&&", "or": "||"}
+"""Operators of other languages."""
+EQUALITIES, ORDERINGS = 3, 4
 
 
 @dataclass(slots=True)
@@ -199,12 +204,17 @@ def _run(stack: ParseStack, recovery: Recovery) -> Tree[Token] | None:
         index += 1
 
 
+def level_of(operator: str) -> int | None:
+    """How tightly an operator binds; None for other signs."""
+    return LEVELS.get(MEANT.get(operator, operator))
+
+
 def follows(left: Tree[Token], tree: Tree[Token]) -> bool:
     """Whether one tree is the `a + b` of `a + b - c`."""
     if left is not tree.children[0] or not left.data.endswith("binary") or not tree.data.endswith("binary"):
         return False
-    kind = _CHAINS.get(str(tree.children[1]))
-    return kind is not None and kind == _CHAINS.get(str(left.children[1]))
+    level, before = level_of(str(tree.children[1])), level_of(str(left.children[1]))
+    return level == before and level not in (None, EQUALITIES, ORDERINGS)
 
 
 def _tidy(root: Tree[Token]) -> Tree[Token] | None:

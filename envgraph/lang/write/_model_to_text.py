@@ -10,6 +10,7 @@ from envgraph.errors import InvalidArgument
 from envgraph.graph import Model
 from envgraph.lang.format._format import format_text
 from envgraph.lang.syntax._grammar import grammar
+from envgraph.lang.write._text_terms import string
 from envgraph.metamodel import Attribute, EnumType, Reference, Value, simple_name
 
 _NAME = re.compile(r"[^\W\d]\w*")
@@ -36,7 +37,7 @@ def model_to_text(model: Model, imports: Iterable[str] = ()) -> str:
     model empty : city {
     }
     """
-    lines = [*(f"import {_text(path)}" for path in imports), *_Writer(model).lines()]
+    lines = [*(f"import {string(path)}" for path in imports), *_Writer(model).lines()]
     return format_text("model", "\n".join(lines) + "\n", f"{model.name}.model")
 
 
@@ -136,20 +137,7 @@ def _value(attribute: Attribute, value: Value) -> str:
     if isinstance(attribute.type, EnumType):
         return f"::{value}"
     if isinstance(value, str):
-        return _text(value)
+        return string(value)
     if not isfinite(value):
         raise InvalidArgument(f"`{attribute}` is {value}, which a `.model` file cannot say: write .json")
     return repr(value)
-
-
-_ESCAPED = {'"': '\\"', "\\": "\\\\", "\n": "\\n", "\r": "\\r", "\t": "\\t"}
-
-
-def _text(value: str) -> str:
-    return '"' + "".join(_letter(letter) for letter in value) + '"'
-
-
-def _letter(letter: str) -> str:
-    if letter in _ESCAPED:
-        return _ESCAPED[letter]
-    return letter if letter.isprintable() or ord(letter) > 0xFFFF else f"\\u{ord(letter):04x}"

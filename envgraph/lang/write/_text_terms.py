@@ -9,6 +9,7 @@ from math import isfinite
 from typing import Final, Never
 
 from envgraph.errors import InvalidArgument
+from envgraph.lang.syntax._parsing import LEVELS, ORDERINGS
 from envgraph.metamodel import Annotation, Value
 from envgraph.pattern import (
     Aggregate,
@@ -36,12 +37,8 @@ from envgraph.pattern import (
 )
 
 _NAME: Final = re.compile(r"[^\W\d]\w*")
-_LEVELS: Final = {
-    "||": 1, "&&": 2, "==": 3, "!=": 3, "<": 4, "<=": 4, ">": 4, ">=": 4, "+": 5, "-": 5, "*": 6, "/": 6, "%": 6,
-}  # fmt: skip
 _UNARY: Final = 7
 _POSTFIX: Final = 8
-_ORDERINGS: Final = frozenset({"<", "<=", ">", ">="})
 _ESCAPES: Final = {"\\": "\\\\", '"': '\\"', "\n": "\\n", "\t": "\\t", "\r": "\\r"}
 _OF_NAMES: Final = frozenset({"hom", "match", "semantics"})
 _KEYS_OF_NAMES: Final = frozenset({"determines", "forEach", "key"})
@@ -102,7 +99,7 @@ class TermText:
             case bool():
                 return "true" if value else "false"
             case str():
-                return '"' + "".join(_ESCAPES.get(c) or _printable(c) for c in value) + '"'
+                return string(value)
             case float() if not isfinite(value):
                 self.refuse(f"`{value}` is not a number of the language")
         return repr(value)
@@ -137,11 +134,11 @@ class TermText:
                 return 0, f"{first} ? {second} : {self.expression(otherwise)}"
 
     def _binary(self, one: Binary) -> tuple[int, str]:
-        own = _LEVELS.get(one.operator)
+        own = LEVELS.get(one.operator)
         if own is None:
             self.refuse(f"`{one.operator}` is no operator")
         first, links = one.chain()
-        parts = [self.expression(first, own + (one.operator in _ORDERINGS))]
+        parts = [self.expression(first, own + (own == ORDERINGS))]
         parts += [f" {link.operator} {self.expression(link.right, own + 1)}" for link in links]
         return own, "".join(parts)
 
@@ -224,6 +221,15 @@ class TermText:
         if len(lines) == 1 and not doc.startswith("*"):
             return f"/** {doc} */\n" if doc else "/** */\n"
         return "\n".join(("/**", *(f" * {line}".rstrip() for line in lines), " */\n"))
+
+
+def string(text: str) -> str:
+    """A string as the languages have it, between double quotes.
+
+    >>> print(string('a "b"'))
+    "a \\"b\\""
+    """
+    return '"' + "".join(_ESCAPES.get(c) or _printable(c) for c in text) + '"'
 
 
 def _printable(character: str) -> str:
