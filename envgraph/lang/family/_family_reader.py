@@ -27,7 +27,7 @@ from envgraph.lang.family._family import (
     Strength,
     TrainingSpec,
 )
-from envgraph.lang.family._section import Section, is_int, kind_of
+from envgraph.lang.family._section import Section, bounds_of, is_int, kind_of
 from envgraph.lang.syntax._data import bundled_domains, bundled_file, data_path
 from envgraph.lang.syntax._files import DiskFiles, Files, file_format, read_source
 from envgraph.lang.syntax._formats import FORMATS
@@ -343,7 +343,7 @@ def _counts(section: Section) -> tuple[tuple[Name, tuple[int, int | None]], ...]
     counts = []
     for key in section.data:
         value = section.take(key)
-        bounds = _bounds(value)
+        bounds = bounds_of(value)
         span = section.span(key)
         if bounds is None:
             hint = 'write `"1..5"`, `"2..*"` or `3`'
@@ -487,18 +487,3 @@ def _epsilon(section: Section) -> EpsilonSpec:
         message = f"`minimum` is {spec.minimum}, above `start`, which is {spec.start}"
         section.error("bad-range", message, section.span("minimum"), "the larger one is `start`")
     return replace(spec, minimum=min(spec.minimum, spec.start))
-
-
-def _bounds(value: object) -> tuple[int, int | None] | None:
-    """`"1..5"`, `"2..*"`, `"3"`, `3` or `[1, 5]`."""
-    if is_int(value):
-        return (value, value) if isinstance(value, int) and value >= 0 else None
-    if isinstance(value, list) and len(value) == 2 and all(is_int(one) and one >= 0 for one in value):
-        return value[0], value[1]
-    found = (
-        re.fullmatch(r"\s*(\d{1,9})(?:\s*\.\.\s*(\d{1,9}|\*))?\s*", value) if isinstance(value, str) else None
-    )
-    if found is None:
-        return None
-    low, high = int(found.group(1)), found.group(2)
-    return low, low if high is None else None if high == "*" else int(high)

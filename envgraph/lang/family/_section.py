@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import field, replace
 from math import isfinite
@@ -272,3 +273,18 @@ def kind_of(value: object) -> str:
         case dict():
             return "a table"
     return "a date or time"
+
+
+def bounds_of(value: object) -> tuple[int, int | None] | None:
+    """The numbers of `"1..5"`, `"2..*"`, `"3"`, `3` or `[1, 5]`; None for anything else."""
+    if is_int(value):
+        return (value, value) if isinstance(value, int) and value >= 0 else None
+    if isinstance(value, list) and len(value) == 2 and all(is_int(one) and one >= 0 for one in value):
+        return value[0], value[1]
+    found = (
+        re.fullmatch(r"\s*(\d{1,9})(?:\s*\.\.\s*(\d{1,9}|\*))?\s*", value) if isinstance(value, str) else None
+    )
+    if found is None:
+        return None
+    low, high = int(found.group(1)), found.group(2)
+    return low, low if high is None else None if high == "*" else int(high)
