@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from envgraph.env import DrawGrid
-from envgraph.errors import Diagnostic, InvalidArgument, LoadError, Severity, Source
+from envgraph.env import DrawGrid, GridScene, Scene
+from envgraph.errors import Diagnostic, InvalidArgument, LoadError, Severity, Source, listed
 from envgraph.files import telling
 from envgraph.graph import model_to_json
 from envgraph.search._components import Components
@@ -292,7 +292,8 @@ def export_ga4cl(family: Family) -> str:
     """The family as the text of a ga4cl file: members in the order of the curriculum, as env_1, env_2, ...
 
     Raises:
-        InvalidArgument: the behaviour draws no grid, or has several agents.
+        InvalidArgument: the behaviour draws no grid, or has several agents; or a member has more than the format: cells,
+            and one token on the only cell of its class.
     """
     if family.behaviour.agents:
         raise InvalidArgument(
@@ -301,6 +302,11 @@ def export_ga4cl(family: Family) -> str:
     draw = family.behaviour.draw
     if not isinstance(draw, DrawGrid):
         raise InvalidArgument(f"family `{family.name}` draws no grid: it cannot be written as letters")
+    for member in family.members:
+        lost = _lost(family.scene(member))
+        if lost:
+            message = f"the ga4cl format has maps of letters: `{member.name}` would lose {listed(lost)}"
+            raise InvalidArgument(message, "`--format family` keeps all there is")
     order = str(family.domain.spec.curriculum.order or family.domain.spec.diversity.options["of"])
     schedule = reward_schedule(family)
     return write_ga4cl(
@@ -311,3 +317,14 @@ def export_ga4cl(family: Family) -> str:
             for place, member in enumerate(family.members, start=1)
         ]
     )
+
+
+def _lost(scene: Scene | None) -> list[str]:
+    """What stands on the cells of a member, unless it is one token on the only cell of its class: the start."""
+    assert isinstance(scene, GridScene)
+    marks = scene.marks
+    if len(marks) == 1:
+        column, row = marks[0].place
+        if scene.cells.count(scene.cells[row * scene.width + column]) == 1:
+            return []
+    return [mark.name for mark in marks]

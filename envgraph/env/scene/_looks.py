@@ -56,11 +56,8 @@ class Looks:
     def of(self, node: int, plain: Glyph) -> Look:
         """The look of an object that has the glyph `plain` if its attributes say nothing."""
         model = self._model
-        cls = model.class_of(node)
-        if cls not in self._marked:
-            self._marked[cls] = tuple(_marked(model.metamodel, cls))
         letter, colour, states, unusual = plain.letter, plain.colour, list[str](), False
-        for attribute, glyph in self._marked[cls]:
+        for attribute, glyph in self._marks_of(model.class_of(node)):
             value = model.value(node, attribute)
             if isinstance(attribute.type, EnumType):
                 if value is not None:
@@ -71,6 +68,15 @@ class Looks:
                 colour = glyph.colour or colour
                 states.append(attribute.name if value else f"not {attribute.name}")
         return Look(Glyph(letter, colour), tuple(states), unusual)
+
+    def vary(self, cls: str) -> bool:
+        """Whether attributes change how the objects of a class look."""
+        return bool(self._marks_of(cls))
+
+    def _marks_of(self, cls: str) -> tuple[tuple[Attribute, Glyph | None], ...]:
+        if cls not in self._marked:
+            self._marked[cls] = tuple(_marked(self._model.metamodel, cls))
+        return self._marked[cls]
 
 
 def token_colour(position: int) -> str:

@@ -13,7 +13,7 @@ from envgraph.code import dataclass
 from envgraph.draw import LINE_COLOUR
 from envgraph.env._binding import Reader, bind_parameter, follow, reader
 from envgraph.env._keys import ordered_objects
-from envgraph.env.scene._looks import Looks, glyph_of, token_colour
+from envgraph.env.scene._looks import Look, Looks, glyph_of, token_colour
 from envgraph.errors import InvalidArgument
 from envgraph.graph import Model
 from envgraph.metamodel import Attribute, Class, Glyph
@@ -162,7 +162,8 @@ class Painter:
     def _grid_scene(self) -> GridScene:
         grid = self._grid
         width, height, cells, place_of = grid.cells()
-        return GridScene(width, height, grid.glyphs, cells, tuple(self._marks(place_of)), grid.kinds)
+        marks = (*self._cell_marks(place_of), *self._marks(place_of))
+        return GridScene(width, height, grid.glyphs, cells, marks, grid.kinds)
 
     def _graph_scene(self) -> GraphScene:
         model, draw = self._model, self._graph
@@ -182,6 +183,21 @@ class Painter:
         bound = (model.class_of(node) for _, node in self._tokens if node is not None and model.alive(node))
         return [*(token.cls for token, _ in self._tokens if token.cls), *bound]
 
+    def _cell_marks(self, place_of: Mapping[int, tuple[int, int]]) -> Iterator[Mark]:
+        """The cells that look otherwise than their class, by their attributes: a spot with a box."""
+        model = self._model
+        varying = {cls for cls in self._grid.kinds if self._looks.vary(cls)}
+        for node in ordered_objects(model, self._grid.cls) if varying else ():
+            cls = model.class_of(node)
+            if node in place_of and cls in varying:
+                look = self._looks.of(node, plain := glyph_of(model.metamodel, cls))
+                if look.glyph != plain:
+                    yield self._mark(_label(model, node, None, self._read), cls, look, place_of[node])
+
+    def _mark(self, name: str, cls: str, look: Look, place: tuple[int, int]) -> Mark:
+        name, kind = (", ".join((text, *look.states)) for text in (name, cls))
+        return Mark(name, look.glyph.letter, look.glyph.colour, place, kind)
+
     def _marks(self, place_of: Mapping[int, tuple[int, int]]) -> Iterator[Mark]:
         """Every token that stands on what is drawn."""
         model = self._model
@@ -191,15 +207,12 @@ class Painter:
                 if node is None or not model.alive(node):
                     continue
                 at = follow(token.path, {token.variable: node}, self._read)
-                if type(at) is int and at in place_of:
+                if type(at) is int and at in place_of and at != node:  # cells show what they are
                     cls = model.class_of(node)
                     declared = model.metamodel.classes[cls].glyph
                     look = self._looks.of(node, declared or Glyph(cls[:1].upper(), token_colour(position)))
-                    if at == node and look.glyph == declared:
-                        continue  # the cell shows it already
                     name = token.variable if bound is not None else _label(model, node, None, self._read)
-                    name, kind = (", ".join((text, *look.states)) for text in (name, cls))
-                    yield Mark(name, look.glyph.letter, look.glyph.colour, place_of[at], kind)
+                    yield self._mark(name, cls, look, place_of[at])
 
     def _edges(self, draw: DrawGraph, number: Mapping[int, int]) -> Iterator[Edge]:
         """Edges between the drawn nodes: references among them, and objects with two single references to them.
@@ -266,14 +279,14 @@ class _Grid:
         self.kinds = tuple(kinds)
         self.glyphs = tuple(glyph_of(mm, kind) for kind in kinds)
         self._model = model
-        self._cls, self._column, self._row = draw.cls, column, row
+        self.cls, self._column, self._row = draw.cls, column, row
         self._kind = {kind: number for number, kind in enumerate(kinds)}
 
     def cells(self) -> tuple[int, int, bytes, dict[int, tuple[int, int]]]:
         """Width, height, the kind of every cell, and the place of every object."""
         model = self._model
         at: dict[int, tuple[int, int]] = {}
-        for node in sorted(model.extent(self._cls)):  # of two on one place the younger is seen
+        for node in sorted(model.extent(self.cls)):  # of two on one place the younger is seen
             x, y = model.value(node, self._column), model.value(node, self._row)
             if type(x) is int and type(y) is int:
                 at[node] = x, y

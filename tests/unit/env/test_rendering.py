@@ -357,7 +357,7 @@ def maze() -> tuple[Model, DrawGrid]:
     start = model.create("Cell", object_name="start")
     model.create("Door", object_name="gate", x=1, colour="red")
     model.create("Key", object_name="k", at=start, colour="green")
-    tokens = (Token("door", Variable("door"), "Door"), Token("key", at("key"), "Key"))
+    tokens = (Token("key", at("key"), "Key"),)
     return model, DrawGrid("Cell", "x", "y", tokens)
 
 
@@ -375,7 +375,7 @@ def test_tokens_have_the_colours_and_states_of_their_attributes() -> None:
     assert scene_of(model, draw).marks[0].colour == "#0b7285"  # no colour of that name: one by its place
 
 
-def test_a_cell_is_no_token_on_itself_unless_an_attribute_shows() -> None:
+def test_a_cell_shows_what_its_attributes_say_by_itself() -> None:
     model, draw = maze()
     model.node(model.find_object("gate") or 0).colour = None
     assert [mark.name for mark in scene_of(model, draw).marks] == ["k, green"]
