@@ -61,11 +61,18 @@ def print_reasons(
 
 
 def _check_name(engine: Engine, workspace: Workspace, name: str) -> None:
-    """Says of a name that means nothing which environment it nearly is; else the question itself says it best."""
+    """Says of a name that means nothing which environment it nearly is; else the question itself says it best.
+
+    Raises:
+        InvalidArgument: it is nearly an environment, or nothing that was read and so perhaps one.
+    """
     environments = [one.name for one in workspace.behaviours]
     near = nearest(name, [*environments, *(one.name for one in workspace.definitions)])
-    if near in environments and not _means(engine, name):
-        raise InvalidArgument(f"unknown pattern, rule or environment `{name}`", did_you_mean(name, [near]))
+    if _means(engine, name) or (near is not None and near not in environments):
+        return
+    unread = None if environments else "an environment is found in its own file: give the `.environment` file"
+    hint = did_you_mean(name, [near] if near else []) or unread
+    raise InvalidArgument(f"unknown pattern, rule or environment `{name}`", hint)
 
 
 def _means(engine: Engine, name: str) -> bool:

@@ -286,7 +286,8 @@ def _check_opposite(reference: Reference, cls: Class, above: Above) -> Iterator[
             f"`{reference.target}` has no reference `{reference.opposite}`",
             span,
             did_you_mean(reference.opposite or "", names)
-            or f"declare `refers {cls.name} {reference.opposite} opposite {reference.name}` in `{reference.target}`",
+            or f"declare `refers {cls.name}[0..1] {reference.opposite} opposite {reference.name}` "
+            f"in `{reference.target}`",
         )
         return
     if owner == reference.target and _leads_nowhere(found, above):
@@ -296,7 +297,8 @@ def _check_opposite(reference: Reference, cls: Class, above: Above) -> Iterator[
             "opposite-mismatch",
             f"`{cls.name}.{reference.name}` and `{owner}.{found.name}` are not each other's opposites",
             span,
-            f"declare `refers {cls.name} {found.name} opposite {reference.name}` in `{reference.target}`",
+            f"declare `{'contains' if found.containment else 'refers'} {cls.name}[{found.multiplicity}] {found.name} "
+            f"opposite {reference.name}` in `{reference.target}`",
             notes=(Note("the other reference is here", found.span),),
         )
     elif reference.containment and found.containment:

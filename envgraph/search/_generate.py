@@ -292,8 +292,8 @@ def export_ga4cl(family: Family) -> str:
     """The family as the text of a ga4cl file: members in the order of the curriculum, as env_1, env_2, ...
 
     Raises:
-        InvalidArgument: the behaviour draws no grid, or has several agents; or a member has more than the format: cells,
-            and one token on the only cell of its class.
+        InvalidArgument: the behaviour draws no grid, or has several agents; or a member has more than the format:
+            cells, and one token on the only cell of its class.
     """
     if family.behaviour.agents:
         raise InvalidArgument(

@@ -80,6 +80,10 @@ def _check_classes(derivation: Derivation, metamodel: Metamodel) -> Iterator[Dia
             concrete = ", ".join(f"`{sub}`" for sub in metamodel.concrete(name))
             message = f"`{name}` is abstract: no object is exactly a `{name}`"
             yield Diagnostic("abstract-class", message, span, f"name one of its subclasses: {concrete}")
+        elif cls.frozen and derivation.kind == "retype":
+            message = f"`{name}` is `@frozen`, and yet retyped here"
+            hint = "leave it out; else take `@frozen` away from the class"
+            yield Diagnostic("frozen-class", message, span, hint, Severity.WARNING)
         seen.add(name)
 
 

@@ -632,6 +632,8 @@ def test_explain_and_why_not_know_environments(envgraph: Envgraph) -> None:
     misspelt = envgraph("explain", *files, "Mazze")
     assert misspelt.code == 1
     assert misspelt.err == "error: unknown pattern, rule or environment `Mazze`; did you mean `Maze`?\n"
+    elsewhere = envgraph("explain", "maze/maze.model", "maze/maze.query", "Maze")
+    assert elsewhere.code == 1 and "give the `.environment` file" in elsewhere.err
     asked = envgraph("why-not", *files, "Maze")
     assert asked.code == 1
     assert (

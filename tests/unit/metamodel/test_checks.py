@@ -107,19 +107,19 @@ def cls(name, *features, **more):
             [cls("A", Reference("r", "A", opposite="s"), Reference("t", "A"))],
             "unknown-reference",
             "`A` has no reference `s`",
-            "declare `refers A s opposite r` in `A`",
+            "declare `refers A[0..1] s opposite r` in `A`",
         ),
         (
             [cls("A", Reference("r", "A", opposite="x"), Attribute("x", INT))],
             "unknown-reference",
             "`A` has no reference `x`",
-            "declare `refers A x opposite r` in `A`",
+            "declare `refers A[0..1] x opposite r` in `A`",
         ),
         (
             [cls("A", Reference("r", "B", opposite="s")), cls("B", Reference("s", "A"))],
             "opposite-mismatch",
             "`A.r` and `B.s` are not each other's opposites",
-            "declare `refers A s opposite r` in `B`",
+            "declare `refers A[1] s opposite r` in `B`",
         ),
         (
             [cls("A", Reference("r", "A", 0, None, containment=True, opposite="r"))],
@@ -225,7 +225,7 @@ def test_an_opposite_is_declared_in_the_target_itself():
         cls("C", supertypes=("B",)),
     )
     assert [problem.hint for problem in found] == [
-        "declare `refers A s opposite r` in `C`",
+        "declare `refers A[1] s opposite r` in `C`",
         "declare `refers B r opposite s` in `A`",
     ]
 
