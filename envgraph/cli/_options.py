@@ -76,7 +76,9 @@ def inputs_options(command: Command) -> Command:
     return metamodel_option(unresolved_option(read))
 
 
-definitions_argument = click.argument("definitions", metavar="FILE", help="A .query, .vql, .rules or .environment file.")
+definitions_argument = click.argument(
+    "definitions", metavar="FILE", help="A .query, .vql, .rules or .environment file."
+)
 where_option = click.option(
     "--where",
     "-w",

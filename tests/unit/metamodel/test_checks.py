@@ -226,7 +226,7 @@ def test_an_opposite_is_declared_in_the_target_itself():
     )
     assert [problem.hint for problem in found] == [
         "declare `refers A[1] s opposite r` in `C`",
-        "declare `refers B r opposite s` in `A`",
+        "declare `refers B[1] r opposite s` in `A`",
     ]
 
 
