@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from copy import copy
 from typing import NamedTuple
 
@@ -13,7 +13,7 @@ from envgraph.pattern._binding import bound_by_type
 from envgraph.pattern._bodies import Data, Reading
 from envgraph.pattern._check import check_patterns
 from envgraph.pattern._functions import FunctionDeclaration, Functions, declared, resolved
-from envgraph.pattern._inference import BodyTypes
+from envgraph.pattern._inference import BodyTypes, Signature
 from envgraph.pattern._lowered import LoweredPattern, StaticType
 from envgraph.pattern._normal import lower_body
 from envgraph.pattern._paths import ResolvedPath
@@ -261,6 +261,17 @@ class Library:
             tuple(body for body in bodies if body is not None),
             entry.inputs,
         )
+
+    def variable_types(self, pattern: Pattern) -> Mapping[str, StaticType | None]:
+        """Types of the variables of a new pattern with one body, as far as it tells, whatever is wrong with it."""
+        (body,) = self.resolved(pattern).bodies
+
+        def callee(name: str) -> Signature | None:
+            called = self.resolve(name, pattern.package)
+            return Signature(called, self.parameter_types(called.qualified_name)) if called else None
+
+        reading = Reading(body, pattern.parameters)
+        return BodyTypes(reading, pattern.parameters, self.metamodel, callee).types
 
     def bound_by_type(self, qualified_name: str, number: int) -> tuple[tuple[str, AttributeType], ...]:
         """Variables of a body (from 0) that have all values of a type that occur in the model.

@@ -44,8 +44,6 @@ from envgraph.pattern import (
 )
 from envgraph.rewrite.check._header import plain
 from envgraph.rewrite.check._variables import (
-    TypeReader,
-    Types,
     all_names,
     equated,
     is_named,
@@ -54,6 +52,9 @@ from envgraph.rewrite.check._variables import (
 )
 
 _CONDITIONS = ("not", "require")
+
+Types = dict[str, StaticType | None]
+"""Type of each variable in the order of the match; None where it is not known."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +92,6 @@ class LeftLowering:
         self.rule = rule
         self.library = library
         self.metamodel = library.metamodel
-        self.reader = TypeReader(library, rule.package)
         self.patterns: list[Pattern] = []
         self.problems: list[Diagnostic] = []
         self.untyped: set[str] = set()
@@ -102,7 +102,7 @@ class LeftLowering:
         """The rule itself; parameters among the `created` names are left out of the match."""
         rule = self.rule
         parameters = [p for p in rule.parameters if p.name not in created]
-        outside = self.reader.parameters(parameters)
+        outside = {p.name: static_type(p.type, self.metamodel) if p.type else None for p in parameters}
         types = self._types(rule.left, rule.blocks, outside)
         constraints, nested = self._body(rule.left, rule.blocks, types, ())
         names = tuple(types)
@@ -155,29 +155,19 @@ class LeftLowering:
     # --- types
 
     def _types(self, left: LeftSide, blocks: Sequence[Block], outside: Types) -> Types:
-        """Types of all variables in scope; blocks need to know also of those that are computed."""
-        types = self.reader.left_side(left, outside)
-        if not blocks or None not in types.values():
-            return types
-        told = len(self.problems)
-        constraints = (*self._nodes(left), *self._edges(left, types), *left.constraints)
-        del self.problems[told:]
-        used = all_names(LeftSide(constraints=constraints))
-        names = [name for name in types if name in used]
-        declared = tuple(
-            self._inherited(name, types[name]) if name in outside else Parameter(name) for name in names
-        )
+        """Types of all variables in scope, as far as the left side tells without its blocks: outside ones first."""
+        constraints = (*self._nodes(left), *map(_path, left.edges), *left.constraints)
+        declared = [self._inherited(name, type_) for name, type_ in outside.items()]
         pattern = Pattern(
-            f"{self.rule.name}#types", declared, (Body(constraints),), package=self.rule.package
+            f"{self.rule.name}#types", tuple(declared), (Body(constraints),), package=self.rule.package
         )
-        checked = self.library.checked(pattern)
-        if checked.unsound:
+        found = self.library.variable_types(pattern)
+        types: Types = {name: found.get(name) for name in (*outside, *own_variables(left, outside))}
+        if blocks and None in types.values():
             # A block that says of what class an object is would say so too late: it differs from the others already.
-            self.problems += [plain(one) for one in checked.problems if one.code == "untyped-source"]
-            return types  # it is told where the whole left side is checked
-        (entry,) = checked.entries
-        found = entry.types
-        return {**types, **{name: types[name] or type_ for name, type_ in zip(names, found, strict=True)}}
+            problems = self.library.checked(pattern).problems
+            self.problems += [plain(one) for one in problems if one.code == "untyped-source"]
+        return types
 
     # --- bodies
 
@@ -233,18 +223,12 @@ class LeftLowering:
 
     def _edges(self, left: LeftSide, types: Types) -> Iterator[Constraint]:
         for edge in left.edges:
-            feature = self.reader.feature(types.get(edge.source), edge.reference)
-            if isinstance(feature, Attribute):
-                self._attribute_in_arrow(edge, feature)
-            yield PathConstraint(
-                "",
-                (edge.reference,),
-                Variable(edge.source, edge.source_span or edge.span),
-                Variable(edge.target, edge.target_span or edge.span),
-                Closure(edge.closure),
-                edge.span,
-                feature_spans=(edge.reference_span,) if edge.reference_span else (),
-            )
+            source = types.get(edge.source)
+            if isinstance(source, ObjectType) and source.cls in self.metamodel.classes:
+                feature = self.metamodel.feature(source.cls, edge.reference)
+                if isinstance(feature, Attribute):
+                    self._attribute_in_arrow(edge, feature)
+            yield _path(edge)
 
     def _attribute_in_arrow(self, edge: Edge, feature: Attribute) -> None:
         self.problems.append(
@@ -304,8 +288,7 @@ class LeftLowering:
         return Negation(call, block.span) if block.kind == "not" else call
 
     def _rewriting(self, block: Block, outside: Types) -> LoweredBlock:
-        types = self.reader.left_side(block.left, outside)
-        return self._helper(block, outside, [name for name in types if name not in outside])
+        return self._helper(block, outside, own_variables(block.left, outside))
 
     def _helper(
         self, block: Block, outside: Types, exported: Sequence[str], *, quiet: bool = False
@@ -363,6 +346,19 @@ class LeftLowering:
         )
         self.patterns.append(pattern)
         return pattern
+
+
+def _path(edge: Edge) -> PathConstraint:
+    """An arrow as a constraint."""
+    return PathConstraint(
+        "",
+        (edge.reference,),
+        Variable(edge.source, edge.source_span or edge.span),
+        Variable(edge.target, edge.target_span or edge.span),
+        Closure(edge.closure),
+        edge.span,
+        feature_spans=(edge.reference_span,) if edge.reference_span else (),
+    )
 
 
 def _call(lowered: LoweredBlock, span_of: Block) -> PatternCall:

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator
 from itertools import chain, combinations
 
 from envgraph.errors import Span
-from envgraph.metamodel import Attribute, Metamodel, Reference
 from envgraph.pattern import (
     Aggregate,
     Check,
@@ -16,24 +15,14 @@ from envgraph.pattern import (
     Edge,
     Evaluation,
     LeftSide,
-    Library,
     Negation,
-    ObjectType,
-    Parameter,
     PathConstraint,
-    PatternCall,
-    StaticType,
     Term,
-    TypeConstraint,
     Variable,
-    static_type,
     terms_in,
     terms_of,
     variables_in,
 )
-
-Types = dict[str, StaticType | None]
-"""Type of each variable in the order of the match; None where it is not known."""
 
 
 def is_named(name: str) -> bool:
@@ -136,100 +125,3 @@ def may_be_one(
         return True
     first, second = ({name}.union(*(pair for pair in same if name in pair)) for name in (one, other))
     return any(not first.isdisjoint(group) and not second.isdisjoint(group) for group in groups)
-
-
-class TypeReader:
-    """Works out the types of variables from declarations, arrows, paths and calls.
-
-    It is forgiving: what makes no sense says nothing about a type. The library reports it.
-    """
-
-    def __init__(self, library: Library, package: str) -> None:
-        self.library = library
-        self.metamodel: Metamodel = library.metamodel
-        self.package = package
-
-    def parameters(self, parameters: Iterable[Parameter]) -> Types:
-        """Types of declared parameters."""
-        return {p.name: static_type(p.type, self.metamodel) if p.type else None for p in parameters}
-
-    def left_side(self, left: LeftSide, outside: Mapping[str, StaticType | None]) -> Types:
-        """Types of all variables of a left side: the outside ones, narrowed by it, then its own."""
-        types: Types = dict(outside)
-        types.update((name, None) for name in own_variables(left, outside))
-        for node in left.nodes:
-            if node.type:
-                self._narrow(types, node.name, static_type(node.type, self.metamodel))
-        for constraint in left.constraints:
-            self._constraint(types, constraint)
-        for _ in range(len(left.edges) + 1):  # an arrow types its target once its source has a type
-            before = dict(types)
-            for edge in left.edges:
-                feature = self.feature(types.get(edge.source), edge.reference)
-                if isinstance(feature, Reference):
-                    self._narrow(types, edge.target, self._end(types[edge.source], feature, edge.closure))
-            if types == before:
-                break
-        return types
-
-    def feature(self, type_: StaticType | None, name: str) -> Attribute | Reference | None:
-        """A feature of the class that a type is, if it has it."""
-        if isinstance(type_, ObjectType) and type_.cls in self.metamodel.classes:
-            return self.metamodel.feature(type_.cls, name)
-        return None
-
-    def _narrow(self, types: Types, name: str, type_: StaticType | None) -> None:
-        if name not in types or type_ is None:
-            return
-        old = types[name]
-        if old is None:
-            types[name] = type_
-        elif isinstance(old, ObjectType) and isinstance(type_, ObjectType):
-            types[name] = type_ if self.metamodel.is_a(type_.cls, old.cls) else old
-
-    def _constraint(self, types: Types, constraint: Constraint) -> None:
-        match constraint:
-            case TypeConstraint():
-                self._term(types, constraint.term, static_type(constraint.type, self.metamodel))
-            case PathConstraint():
-                self._path(types, constraint)
-            case PatternCall():
-                called = self.library.resolve(constraint.pattern, self.package)
-                if called is not None and len(called.parameters) == len(constraint.arguments):
-                    known = self.library.parameter_types(called.qualified_name)
-                    for term, type_ in zip(constraint.arguments, known, strict=True):
-                        self._term(types, term, type_)
-            case _:
-                pass
-
-    def _term(self, types: Types, term: Term, type_: StaticType | None) -> None:
-        if isinstance(term, Variable):
-            self._narrow(types, term.name, type_)
-
-    def _path(self, types: Types, path: PathConstraint) -> None:
-        if path.type not in self.metamodel.classes:
-            return
-        start = ObjectType(path.type)
-        end: StaticType | None = start
-        for name in path.features:
-            feature = self.feature(end, name)
-            if isinstance(feature, Reference):
-                end = ObjectType(feature.target)
-            else:
-                end = None if feature is None else feature.type
-        self._term(types, path.source, start)
-        if path.closure == Closure.STAR:
-            end = self._join(start, end) if isinstance(end, ObjectType) else None
-        self._term(types, path.target, end)
-
-    def _end(self, start: StaticType | None, reference: Reference, closure: str) -> StaticType | None:
-        """Type of what an arrow leads to."""
-        end = ObjectType(reference.target)
-        return self._join(start, end) if closure == Closure.STAR and isinstance(start, ObjectType) else end
-
-    def _join(self, start: ObjectType, end: ObjectType) -> StaticType | None:
-        """Type of what is the start itself, or an end: the first class that both are, if there is one."""
-        if end.cls not in self.metamodel.classes or start.cls not in self.metamodel.classes:
-            return None
-        above = self.metamodel.supertypes(start.cls)
-        return next((ObjectType(cls) for cls in above if self.metamodel.is_a(end.cls, cls)), None)
