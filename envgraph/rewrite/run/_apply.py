@@ -20,9 +20,10 @@ from envgraph.metamodel import Metamodel, Reference, reached
 from envgraph.rewrite._match import Row
 from envgraph.rewrite._plan import BlockPlan, ChangeTargets, Link, RulePlan, SetTargets, SetValue
 from envgraph.rewrite.check._conflicts import Conflicts, Contradiction, Fresh, told
+from envgraph.rewrite.run._effects import check_kept
 from envgraph.rewrite.run._notices import Report
 from envgraph.rewrite.run._refusal import refusal
-from envgraph.rewrite.run._source import FIRST, Writer, check_kept
+from envgraph.rewrite.run._source import FIRST, Writer
 
 Effect = Callable[[Row], Sequence[Any]]
 """Applies a rule at a row that is a match, and returns all slots of the rule, created objects among them.

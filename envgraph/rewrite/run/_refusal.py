@@ -15,7 +15,7 @@ from envgraph.graph import Model
 from envgraph.metamodel import Attribute
 from envgraph.pattern import explained
 from envgraph.rewrite._plan import Compute, Link, RulePlan, Unlink
-from envgraph.rewrite.run._source import Dragged
+from envgraph.rewrite.run._effects import Dragged
 
 _ADVICE: Final[Mapping[str, str]] = MappingProxyType(
     {

@@ -9,13 +9,13 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import replace
+from functools import partial
 from sys import maxsize
 from typing import Any, Final
 
 from envgraph import code
-from envgraph.errors import EvaluationError, RuleError, with_article
 from envgraph.graph import Model
-from envgraph.metamodel import Attribute, Reference, Value, Values
+from envgraph.metamodel import Attribute, Reference
 from envgraph.pattern import (
     EXPRESSION_NAMESPACE,
     Binary,
@@ -50,15 +50,16 @@ from envgraph.rewrite._plan import (
     Unlink,
 )
 from envgraph.rewrite._plan import Assign as Assign_
+from envgraph.rewrite.run._effects import ON_MODEL, ON_VALUES, absorb, content_of
 
-_DRAGGED: Final = "`move` it out of the container, or delete it too"
+_VERBS: Final = (
+    *("alive", "delete", "link", "new", "retype", "set_target", "set_targets", "set_value"),
+    *("target", "unlink", "value", "values"),
+)
+"""What generated code calls of the model itself."""
 
 Namer = Callable[[int], code.Local | code.Index]
 """What stands for a slot."""
-
-LinkFact = tuple[Reference, int, int]
-"""A link of a model: reference, source, target."""
-
 
 Carried = Compute | Unlink | Delete | ChangeClass | New | Absorb | Rehome | Link | Assign_
 
@@ -106,36 +107,13 @@ class Writer:
         self.lossy = lossy
         self.namespace: dict[str, Any] = {
             **EXPRESSION_NAMESPACE,
-            "alive": model.alive,
-            "delete": model.delete,
-            "link": model.link,
-            "new": model.new,
-            "retype": model.retype,
-            "set_target": model.set_target,
-            "set_targets": model.set_targets,
-            "set_value": model.set_value,
-            "target": model.target,
-            "unlink": model.unlink,
-            "value": model.value,
-            "values": model.values,
-            "_absorb": lambda kept, absorbed, links: absorb(model, kept, absorbed, links, lossy=lossy),
-            "_strip": lambda node: strip(model, node),
-            "_leave": lambda node, container, reference: leave(model, node, container, reference),
-            "_check_kept": lambda nodes, names: check_kept(model, nodes, names),
+            **{name: getattr(model, name) for name in _VERBS},
+            **{f"_{one.__name__}": partial(one, model) for one in ON_MODEL},
+            **{f"_{one.__name__}": one for one in ON_VALUES},
+            "_absorb": partial(absorb, model, lossy=lossy),
             "_extend": model.add_target,
             "_semantics": self.semantics,
-            "_inside": lambda node, others: inside(model, node, others),
-            "_house": lambda source, reference, target: house(model, source, reference, target),
-            "_release": lambda node, reference, targets, every: release(
-                model, node, reference, targets, every
-            ),
-            "_there": lambda source, reference, target: there(model, source, reference, target),
             "_again": again,
-            "_need": need,
-            "_present": present,
-            "_listed": listed,
-            "_more": more,
-            "_less": less,
         }
         if redo:
             self.namespace["made"] = lambda node, cls: node if model.alive(node) else model.new_at(node, cls)
@@ -457,201 +435,3 @@ class PathReader:
 
 def _removes(op: SetTargets | ChangeTargets) -> bool:
     return isinstance(op, ChangeTargets) and op.operator == "-="
-
-
-def need(value: Value | int | None, feature: str) -> Value | int:
-    """The value, which an operator needs.
-
-    Raises:
-        EvaluationError: there is none.
-    """
-    if value is None:
-        raise EvaluationError(f"`{feature}` has no value")
-    return value
-
-
-def listed(values: Values, attribute: Attribute) -> Values:
-    """The values of an attribute with many: each once, unless it may have one several times."""
-    return tuple(dict.fromkeys(values)) if attribute.unique else values
-
-
-def more(values: Values, value: Value, attribute: Attribute) -> Values:
-    """The values with one more at the end; see `listed`."""
-    return listed((*values, value), attribute)
-
-
-def less(values: Values, value: Value) -> Values:
-    """The values without one, wherever it stands."""
-    return tuple(one for one in values if one != value)
-
-
-class Dragged(RuleError):
-    """An object that a rule keeps or changes would go with its container; `node` is there again after a rollback."""
-
-    def __init__(self, message: str, node: int) -> None:
-        super().__init__(message, reason="containment", hint=_DRAGGED)
-        self.node = node
-
-
-def check_kept(model: Model, nodes: tuple[int, ...], names: tuple[str, ...]) -> None:
-    """Check that objects are still there.
-
-    Raises:
-        Dragged: one went with its container.
-    """
-    for node, name in zip(nodes, names, strict=True):
-        if not model.alive(node):
-            what = f"`{name}` is kept" if name else "an object is changed"
-            raise Dragged(f"{what}, and goes with a container that is deleted", node)
-
-
-def present(targets: tuple[int | None, ...]) -> tuple[int, ...]:
-    """The targets that there are, each once."""
-    return tuple(dict.fromkeys(target for target in targets if target is not None))
-
-
-def there(model: Model, source: int, reference: Reference, target: int) -> None:
-    """Check that there is a link.
-
-    Raises:
-        RuleError: there is none ("missing-link").
-    """
-    if not model.has_link(source, reference, target):
-        ends = f"{model.describe(source)} -{reference.name}-> {model.describe(target)}"
-        raise RuleError(f"there is no {ends} to redirect", reason="missing-link", details=[ends])
-
-
-def leave(model: Model, node: int, container: int | None, reference: Reference) -> None:
-    """Take an object out of its container, unless it is already where it is to go, or not there yet."""
-    old = model.container(node) if model.alive(node) else None
-    if old is not None and old != (container, reference):
-        model.unlink(old[0], old[1], node)
-
-
-def inside(model: Model, node: int, others: Collection[int]) -> bool:
-    """Whether an object is contained in one of the others, at any depth."""
-    found = model.container(node)
-    while found is not None:
-        if found[0] in others:
-            return True
-        found = model.container(found[0])
-    return False
-
-
-def content_of(reference: Reference, source: int, target: int, model: Model) -> int | None:
-    """Which end of a link is contained in the other; None if neither is."""
-    opposite = model.metamodel.opposite(reference)
-    if opposite is not None and opposite.containment:
-        return source
-    return target if reference.containment else None
-
-
-def house(model: Model, source: int, reference: Reference, target: int) -> None:
-    """Add a link between a container and an object that is in none: like any other, it needs room at both ends.
-
-    Raises:
-        RuleError: the object is in a container ("full"), or the container is inside it ("containment").
-    """
-    opposite = model.metamodel.opposite(reference)
-    if not reference.containment:
-        assert opposite is not None
-        source, reference, target = target, opposite, source
-    old = model.container(target) if model.alive(target) else None
-    if old is not None:
-        container, feature = model.describe(old[0]), old[1].name
-        message = f"{model.describe(target)} is in {container} already"
-        raise RuleError(
-            message,
-            reason="full",
-            details=[f"{container} -{feature}-> {model.describe(target)}"],
-            hint="`move` or `set` takes it out",
-        )
-    model.link(source, reference, target)
-
-
-def release(
-    model: Model, node: int | None, reference: Reference, targets: tuple[int | None, ...], every: bool
-) -> None:
-    """Take out of containers what setting targets will take out; `every`: these will be all of them.
-
-    Args:
-        model: the model.
-        node: the object that gets the targets; None if it is not there yet.
-        reference: that contains, or whose opposite does.
-        targets: None is none.
-        every: the targets replace those that are there.
-    """
-    known = node is not None and model.alive(node)
-    if not reference.containment:
-        opposite = model.metamodel.opposite(reference)
-        assert node is not None and opposite is not None
-        if known:
-            leave(model, node, next(iter(targets), None), opposite)
-        return
-    if node is not None and known and every:
-        for old in tuple(model.targets(node, reference)):
-            if old not in targets:
-                model.unlink(node, reference, old)
-    for target in targets:
-        if target is not None:
-            leave(model, target, node, reference)
-
-
-def strip(model: Model, node: int) -> list[LinkFact]:
-    """Take away all links of an object that is going to be merged, and return them."""
-    links = links_of(model, node)
-    for reference, source, target in links:
-        model.unlink(source, reference, target)
-    return links
-
-
-def absorb(model: Model, kept: int, absorbed: int, links: list[LinkFact], *, lossy: bool) -> None:
-    """Merge two objects: the links of `absorbed` go over to `kept`, then it is deleted.
-
-    A link that both have becomes one, one between the two a loop. The container of `kept` stays, if it has one.
-
-    Raises:
-        RuleError: the class of `kept` lacks a reference ("lost-link", unless `lossy`), or `kept` has another target
-            there ("full").
-    """
-    if kept == absorbed:
-        raise RuleError("an object cannot be merged with itself", reason="identification")
-    if not model.alive(absorbed):
-        return  # another match of a block has merged the same two
-    house = model.container(kept)
-    housed = house is not None and house[0] != absorbed
-    # Another merge may have handed links over to this one.
-    for reference, source, target in [*links, *strip(model, absorbed)]:
-        link = f"{model.describe(source)} -{reference.name}-> {model.describe(target)}"
-        source, target = (kept if end == absorbed else end for end in (source, target))
-        if reference.containment and (source == target or (target == kept and housed)):
-            continue
-        ends = ((source, reference.owner), (target, reference.target))
-        wrong = next((end for end, cls in ends if not model.metamodel.is_a(model.class_of(end), cls)), None)
-        if wrong is not None:
-            if lossy:
-                continue
-            found = f"{model.describe(wrong)}, {with_article(model.class_of(wrong))},"
-            message = f"{found} cannot have the links of `{reference}` that are handed over"
-            raise RuleError(message, reason="lost-link", details=[link])
-        model.link(source, reference, target)
-    model.delete(absorbed, "dpo")
-
-
-def links_of(model: Model, node: int) -> list[LinkFact]:
-    """The links at an object; of an opposite pair by the reference that contains, else by the first."""
-    found: dict[LinkFact, None] = {}
-    cls = model.class_of(node)
-    for reference in model.metamodel.references:
-        opposite = model.metamodel.opposite(reference)
-        if opposite is not None and _precedence(opposite) < _precedence(reference):
-            continue
-        if model.metamodel.is_a(cls, reference.owner):
-            found.update(((reference, node, other), None) for other in model.targets(node, reference))
-        if model.metamodel.is_a(cls, reference.target):
-            found.update(((reference, other, node), None) for other in model.sources(node, reference))
-    return list(found)
-
-
-def _precedence(reference: Reference) -> tuple[bool, int]:
-    return not reference.containment, reference.index
