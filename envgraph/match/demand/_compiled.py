@@ -11,7 +11,7 @@ from envgraph.match.demand._program import Function, Program
 from envgraph.match.explain._explain import explain_view
 from envgraph.match.explain._trace import Trace, trace
 from envgraph.match.explain._why import WhyNot, why_not
-from envgraph.match.generate._generate import view_source
+from envgraph.match.generate._sources import view_source
 from envgraph.match.generate._symbols import (
     Held,
     Mode,

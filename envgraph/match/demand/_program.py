@@ -18,7 +18,7 @@ from envgraph.match.demand._closures import ClosureView, Meeting, Search, Spread
 from envgraph.match.demand._intersections import common
 from envgraph.match.demand._recursion import Recursion
 from envgraph.match.demand._value_index import by_value
-from envgraph.match.generate._generate import ends_source, reach_source, view_source
+from envgraph.match.generate._sources import ends_source, reach_source, view_source
 from envgraph.match.generate._suspend import evaluation_source
 from envgraph.match.generate._symbols import (
     Bounded,

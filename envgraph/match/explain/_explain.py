@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from envgraph.draw import markup
 from envgraph.match.explain._trace import Trace
-from envgraph.match.generate._generate import view_source
+from envgraph.match.generate._sources import view_source
 from envgraph.match.generate._symbols import Mode
 from envgraph.match.plan._plan import BodyPlan, Kind, Plan, Step, ViewKey
 from envgraph.match.plan._planner import Planner

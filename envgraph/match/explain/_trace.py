@@ -9,7 +9,7 @@ from typing import Any
 from envgraph.code import Block, Body, Call, Constant, Local, call, dataclass, tuple_of, with_counters
 from envgraph.errors import limit
 from envgraph.match._limits import MOST_MATCHES
-from envgraph.match.generate._generate import Reached, Translation
+from envgraph.match.generate._generate import Executed, Translation
 from envgraph.match.generate._sinks import Sink
 from envgraph.match.generate._symbols import Held, Source
 from envgraph.match.generate._write import Module, local
@@ -89,7 +89,7 @@ def noted(module: Module, parameters: Sequence[Local], body: Body, plan: Plan) -
     numbers = {id(step): number for number, step in enumerate(plan.steps)}
 
     def counter(origin: object) -> Call | None:
-        if not isinstance(origin, Reached) or id(origin.step) not in numbers:
+        if not isinstance(origin, Executed) or id(origin.step) not in numbers:
             return None
         known = [tuple_of(Constant(variable), each) for variable, each in sorted(origin.known.items())]
         return call(note, Constant(numbers[id(origin.step)]), tuple_of(*known))

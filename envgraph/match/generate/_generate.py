@@ -1,4 +1,4 @@
-"""Code that executes plans.
+"""Code that executes the plan of one conjunction.
 
 It is nested loops over the columns of the store, with every check as far out as the plan has it. It holds no text of
 the user's: variables are numbered, constants and columns are parameters of the enclosing `build`.
@@ -15,48 +15,34 @@ from envgraph import code
 from envgraph.code import dataclass
 from envgraph.match.generate._bindings import Bindings
 from envgraph.match.generate._distinct_sets import END, DistinctSets
-from envgraph.match.generate._relations import Relations
+from envgraph.match.generate._relations import Relations, same_for_all
 from envgraph.match.generate._sinks import (
-    COUNT,
     EXISTENCE,
     FOUND,
     OUT,
     N,
     Sink,
     empty,
-    gathering,
-    keeping,
+    folding,
     row,
-    sieved_sink,
-    view_sink,
-    visiting,
 )
 from envgraph.match.generate._symbols import (
     Bounded,
     Builtin,
-    Closed,
     ClosureQuestion,
     Column,
     Mode,
-    Recursive,
-    Source,
-    Tallied,
     Valued,
     closed,
 )
 from envgraph.match.generate._write import Module, local
 from envgraph.match.plan._distinct import Distinct, distinct_places
-from envgraph.match.plan._plan import BodyPlan, Kind, Plan, Step, ViewKey
+from envgraph.match.plan._plan import Kind, Plan, Step
 from envgraph.match.plan._planner import Planner, determined
 from envgraph.match.plan._sharing import (
-    Alike,
-    Ends,
     alike_by,
-    alike_starts,
     join_of,
     mentioned,
-    only_search,
-    plans_of_ends,
     shared_searches,
 )
 from envgraph.metamodel import Reference
@@ -78,115 +64,8 @@ from envgraph.pattern import (
 from envgraph.pattern import Expression as Term
 
 
-def view_source(planner: Planner, key: ViewKey, mode: Mode) -> Source:
-    """The source of one view of a pattern.
-
-    Raises:
-        Unplannable: a free parameter cannot be enumerated.
-    """
-    view = planner.view(key)
-    module, block = Module(), code.Block()
-    given = {position: local("v", position) for position in key.bound}
-    sieved = not view.distinct and _ends_in_sieve(planner, view.bodies, key, mode)
-    frame, bounded = view_sink(mode, view.distinct or sieved, ()), Bounded(key.pattern, searched=True)
-    inputs = list(given.values())
-    if mode is Mode.COUNT and (search := only_search(view)):
-        forward = search.source not in view.bodies[0].plan.steps[0].binds
-        size = module.name(closed(search, ClosureQuestion.SIZE, forward))
-        return module.source(module.function("view", inputs, (code.Return(code.call(size, *inputs)),)))
-    for body in view.bodies:
-        conjunction = body.conjunction
-        positions = key.outputs if mode is Mode.VALUES else range(len(conjunction.parameters))
-        outputs = tuple(conjunction.parameters[p] for p in positions)
-        sink = sieved_sink(mode, outputs) if sieved else view_sink(mode, view.distinct, outputs)
-        translation = Translation(planner, module, conjunction, block, given)
-        translation.bounded = bounded
-        translation.body(body.plan, sink)
-    checked = (code.Do(code.call(module.name(bounded))),) if bounded in module else ()
-    whole = (*checked, *frame.head, *block.body(), *frame.tail)
-    alike = alike_starts(planner, key, key.bound) if mode is Mode.COUNT and key.outputs else None
-    if alike is None:
-        return module.source(module.function("view", inputs, whole))
-    direct = module.function("direct", inputs, whole)
-    counted = _counted(module, alike, inputs, inputs[key.bound.index(alike.start)], direct)
-    return module.source(module.function("view", inputs, (code.Return(counted),)))
-
-
-def _counted(
-    module: Module, alike: Alike, inputs: Sequence[code.Expression], start: code.Expression, direct: code.Name
-) -> code.Expression:
-    """The number of rows that `direct` counts, where that is the same for all starts that reach the same."""
-    others = code.Tuple(tuple(each for each in inputs if each != start))
-    parts = [start, direct, code.Tuple(tuple(inputs)), others]
-    if alike.ends is not None:
-        ends = alike.ends
-        tallied = Tallied(ends.pattern, ends.start, ends.given, ends.wanted, "count", None)
-        parts += [module.name(tallied), others]
-    return code.call(module.name(closed(alike.closure, ClosureQuestion.ALIKE, alike.forward)), *parts)
-
-
-def _ends_in_sieve(planner: Planner, bodies: Sequence[BodyPlan], key: ViewKey, mode: Mode) -> bool:
-    """Whether values are better told apart by a set at the end of the plan: one that looks at fewer of them."""
-    if len(bodies) != 1 or mode in (Mode.EXISTS, Mode.FIRST, Mode.EACH):
-        return False
-    conjunction, steps = bodies[0].conjunction, bodies[0].plan.steps
-    outputs = {conjunction.parameters[p] for p in key.outputs}
-    known = {number for number, _ in conjunction.constants} | {conjunction.parameters[p] for p in key.bound}
-    last = distinct_places(steps, outputs, known, partial(determined, sizes=planner.sizes)).get(len(steps))
-    return last is not None and len(last.key) < (
-        len(conjunction.parameters) if mode is Mode.ROWS else len(key.outputs)
-    )
-
-
-def ends_source(planner: Planner, ends: Ends) -> Source:
-    """The source that finds all values that the closures of a pattern may reach, each with those that are wanted."""
-    module, block = Module(), code.Block()
-    given = {position: local("v", position) for position in ends.given}
-    for conjunction, end, plan in plans_of_ends(planner, ends) or ():
-        found = (end, *(conjunction.parameters[position] for position in ends.wanted))
-        sink = keeping(found, partial(row, found), OUT)
-        Translation(planner, module, conjunction, block, given).body(plan, sink)
-    frame = keeping((), partial(row, ()), OUT)
-    return module.source(
-        module.function("ends", list(given.values()), (*frame.head, *block.body(), *frame.tail))
-    )
-
-
-def reach_source(planner: Planner, step: str, forward: bool, question: ClosureQuestion) -> Source:
-    """The source of a breadth-first search along a binary pattern.
-
-    `search(start)` returns what is reached by one or more steps, nearest first. For `SPREAD`, `search(start, seen)`
-    leaves out what has been seen, and adds to it. For `HOLDS`, `search(start, goal, todo)` tells whether the goal is
-    among what is reached; `todo`, which is `[start]`, gets all that is visited.
-    """
-    module, block = Module(), code.Block()
-    near, far = (0, 1) if forward else (1, 0)
-    frame = visiting(far, question)
-    node, other, outside = code.Local("node"), code.Local("other"), list[code.Statement]()
-    block.loop(node, code.Local("todo"))
-    if planner.calls.recursive(step):
-        ends = (code.Local("_"), other) if forward else (other, code.Local("_"))
-        block.loop(code.Tuple(ends), code.call(module.name(Recursive(step, (near,))), node))
-        block.add(*frame.each(lambda _: other))
-    elif planner.calls.of(step).searches:
-        follow = module.name(Closed(step, False, ClosureQuestion.STEP, forward))
-        block.loop(other, code.call(follow, node))
-        block.add(*frame.each(lambda _: other))
-    else:
-        for body in planner.expanded(ViewKey(step, (near,), (far,))).bodies:
-            conjunction = body.conjunction
-            sink = visiting(conjunction.parameters[far], question)
-            translation = Translation(planner, module, conjunction, block, {near: node})
-            translation.around = (conjunction.parameters[near],)
-            translation.body(body.plan, sink)
-            outside[:0] = [code.Assign(name, empty("set")) for name in translation.outside]
-    more = {ClosureQuestion.SPREAD: ["seen"], ClosureQuestion.HOLDS: ["goal", "todo"]}.get(question, [])
-    whole = (*frame.head, *outside, *block.body(), *frame.tail)
-    return module.source(module.function("search", list(map(code.Local, ["start", *more])), whole))
-
-
 @dataclass(frozen=True, slots=True)
-class Reached:
+class Executed:
     """Where code comes from: a step that has been executed there.
 
     Attributes:
@@ -302,7 +181,7 @@ class Translation:
                 self._bind(step, inline=False)
             else:
                 self._block.test(self._test(step))
-            self._block.come_from(Reached(step, dict(self._bindings.names)))
+            self._block.come_from(Executed(step, dict(self._bindings.names)))
             self._begin_searches(number, steps, shared)
         self._distinct.test(END)
         self._block.add(*sink.each(self._bindings.source))
@@ -517,7 +396,7 @@ class Translation:
         return (
             self._alike(goal, plan)
             or (self._relations.count(goal.relation) if goal.function == "count" else None)
-            or (self._function("g", plan.steps, _folding(self._module, goal)))
+            or (self._function("g", plan.steps, folding(self._module, goal)))
         )
 
     def _alike(self, goal: AggregateAtom, plan: Plan) -> code.Expression | None:
@@ -528,14 +407,13 @@ class Translation:
         found = alike_by(self._planner, goal, self._bindings.changing)
         if found is None:
             return None
-        name, given = self._defined("g", plan.steps, _folding(self._module, goal))
+        name, given = self._defined("g", plan.steps, folding(self._module, goal))
+        called = arguments(goal.relation)
+        column = None if goal.column is None else called.index(goal.column)
+        places = found.ends.given if found.ends else ()
+        outside = row([called[place] for place in places], self._bindings.source)
         start = self._bindings.source(found.start)
-        others = tuple(each for each in given if each != start)
-        parts = [start, name, code.Tuple(tuple(given)), code.Tuple(others)]
-        if found.ends is not None:
-            parts += _tallied(self._module, self._bindings, goal, found.ends)
-        alike = self._module.name(closed(found.closure, ClosureQuestion.ALIKE, found.forward))
-        return code.call(alike, *parts)
+        return same_for_all(self._module, found, start, name, given, outside, goal.function, column)
 
     # --- tests
 
@@ -623,24 +501,3 @@ def _tests_of_values(bindings: Bindings, step: Step, following: Sequence[Step]) 
             tests.setdefault(goal.attribute.index, each)
     values = [each.goal.value for each in tests.values() if isinstance(each.goal, AttributeAtom)]
     return [] if bindings.constants.keys() >= set(values) else list(tests.values())
-
-
-def _folding(module: Module, goal: AggregateAtom) -> Sink:
-    """What makes the value of an aggregate of its rows."""
-    if goal.function == "count":
-        return COUNT
-    assert goal.column is not None
-    column = goal.column
-    fold = module.name(Builtin(_FOLDS[goal.function]))
-    return gathering((column,), lambda names: names(column), code.call(fold, OUT))
-
-
-def _tallied(module: Module, bindings: Bindings, goal: AggregateAtom, ends: Ends) -> list[code.Expression]:
-    """How the value of an aggregate is made of what is reached, and the values that this depends on."""
-    called = arguments(goal.relation)
-    column = None if goal.column is None else called.index(goal.column)
-    tallied = Tallied(ends.pattern, ends.start, ends.given, ends.wanted, goal.function, column)
-    return [module.name(tallied), row([called[place] for place in ends.given], bindings.source)]
-
-
-_FOLDS = {"sum": "total", "avg": "mean", "min": "least", "max": "most"}

@@ -14,6 +14,7 @@ from envgraph.match.generate._symbols import (
     Column,
     Mode,
     Recursive,
+    Tallied,
     Valued,
     View,
     closed,
@@ -21,6 +22,7 @@ from envgraph.match.generate._symbols import (
 from envgraph.match.generate._write import Module
 from envgraph.match.plan._options import call_key
 from envgraph.match.plan._planner import Planner
+from envgraph.match.plan._sharing import Alike
 from envgraph.metamodel import Attribute, Reference
 from envgraph.pattern import CallAtom, ClosureAtom, InstanceAtom, LinkAtom, RelationAtom, arguments
 
@@ -145,3 +147,36 @@ class Relations:
 def forward_column(feature: Reference | Attribute) -> Column:
     """The column of targets, or of many values."""
     return Column("values" if isinstance(feature, Attribute) else "forward", feature.index)
+
+
+def same_for_all(
+    module: Module,
+    alike: Alike,
+    start: code.Expression,
+    direct: code.Name,
+    given: Sequence[code.Expression],
+    outside: code.Expression,
+    function: str = "count",
+    column: int | None = None,
+) -> code.Expression:
+    """The value of an aggregate that is the same for all starts from which a closure reaches the same.
+
+    Args:
+        module: receives symbols.
+        alike: the closure, and how the aggregate is made of what is reached.
+        start: the start.
+        direct: the function that works the value out, and
+        given: its arguments, the start among them.
+        outside: the values that what is reached depends on.
+        function: of the aggregate, and
+        column: what it is over.
+    """
+    others = code.Tuple(tuple(each for each in given if each != start))
+    parts = [start, direct, code.Tuple(tuple(given)), others]
+    if alike.ends is not None:
+        ends = alike.ends
+        parts += [
+            module.name(Tallied(ends.pattern, ends.start, ends.given, ends.wanted, function, column)),
+            outside,
+        ]
+    return code.call(module.name(closed(alike.closure, ClosureQuestion.ALIKE, alike.forward)), *parts)

@@ -8,7 +8,9 @@ from typing import Final
 
 from envgraph import code
 from envgraph.code import dataclass
-from envgraph.match.generate._symbols import ClosureQuestion, Mode
+from envgraph.match.generate._symbols import Builtin, ClosureQuestion, Mode
+from envgraph.match.generate._write import Module
+from envgraph.pattern import AggregateAtom
 
 Names = Callable[[int], code.Expression]
 """The code of a variable."""
@@ -182,3 +184,16 @@ def visiting(variable: int, question: ClosureQuestion) -> Sink:
         else (code.Do(code.Text("del todo[0]", reads=(todo,))), code.Return(todo))
     )
     return Sink((variable,), tuple(head), each, tail, shared, "flag" if meets else "", repeatable=True)
+
+
+def folding(module: Module, goal: AggregateAtom) -> Sink:
+    """What makes the value of an aggregate of its rows."""
+    if goal.function == "count":
+        return COUNT
+    assert goal.column is not None
+    column = goal.column
+    fold = module.name(Builtin(_FOLDS[goal.function]))
+    return gathering((column,), lambda names: names(column), code.call(fold, OUT))
+
+
+_FOLDS = {"sum": "total", "avg": "mean", "min": "least", "max": "most"}

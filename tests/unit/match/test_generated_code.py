@@ -11,7 +11,7 @@ import pytest
 
 from envgraph.graph import Model
 from envgraph.match import FREE, CompiledMatcher
-from envgraph.match.generate._generate import view_source
+from envgraph.match.generate._sources import view_source
 from envgraph.match.generate._symbols import Mode
 from envgraph.match.passes._calls import CallGraph
 from envgraph.match.plan._options import Options

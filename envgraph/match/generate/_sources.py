@@ -1,0 +1,134 @@
+"""The source of every function that is generated: a view of a pattern, what closures may reach, a search along one."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+
+from envgraph import code
+from envgraph.match.generate._generate import Translation
+from envgraph.match.generate._relations import same_for_all
+from envgraph.match.generate._sinks import (
+    OUT,
+    empty,
+    keeping,
+    row,
+    sieved_sink,
+    view_sink,
+    visiting,
+)
+from envgraph.match.generate._symbols import (
+    Bounded,
+    Closed,
+    ClosureQuestion,
+    Mode,
+    Recursive,
+    Source,
+    closed,
+)
+from envgraph.match.generate._write import Module, local
+from envgraph.match.plan._distinct import distinct_places
+from envgraph.match.plan._plan import BodyPlan, ViewKey
+from envgraph.match.plan._planner import Planner, determined
+from envgraph.match.plan._sharing import (
+    Ends,
+    alike_starts,
+    only_search,
+    plans_of_ends,
+)
+
+
+def view_source(planner: Planner, key: ViewKey, mode: Mode) -> Source:
+    """The source of one view of a pattern.
+
+    Raises:
+        Unplannable: a free parameter cannot be enumerated.
+    """
+    view = planner.view(key)
+    module, block = Module(), code.Block()
+    given = {position: local("v", position) for position in key.bound}
+    sieved = not view.distinct and _ends_in_sieve(planner, view.bodies, key, mode)
+    frame, bounded = view_sink(mode, view.distinct or sieved, ()), Bounded(key.pattern, searched=True)
+    inputs = list(given.values())
+    if mode is Mode.COUNT and (search := only_search(view)):
+        forward = search.source not in view.bodies[0].plan.steps[0].binds
+        size = module.name(closed(search, ClosureQuestion.SIZE, forward))
+        return module.source(module.function("view", inputs, (code.Return(code.call(size, *inputs)),)))
+    for body in view.bodies:
+        conjunction = body.conjunction
+        positions = key.outputs if mode is Mode.VALUES else range(len(conjunction.parameters))
+        outputs = tuple(conjunction.parameters[p] for p in positions)
+        sink = sieved_sink(mode, outputs) if sieved else view_sink(mode, view.distinct, outputs)
+        translation = Translation(planner, module, conjunction, block, given)
+        translation.bounded = bounded
+        translation.body(body.plan, sink)
+    checked = (code.Do(code.call(module.name(bounded))),) if bounded in module else ()
+    whole = (*checked, *frame.head, *block.body(), *frame.tail)
+    alike = alike_starts(planner, key, key.bound) if mode is Mode.COUNT and key.outputs else None
+    if alike is None:
+        return module.source(module.function("view", inputs, whole))
+    direct = module.function("direct", inputs, whole)
+    start = inputs[key.bound.index(alike.start)]
+    others = code.Tuple(tuple(each for each in inputs if each != start))
+    counted = same_for_all(module, alike, start, direct, inputs, others)
+    return module.source(module.function("view", inputs, (code.Return(counted),)))
+
+
+def _ends_in_sieve(planner: Planner, bodies: Sequence[BodyPlan], key: ViewKey, mode: Mode) -> bool:
+    """Whether values are better told apart by a set at the end of the plan: one that looks at fewer of them."""
+    if len(bodies) != 1 or mode in (Mode.EXISTS, Mode.FIRST, Mode.EACH):
+        return False
+    conjunction, steps = bodies[0].conjunction, bodies[0].plan.steps
+    outputs = {conjunction.parameters[p] for p in key.outputs}
+    known = {number for number, _ in conjunction.constants} | {conjunction.parameters[p] for p in key.bound}
+    last = distinct_places(steps, outputs, known, partial(determined, sizes=planner.sizes)).get(len(steps))
+    return last is not None and len(last.key) < (
+        len(conjunction.parameters) if mode is Mode.ROWS else len(key.outputs)
+    )
+
+
+def ends_source(planner: Planner, ends: Ends) -> Source:
+    """The source that finds all values that the closures of a pattern may reach, each with those that are wanted."""
+    module, block = Module(), code.Block()
+    given = {position: local("v", position) for position in ends.given}
+    for conjunction, end, plan in plans_of_ends(planner, ends) or ():
+        found = (end, *(conjunction.parameters[position] for position in ends.wanted))
+        sink = keeping(found, partial(row, found), OUT)
+        Translation(planner, module, conjunction, block, given).body(plan, sink)
+    frame = keeping((), partial(row, ()), OUT)
+    return module.source(
+        module.function("ends", list(given.values()), (*frame.head, *block.body(), *frame.tail))
+    )
+
+
+def reach_source(planner: Planner, step: str, forward: bool, question: ClosureQuestion) -> Source:
+    """The source of a breadth-first search along a binary pattern.
+
+    `search(start)` returns what is reached by one or more steps, nearest first. For `SPREAD`, `search(start, seen)`
+    leaves out what has been seen, and adds to it. For `HOLDS`, `search(start, goal, todo)` tells whether the goal is
+    among what is reached; `todo`, which is `[start]`, gets all that is visited.
+    """
+    module, block = Module(), code.Block()
+    near, far = (0, 1) if forward else (1, 0)
+    frame = visiting(far, question)
+    node, other, outside = code.Local("node"), code.Local("other"), list[code.Statement]()
+    block.loop(node, code.Local("todo"))
+    if planner.calls.recursive(step):
+        ends = (code.Local("_"), other) if forward else (other, code.Local("_"))
+        block.loop(code.Tuple(ends), code.call(module.name(Recursive(step, (near,))), node))
+        block.add(*frame.each(lambda _: other))
+    elif planner.calls.of(step).searches:
+        follow = module.name(Closed(step, False, ClosureQuestion.STEP, forward))
+        block.loop(other, code.call(follow, node))
+        block.add(*frame.each(lambda _: other))
+    else:
+        for body in planner.expanded(ViewKey(step, (near,), (far,))).bodies:
+            conjunction = body.conjunction
+            sink = visiting(conjunction.parameters[far], question)
+            translation = Translation(planner, module, conjunction, block, {near: node})
+            translation.around = (conjunction.parameters[near],)
+            translation.body(body.plan, sink)
+            outside[:0] = [code.Assign(name, empty("set")) for name in translation.outside]
+    more = {ClosureQuestion.SPREAD: ["seen"], ClosureQuestion.HOLDS: ["goal", "todo"]}.get(question, [])
+    whole = (*frame.head, *outside, *block.body(), *frame.tail)
+    return module.source(module.function("search", list(map(code.Local, ["start", *more])), whole))
