@@ -8,7 +8,7 @@ from typing import Final
 from envgraph.errors import Diagnostic, Note, Severity, Span, with_article
 from envgraph.metamodel import EnumType, Scalar
 from envgraph.pattern._bodies import terms_of
-from envgraph.pattern._expressions import ExpressionChecker, enum_hint
+from envgraph.pattern._expressions import ExpressionChecker
 from envgraph.pattern._inference import BodyTypes, Fact, relation_text
 from envgraph.pattern._lowered import ObjectType, StaticType
 from envgraph.pattern._queries import Aggregate, Comparison, Evaluation, Term
@@ -19,6 +19,7 @@ from envgraph.pattern._types import (
     common_subclasses,
     comparable,
     compatible,
+    enum_hint,
     is_subtype,
     literal_fits,
     meet,

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final
 
-from envgraph.errors import did_you_mean, name_hint, with_article
+from envgraph.errors import Diagnostic, did_you_mean, name_hint, with_article
 from envgraph.metamodel import EnumType, Metamodel, Scalar, Value, simple_name, type_name
 from envgraph.pattern._lowered import ObjectType, StaticType
+from envgraph.pattern._terms import Constant, Expression
 
 NUMBERS = (Scalar.INT, Scalar.FLOAT)
 
@@ -203,3 +204,32 @@ def literal_fits(value: Value, type_: StaticType) -> bool:
 def coerced(value: Value, type_: StaticType | None) -> Value:
     """The constant as it is stored: an int where a float is expected becomes one."""
     return float(value) if type_ is Scalar.FLOAT and isinstance(value, int) else value
+
+
+def wrong_type(expression: Expression, type_: StaticType, expected: StaticType) -> Diagnostic:
+    """The diagnostic for an expression of one type where another is expected."""
+    hint = None
+    if (
+        isinstance(expected, EnumType)
+        and isinstance(expression, Constant)
+        and isinstance(expression.value, str)
+    ):
+        hint = enum_hint(expression.value, expected)
+    elif expected is Scalar.INT and type_ is Scalar.FLOAT:
+        hint = "`round`, `floor` or `toInt` make an int of it"
+    hint = hint or value_hint(expected, None if isinstance(expression, Constant) else type_)
+    message = f"expected `{type_text(expected)}`, found `{type_text(type_)}`"
+    return Diagnostic("wrong-type", message, expression.span, hint)
+
+
+def enum_hint(written: str, enum: EnumType) -> str | None:
+    """How to write the literal of an enum that someone wrote as a string."""
+    near = did_you_mean(written, enum.literals)
+    return near.replace("`", f"`{enum.name}::", 1) if near else None
+
+
+def common_number(*types: StaticType | None) -> StaticType | None:
+    """The type of a number that is made of numbers of these types; None where one is unknown."""
+    if None in types:
+        return None
+    return Scalar.FLOAT if Scalar.FLOAT in types else Scalar.INT

@@ -1,0 +1,110 @@
+"""Types of calls of functions in expressions, and what can be wrong with them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Final
+
+from envgraph.errors import did_you_mean
+from envgraph.pattern._lowered import ObjectType, StaticType
+from envgraph.pattern._operations import FUNCTIONS
+from envgraph.pattern._terms import FunctionCall, Navigation, Variable
+from envgraph.pattern._types import assignable, common_number, type_text, wrong_type
+
+if TYPE_CHECKING:
+    from envgraph.pattern._expressions import ExpressionChecker
+    from envgraph.pattern._functions import DeclaredFunction
+
+
+_OF_JAVA: Final[Mapping[str, str]] = {
+    "equalsIgnoreCase": "write `toLower(a) == toLower(b)`",
+    "compareTo": "write `a < b`, `a == b` or `a > b`",
+    "matches": "there are no regular expressions, but `startsWith`, `endsWith`, `contains` and `indexOf`",
+    "valueOf": "write `toInt(x)`, `toFloat(x)` or `toString(x)`",
+    "parseInt": "write `toInt(x)`",
+    "charAt": "write `substring(text, i, i + 1)`",
+    "size": "write `n == count Type.feature(x, _);` outside of the expression",
+}
+"""What to write for methods of Java."""
+
+
+def call_type(checker: ExpressionChecker, node: FunctionCall) -> StaticType | None:
+    """The type of a call of a function, or None where it is unknown; what is wrong with it is reported."""
+    if node.declaration is not None:
+        return _declared(checker, node, node.declaration)
+    function = FUNCTIONS.get(node.function) if node.owner is None else None
+    if function is None:
+        _unknown_function(checker, node)
+        return None
+    if not function.accepts_count(len(node.arguments)):
+        message = f"`{function.name}` does not take {len(node.arguments)} arguments"
+        checker.report("wrong-arity", message, node, f"write `{function.signature}`")
+        return function.result
+    types = [
+        checker.operand(argument, function.name, function.parameter(position))
+        for position, argument in enumerate(node.arguments)
+    ]
+    return function.result or common_number(*types)
+
+
+def _unknown_function(checker: ExpressionChecker, node: FunctionCall) -> None:
+    span = node.function_span or node.span
+    declare = _declaring(checker, node)
+    if node.owner is not None:
+        if node.function in FUNCTIONS:
+            declare = f"write `{FUNCTIONS[node.function].signature}` if that is meant"
+        message = f"`{node.owner}.{node.function}` is a function of Java"
+        checker.at("java-call", message, span, declare)
+        return
+    hint = _getter_hint(checker, node) or _OF_JAVA.get(node.function)
+    hint = hint or did_you_mean(node.function, {**(node.declared or {}), **FUNCTIONS})
+    checker.at("unknown-function", f"unknown function `{node.function}`", span, hint or declare)
+
+
+def _declaring(checker: ExpressionChecker, node: FunctionCall) -> str:
+    """How to declare a function for a call."""
+    known, parameters = len(checker.problems), []
+    for number, argument in enumerate(node.arguments):
+        type_ = checker.type_of(argument)
+        if checker.is_object(argument) or isinstance(type_, ObjectType):
+            del checker.problems[known:]
+            return "declare a function, which takes values: pass features of the object"
+        name = argument.name if isinstance(argument, Variable) else f"{'abcdefgh'[number % 8]}"
+        name = argument.feature if isinstance(argument, Navigation) else name
+        parameters.append(f"{name} : {type_text(type_) if type_ else 'int'}")
+    del checker.problems[known:]
+    declaration = f"function {node.function}({', '.join(parameters)}) : T;"
+    return f"declare it with its types, `{declaration}`, and give the engine its code"
+
+
+def _declared(
+    checker: ExpressionChecker, node: FunctionCall, function: DeclaredFunction
+) -> StaticType | None:
+    """The type of a call of a declared function, which takes values of the types that it says."""
+    if function.result is None:
+        for argument in node.arguments:
+            checker.type_of(argument)
+        return None
+    if len(node.arguments) != len(function.parameters):
+        message = f"`{function.name}` does not take {len(node.arguments)} arguments"
+        hint = f"it is declared as `{function.declaration.signature}`"
+        checker.report("wrong-arity", message, node, hint)
+        return function.result
+    for argument, parameter in zip(node.arguments, function.parameters, strict=True):
+        type_ = checker.operand(argument, function.name, "data", parameter)
+        if type_ is not None and not assignable(type_, parameter, checker.metamodel):
+            checker.problems.append(wrong_type(argument, type_, parameter))
+    return function.result
+
+
+def _getter_hint(checker: ExpressionChecker, node: FunctionCall) -> str | None:
+    """For `x.getLength()` of Java: the feature `x.length`."""
+    owner = node.arguments[0] if len(node.arguments) == 1 else None
+    type_ = checker.scope.get(owner.name) if isinstance(owner, Variable) else None
+    if not isinstance(owner, Variable) or not isinstance(type_, ObjectType):
+        return None
+    name = re.sub("^(get|is)(?=[A-Z])", "", node.function)
+    feature = name[:1].lower() + name[1:]
+    known = feature in checker.metamodel.features(type_.cls)
+    return f"write `{owner.name}.{feature}`" if known else None
