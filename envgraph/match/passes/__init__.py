@@ -3,13 +3,14 @@
 >>> [each.__name__ for each in ON_DEMAND]
 ['closures_as_calls', 'inline_calls', 'drop_repeated', 'drop_implied', 'drop_implied_inside']
 >>> [each.__name__ for each in FOR_VIEWS]
-['closures_as_calls', 'inline_few_locals', 'drop_repeated', 'drop_implied']
+['links_as_facts', 'closures_as_calls', 'inline_few_locals', 'drop_repeated', 'drop_implied', 'split_negations']
 """
 
 from envgraph.match.passes._bodies import Bodies, Pass
 from envgraph.match.passes._closures import closures_as_calls
 from envgraph.match.passes._implied import drop_implied, drop_implied_inside
 from envgraph.match.passes._inline import expanded, inline_calls, inline_few_locals
+from envgraph.match.passes._relations import links_as_facts, split_negations
 from envgraph.match.passes._repeated import drop_repeated
 
 __all__ = ["FOR_VIEWS", "ON_DEMAND", "Bodies", "Pass", "expanded"]
@@ -23,7 +24,14 @@ ON_DEMAND: tuple[Pass, ...] = (
 )
 """What the matcher does that looks for matches when it is asked."""
 
-FOR_VIEWS: tuple[Pass, ...] = (closures_as_calls, inline_few_locals, drop_repeated, drop_implied)
+FOR_VIEWS: tuple[Pass, ...] = (
+    links_as_facts,
+    closures_as_calls,
+    inline_few_locals,
+    drop_repeated,
+    drop_implied,
+    split_negations,
+)
 """What views are made of: few derivations of a match, and inside a negation only what is a single relation.
 
 Class tests inside a negation stay: a relation whose meaning follows from elsewhere is still a relation.

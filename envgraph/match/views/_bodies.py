@@ -8,10 +8,8 @@ from what is counted.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Container, Iterable, Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Sequence
 
-from envgraph.graph import Store
 from envgraph.metamodel import Reference
 from envgraph.pattern import (
     Absence,
@@ -25,36 +23,6 @@ from envgraph.pattern import (
     inputs,
     variables,
 )
-
-
-def canonical(goal: Goal, store: Store) -> Goal:
-    """The goal over facts as the store tells them: the two references of an opposite pair are one relation."""
-    match goal:
-        case LinkAtom(Reference() as reference, source, target):
-            relation = store.relations[reference.index]
-            return LinkAtom(relation.fact, target, source) if relation.flipped else goal
-        case Absence(alternatives):
-            return replace(
-                goal, alternatives=tuple(tuple(canonical(g, store) for g in each) for each in alternatives)
-            )
-        case AggregateAtom(_, relation):
-            inner = canonical(relation, store)
-            assert isinstance(inner, RelationAtom)
-            return replace(goal, relation=inner)
-        case _:
-            return goal
-
-
-def split_negations(goals: Iterable[Goal], fixed: Container[int]) -> Iterator[Goal]:
-    """A negation of several relations is one of each; variables with a fixed value have it inside as well."""
-    for goal in goals:
-        if isinstance(goal, Absence):
-            for (relation,) in goal.alternatives:
-                assert isinstance(relation, RelationAtom)
-                called = dict.fromkeys(arguments(relation))
-                yield Absence(((relation,),), tuple(v for v in called if v in goal.outer or v in fixed))
-        else:
-            yield goal
 
 
 def negated(goal: Absence) -> RelationAtom:

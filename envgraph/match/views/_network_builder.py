@@ -15,12 +15,10 @@ from envgraph.match.plan._options import Unplannable
 from envgraph.match.plan._plan import held_value
 from envgraph.match.plan._planner import determined, disjoint
 from envgraph.match.views._bodies import (
-    canonical,
     component,
     existential,
     free_inside,
     negated,
-    split_negations,
 )
 from envgraph.match.views._closure_operator import ClosureOperator, LinkSteps, RowSteps
 from envgraph.match.views._delta import (
@@ -196,9 +194,6 @@ class NetworkBuilder:
 
     def _prepared(self, name: str, number: int, body: Conjunction) -> Conjunction:
         """A body over relations of the network."""
-        fixed = {number for number, _ in body.constants}
-        goals = split_negations((canonical(goal, self.store) for goal in body.goals), fixed)
-        body = replace(body, goals=tuple(goals))
         if len(body.goals) > MOST_GOALS:
             raise NotIncremental
         body = self._with_apart(body, f"{name}/{number}/apart")
@@ -431,7 +426,7 @@ class NetworkBuilder:
         bodies = self._bodies.of(step)
         if len(bodies) != 1 or len(bodies[0].goals) != 1 or bodies[0].constants:
             return None
-        goal = canonical(bodies[0].goals[0], self.store)
+        (goal,) = bodies[0].goals
         if not (isinstance(goal, LinkAtom) and isinstance(goal.reference, Reference)):
             return None
         ends = (goal.source, goal.target)

@@ -1,0 +1,48 @@
+"""Every relation in one form: a link by one of its two references, a negation of one relation."""
+
+from __future__ import annotations
+
+from collections.abc import Container, Iterable, Iterator
+from dataclasses import replace
+from typing import cast
+
+from envgraph.match.passes._bodies import Bodies
+from envgraph.metamodel import Metamodel, Reference
+from envgraph.pattern import Absence, AggregateAtom, Conjunction, Goal, LinkAtom, RelationAtom, arguments
+
+
+def links_as_facts(body: Conjunction, bodies: Bodies) -> Conjunction:
+    """Two references of an opposite pair are one relation: that of the reference which facts about links name."""
+    metamodel = bodies.library.metamodel
+    return replace(body, goals=tuple(_as_fact(goal, metamodel) for goal in body.goals))
+
+
+def _as_fact(goal: Goal, metamodel: Metamodel) -> Goal:
+    match goal:
+        case LinkAtom(Reference() as reference, source, target):
+            opposite = metamodel.opposite(reference)
+            flipped = opposite is not None and opposite.index < reference.index
+            return LinkAtom(opposite, target, source) if flipped and opposite else goal
+        case Absence(alternatives):
+            return replace(
+                goal, alternatives=tuple(tuple(_as_fact(g, metamodel) for g in each) for each in alternatives)
+            )
+        case AggregateAtom(_, relation):
+            return replace(goal, relation=cast(RelationAtom, _as_fact(relation, metamodel)))
+        case _:
+            return goal
+
+
+def split_negations(body: Conjunction, bodies: Bodies) -> Conjunction:
+    """A negation of several relations is one of each; variables with a fixed value have it inside as well."""
+    return replace(body, goals=tuple(_split(body.goals, {number for number, _ in body.constants})))
+
+
+def _split(goals: Iterable[Goal], fixed: Container[int]) -> Iterator[Goal]:
+    for goal in goals:
+        if isinstance(goal, Absence):
+            for (relation,) in goal.alternatives:
+                called = dict.fromkeys(arguments(cast(RelationAtom, relation)))
+                yield Absence(((relation,),), tuple(v for v in called if v in goal.outer or v in fixed))
+        else:
+            yield goal
