@@ -23,7 +23,12 @@ from envgraph.lang.family._family import (
 )
 from envgraph.lang.family._family_reader import find_family, load_family
 from envgraph.lang.loading._checking import conformance
-from envgraph.lang.loading._family_check import COMPONENTS, check_family, numeric_parameters
+from envgraph.lang.loading._family_check import (
+    COMPONENTS,
+    NEED_ENVIRONMENT,
+    check_family,
+    numeric_parameters,
+)
 from envgraph.lang.loading._import_check import LANGUAGES
 from envgraph.lang.loading._open import load, load_behaviour, load_workspace, open, open_workspace
 from envgraph.lang.loading._workspace import Workspace
@@ -58,6 +63,7 @@ __all__ = [
     "COMPONENTS",
     "FORMATS",
     "LANGUAGES",
+    "NEED_ENVIRONMENT",
     "Bundle",
     "ComponentSpec",
     "ConstraintsSpec",

@@ -9,12 +9,9 @@ from math import isclose, isfinite
 from envgraph.code import dataclass
 from envgraph.env import explore
 from envgraph.search._family import Family, Member
+from envgraph.search._measures import LIMIT
 from envgraph.search._store import CERTIFICATES, RunStore
 from envgraph.solve import Certificates, certify, recomputed
-
-LIMIT = 200
-"""Steps of an episode where neither family nor environment have a limit."""
-
 
 _KEPT = ("limit", "shortest_plan", "random_success", "optimal_return")
 """What is kept of the certificates of a member; the rest is of a policy, here that of a random walk."""

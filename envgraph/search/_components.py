@@ -11,11 +11,22 @@ from envgraph.code import dataclass
 from envgraph.env import Behaviour, TooManyStates
 from envgraph.env.compiled import NotCompiled
 from envgraph.errors import Diagnostic, LoadError, Note
+from envgraph.graph import Model
 from envgraph.lang import numeric_parameters
 from envgraph.metamodel import Metamodel, Scalar
 from envgraph.pattern import Library
 from envgraph.search._diversity import BinnedEntropy, FamilyMeasure, Gini, Variance
-from envgraph.search._measures import MatchCount, PatternValue, ShortestPath, ShortestPlan
+from envgraph.search._measures import (
+    LIMIT,
+    Certifier,
+    Distance,
+    MatchCount,
+    OptimalReturn,
+    PatternValue,
+    RandomSuccess,
+    ShortestPath,
+    ShortestPlan,
+)
 from envgraph.search._options import Options
 from envgraph.search._paths import PathComplexity
 from envgraph.search._problem import IndividualMeasure
@@ -50,6 +61,8 @@ class Context:
         behaviour: what the agent can do, if the family has an environment.
         measured: the measure that the diversity reads, for the diversity.
         library: the patterns of the family; None where they have errors.
+        initial: the initial model; None where there are errors.
+        certifier: of the environments, if the family has one; all measures share it.
     """
 
     metamodel: Metamodel
@@ -57,6 +70,22 @@ class Context:
     behaviour: Behaviour | None
     measured: IndividualMeasure | None = None
     library: Library | None = None
+    initial: Model | None = None
+    certifier: Certifier | None = None
+
+    @classmethod
+    def of(
+        cls,
+        metamodel: Metamodel,
+        spec: FamilySpec,
+        behaviour: Behaviour | None,
+        library: Library,
+        initial: Model,
+    ) -> Context:
+        """What components may know of a family without errors."""
+        limit = spec.limit or (behaviour.limit if behaviour else None) or LIMIT
+        certifier = Certifier(behaviour, limit) if behaviour else None
+        return cls(metamodel, spec, behaviour, library=library, initial=initial, certifier=certifier)
 
 
 MeasureFactory = Callable[[Options, Context], IndividualMeasure]
@@ -92,6 +121,23 @@ def _shortest_path(options: Options, context: Context) -> IndividualMeasure:
 def _shortest_plan(options: Options, context: Context) -> IndividualMeasure:
     assert context.behaviour is not None, "check_family demands an environment for this measure"
     return ShortestPlan(context.behaviour, options.name("guide") if options.given("guide") else None)
+
+
+def _distance(options: Options, context: Context) -> IndividualMeasure:
+    del options
+    return Distance(context.initial)
+
+
+def _random_success(options: Options, context: Context) -> IndividualMeasure:
+    del options
+    assert context.certifier is not None, "check_family demands an environment for this measure"
+    return RandomSuccess(context.certifier)
+
+
+def _optimal_return(options: Options, context: Context) -> IndividualMeasure:
+    del options
+    assert context.certifier is not None, "check_family demands an environment for this measure"
+    return OptimalReturn(context.certifier)
 
 
 def _value(options: Options, context: Context) -> IndividualMeasure:
@@ -187,6 +233,9 @@ class Components:
                 "path_complexity": _path_complexity,
                 "shortest_path": _shortest_path,
                 "shortest_plan": _shortest_plan,
+                "random_success": _random_success,
+                "optimal_return": _optimal_return,
+                "distance": _distance,
                 "count": lambda options, context: MatchCount(options.name("of")),
                 "value": _value,
             }

@@ -23,6 +23,7 @@ from envgraph.errors import (
 from envgraph.files import counting
 from envgraph.graph import Model, model_from_json, model_to_json
 from envgraph.lang import (
+    NEED_ENVIRONMENT,
     Bundle,
     ComponentSpec,
     FamilySpec,
@@ -468,7 +469,7 @@ class Domain:
     def _context(self) -> Context:
         registration = self.workspace.registration
         assert registration is not None, "there are no errors"
-        return Context(self.metamodel, self.spec, self.behaviour, library=registration.library)
+        return Context.of(self.metamodel, self.spec, self.behaviour, registration.library, self._model())
 
     def _constraints(self, engine: Engine, measures: Iterable[IndividualMeasure]) -> tuple[Constraint, ...]:
         """Conformance first, then as in the file; what enumerates states comes last."""
@@ -521,7 +522,7 @@ def option_problems(spec: FamilySpec, workspace: Workspace) -> list[Diagnostic]:
         return []
     known = Components()
     factories: list[tuple[ComponentSpec, Mapping[str, Callable[[Options, Context], object]]]] = [
-        *((measure, known.measure) for measure in spec.measures if measure.kind != "shortest_plan"),
+        *((one, known.measure) for one in spec.measures if one.kind not in NEED_ENVIRONMENT),
         (_without(spec.diversity, "of"), known.diversity),
         (spec.search.parents, known.parents),
         (spec.search.survivors, known.survivors),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import field, replace
 from functools import cached_property, partial
 from pathlib import Path
@@ -93,9 +93,12 @@ class Family:
         near = sorted(
             self.members, key=lambda one: one.individual or 0
         )  # the way from one to the next is short
-        return self.domain.keys(
-            self.model(one) if isinstance(one.source, str) else one.source.engine().model for one in near
-        )
+        return self.domain.keys(self._models(near))
+
+    def _models(self, members: Iterable[Member]) -> Iterator[Model]:
+        """The models of members, each to be read before the next one is asked for."""
+        for one in members:
+            yield self.model(one) if isinstance(one.source, str) else one.source.engine().model
 
     @property
     def behaviour(self) -> Behaviour:
@@ -233,15 +236,16 @@ class Family:
         Raises:
             InvalidArgument: nothing is left to train on, or to test.
         """
-        trained, tested = split(self.members, test, apart, seed)
+        trained, tested = split(self.members, self._models(self.members), test, apart, seed)
         return self._of(trained), self._of(tested)
 
     def distances(self) -> NDArray[np.int64]:
         """In how many objects each member differs from each other one [members, members]: class, values or links.
 
-        An object is what has the same id: the members of a run share the objects of the initial model.
+        An object is what has the same id: the members of a run share the objects of the initial model. A link belongs
+        to the object whose reference is declared first.
         """
-        objects = described(self.members)
+        objects = described(self._models(self.members))
         return differing(objects, objects)
 
     def columns(self) -> dict[str, NDArray[Any]]:

@@ -5,15 +5,20 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import field
 from math import inf
-from typing import ClassVar
+from typing import ClassVar, Final
 
 from envgraph.code import dataclass
-from envgraph.env import Behaviour, explore
-from envgraph.env.compiled import NotCompiled, Plan, Plans
+from envgraph.env import Behaviour, KeyIndex, explore, indexed_classes
+from envgraph.env.compiled import NotCompiled, Plan, Plans, Tables
 from envgraph.files import counting
+from envgraph.graph import Model
 from envgraph.metamodel import Metamodel
 from envgraph.rewrite import Engine
-from envgraph.solve import shortest_plan
+from envgraph.search._object_facts import object_facts
+from envgraph.solve import Certificates, certify, shortest_plan
+
+LIMIT: Final = 200
+"""Steps of an episode where neither family nor environment have a limit."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -168,3 +173,82 @@ class ShortestPlan:
             with counting(f"states of {self.behaviour.name}") as progress:
                 known[outcome] = plans.plan(engine, progress)
         return known[outcome]
+
+
+class Distance:
+    """In how many objects a model differs from another one: in their class, a value or a link, or by being there.
+
+    An object is what has the same id; a link belongs to the object whose reference is declared first.
+
+    Args:
+        origin: the other model, as it is now; None for none, where nothing is measured.
+    """
+
+    whole = True
+
+    def __init__(self, origin: Model | None) -> None:
+        self._origin = [] if origin is None else object_facts(origin)
+        self.range = (0.0, float(max(1, 0 if origin is None else len(origin))))
+
+    def evaluate(self, engine: Engine) -> float:
+        """The number in the model at which the engine stands."""
+        (before, *facts), (after, *others) = self._origin, object_facts(engine.model)
+        common = min(len(before), len(after))
+        changed = {node for node in range(common) if before[node] != after[node]}
+        for one, other in zip(facts, others, strict=True):
+            if one != other:
+                changed.update(
+                    node for node in range(common) if one[node] != other[node] and after[node] != -1
+                )
+        return float(len(changed) + sum(cls != -1 for cls in (before[common:] or after[common:])))
+
+
+class Certifier:
+    """Knows what is certain of the model at which an engine stands; of the last one without being asked twice.
+
+    Args:
+        behaviour: of the environments.
+        limit: steps of an episode.
+    """
+
+    def __init__(self, behaviour: Behaviour, limit: int) -> None:
+        self._behaviour, self._limit = behaviour, limit
+        self._tables = Tables(behaviour)
+        self._last: tuple[int, Certificates] | None = None
+
+    def of(self, engine: Engine) -> Certificates:
+        """Certificates of the model and of a random walk in it; objects are numbered among themselves alone.
+
+        Raises:
+            TooManyStates: there are too many to visit.
+        """
+        state = engine.model.state_hash()
+        if self._last is None or self._last[0] != state:
+            keys = KeyIndex.of(engine.model, indexed_classes(self._behaviour, engine.model.metamodel))
+            with counting(f"states of {self._behaviour.name}") as progress:
+                tabular = self._tables.table(engine, keys, progress)
+            self._last = state, certify(tabular, limit=self._limit)
+        return self._last[1]
+
+
+@dataclass(frozen=True, slots=True)
+class RandomSuccess:
+    """How likely an agent that draws all its actions succeeds within the limit: exact but for rounding."""
+
+    certifier: Certifier
+    range: ClassVar = (0.0, 1.0)
+
+    def evaluate(self, engine: Engine) -> float:
+        """The probability in the model at which the engine stands; raises as `Certifier.of`."""
+        return self.certifier.of(engine).random_success
+
+
+@dataclass(frozen=True, slots=True)
+class OptimalReturn:
+    """The greatest return that any agent has within the limit, undiscounted: exact but for rounding."""
+
+    certifier: Certifier
+
+    def evaluate(self, engine: Engine) -> float:
+        """The return in the model at which the engine stands; raises as `Certifier.of`."""
+        return self.certifier.of(engine).optimal_return

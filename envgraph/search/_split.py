@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -11,7 +10,8 @@ from numpy.random import default_rng
 from numpy.typing import NDArray
 
 from envgraph.errors import InvalidArgument
-from envgraph.search._store import dump_json
+from envgraph.graph import Model
+from envgraph.search._object_facts import object_facts
 
 if TYPE_CHECKING:
     from envgraph.search._family import Member
@@ -20,21 +20,23 @@ _ROWS: Final = 64
 """Members that are compared with all others at once: with 10,000 members of 100 objects that takes 64 MB."""
 
 
-def described(members: Sequence[Member]) -> NDArray[np.int32]:
-    """A number for each object of each member [members, objects], the same where nothing of the object differs.
+def described(models: Iterable[Model]) -> NDArray[np.int32]:
+    """A number for each object of each model [models, objects], the same where nothing of the object differs.
 
-    An object is what has the same id: members of a run share the objects of the initial model. What belongs to it are
-    its class, its values, and its links as `model_to_json` shows them. 0 stands for an object that a member lacks.
+    An object is what has the same id; see `object_facts` for what belongs to it. 0 stands for one that a model lacks.
+    Models are looked at one after the other.
     """
-    numbers: dict[str, int] = {}
-    rows = []
-    for member in members:
-        objects = json.loads(member.model)["objects"]
-        rows.append({one["id"]: numbers.setdefault(dump_json(one), len(numbers) + 1) for one in objects})
-    columns = {id_: place for place, id_ in enumerate(sorted({id_ for row in rows for id_ in row}))}
-    found = np.zeros((len(rows), len(columns)), np.int32)
+    numbers: dict[tuple[object, ...], int] = {}
+    rows = [
+        [
+            numbers.setdefault(one, len(numbers) + 1) if one[0] != -1 else 0
+            for one in zip(*object_facts(model), strict=True)
+        ]
+        for model in models
+    ]
+    found = np.zeros((len(rows), max(map(len, rows))), np.int32)
     for place, row in enumerate(rows):
-        found[place, [columns[id_] for id_ in row]] = [*row.values()]
+        found[place, : len(row)] = row
     return found
 
 
@@ -47,7 +49,11 @@ def differing(one: NDArray[np.int32], other: NDArray[np.int32]) -> NDArray[np.in
 
 
 def split(
-    members: Sequence[Member], test: float | int | Callable[[Member], bool], apart: int, seed: int
+    members: Sequence[Member],
+    models: Iterable[Model],
+    test: float | int | Callable[[Member], bool],
+    apart: int,
+    seed: int,
 ) -> tuple[list[int], list[int]]:
     """The places of members to train on, and of those to test; see `Family.split`."""
     everything = range(len(members))
@@ -61,7 +67,7 @@ def split(
     held = dict.fromkeys(tested)
     trained = [place for place in everything if place not in held]
     if apart > 1:
-        objects = described(members)
+        objects = described(models)
         nearest = differing(objects[trained], objects[tested]).min(axis=1, initial=apart).tolist()
         trained = [place for place, least in zip(trained, nearest, strict=True) if least >= apart]
     if not trained or not tested:

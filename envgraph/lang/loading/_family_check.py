@@ -13,7 +13,16 @@ from envgraph.pattern import Derivation, Library, Rule, Unit
 
 COMPONENTS: Mapping[str, Collection[str]] = MappingProxyType(
     {
-        "measure": ("path_complexity", "shortest_path", "shortest_plan", "count", "value"),
+        "measure": (
+            "path_complexity",
+            "shortest_path",
+            "shortest_plan",
+            "random_success",
+            "optimal_return",
+            "distance",
+            "count",
+            "value",
+        ),
         "diversity": ("binned_entropy", "gini", "variance"),
         "objective": ("learning", "chain_transfer"),
         "parents": ("random", "tournament", "elitist"),
@@ -23,11 +32,17 @@ COMPONENTS: Mapping[str, Collection[str]] = MappingProxyType(
 )
 """The kinds of components that come with envgraph, by role."""
 
+NEED_ENVIRONMENT = ("shortest_plan", "random_success", "optimal_return")
+"""The kinds of measures that are of environments, not of models alone."""
+
 # For each kind of measure: the options, and what they name.
 _OPTIONS: Mapping[str, Mapping[str, str]] = {
     "path_complexity": {"transform": "", "from": "class", "to": "class", "along": "path", "avoid": "class"},
     "shortest_path": {"from": "class", "to": "class", "along": "path", "avoid": "class"},
     "shortest_plan": {"guide": "pattern"},
+    "random_success": {},
+    "optimal_return": {},
+    "distance": {},
     "count": {"of": "pattern"},
     "value": {"of": "pattern", "parameter": ""},
 }
@@ -109,7 +124,7 @@ class _Checker:
     def _needs_behaviour(self) -> Iterator[Diagnostic]:
         if self._spec.environment is not None:
             return
-        plans = [measure.span() for measure in self._spec.measures if measure.kind == "shortest_plan"]
+        plans = [measure.span() for measure in self._spec.measures if measure.kind in NEED_ENVIRONMENT]
         outcomes = [outcome.span for outcome in self._spec.constraints.reachable]
         objective = [self._spec.objective.span()] if self._spec.objective else []
         for span in (*plans, *outcomes, *objective):
