@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import field, replace
+from itertools import takewhile
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
@@ -14,8 +15,9 @@ from envgraph.errors import Diagnostic, LoadError, Note
 from envgraph.graph import Model
 from envgraph.lang import numeric_parameters
 from envgraph.metamodel import Metamodel, Scalar
-from envgraph.pattern import Library
+from envgraph.pattern import Constant, Library
 from envgraph.search._diversity import BinnedEntropy, FamilyMeasure, Gini, Variance
+from envgraph.search._expressed import Expressed, named, read_expression
 from envgraph.search._measures import (
     LIMIT,
     Certifier,
@@ -63,6 +65,7 @@ class Context:
         library: the patterns of the family; None where they have errors.
         initial: the initial model; None where there are errors.
         certifier: of the environments, if the family has one; all measures share it.
+        others: the measures above, for a measure: each with what counts where it has no value, infinite for nothing.
     """
 
     metamodel: Metamodel
@@ -72,6 +75,7 @@ class Context:
     library: Library | None = None
     initial: Model | None = None
     certifier: Certifier | None = None
+    others: Mapping[str, tuple[IndividualMeasure, float]] = field(default_factory=dict)
 
     @classmethod
     def of(
@@ -121,6 +125,16 @@ def _shortest_path(options: Options, context: Context) -> IndividualMeasure:
 def _shortest_plan(options: Options, context: Context) -> IndividualMeasure:
     assert context.behaviour is not None, "check_family demands an environment for this measure"
     return ShortestPlan(context.behaviour, options.name("guide") if options.given("guide") else None)
+
+
+def _expression(options: Options, context: Context) -> IndividualMeasure:
+    above = [one.name for one in takewhile(lambda one: one is not options.spec, context.spec.measures)]
+    text, place = options.name("of"), options.spec.span("of")
+    expression, problems = read_expression(text, above, context.metamodel, place) if text else (None, [])
+    options.problems += problems
+    if expression is None:
+        return Expressed(Constant(0.0), {})
+    return Expressed(expression, {name: context.others[name] for name in named(expression) if context.others})
 
 
 def _distance(options: Options, context: Context) -> IndividualMeasure:
@@ -236,6 +250,7 @@ class Components:
                 "random_success": _random_success,
                 "optimal_return": _optimal_return,
                 "distance": _distance,
+                "expression": _expression,
                 "count": lambda options, context: MatchCount(options.name("of")),
                 "value": _value,
             }

@@ -260,7 +260,9 @@ class Domain:
             options = Options(measure)
             if options.given("otherwise"):
                 otherwise[measure.name] = options.number("otherwise", 0.0, -LARGEST, LARGEST)
-            measures[measure.name] = self.components.measure[measure.kind](options, context)
+            others = {name: (one, otherwise.get(name, inf)) for name, one in measures.items()}
+            made = self.components.measure[measure.kind](options, replace(context, others=others))
+            measures[measure.name] = made
             problems += _finished(options)
         # "of" says what the measure reads, and is no option of the measure itself.
         of = str(spec.diversity.options["of"])

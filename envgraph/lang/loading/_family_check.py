@@ -20,6 +20,7 @@ COMPONENTS: Mapping[str, Collection[str]] = MappingProxyType(
             "random_success",
             "optimal_return",
             "distance",
+            "expression",
             "count",
             "value",
         ),
@@ -43,6 +44,7 @@ _OPTIONS: Mapping[str, Mapping[str, str]] = {
     "random_success": {},
     "optimal_return": {},
     "distance": {},
+    "expression": {"of": ""},
     "count": {"of": "pattern"},
     "value": {"of": "pattern", "parameter": ""},
 }

@@ -12,7 +12,8 @@ import pytest
 from envgraph.env import Tabular
 from envgraph.errors import LoadError
 from envgraph.graph import model_to_json
-from envgraph.search import Domain, Family, IndividualMeasure, certificates, generate
+from envgraph.lang import bundled_domain
+from envgraph.search import Domain, Family, IndividualMeasure, NoValue, certificates, generate
 
 KINDS = ("random_success", "optimal_return", "shortest_plan", "distance")
 GIVEN = [f"measures.{kind}={{ kind = '{kind}', otherwise = 0 }}" for kind in KINDS]
@@ -98,3 +99,67 @@ def test_what_is_of_environments_needs_one(tmp_path: Path) -> None:
     )
     with pytest.raises(LoadError, match="this needs an environment"):
         Domain.load(str(tmp_path))
+
+
+def expressed(text: str, *more: str) -> tuple[float, float, float]:
+    """An expression, the complexity and the plan of the initial forest."""
+    given = ["measures.plan.kind=shortest_plan", f"measures.mixed={{ kind = 'expression', of = '{text}' }}"]
+    domain = Domain.load("burning_forest", overrides=[*given, *more, "diversity.of=complexity"])
+    found = domain.problem(domain.engine()).measure()
+    return found["mixed"], found["complexity"], found["plan"]
+
+
+@pytest.mark.parametrize(
+    ("text", "wanted"),
+    [
+        ("complexity", lambda complexity, plan: complexity),
+        ("2 * complexity - plan / 4", lambda complexity, plan: 2 * complexity - plan / 4),
+        ("plan > 10 ? plan : complexity", lambda complexity, plan: plan if plan > 10 else complexity),
+        ("sqrt(plan) + max(complexity, 0.5)", lambda complexity, plan: plan**0.5 + max(complexity, 0.5)),
+        ("3", lambda complexity, plan: 3.0),
+    ],
+)
+def test_an_expression_is_a_measure(text: str, wanted: Any) -> None:
+    found, complexity, plan = expressed(text)
+    assert found == pytest.approx(wanted(complexity, plan)) and plan > 10 > complexity
+
+
+def test_an_expression_without_a_value_counts_otherwise() -> None:
+    with pytest.raises(NoValue, match="mixed"):
+        expressed("1 / (plan - plan)")
+    assert expressed("1 / (plan - plan)", "measures.mixed.otherwise=7")[0] == 7
+    walled = ["measures.plan.otherwise=100", "measures.mixed={ kind = 'expression', of = 'plan + 1' }"]
+    domain = Domain.load(
+        "burning_forest", overrides=["measures.plan.kind=shortest_plan", *walled, "diversity.of=plan"]
+    )
+    problem = domain.problem(domain.engine())
+    for tile in [*problem.engine.model.nodes("Tile")][1:63]:
+        tile.retype("BurningTile")
+    assert problem.measure()["mixed"] == 101
+
+
+@pytest.mark.parametrize(
+    ("text", "marked", "message"),
+    [
+        ("2 * complexiy", "complexiy", "unknown measure `complexiy`"),
+        ("complexity + later", "later", "unknown measure `later`"),
+        ("mixed + 1", "mixed", "unknown measure `mixed`"),
+        ("complexity complexity", "complexity", "unexpected `complexity`"),
+        ("complexity); find other(x", None, "this is not one expression"),
+        ("complexity > 1", "complexity > 1", "expected `float`, found `bool`"),
+        ("complexity.right", "right", ""),
+    ],
+)
+def test_mistakes_in_an_expression_are_told_where_they_are(
+    text: str, marked: str | None, message: str, tmp_path: Path
+) -> None:
+    for file in bundled_domain("burning_forest").glob("*.*"):
+        (tmp_path / file.name).write_bytes(file.read_bytes())
+    family = tmp_path / "family.toml"
+    more = f'[measures.mixed]\nkind = "expression"\nof = "{text}"\n[measures.later]\nkind = "distance"\n'
+    family.write_text(family.read_text().replace("[diversity]", more + "[diversity]"))
+    with pytest.raises(LoadError) as caught:
+        Domain.load(str(tmp_path))
+    problem, *_ = caught.value.diagnostics
+    assert message in problem.message and problem.hint and problem.span is not None
+    assert problem.span.text == (f'"{text}"' if marked is None else marked)

@@ -1,0 +1,109 @@
+"""Measures that are expressions over other measures, as a family file has them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from math import inf, isfinite
+from typing import Final
+
+from envgraph.code import dataclass
+from envgraph.errors import Diagnostic, LoadError, Span, name_hint
+from envgraph.lang import Pattern
+from envgraph.metamodel import Metamodel, Scalar
+from envgraph.pattern import (
+    Comparison,
+    Evaluation,
+    Expression,
+    Variable,
+    check_expression,
+    value_of,
+    variables_in,
+)
+from envgraph.rewrite import Engine
+from envgraph.search._problem import IndividualMeasure
+
+_BEFORE, _AFTER, _RESULT = "result == eval(", ")", "result"
+"""What stands around an expression in the body of a pattern, which is how it is read."""
+
+OTHERS: Final = "write an expression over the measures above it, such as"
+
+
+@dataclass(frozen=True, slots=True)
+class Expressed:
+    """The value of an expression over other measures.
+
+    Attributes:
+        expression: free of errors.
+        measures: those that it names, each with what counts where it has no value; infinite for nothing.
+    """
+
+    expression: Expression
+    measures: Mapping[str, tuple[IndividualMeasure, float]]
+
+    def evaluate(self, engine: Engine) -> float:
+        """The value of the model at which the engine stands; infinite where it, or one that it names, has none."""
+        values: dict[str, float | int | str | bool | None] = {}
+        for name, (measure, otherwise) in self.measures.items():
+            value = float(measure.evaluate(engine))
+            if not isfinite(value):
+                value = otherwise
+            if not isfinite(value):
+                return inf
+            values[name] = value
+        found = value_of(self.expression, values)
+        return inf if found is None else float(found)
+
+
+def read_expression(
+    text: str, names: Sequence[str], metamodel: Metamodel, place: Span | None
+) -> tuple[Expression | None, list[Diagnostic]]:
+    """Read an expression over measures.
+
+    Args:
+        text: as in a query.
+        names: of the measures that it may name.
+        metamodel: of the models.
+        place: where the text stands, between quotation marks.
+
+    Returns:
+        The expression, None where it has mistakes; and those, each at its place.
+    """
+    try:
+        body = Pattern("x", parameters=f"{_RESULT} : float", body=f"{_BEFORE}{text}{_AFTER}").bodies[0]
+    except LoadError as error:
+        return None, [
+            replace(one, span=_within(one.span, text, place, len(_BEFORE))) for one in error.diagnostics
+        ]
+    match body.constraints:
+        case (Comparison(left=Variable(), right=Evaluation(expression=expression)),):
+            pass
+        case _:
+            message, hint = "this is not one expression", f"{OTHERS} `2 * {names[0] if names else 'length'}`"
+            return None, [Diagnostic("syntax-error", message, place, hint)]
+    unknown = [
+        Diagnostic("unknown-measure", f"unknown measure `{one.name}`", one.span, _hint(one.name, names))
+        for one in variables_in(expression)
+        if one.name not in names
+    ]
+    scope = {one.name: Scalar.FLOAT for one in variables_in(expression)}
+    _, wrong = check_expression(expression, scope, metamodel, expected=Scalar.FLOAT)
+    problems = [replace(one, span=_within(one.span, text, place, len(_BEFORE))) for one in (*unknown, *wrong)]
+    return (None if problems else expression), problems
+
+
+def named(expression: Expression) -> tuple[str, ...]:
+    """The measures that an expression names."""
+    return tuple(dict.fromkeys(one.name for one in variables_in(expression)))
+
+
+def _hint(name: str, names: Sequence[str]) -> str:
+    return name_hint(name, names) or "measures above this one can be named"
+
+
+def _within(span: Span | None, text: str, place: Span | None, before: int) -> Span | None:
+    """The place of a part of the text in the file; that of the whole where the file spells the text otherwise."""
+    if span is None or place is None or place.text[1:-1] != text:
+        return place
+    start, end = (min(max(0, at - before), len(text)) for at in (span.start, span.end))
+    return place.source.span(place.start + 1 + start, place.start + 1 + max(start, end))
