@@ -40,6 +40,7 @@ from envgraph.search._problem import (
 from envgraph.search._random_families import lineage_lengths, random_families
 from envgraph.search._rewards import reward_schedule
 from envgraph.search._samples import SampleProgress, Sampler, SampleSettings
+from envgraph.search._sampling import Sampling
 from envgraph.search._selection import (
     BeamSearch,
     ElitistParents,
@@ -112,6 +113,7 @@ __all__ = [
     "SampleProgress",
     "SampleSettings",
     "Sampler",
+    "Sampling",
     "Settings",
     "ShortestPath",
     "ShortestPlan",

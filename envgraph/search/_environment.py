@@ -180,7 +180,7 @@ def make_environment(
 def make_vector_environment(
     num_envs: int = 1,
     domain: str | None = None,
-    family: Location | None = None,
+    family: Location | Family | None = None,
     variant: int | str | Sequence[int | str] | None = None,
     *,
     render_mode: str | None = None,
@@ -194,8 +194,8 @@ def make_vector_environment(
     """What `gymnasium.make_vec` calls: `num_envs` environments, stepped by arrays.
 
     The arguments are those of `make_environment`, but `variant` may be a list: its members take turns, so that
-    `num_envs=60, variant=["E1", "E2"]` gives thirty of each. The others are those of `CompiledVectorEnv`; with
-    `streams` or `threads` given it is that, whatever there is a table of.
+    `num_envs=60, variant=["E1", "E2"]` gives thirty of each; and `family` may be one in memory. The others are those of
+    `CompiledVectorEnv`; with `streams` or `threads` given it is that, whatever there is a table of.
 
     Raises:
         InvalidArgument, LoadError, EvaluationError: as for `make_environment`; also `engine="live"`, which has no
@@ -315,8 +315,12 @@ class _Opened:
             return self.family.explored(self.family.members[place], pictures=pictures)
 
 
-def _opened(domain: str | None, family: Location | None, variants: Sequence[int | str] = ()) -> _Opened:
+def _opened(
+    domain: str | None, family: Location | Family | None, variants: Sequence[int | str] = ()
+) -> _Opened:
     """A family; for a domain without one, that of its own model alone."""
+    if isinstance(family, Family):
+        return _Opened(lambda: family, lambda: (Tables(()), ""))
     if family is not None:
         path = Path(family)
         opened = _Opened(lambda: open_family(path), lambda: kept(path))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -103,21 +103,21 @@ def evolve(
         message, hint = "the file asks for one model, not for a family", "`envgraph optimise` finds it"
         raise LoadError([Diagnostic("no-family", message, place, hint)])
     problem = domain.problem(domain.engine())
-    texts = domain.workspace.bundle().texts
     with telling():  # the individuals whose states are visited are pieces of one work
         warn(domain.check_initial(problem))
         search = _search(
             domain, problem, progress, climbing, drawing, workers
         )  # what is wrong is said before there is a run
-        with RunStore.create(store_path, _stored(domain), texts, overwrite=overwrite) as store:
+        with RunStore.create(store_path, *stored(domain), overwrite=overwrite) as store:
             search(store)
             return family_of(store, domain)
 
 
-def _stored(domain: Domain) -> dict[str, Any]:
-    """What a run store says of its domain, beside the texts."""
-    roots = list(domain.workspace.bundle().roots)
-    return {"name": domain.spec.name, "roots": roots, "overrides": list(domain.overrides)}
+def stored(domain: Domain) -> tuple[dict[str, Any], Mapping[str, str]]:
+    """What a run store has of its domain: settings, and the texts."""
+    bundle = domain.workspace.bundle()
+    settings = {"name": domain.spec.name, "roots": list(bundle.roots), "overrides": list(domain.overrides)}
+    return settings, bundle.texts
 
 
 def resume(
@@ -236,10 +236,11 @@ def import_ga4cl(
         raise InvalidArgument(f"domain `{domain.spec.name}` draws no grid: there are no letters to read")
     variants = read_ga4cl(source)
     individuals = tuple(_imported(domain, draw, variants))
-    settings = {**_stored(domain), "imported": source.name}
+    settings, texts = stored(domain)
+    settings["imported"] = source.name
     problem = domain.problem(domain.engine())
     score = problem.diversity.score([one.measures[problem.diversity_of] for one in individuals])
-    with RunStore.create(store_path, settings, domain.workspace.bundle().texts, overwrite=overwrite) as store:
+    with RunStore.create(store_path, settings, texts, overwrite=overwrite) as store:
         ids = tuple(one.id for one in individuals)
         store.write_generation(Generation(0, ids, score, len(ids)), individuals)
         family = family_of(store, domain)

@@ -1,10 +1,10 @@
-"""Models of individuals that a run does not store: rules lead to them from the initial model."""
+"""Models that are no texts: an engine comes to them, by the rules of a run or by versions that are held."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 from envgraph.code import dataclass
 from envgraph.errors import InvalidArgument
@@ -14,6 +14,25 @@ from envgraph.search._store import Individual, dump_json
 
 if TYPE_CHECKING:
     from envgraph.search._domain import Domain
+
+
+class Models(Protocol):
+    """Has models by number."""
+
+    def engine(self, id_: int) -> Engine:
+        """An engine that stands at a model until it is asked for another one; leave its model as it is."""
+
+
+class Held:
+    """Takes an engine to versions, which it holds; somebody else may take it elsewhere in the meantime."""
+
+    def __init__(self, engine: Engine, versions: Sequence[Version]) -> None:
+        self._engine, self._versions = engine, versions
+
+    def engine(self, id_: int) -> Engine:
+        """See `Models`."""
+        self._engine.checkout(self._versions[id_], discard=True)
+        return self._engine
 
 
 class Replay:
@@ -31,7 +50,7 @@ class Replay:
         self._engine: Engine | None = None
 
     def engine(self, id_: int) -> Engine:
-        """An engine that stands at an individual until it is asked for another one; leave its model as it is.
+        """See `Models`; the number is that of an individual.
 
         Raises:
             InvalidArgument: what the store says of it cannot be applied, or gives another model.
@@ -62,16 +81,16 @@ class Derived:
 
     Attributes:
         state: hash of the model.
-        individual: its id in the run.
+        number: of the model in what has it.
     """
 
     state: str
-    individual: int = field(compare=False)
-    _replay: Replay = field(compare=False, repr=False)
+    number: int = field(compare=False)
+    _models: Models = field(compare=False, repr=False)
 
     def engine(self) -> Engine:
-        """See `Replay.engine`."""
-        return self._replay.engine(self.individual)
+        """See `Models`."""
+        return self._models.engine(self.number)
 
     def text(self) -> str:
         """The model as JSON text."""

@@ -8,7 +8,7 @@ the initial model, and what leads to them is kept as for any individual.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -70,6 +70,25 @@ class SampleProgress:
     share: float
 
 
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """A valid model that was not met before.
+
+    Attributes:
+        parent: the member that it descends from; -1 for the initial model.
+        trace: what leads to it from there.
+        measures: value of every measure, by name.
+        state: hash of the model.
+        version: of the model; None while the engine stands at it.
+    """
+
+    parent: int
+    trace: Trace
+    measures: dict[str, float]
+    state: int
+    version: Version | None = None
+
+
 class Sampler:
     """Draws members from models that mutations make of the initial one.
 
@@ -88,21 +107,42 @@ class Sampler:
         self._versions: dict[int, Version] = {}
         self._individuals: list[Individual] = []
         self._met: set[int] = set()
-        self._tried = 0
+        self._tried = self._walks = 0
+        measures, state = problem.measure(), problem.engine.model.state_hash()
+        self._met.add(state)
+        self.put(Candidate(-1, (), measures, state), self._quality(measures), self.generator())
 
     def run(self, progress: Callable[[SampleProgress], None] = lambda progress: None) -> Archive:
         """Draw until there are enough, or too many attempts were made; `write` keeps what was found."""
-        first = self._problem.measure()
-        self._offer(None, (), first, default_rng(SeedSequence(self._seed, spawn_key=(0,))))
-        walk, told = 0, 0
+        told = 0
         while not self._over():
-            walk += 1
-            self._walk(default_rng(SeedSequence(self._seed, spawn_key=(walk,))))
+            self._walk(WALK, self._offer)
             if self._tried >= told:
                 told = self._tried + _TOLD
                 progress(self.progress)
         progress(replace(self.progress, share=1.0))
         return self._archive
+
+    def candidates(self, count: int) -> list[Candidate]:
+        """New models, each a step from a member of the archive, which does not get them.
+
+        Args:
+            count: how many; fewer where no more are found in a hundred times as many attempts.
+        """
+        found: list[Candidate] = []
+
+        def note(candidate: Candidate, rng: Generator) -> None:
+            del rng  # nothing is random here
+            found.append(replace(candidate, version=self._problem.engine.commit()))
+
+        last = self._tried + 100 * count
+        while len(found) < count and self._tried < last:
+            self._walk(1, note)
+        return found
+
+    def members(self) -> list[tuple[Individual, Version]]:
+        """The members of the archive, in the order in which they were put in."""
+        return [(self._individuals[number], self._versions[number]) for number in self._archive]
 
     @property
     def progress(self) -> SampleProgress:
@@ -130,14 +170,12 @@ class Sampler:
         enough = self._archive.level and self._wanted.best is None
         return enough or self._tried >= self._wanted.attempts
 
-    def _walk(self, rng: Generator) -> None:
+    def _walk(self, length: int, offer: Callable[[Candidate, Generator], int | None]) -> None:
         """Go from a member of the archive from one valid model to the next, and offer them."""
-        engine, variation = self._problem.engine, self._variation
+        engine, variation, rng = self._problem.engine, self._variation, self.generator()
         parent, since = self._archive.draw(rng), Trace()
         engine.checkout(self._versions[parent], discard=True)
-        for _ in range(WALK):
-            if self._over():
-                return
+        for _ in range(length):
             before = variation.reasons.total()
             step = variation.attempts(rng, self._vary)
             self._tried += variation.reasons.total() - before + (step is not None)
@@ -145,34 +183,53 @@ class Sampler:
                 return
             trace, measures = step
             since += trace
-            found = self._offer(parent, since, measures, rng)
+            state = engine.model.state_hash()
+            if state in self._met:
+                variation.reasons[REPEATED] += 1
+                continue
+            self._met.add(state)
+            found = offer(Candidate(parent, since, measures, state), rng)
             if found is not None:
                 parent, since = found, ()
+            if self._over():
+                return
 
     def _vary(self, rng: Generator) -> Trace | None:
         if self._settings.strength == "heavy_tailed":
             return self._variation.mutation(rng)
         return self._variation.several(rng, self._settings.initial_applications)
 
-    def _offer(
-        self, parent: int | None, trace: Trace, measures: dict[str, float], rng: Generator
-    ) -> int | None:
-        """Offer the present model to the archive; the number of the member, if it is kept."""
-        engine, wanted, archive = self._problem.engine, self._wanted, self._archive
-        state = engine.model.state_hash()
-        if state in self._met:
-            self._variation.reasons[REPEATED] += 1
-            return None
-        self._met.add(state)
-        cell = archive.cell([measures[name] for name, _ in wanted.cover])
-        quality = wanted.sense * measures[wanted.best] if wanted.best is not None else 0.0
-        found = archive.put(cell, quality, rng)
+    def _offer(self, found: Candidate, rng: Generator) -> int | None:
+        return self.put(found, self._quality(found.measures), rng)
+
+    def _quality(self, measures: Mapping[str, float]) -> float:
+        best = self._wanted.best
+        return 0.0 if best is None else self._wanted.sense * measures[best]
+
+    def put(self, offered: Candidate, quality: float, rng: Generator) -> int | None:
+        """Offer a model to the archive; the number of the member, if it is kept.
+
+        Args:
+            offered: where it has no version, the engine stands at it.
+            quality: larger is better.
+            rng: see `Archive.put`.
+        """
+        cell = self._archive.cell([offered.measures[name] for name, _ in self._wanted.cover])
+        found = self._archive.put(cell, quality, rng)
         if found is None:
             return None
         number, left = found
-        self._versions[number] = engine.commit()
+        self._versions[number] = offered.version or self._problem.engine.commit()
         if left is not None:
             del self._versions[left]
-        name = f"{state:016x}"
-        self._individuals.append(Individual(number, 0, number - 1, parent, trace, measures, name))
+        parent = offered.parent if number else None
+        state = f"{offered.state:016x}"
+        self._individuals.append(
+            Individual(number, 0, number - 1, parent, offered.trace, offered.measures, state)
+        )
         return number
+
+    def generator(self) -> Generator:
+        """For the next decisions."""
+        self._walks += 1
+        return default_rng(SeedSequence(self._seed, spawn_key=(self._walks - 1,)))
