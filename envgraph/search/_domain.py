@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import field, replace
-from math import inf, isfinite
+from math import comb, inf, isfinite
 from typing import TypeVar
 
 from envgraph.code import dataclass
@@ -54,6 +54,7 @@ from envgraph.search._problem import (
     Require,
 )
 from envgraph.search._samples import SampleSettings
+from envgraph.search._selection import ExactSelection, SurvivorSelection
 from envgraph.search.curricula import CurriculumSettings, Levels, Objective
 from envgraph.search.optimising import Strategy
 
@@ -284,7 +285,7 @@ class Domain:
         parents, survivors = Options(spec.search.parents), Options(spec.search.survivors)
         chosen = self.components.parents[spec.search.parents.kind](parents, context)
         survival = self.components.survivors[spec.search.survivors.kind](survivors, context)
-        problems = _finished(parents) + _finished(survivors)
+        problems = _finished(parents) + _finished(survivors) + self._too_many(survival)
         if has_errors(problems):
             raise LoadError(problems)
         return Settings(
@@ -301,6 +302,21 @@ class Domain:
             target=spec.search.target,
             stagnation=spec.search.stagnation,
         )
+
+    def _too_many(self, survival: SurvivorSelection) -> list[Diagnostic]:
+        """An error where a generation may have more families to choose from than are tried."""
+        search, bins = self.spec.search, self.spec.diversity.kind == "binned_entropy"
+        if bins or not isinstance(survival, ExactSelection) or not self.spec.evolves:
+            return []
+        free = search.population - search.keep_initial
+        families = comb(free + search.population, free)
+        if families <= survival.limit:
+            return []
+        message = f"there are up to {families:,} families to try in each generation, and `limit` is {survival.limit:,}"
+        hint = (
+            "write `hill_climbing`, a smaller `population`, or `binned_entropy`, of which not all are tried"
+        )
+        return [Diagnostic("too-many-families", message, search.survivors.span(), hint)]
 
     def curriculum_search(self) -> tuple[Callable[[Levels, int], Objective], CurriculumSettings] | None:
         """The objective, made from levels and a number of threads, and how to search; None for the genetic algorithm.

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from itertools import combinations, product
-from math import comb, exp
+from math import comb, exp, fsum
 from typing import Protocol
 
 import numpy as np
@@ -17,7 +17,7 @@ from numpy.random import Generator
 
 from envgraph.code import dataclass
 from envgraph.errors import InvalidArgument
-from envgraph.search._diversity import FamilyMeasure, Variance
+from envgraph.search._diversity import BinnedEntropy, FamilyMeasure, Variance
 
 _DIGITS = 12
 """Scores that agree in so many decimals are the same: sums of swap deltas carry rounding errors."""
@@ -254,12 +254,37 @@ class BeamSearch:
         return sorted(max([*beam, start], key=rank))
 
 
+def _filled(
+    values: Sequence[float], wanted: int, pinned: Sequence[int], others: Sequence[int], measure: BinnedEntropy
+) -> list[int]:
+    """A family of the most entropy: again and again a candidate of a bin that has the fewest.
+
+    What a bin adds to the entropy grows ever more slowly with its members, so nothing is lost by taking what adds the
+    most. Of equal bins, and in a bin, what is farthest from the mean comes first.
+    """
+    mean = fsum(values) / len(values)
+    counts, waiting = measure.counts([values[index] for index in pinned]), dict[int, list[int]]()
+    for index in sorted(others, key=lambda index: abs(values[index] - mean)):
+        waiting.setdefault(measure.bin(values[index]), []).append(index)
+    chosen = list(pinned)
+    for _ in range(wanted):
+        bin = min(waiting, key=lambda bin: (counts[bin], -abs(values[waiting[bin][-1]] - mean)))
+        counts[bin] += 1
+        chosen.append(waiting[bin].pop())
+        if not waiting[bin]:
+            del waiting[bin]
+    return chosen
+
+
 @dataclass(frozen=True, slots=True)
 class ExactSelection:
     """The best of all families, by trying them all; for small pools, and as the yardstick of the others.
 
+    Where there are too many to try, bins are filled: that gives the most entropy, and of such families one whose values
+    vary much, though maybe not the most.
+
     Attributes:
-        limit: more families than this are refused.
+        limit: more families than this are not tried, and refused where the measure has no bins.
     """
 
     limit: int = 200_000
@@ -274,5 +299,7 @@ class ExactSelection:
         others = [index for index in rank.order if index not in pinned]
         wanted = size - len(pinned)
         if comb(len(others), wanted) > self.limit:
+            if isinstance(measure, BinnedEntropy):
+                return sorted(_filled(values, wanted, pinned, others, measure))
             raise InvalidArgument(f"{comb(len(others), wanted)} families are too many to try: use annealing")
         return sorted(max(([*pinned, *chosen] for chosen in combinations(others, wanted)), key=rank))

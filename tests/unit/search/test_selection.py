@@ -10,10 +10,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.random import default_rng
 
-from envgraph.errors import InvalidArgument
+from envgraph.errors import InvalidArgument, LoadError
 from envgraph.search import (
     BeamSearch,
     BinnedEntropy,
+    Domain,
     ElitistParents,
     ExactSelection,
     HillClimbing,
@@ -137,7 +138,7 @@ def test_impossible_annealing_is_refused(arguments: dict[str, float]) -> None:
 
 def test_exhaustive_selection_refuses_too_many_families() -> None:
     with pytest.raises(InvalidArgument, match="annealing"):
-        ExactSelection(limit=10).select([0.1] * 20, 5, [], list(range(5)), BinnedEntropy(2), default_rng(0))
+        ExactSelection(limit=10).select([0.1] * 20, 5, [], list(range(5)), Variance(), default_rng(0))
 
 
 def test_random_parents_are_uniform() -> None:
@@ -149,3 +150,42 @@ def test_tournament_prefers_the_fitter_and_elitism_takes_only_the_best() -> None
     drawn = TournamentParents(rounds=2).select([0.0, 1.0], 1000, default_rng(0))
     assert 700 < drawn.count(1) < 800
     assert ElitistParents(share=0.5).select([3.0, 1.0, 2.0, 0.0], 3, default_rng(0)) == [0, 2, 0]
+
+
+@given(
+    values=st.lists(st.floats(0, 1), min_size=4, max_size=10),
+    size=st.integers(1, 4),
+    pinned=st.sampled_from([[], [0], [1, 3]]),
+    bins=st.integers(1, 6),
+)
+def test_filled_bins_have_the_entropy_that_trying_all_families_finds(
+    values: list[float], size: int, pinned: list[int], bins: int
+) -> None:
+    measure, size = BinnedEntropy(bins), max(size, len(pinned))
+    found, best = (
+        selection.select(values, size, pinned, [], measure, default_rng(3))
+        for selection in (ExactSelection(limit=0), ExactSelection())
+    )
+    assert found == sorted(set(found)) and len(found) == size and set(pinned) <= set(found)
+    assert measure.score([values[one] for one in found]) == pytest.approx(
+        measure.score([values[one] for one in best]), abs=1e-12
+    )
+
+
+def test_filled_bins_of_a_large_pool_are_never_worse_than_annealing() -> None:
+    for seed in range(20):
+        rng = default_rng(seed)
+        values, measure = (rng.random(60) ** 3).tolist(), BinnedEntropy(20)
+        chosen = [
+            selection.select(values, 20, [0], list(range(20)), measure, default_rng(seed))
+            for selection in (ExactSelection(), SimulatedAnnealing(rounds=3000))
+        ]
+        exact, annealed = (measure.score([values[one] for one in each]) for each in chosen)
+        assert exact >= annealed - 1e-9
+
+
+def test_too_many_families_to_try_are_told_before_a_run() -> None:
+    given = ["search.survivors=exact", "search.population=20"]
+    Domain.load("burning_forest", overrides=given)
+    with pytest.raises(LoadError, match="there are up to 68,923,264,410 families to try"):
+        Domain.load("burning_forest", overrides=[*given, "diversity.kind=variance"])
