@@ -7,18 +7,24 @@ from pathlib import Path
 
 from envgraph.cli._inputs import Inputs
 from envgraph.cli._output import OutputFormat, print_diagnostics, print_json, print_line
-from envgraph.errors import Diagnostic, LoadError, Severity, has_errors, sort_diagnostics
+from envgraph.errors import Diagnostic, InvalidArgument, LoadError, Severity, has_errors, sort_diagnostics
 
 
 def check_files(
-    files: Sequence[str], inputs: Inputs, format: OutputFormat, ignored: Sequence[str] = ()
+    files: Sequence[str],
+    inputs: Inputs,
+    format: OutputFormat,
+    ignored: Sequence[str] = (),
+    overrides: Sequence[str] = (),
 ) -> int:
     """Print all problems of the files, each group of which is read with the metamodels; the exit code.
 
-    Warnings with a code that is `ignored` are left out.
+    Warnings with a code that is `ignored` are left out; `overrides` hold instead of what family files say.
     """
     inputs.check()
-    found = dict.fromkeys(one for group in _groups(files) for one in _problems(group, inputs))
+    if overrides and not any(_is_family(name) for name in files):
+        raise InvalidArgument("`--set` is about family files: name one, its directory or a bundled domain")
+    found = dict.fromkeys(one for group in _groups(files) for one in _problems(group, inputs, overrides))
     diagnostics = tuple(one for one in found if one.severity is Severity.ERROR or one.code not in ignored)
     failed = has_errors(diagnostics)
     if format is OutputFormat.JSON:
@@ -29,6 +35,16 @@ def check_files(
     return int(failed)
 
 
+def _is_family(name: str) -> bool:
+    from envgraph.lang import find_family
+
+    try:
+        find_family(name)
+    except LoadError:
+        return False
+    return True
+
+
 def _groups(files: Sequence[str]) -> list[list[str]]:
     """What is read together: loose files; a directory or a family is a whole of its own."""
     loose = [name for name in files if "." in Path(name).name and not name.endswith(".toml")]
@@ -36,12 +52,15 @@ def _groups(files: Sequence[str]) -> list[list[str]]:
     return [[name] for name in files if name not in loose] + ([loose] if loose else [])
 
 
-def _problems(files: Sequence[str], inputs: Inputs) -> list[Diagnostic]:
+def _problems(files: Sequence[str], inputs: Inputs, overrides: Sequence[str]) -> list[Diagnostic]:
     """What is wrong with files that are read together; of families also what only a search would meet."""
     from envgraph.lang import load_workspace
 
     try:
-        workspace = load_workspace([*inputs.metamodels, *files], allow_unresolved=inputs.allow_unresolved)
+        named = [*inputs.metamodels, *files]
+        workspace = load_workspace(
+            named, allow_unresolved=inputs.allow_unresolved, overrides=tuple(overrides)
+        )
     except LoadError as error:
         return list(error.diagnostics)
     found = list(workspace.diagnostics)

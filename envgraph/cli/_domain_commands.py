@@ -15,6 +15,7 @@ from envgraph.cli._options import (
     inputs_options,
     model_argument,
     model_or_run_argument,
+    overrides_option,
     variant_option,
     where_option,
 )
@@ -54,17 +55,19 @@ def new(name: str, directory: Path | None, domain: str | None) -> None:
 @click.option(
     "--ignore", metavar="CODE", multiple=True, help="Leave out warnings of this code; may be repeated."
 )
+@overrides_option
 @format_option
 def check(
     files: tuple[str, ...],
     inputs: Inputs,
     ignore: tuple[str, ...],
+    overrides: tuple[str, ...],
     format: OutputFormat,
 ) -> int:
     """Read files and everything they import, and print all problems: position, line, hint. Exit code 1 on errors."""
     from envgraph.cli._check import check_files
 
-    return check_files(files, inputs, format, ignore)
+    return check_files(files, inputs, format, ignore, overrides)
 
 
 @app.command("format")

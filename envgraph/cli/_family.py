@@ -207,7 +207,13 @@ def _store_of(run: str, directory: Path) -> RunStore:
 
 
 def import_family(
-    file: Path, domain: str, name: str | None, directory: Path, force: bool, format: OutputFormat
+    file: Path,
+    domain: str,
+    name: str | None,
+    overrides: Sequence[str],
+    directory: Path,
+    force: bool,
+    format: OutputFormat,
 ) -> None:
     """Read a ga4cl file into a run, and print it."""
     take(str(file), ("json",), "a ga4cl family")
@@ -215,7 +221,7 @@ def import_family(
     path = _run_path(directory, name or file.stem)
     if force:
         remove_results(path.parent)
-    family, warnings = import_ga4cl(source, domain, path, overwrite=force)
+    family, warnings = import_ga4cl(source, domain, path, overwrite=force, overrides=overrides)
     print_diagnostics(warnings)
     _print_family(family, format, path)
 

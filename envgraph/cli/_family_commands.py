@@ -16,9 +16,9 @@ from envgraph.cli._options import (
     format_option,
     metamodel_option,
     noted,
+    overrides_option,
     run_argument,
     seed_option,
-    set_option,
     unresolved_option,
     variant_option,
 )
@@ -37,7 +37,7 @@ from envgraph.errors import InvalidArgument
     least=2,
     help="Draw so many environments, all valid and no two the same, instead of searching for a family.",
 )
-@set_option(": any key of it, such as search.population=10")
+@overrides_option
 @click.option(
     "--resume",
     is_flag=True,
@@ -89,7 +89,7 @@ def generate(
 )
 @seed_option
 @count_option("--steps", help="How many moves are tried.")
-@set_option(": any key of it, such as optimise.strategy=beam")
+@overrides_option
 @count_option("--solution", default=1, help="Which one of a front is written, by its number.")
 @click.option("--output", "-o", type=PATH, help="Write the best model here: .model, .xmi or .json.")
 @click.option(
@@ -257,6 +257,7 @@ def templates_(folder: Path) -> None:
     multiple=True,
     help="What is read as which letter of the domain's model: x=#; 17=# or Wall=# for the number or class of a tile.",
 )
+@overrides_option
 @force_option
 @directory_option
 @format_option
@@ -266,6 +267,7 @@ def import_(
     name: str | None,
     output: Path | None,
     legend: tuple[str, ...],
+    overrides: tuple[str, ...],
     force: bool,
     directory: Path,
     format: OutputFormat,
@@ -274,11 +276,13 @@ def import_(
     from envgraph.cli._levels import holds_levels, import_levels
 
     if holds_levels(file):
+        if overrides:
+            raise InvalidArgument("`--set` is about the family file of a domain, and levels become models")
         import_levels(file, domain, output, legend, format)
         return
     from envgraph.cli._family import import_family
 
-    import_family(file, domain or "burning_forest", name, directory, force, format)
+    import_family(file, domain or "burning_forest", name, overrides, directory, force, format)
 
 
 @app.command()
@@ -381,7 +385,7 @@ def reproduce(what: str, output: Path, **asked: Any) -> None:
     help="Steps of each student, with all that it costs to score levels.",
 )
 @click.option("--methods", show_default="all", help="Some methods by their names, separated by semicolons.")
-@set_option(", as in `generate`")
+@overrides_option
 @count_option("--workers", "--jobs", default=1, help="How many students learn at a time; changes no result.")
 @click.option("--force", is_flag=True, help="Replace an audit of other files or with other settings.")
 @click.option("--directory", "-d", type=PATH, default=Path("audits"), help="Where audits are kept.")

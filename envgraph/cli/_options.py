@@ -86,12 +86,13 @@ where_option = click.option(
     multiple=True,
     help="Fix a parameter: an object by its name, or a value.",
 )
-
-
-def set_option(how: str) -> Callable[[_Command], _Command]:
-    """The option by which keys of a file have other values; `how` is an example, or where to find one."""
-    text = f"Instead of what the file says{how}."
-    return click.option("--set", "overrides", metavar="KEY=VALUE", multiple=True, help=text)
+overrides_option = click.option(
+    "--set",
+    "overrides",
+    metavar="KEY=VALUE",
+    multiple=True,
+    help="Instead of what the family file says: any key of it, such as search.population=10.",
+)
 
 
 def count_option(

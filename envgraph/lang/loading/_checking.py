@@ -105,7 +105,9 @@ def _no_metamodel(workspace: Workspace) -> list[Diagnostic]:
     needing = [one.span for one in (*about, *workspace.behaviours) if one.span]
     ours = [one.span for one in workspace.models if one.span.source.text.lstrip()[:1] not in ("<", "{")]
     needing = ours + needing
-    hint = 'write `import "name.metamodel"` at the top' + ("" if ours else ", or name a model beside this file")
+    hint = 'write `import "name.metamodel"` at the top' + (
+        "" if ours else ", or name a model beside this file"
+    )
     if not needing:
         needing = [text.span for text in workspace.models]
         hint = "name its `.ecore` or `.metamodel` file too, for example with `--metamodel`"

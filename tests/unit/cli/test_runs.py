@@ -163,3 +163,16 @@ def test_programs_read_applications_as_objects(envgraph: Call) -> None:
     ((step,),) = [entry["steps"] for entry in json.loads(envgraph(*rule))["applications"]]
     assert step["rule"] == "maze.moveRight" and step["created"] == {}
     assert step["match"]["there"]["class"] == "Floor" and step["match"]["robot"]["name"] == "robot"
+
+
+def test_settings_hold_wherever_a_family_file_is_read(envgraph: Call) -> None:
+    assert "no problems" in envgraph("check", "burning_forest", "--set", "search.population=10")
+    told = envgraph("check", "burning_forest", "--set", "search.populaton=10", code=1)
+    assert "--set:1:" in told and "did you mean `population`" in told
+    envgraph("new", "copy", "--domain", "burning_forest")
+    told = envgraph("check", "copy/burning_forest.query", "--set", "seed=1", code=1)
+    assert "`--set` is about family files" in told
+    envgraph("generate", "copy", "--population", 2, "--generations", 1, "--name", "one")
+    envgraph("export", "one", "--format", "ga4cl", "-o", "one.json")
+    envgraph("import", "one.json", "--domain", "copy", "--set", "limit=17", "--name", "two")
+    assert open_family("two").limit == 17
