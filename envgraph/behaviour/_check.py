@@ -67,6 +67,14 @@ class _Checker(CallChecking, ViewChecking):
     def _whole(self, behaviour: Behaviour) -> None:
         owners: Sequence[Behaviour | Agent] = (behaviour, *behaviour.agents)
         span = behaviour.span
+        if behaviour.together and not behaviour.agents:
+            place, hint = (
+                behaviour.together_span or span,
+                "write `agent name : Class { .. }`, or leave it out",
+            )
+            self.report(
+                "no-agents", "there are no `agent` blocks, whose agents could act together", place, hint
+            )
         agents = behaviour.agents or (None,)
         for agent in agents:
             if not (behaviour.actions or (agent and agent.actions)):

@@ -205,6 +205,7 @@ class Behaviour:
     `effects` keeps `each step` and `on` clauses together in file order, because rewards are summed in that order.
 
     Attributes:
+        together: whether the agents act at the same time; else they take turns.
         unread: the names in those parts of the text that could not be read: what they stand for is unknown.
     """
 
@@ -215,6 +216,7 @@ class Behaviour:
     resets: tuple[OnReset, ...] = ()
     observations: tuple[Observation, ...] = ()
     agents: tuple[Agent, ...] = ()
+    together: bool = False
     limit: int | None = None
     draw: DrawGrid | DrawGraph | None = None
     annotations: tuple[Annotation, ...] = ()
@@ -222,3 +224,4 @@ class Behaviour:
     span: Span | None = field(default=None, compare=False, repr=False)
     unread: frozenset[str] = field(default=frozenset(), compare=False, repr=False)
     limit_span: Span | None = field(default=None, compare=False, repr=False)
+    together_span: Span | None = field(default=None, compare=False, repr=False)

@@ -65,7 +65,7 @@ class Agents:
         if not programs:
             raise ResolutionError([_nobody(agent, alone=True) for agent in behaviour.agents])
         self._classes = tuple(agent.cls for agent in behaviour.agents)
-        self._alone = not behaviour.agents
+        self._alone = not behaviour.agents or behaviour.together
         own = [program.actions for _, _, _, program in programs]
         self.action_names = _names(own)
         shapes = [[part.size for part in program.components] for _, _, _, program in programs]

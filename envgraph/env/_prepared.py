@@ -102,6 +102,10 @@ class PreparedAction:
     else_reward: Reward | None
     before: int
 
+    def scope(self, bound: Scope) -> Scope:
+        """What names stand for in the present state."""
+        return {**bound, **{name: value() for name, value in self.values}} if self.values else bound
+
 
 @dataclass(frozen=True, slots=True)
 class PreparedClause:
@@ -119,6 +123,10 @@ class PreparedClause:
     reward: Reward | None
     ends: int
     apply: Alternatives | None
+
+    def scope(self, bound: Scope, row: Row) -> Scope:
+        """What names stand for at one of its matches."""
+        return {**bound, **dict(zip(self.names, row, strict=True))}
 
 
 @dataclass(frozen=True, slots=True)

@@ -83,6 +83,11 @@ class Program:
 
     Raises:
         ResolutionError: a parameter has no object.
+
+    Attributes:
+        effects, components: of the agent, in the order of the text.
+        shared, shared_components: which of them stand outside of `agent` blocks.
+        asked: the effects as they were written, with the names that they know.
     """
 
     def __init__(
@@ -112,9 +117,14 @@ class Program:
         seen = together(block.observations, own, behaviour.observations, shared)
         self.actions = [one for action, types in actions for one in self._actions(action, types, effects)]
         self.effects = [self._effect(effect, types) for effect, types in effects]
-        self._asked = effects
+        self.asked = effects
+        self.shared = [types is shared for _, types in effects]
         self.resets = [self._alternatives(reset.apply) for reset in behaviour.resets]
-        self.components = [part for clause, types in seen for part in self._components(clause, types)]
+        parts = [
+            (part, types is shared) for clause, types in seen for part in self._components(clause, types)
+        ]
+        self.components = [part for part, _ in parts]
+        self.shared_components = [is_shared for _, is_shared in parts]
 
     # --- actions
 
@@ -307,7 +317,7 @@ class Program:
         """How many matches have to go before an episode can end so: those of `on neg find .. terminate`."""
         questions = [
             self._counting(effect.condition.relation, types)
-            for effect, types in self._asked
+            for effect, types in self.asked
             if isinstance(effect, OnFind)
             and ENDS[effect.terminate] == end
             and isinstance(effect.condition, Negation)

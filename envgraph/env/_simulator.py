@@ -14,6 +14,7 @@ from envgraph.env._keys import KeyIndex, indexed_classes
 from envgraph.env._prepared import Choices, PreparedAction, PreparedClause, PreparedEach, Scope
 from envgraph.env._program import Program
 from envgraph.env._sampling import Draw, lacking
+from envgraph.env._together import Together
 from envgraph.env._too_many import TooManyOutcomes
 from envgraph.env.scene._scene import DRAW_HINT, Painter
 from envgraph.errors import InvalidArgument, ResolutionError, Severity
@@ -61,6 +62,12 @@ class Simulator:
     is that of its turn, and then the next agent observes. Agents take turns block by block, in a block by key; one that
     is gone is passed over.
 
+    Agents that act `together` make one step: (a) each one that is there does its action, in the order of the turns, on
+    the state that those before it have left; (b) to (e) happen once, clause by clause in the order of the file, a
+    clause of a block for each of its agents that were there. An agent gets what its block and what the shared clauses
+    pay; the reward of the step counts what is shared once. Its action is one of each agent in one number, and its
+    observation all that the agents see.
+
     Args:
         engine: with the model, its patterns and rules.
         behaviour: what the environment does.
@@ -70,8 +77,10 @@ class Simulator:
         ResolutionError: the behaviour has errors, or the model has no object for a parameter, or no agent.
 
     Attributes:
-        agent_names: of the agents, in the order of their turns; () for a behaviour without `agent` blocks.
-        turn: number of the agent that acts next.
+        players: names of the agents, in the order in which they act; () for a behaviour without `agent` blocks.
+        agent_names: the same, () also for agents that act together.
+        turn: number of the agent that acts next; 0 where they act together.
+        action_names, observation_shape, n_observations: of a step.
     """
 
     def __init__(self, engine: Engine, behaviour: Behaviour, keys: KeyIndex | None = None) -> None:
@@ -87,10 +96,36 @@ class Simulator:
         self._start: Savepoint | None = None
         self._needed = [one for one in readings(behaviour) if one.always and one.callers]
         self.turn = self._first = self._agents.after(-1)
-        self.agent_names = tuple(seat.name for seat in self._agents.seats if seat.node is not None)
-        self.action_names = self._agents.action_names
-        self.observation_shape = self._agents.shape
-        self.n_observations = prod(self.observation_shape)
+        self._together: Together | None = None
+        if behaviour.together:
+            self._together = Together(behaviour, self._agents, self._model, self.keys)
+        self.players = tuple(seat.name for seat in self._agents.seats if seat.node is not None)
+        self.agent_names = () if behaviour.together else self.players
+
+    @property
+    def agents(self) -> Agents:
+        """The agents, of which each has its own actions and observations."""
+        return self._agents
+
+    @property
+    def together(self) -> Together | None:
+        """What makes the step of agents that act together; None where they take turns."""
+        return self._together
+
+    @property
+    def action_names(self) -> tuple[str, ...]:
+        """The names of the actions of a step."""
+        return (self._together or self._agents).action_names
+
+    @property
+    def observation_shape(self) -> tuple[int, ...]:
+        """Sizes of the components of the observation of a step."""
+        return (self._together or self._agents).shape
+
+    @property
+    def n_observations(self) -> int:
+        """How many observations of a step there are."""
+        return prod(self.observation_shape)
 
     # --- live
 
@@ -115,7 +150,7 @@ class Simulator:
 
     def act(self, action: int, uniform: float) -> Outcome:
         """`step` in the present state of the model, whether or not an episode has begun, with a number from [0, 1)."""
-        reward, terminated = self._step(self._action(action), Draw(uniform))
+        reward, terminated = self._step(action, Draw(uniform))
         return Outcome(reward, terminated, self.observe())
 
     def begin(self, uniform: float) -> int:
@@ -132,6 +167,8 @@ class Simulator:
 
     def observe(self) -> int:
         """The index of what the agent that acts next sees of the present state; the first component varies fastest."""
+        if self._together is not None:
+            return self._together.observation()
         return self._agents.observation(self.turn)
 
     def state_key(self) -> tuple[int, int]:
@@ -140,7 +177,8 @@ class Simulator:
 
     def look(self) -> tuple[int, ...]:
         """The components of the observation that are no number in a range."""
-        components = self._agents.seats[self.turn].program.components
+        seats = self._agents.seats if self._together else (self._agents.seats[self.turn],)
+        components = (component for seat in seats for component in seat.program.components)
         return tuple(component.read() for component in components if not component.number)
 
     def in_the_way(self, end: int) -> Callable[[], int]:
@@ -193,14 +231,14 @@ class Simulator:
         Raises:
             TooManyOutcomes: there are more than 10,000 of them.
         """
-        prepared, turn = self._action(action), self.turn
+        turn = self.turn
         for number, choices in enumerate(_all_choices()):
             if number >= MOST_OUTCOMES:
-                raise TooManyOutcomes(self.behaviour, prepared.name, MOST_OUTCOMES)
+                raise TooManyOutcomes(self.behaviour, self.action_names[action], MOST_OUTCOMES)
             self.turn = turn
             savepoint = self._model.savepoint()
             try:
-                reward, terminated = self._step(prepared, choices)
+                reward, terminated = self._step(action, choices)
             except BaseException:
                 self._model.rollback(savepoint)
                 self.turn = turn
@@ -223,12 +261,13 @@ class Simulator:
         self._check_needed(shared)
         self.turn = self._agents.after(-1)
 
-    def _step(self, action: PreparedAction, choices: Choices) -> tuple[float, int]:
+    def _step(self, number: int, choices: Choices) -> tuple[float, int]:
+        if self._together is not None:
+            return self._step_together(self._together, number, choices)
+        action = self._action(number)
         program, model = self._agents.seats[self.turn].program, self._model
         program.done.clear()
-        scope: Scope = program.bound
-        if action.values:
-            scope = {**scope, **{name: value() for name, value in action.values}}
+        scope = action.scope(program.bound)
         done = action.branches.run(scope, choices, model)
         for effect in program.effects:
             if isinstance(effect, PreparedEach) and effect.apply is not None:
@@ -238,6 +277,15 @@ class Simulator:
         if terminated == GOES_ON and program.done:
             self._check_needed(program)
         self.turn = self._agents.after(self.turn)
+        return reward, terminated
+
+    def _step_together(self, together: Together, number: int, choices: Choices) -> tuple[float, int]:
+        if not 0 <= number < together.n_actions:
+            raise InvalidArgument(f"action {number} is not in 0..{together.n_actions - 1}")
+        reward, terminated = together.step(number, choices)
+        for seat in self._agents.seats:
+            if terminated == GOES_ON and seat.program.done:
+                self._check_needed(seat.program)
         return reward, terminated
 
     def _check_needed(self, program: Program) -> None:
@@ -264,7 +312,7 @@ class Simulator:
                 total += effect.reward(program.bound) if effect.reward else 0.0
                 continue
             for row in effect.matches():
-                total += effect.reward(_matched(program, effect, row)) if effect.reward else 0.0
+                total += effect.reward(effect.scope(program.bound, row)) if effect.reward else 0.0
                 terminated = max(terminated, effect.ends)
                 if effect.apply is not None:
                     pending.append((effect, row))
@@ -276,11 +324,7 @@ class Simulator:
         for position, (clause, row) in enumerate(pending):
             assert clause.apply is not None
             if position == 0 or clause.holds(row):  # nothing can have changed before the first
-                clause.apply.run(_matched(program, clause, row), choices, self._model)
-
-
-def _matched(program: Program, clause: PreparedClause, row: Row) -> Scope:
-    return {**program.bound, **dict(zip(clause.names, row, strict=True))}
+                clause.apply.run(clause.scope(program.bound, row), choices, self._model)
 
 
 class _Recorded:

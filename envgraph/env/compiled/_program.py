@@ -186,6 +186,8 @@ def _numbered(texts: Iterable[str], layout: Layout) -> dict[str, int]:
 
 
 def _check_agents(behaviour: Behaviour, engine: Engine) -> None:
+    if behaviour.together:
+        raise NotCompiled("agents that act together", behaviour.together_span or behaviour.span)
     for agent in behaviour.agents:
         if not engine.model.extent(agent.cls):
             raise NotCompiled(f"agents that a model has none of (`{agent.cls}`)", agent.span)

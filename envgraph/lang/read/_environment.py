@@ -26,6 +26,7 @@ from envgraph.metamodel import SUPPRESS, Annotation, Metamodel
 _OUTSIDE = {
     "reset": "on reset",
     "agent": "agent",
+    "together": "agents together",
     "limit": "limit",
     "draw_grid": "draw",
     "draw_graph": "draw",
@@ -65,8 +66,10 @@ def _behaviour(reading: Reading, _: str, tree: Tree[Token]) -> Behaviour:
     name = name_of(tree)
     clauses = _clauses(tree)
     drawings, limits = trees(clauses, "draw_grid", "draw_graph"), trees(clauses, "limit")
+    together = trees(clauses, "together")
     reading.once("`draw`", drawings)
     reading.once("`limit`", limits)
+    reading.once("`agents together`", together)
     behaviour = Behaviour(
         name=str(name),
         parameters=parameters_of(reading, tree),
@@ -75,12 +78,14 @@ def _behaviour(reading: Reading, _: str, tree: Tree[Token]) -> Behaviour:
         resets=_resets(reading, clauses),
         observations=_observations(reading, clauses),
         agents=tuple(_agent(reading, part) for part in trees(clauses, "agent")),
+        together=bool(together),
         limit=int(tokens(limits[0].children)[0]) if limits else None,
         draw=drawing_of(reading, drawings[0]) if drawings else None,
         annotations=tuple(_annotation(reading, part) for part in trees(tree.children, "annotation")),
         doc=reading.parsed.doc(tree),
         span=reading.span(name),
         limit_span=reading.span(limits[0]) if limits else None,
+        together_span=reading.span(together[0]) if together else None,
     )
     return replace(behaviour, unread=reading.all_lost() | {str(name)}) if reading.broken(tree) else behaviour
 

@@ -91,7 +91,12 @@ class Hall:
 
     def step(self, state: State, action: int) -> list[tuple[State, float, int]]:
         """The equally likely outcomes: state, reward, end."""
-        robot = state.turn
+        return [
+            self.judged(after, reward, state.turn) for after, reward in self.moves(state, state.turn, action)
+        ]
+
+    def moves(self, state: State, robot: int, action: int) -> list[tuple[State, float]]:
+        """The equally likely outcomes of what a robot does, before they are judged."""
         here, load = state.at[robot], state.load[robot]
         found: list[tuple[State, float]] = []
         if action < 4:
@@ -118,7 +123,7 @@ class Hall:
         elif action == 5 and load is not None and self.kind(here) == "d":
             shipped = put(state.shipped, load, True)
             found = [(replace(state, load=put(state.load, robot, None), shipped=shipped), 5.0)]
-        return [self.judged(after, reward, robot) for after, reward in found or [(state, 0.0)]]
+        return found or [(state, 0.0)]
 
     def judged(self, state: State, reward: float, robot: int) -> tuple[State, float, int]:
         empty, done = state.battery[robot] == 0, all(state.shipped)
@@ -147,9 +152,12 @@ def put(values: tuple, place: int, value: object) -> tuple:
     return (*values[:place], value, *values[place + 1 :])
 
 
-def opened(model: str) -> tuple[Engine, Behaviour]:
+def opened(model: str, together: bool = False) -> tuple[Engine, Behaviour]:
     names = [f"warehouse.{kind}" for kind in ("metamodel", "query", "rules", "environment")]
     texts = {name: (WAREHOUSE / name).read_text(encoding="utf-8") for name in names}
+    if together:
+        file = "warehouse.environment"
+        texts[file] = texts[file].replace("    agent robot", "    agents together\n    agent robot")
     files = TextFiles({**texts, "hall.model": model})
     workspace = load_workspace(["hall.model", "warehouse.environment"], files=files)
     workspace.raise_errors()

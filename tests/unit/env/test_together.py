@@ -1,0 +1,266 @@
+"""Agents that act together: the warehouse against a direct implementation, and what coins can show."""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+import pytest
+
+from envgraph.env import EnvgraphEnv, EnvgraphLiveEnv, KeyIndex, Simulator, explore
+from envgraph.env.compiled import NotCompiled, program_of
+from envgraph.errors import EvaluationError, LoadError, ResolutionError
+from tests.unit.env.coins import loaded, sides, simulator
+from tests.unit.env.test_agents import HALLS, Hall, State, opened
+
+
+def joint(hall: Hall, state: State, actions: tuple[int, ...]) -> list[tuple[State, list[float], float, int]]:
+    """The equally likely outcomes of a step of all robots: state, reward of each, of all, end."""
+    found: list[tuple[State, list[float]]] = [(state, [])]
+    for robot, action in enumerate(actions):
+        found = [
+            (after, [*rewards, reward])
+            for before, rewards in found
+            for after, reward in hall.moves(before, robot, action)
+        ]
+    result = []
+    for after, rewards in found:
+        empty, done = [battery == 0 for battery in after.battery], all(after.shipped)
+        own = [reward - 2.0 * flat for reward, flat in zip(rewards, empty, strict=True)]
+        shared = -0.01 + 10.0 * done
+        result.append(
+            (after, [one + shared for one in own], sum(own) + shared, 2 if any(empty) else int(done))
+        )
+    return result
+
+
+def all_seen(hall: Hall, state: State) -> int:
+    """Place, load and battery of each robot, then all places, as one number."""
+    cells, parcels = len(hall.cells), len(state.parcels)
+    parts = []
+    for at, load, battery in zip(state.at, state.load, state.battery, strict=True):
+        own = (hall.cells.index(at), cells), (parcels if load is None else load, parcels + 1), (battery, 51)
+        parts += own
+    parts += [(hall.cells.index(at), cells) for at in state.at]
+    parts += [(cells if at is None else hall.cells.index(at), cells + 1) for at in state.parcels]
+    index, weight = 0, 1
+    for value, size in parts:
+        index += value * weight
+        weight *= size
+    return index
+
+
+@pytest.mark.parametrize("hall", HALLS[1:], ids=lambda hall: "/".join(hall.rows))
+def test_every_transition_is_that_of_the_warehouse(hall: Hall) -> None:
+    tabular = explore(*opened(hall.text(), together=True)).tabular
+    tabular.check()
+    assert tabular.turn is None and tabular.n_actions == 7**hall.count
+    (start,) = tabular.start_states.tolist()
+    seen: dict[int, tuple[State, bool]] = {start: (hall.start, False)}
+    queue = [start]
+    for number in queue:
+        state, over = seen[number]
+        assert tabular.observation[number] == all_seen(hall, state)
+        for place, digits in enumerate(product(range(7), repeat=hall.count) if not over else ()):
+            actions = digits[::-1]  # that of the first robot varies fastest
+            merged: dict[tuple[State, float, int], int] = {}
+            expected = joint(hall, state, actions)
+            for after, _, reward, ended in expected:
+                key = after, round(reward, 9), ended
+                merged[key] = merged.get(key, 0) + 1
+            for outcome, ((after, reward, ended), times) in enumerate(merged.items()):
+                at = number, place, outcome
+                assert tabular.probability[at] == pytest.approx(times / len(expected))
+                assert tabular.reward[at] == pytest.approx(reward, abs=1e-9)
+                assert tabular.terminated[at] == ended
+                found = int(tabular.next_state[at])
+                if found not in seen:
+                    seen[found] = after, ended > 0
+                    queue.append(found)
+                assert seen[found] == (after, ended > 0)
+    assert len(seen) == tabular.n_states
+
+
+def test_each_robot_gets_its_own_reward_and_what_is_shared() -> None:
+    hall = HALLS[1]
+    live = Simulator(*opened(hall.text(), together=True))
+    assert live.together is not None and live.players == ("a", "b") and live.agent_names == ()
+    rng, state = np.random.default_rng(4), hall.start
+    live.reset(rng)
+    for _ in range(200):
+        actions = tuple(rng.integers(7, size=2).tolist())
+        found = live.step(live.together.number(actions), rng)
+        ((state, each, total, ended),) = joint(hall, state, actions)  # no two parcels in one cell: no chance
+        assert live.together.rewards == pytest.approx(tuple(each))
+        assert (found.reward, found.terminated) == (pytest.approx(total), ended)
+        assert found.observation == all_seen(hall, state)
+        if ended:
+            live.reset(rng)
+            state = hall.start
+
+
+def test_one_agent_together_with_itself_is_one_that_takes_turns() -> None:
+    hall = HALLS[2]
+    turns, same = explore(*opened(hall.text())).tabular, explore(*opened(hall.text(), together=True)).tabular
+    for name in ("next_state", "probability", "reward", "terminated", "observation", "start_states"):
+        assert np.array_equal(getattr(turns, name), getattr(same, name)), name
+    assert same.action_names[4:] == ("a: lift", "a: ship", "a: wait")
+
+
+def test_the_table_and_the_live_engine_do_the_same() -> None:
+    hall = HALLS[0]
+    rows = EnvgraphEnv(explore(*opened(hall.text(), together=True)).tabular, observation="multi")
+    live = EnvgraphLiveEnv(Simulator(*opened(hall.text(), together=True)), observation="multi")
+    rng = np.random.default_rng(3)
+    for seed in range(10):
+        (one, _), (other, info) = rows.reset(seed=seed), live.reset(seed=seed)
+        assert (one == other).all() and "agent" not in info
+        ended = False
+        while not ended:
+            action = int(rng.integers(49))
+            (one, reward, ended, _, _), (other, gain, over, _, _) = rows.step(action), live.step(action)
+            assert (one == other).all() and (reward, ended) == (gain, over)
+
+
+# --- coins
+
+
+COINS = """
+    agents together
+    agent coin : Coin {
+        action wait = nothing()
+        action hold = grab(hand, coin, value) reward value else reward -1.0
+        action lose = lose(coin)
+        observe coin.side
+    }
+"""
+
+
+def steps(text: str, *actions: tuple[int, ...]) -> list[tuple[float, ...]]:
+    """The rewards of the coins, step by step."""
+    live = simulator(text)
+    assert live.together is not None
+    rng = np.random.default_rng(0)
+    live.reset(rng)
+    found = []
+    for chosen in actions:
+        live.step(live.together.number(chosen), rng)
+        found.append(live.together.rewards)
+    return found
+
+
+def test_agents_move_in_the_order_of_their_keys_each_on_what_the_ones_before_left() -> None:
+    # All three grab: each takes the hand from the one before. Then c has it already.
+    assert steps(COINS, (1, 1, 1), (0, 0, 1)) == [(1.0, 2.0, 4.0), (0.0, 0.0, -1.0)]
+
+
+def test_clauses_are_asked_once_after_all_have_moved() -> None:
+    text = COINS + "\non find held(hand, other) reward other.value * 10.0"
+    assert steps(text, (1, 1, 1)) == [(41.0, 42.0, 44.0)]
+
+
+def test_a_clause_of_a_block_is_for_each_of_its_agents() -> None:
+    text = COINS.replace("observe", "on find held(hand, coin) reward 100.0 apply drop(hand)\nobserve")
+    text = text.replace("on find", "each step reward coin.value * 0.5\non find")
+    assert steps(text, (0, 1, 0), (0, 0, 0)) == [(0.5, 103.0, 2.0), (0.5, 1.0, 2.0)]
+
+
+def test_one_that_is_gone_takes_no_part_from_the_next_step_on() -> None:
+    text = COINS.replace("observe", "each step reward 0.5\nobserve") + "\neach step reward 1.0"
+    assert steps(text, (2, 0, 0), (0, 0, 0), (2, 2, 2), (0, 0, 0)) == [
+        (1.5, 1.5, 1.5),
+        (0.0, 1.5, 1.5),
+        (0.0, 1.5, 1.5),
+        (0.0, 0.0, 0.0),
+    ]
+
+
+def test_the_reward_of_all_counts_what_is_shared_once() -> None:
+    live = simulator(COINS + "\neach step reward 100.0")
+    assert live.together is not None
+    rewards = {name: reward for name, reward in zip(live.action_names, all_rewards(live), strict=True)}
+    assert rewards["a: hold, b: hold, c: wait"] == 103.0
+    assert rewards["a: wait, b: wait, c: wait"] == 100.0
+
+
+def all_rewards(live: Simulator) -> list[float]:
+    return [reward for action in range(27) for _, reward, _ in live.outcomes(action)]
+
+
+def test_with_nobody_left_what_is_shared_goes_on() -> None:
+    live = simulator(COINS + "\neach step reward 7.0")
+    rng = np.random.default_rng(0)
+    live.reset(rng)
+    assert [live.step(26, rng).reward, live.step(26, rng).reward] == [7.0, 7.0]
+    live.close()
+    assert sides(live.engine) == "ab"
+
+
+def test_agents_of_two_blocks_and_chance_are_enumerated_as_they_are_drawn() -> None:
+    text = """
+        agents together
+        agent coin : Coin {
+            action flip = 0.5: turnOver(coin)
+            observe coin.side
+        }
+        agent fist : Hand { action wait = nothing() action drop = drop(fist) reward 3.0 observe fist.moves in 0..3 }
+        each step apply 0.5: grab(fist0, a, _)
+        on find up(one) reward 1.0
+    """
+    parameters = "fist0 : Hand, a : Coin"
+    rows = EnvgraphEnv(explore(*loaded(text, parameters)).tabular)
+    live = EnvgraphLiveEnv(Simulator(*loaded(text, parameters)))
+    assert rows.tabular.n_actions == 3**4 and rows.tabular.observation_shape == (2, 2, 2, 4)
+    rng = np.random.default_rng(3)
+    assert rows.reset(seed=1)[0] == live.reset(seed=1)[0]
+    for _ in range(100):
+        action = int(rng.integers(81))
+        assert rows.step(action)[:2] == live.step(action)[:2]
+
+
+# --- what is refused
+
+
+def test_members_of_a_family_have_the_same_agents() -> None:
+    engine, behaviour = loaded(COINS)
+    keys = KeyIndex.of(engine.model, ["Coin"])
+    engine.model.nodes("Coin")[0].delete()
+    with pytest.raises(ResolutionError, match="this one has no `Coin` b"):
+        Simulator(engine, behaviour, keys)
+
+
+def test_agents_that_act_together_are_not_compiled() -> None:
+    engine, behaviour = loaded(COINS)
+    with pytest.raises(NotCompiled, match="agents that act together"):
+        program_of(engine, behaviour)
+
+
+def test_too_many_joint_actions_are_refused_where_they_are_one_number() -> None:
+    live = simulator(COINS.replace("action wait", "action count(n : 0..99) = count(hand, n)\naction wait"))
+    assert live.together is not None and live.together.n_actions == 103**3
+    with pytest.raises(EvaluationError, match="1,092,727 actions of all agents together"):
+        live.action_names  # noqa: B018
+    live.reset(np.random.default_rng(0))
+    assert live.step(103**3 - 1, np.random.default_rng(0)).terminated == 0
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        (
+            "agents together action wait = nothing()",
+            "there are no `agent` blocks, whose agents could act together",
+        ),
+        (
+            "agents together agents together agent coin : Coin { action wait = nothing() }",
+            "stands here twice",
+        ),
+        (
+            "agent coin : Coin { agents together action wait = nothing() }",
+            "`agents together` belongs to the whole",
+        ),
+    ],
+)
+def test_what_makes_no_sense_is_said(text: str, told: str) -> None:
+    with pytest.raises(LoadError, match=told):
+        loaded(text)
