@@ -7,11 +7,12 @@ DEMO_EXTRAS := fast
 TEST_EXTRAS := test,fast,emf
 BENCH_EXTRAS := bench
 CLUSTER_EXTRAS := dask,ray
+INTEGRATION_EXTRAS := multiagent
 
 # The tests start many processes, each of which would compile everything anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test test-cluster bench nightly campaign clean venv
+.PHONY: demo test test-cluster test-integrations bench nightly campaign clean venv
 
 # --- demo: one environment becomes a family, an agent learns on it, a report shows it ---
 
@@ -46,6 +47,10 @@ campaign: $(VENV)/.test
 test-cluster: $(VENV)/.cluster
 	$(BIN)/python -m pytest -n0 tests/cluster/backends.py
 
+# Against the real packages of others; not among the tests, because of what has to be installed.
+test-integrations: $(VENV)/.integrations
+	$(BIN)/python -m pytest -n0 tests/integrations/*.py
+
 bench: $(VENV)/.bench
 	$(BIN)/python -m benchmarks
 
@@ -75,6 +80,10 @@ $(VENV)/.bench: $(VENV)/.test
 
 $(VENV)/.cluster: $(VENV)/.test
 	$(PIP) --no-build-isolation -e ".[$(CLUSTER_EXTRAS)]"
+	touch $@
+
+$(VENV)/.integrations: $(VENV)/.test
+	$(PIP) --no-build-isolation -e ".[$(INTEGRATION_EXTRAS)]"
 	touch $@
 
 clean:

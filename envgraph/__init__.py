@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from envgraph.metamodel import Metamodel
     from envgraph.pattern import Derivation
     from envgraph.rewrite import Engine
-    from envgraph.search import make, make_vec, optimise
+    from envgraph.search import make, make_aec, make_parallel, make_vec, optimise
 
 __version__ = "0.1.0"
 
@@ -33,6 +33,8 @@ _HOME = {
     "Unit": "envgraph.lang",
     "load": "envgraph.lang",
     "make": "envgraph.search",
+    "make_aec": "envgraph.search",
+    "make_parallel": "envgraph.search",
     "make_vec": "envgraph.search",
     "optimise": "envgraph.search",
     "open": "envgraph.lang",
@@ -52,6 +54,8 @@ __all__ = [
     "__version__",
     "load",
     "make",
+    "make_aec",
+    "make_parallel",
     "make_vec",
     "open",
     "optimise",

@@ -96,6 +96,11 @@ class Agents:
             model.class_of(seat.node), self._classes[seat.block]
         )
 
+    def gone(self, number: int) -> bool:
+        """Whether the object of an agent was deleted: it will not be back."""
+        node = self.seats[number].node
+        return node is not None and not self._model.alive(node)
+
     def after(self, turn: int) -> int:
         """Number of the agent that acts after another one; the same one where nobody else can.
 

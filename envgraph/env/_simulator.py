@@ -144,9 +144,14 @@ class Simulator:
             RuleError: a rule matches but cannot be applied.
             EvaluationError: a reward has no value, or an observed object no index.
         """
+        reward, terminated = self.move(action, rng)
+        return Outcome(reward, terminated, self.observe())
+
+    def move(self, action: int, rng: np.random.Generator) -> tuple[float, int]:
+        """`step` without an observation: reward and end."""
         if self._start is None:
             raise InvalidArgument("no episode has begun: call `reset` first")
-        return self.act(action, rng.random())
+        return self._step(action, Draw(rng.random()))
 
     def act(self, action: int, uniform: float) -> Outcome:
         """`step` in the present state of the model, whether or not an episode has begun, with a number from [0, 1)."""

@@ -16,7 +16,14 @@ from envgraph.search._certified import (
 from envgraph.search._components import Components, Context
 from envgraph.search._diversity import BinnedEntropy, Bounded, FamilyMeasure, Gini, Swaps, Variance
 from envgraph.search._domain import Domain, Reachable, domain_problems, option_problems
-from envgraph.search._environment import make, make_environment, make_vec, make_vector_environment
+from envgraph.search._environment import (
+    make,
+    make_aec,
+    make_environment,
+    make_parallel,
+    make_vec,
+    make_vector_environment,
+)
 from envgraph.search._evolution import Evolution, Settings
 from envgraph.search._family import Family, Member, family_of, run_file
 from envgraph.search._family_file import family_schema, open_family, read_family, write_family
@@ -147,7 +154,9 @@ __all__ = [
     "lineage",
     "lineage_lengths",
     "make",
+    "make_aec",
     "make_environment",
+    "make_parallel",
     "make_vec",
     "make_vector_environment",
     "measure_texts",

@@ -101,6 +101,60 @@ def make_vec(
     return make_vec_spec(_spec(family, domain), num_envs, **_given(variant=variant), **options)
 
 
+def make_aec(
+    family: Location | None = None,
+    variant: int | str | None = None,
+    *,
+    domain: Location | None = None,
+    max_episode_steps: int | None = -1,
+    **options: Any,
+) -> Any:
+    """One member of a family whose agents take turns, as an environment of PettingZoo's AEC interface.
+
+    Args:
+        family, variant, domain: as for `make`.
+        max_episode_steps: turns after which an episode is truncated; those of the family if -1, None for no limit.
+        options: `render_mode`, `observation` and `cell`, as for `make`.
+
+    Raises:
+        InvalidArgument: as for `make`; also where there are no agents, or agents that act together, or no PettingZoo.
+    """
+    from envgraph.env.multiagent import TurnEnv  # takes PettingZoo
+
+    simulator, limit = _several(family, variant, domain, max_episode_steps)
+    return TurnEnv(simulator, limit=limit, **options)
+
+
+def make_parallel(
+    family: Location | None = None,
+    variant: int | str | None = None,
+    *,
+    domain: Location | None = None,
+    max_episode_steps: int | None = -1,
+    **options: Any,
+) -> Any:
+    """One member of a family whose agents act together, as an environment of PettingZoo's parallel interface.
+
+    The arguments and errors are those of `make_aec`; agents that take turns are refused.
+    """
+    from envgraph.env.multiagent import TogetherEnv
+
+    simulator, limit = _several(family, variant, domain, max_episode_steps)
+    return TogetherEnv(simulator, limit=limit, **options)
+
+
+def _several(
+    family: Location | None, variant: int | str | None, domain: Location | None, limit: int | None
+) -> tuple[Simulator, int | None]:
+    """The live engine of a member, and the limit of steps of an episode."""
+    if family is not None and domain is not None:
+        raise InvalidArgument("give a `family` or a `domain`, not both")
+    place = None if domain is None else str(domain)
+    read = _opened(place, family, () if variant is None else (variant,)).family
+    engine = read.domain.engine(read.model(read.member(variant)))
+    return Simulator(engine, read.behaviour, read.keys), read.limit if limit == -1 else limit
+
+
 def _spec(family: Location | None, domain: Location | None) -> EnvSpec:
     """What Gymnasium has to know; places are absolute, so that other processes make the same."""
     if family is not None and domain is not None:

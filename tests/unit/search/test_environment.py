@@ -16,6 +16,7 @@ from gymnasium.utils.env_checker import check_env
 
 import envgraph
 import envgraph.env
+from envgraph.env import multiagent
 from envgraph.errors import InvalidArgument, Source
 from envgraph.lang import bundled_domain
 from envgraph.learn import FamilyMember, TrainingSettings, optimal_return, run_experiment, sequences
@@ -37,6 +38,12 @@ def family_file(imported: Family, tmp_path_factory: pytest.TempPathFactory) -> P
     path = tmp_path_factory.mktemp("f") / "family.json"
     path.write_text(write_family(imported))
     return path
+
+
+def test_what_pettingzoo_has_is_not_made_without_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(multiagent, "_PETTINGZOO", None)
+    with pytest.raises(InvalidArgument, match=r"pip install 'envgraph\[multiagent\]'"):
+        envgraph.make_aec(domain="warehouse")
 
 
 def test_every_published_map_steps_as_published(imported: Family, published: Path) -> None:

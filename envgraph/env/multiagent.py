@@ -1,0 +1,255 @@
+"""Environments with several agents as PettingZoo has them; it needs the extra `multiagent`.
+
+`TurnEnv` is an AEC environment, of agents that take turns; `TogetherEnv` a parallel one, of agents that act together.
+Both step on the live engine, so that every agent can be asked at any time what it sees.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from importlib import import_module
+from importlib.util import find_spec
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+from gymnasium.error import ResetNeeded
+from gymnasium.utils import seeding
+from numpy.typing import NDArray
+
+from envgraph.env._gymnasium import (
+    RENDER_MODES,
+    SUCCESS,
+    ObservationKind,
+    Observed,
+    check_render_mode,
+    components,
+    observation_space,
+)
+from envgraph.env._simulator import Simulator
+from envgraph.env.scene._pixels import scene_rgb
+from envgraph.env.scene._text import scene_text
+from envgraph.errors import InvalidArgument
+
+_PETTINGZOO: Any = import_module("pettingzoo") if find_spec("pettingzoo") else None
+_AEC: Any = (
+    _PETTINGZOO.AECEnv if _PETTINGZOO else object
+)  # that it is missing is said when an environment is made
+_PARALLEL: Any = _PETTINGZOO.ParallelEnv if _PETTINGZOO else object
+
+
+class _Several:
+    """What both kinds share: agents, what they see, and pictures.
+
+    An agent whose object was deleted has `terminated`; one whose object has another class stays, and does nothing.
+    `state()` has what each agent sees, in the order of the agents, as components.
+
+    Args:
+        simulator: the engine and its behaviour; nothing else may change its model in the meantime.
+        limit: steps (turns, where agents take turns) after which an episode is truncated; None for no limit.
+        render_mode: None, "ansi" or "rgb_array".
+        observation: "index" or "multi".
+        cell: side of a cell in pixels.
+    """
+
+    def __init__(
+        self,
+        simulator: Simulator,
+        *,
+        limit: int | None = None,
+        render_mode: str | None = None,
+        observation: ObservationKind = "index",
+        cell: int = 32,
+    ) -> None:
+        if _PETTINGZOO is None:
+            raise InvalidArgument(
+                "this needs PettingZoo, which is not installed: pip install 'envgraph[multiagent]'"
+            )
+        drawn = simulator.behaviour.draw is not None
+        check_render_mode(render_mode, drawn=drawn)
+        self.simulator = simulator
+        self.metadata: dict[str, Any] = {
+            "name": simulator.behaviour.name,
+            "render_modes": [*RENDER_MODES] if drawn else [],
+            "render_fps": 4,
+        }
+        self.render_mode = render_mode
+        self.possible_agents = [*simulator.players]
+        self.agents: list[str] = []
+        self.action_names = simulator.agents.action_names
+        self._shape, self._split, self._cell = simulator.agents.shape, observation == "multi", cell
+        size = int(np.prod(self._shape))
+        actions = len(self.action_names)
+        self._number = {name: number for number, name in enumerate(simulator.players)}
+        self.observation_spaces = {
+            name: observation_space(observation, size, self._shape) for name in simulator.players
+        }
+        self.action_spaces = {name: spaces.Discrete(actions) for name in simulator.players}
+        parts = [*self._shape] or [1]
+        self.state_space = spaces.MultiDiscrete(parts * len(simulator.players))
+        self._painter = simulator.painter() if render_mode is not None else None
+        self._limit, self._steps = limit, 0
+        self._random: np.random.Generator | None = None
+
+    def observation_space(self, agent: str) -> spaces.Discrete | spaces.MultiDiscrete:
+        """The space of what an agent sees."""
+        return self.observation_spaces[agent]
+
+    def action_space(self, agent: str) -> spaces.Discrete:
+        """The space of what an agent can do: places in `action_names`."""
+        return self.action_spaces[agent]
+
+    def observe(self, agent: str) -> Observed:
+        """What an agent sees of the present state, whoever is next."""
+        index = self.simulator.agents.observation(self._number[agent])
+        return components(index, self._shape) if self._split else np.int64(index)
+
+    def state(self) -> NDArray[np.int64]:
+        """What all agents see of the present state, as components, one after the other."""
+        agents = self.simulator.agents
+        seen = [components(agents.observation(number), self._shape) for number in self._number.values()]
+        return np.concatenate(seen)
+
+    def render(self) -> str | NDArray[np.uint8] | None:
+        """The present state as text ("ansi") or as pixels [height, width, 3] ("rgb_array"); None without a mode."""
+        if self._painter is None:
+            return None
+        scene = self._painter.scene()
+        return scene_text(scene) if self.render_mode == "ansi" else scene_rgb(scene, self._cell)
+
+    def close(self) -> None:
+        """Release the model."""
+        self.simulator.close()
+
+    def _begin(self, seed: int | None) -> None:
+        if seed is not None or self._random is None:
+            self._random, _ = seeding.np_random(seed)
+        self.simulator.reset(self._random)
+        self.agents = [*self.possible_agents]
+        self._steps = 0
+
+    def _do(self, action: int) -> tuple[float, int, dict[str, bool], bool]:
+        """Make a step: the reward, the end, whom it ended for, and whether the episode is truncated."""
+        if self._random is None:
+            raise ResetNeeded("no episode has begun: call `reset` first")
+        reward, end = self.simulator.move(action, self._random)
+        self._steps += 1
+        gone = self.simulator.agents.gone
+        over = {name: end > 0 or gone(self._number[name]) for name in self.agents}
+        return reward, end, over, self._limit is not None and self._steps >= self._limit
+
+    def _checked(self, agent: str, action: Any) -> int:
+        if not self.action_spaces[agent].contains(action):
+            last = len(self.action_names) - 1
+            raise InvalidArgument(f"action {action!r} of `{agent}` is not in 0..{last}")
+        return int(action)
+
+
+class TurnEnv(_Several, _AEC):  # type: ignore[misc]
+    """Agents that take turns, as PettingZoo's AEC environment.
+
+    The reward of a turn is that of the agent whose turn it was. With the same seed the turns are those of
+    `EnvgraphLiveEnv`. Options of a reset have no meaning.
+    """
+
+    def __init__(self, simulator: Simulator, **options: Any) -> None:
+        if not simulator.agent_names:
+            raise _other(simulator, "make_parallel" if simulator.players else None)
+        super().__init__(simulator, **options)
+        self.metadata["is_parallelizable"] = False
+
+    def reset(self, seed: int | None = None, options: Mapping[str, Any] | None = None) -> None:
+        """Begin an episode."""
+        self._begin(seed)
+        self.rewards = dict.fromkeys(self.agents, 0.0)
+        self._cumulative_rewards = dict.fromkeys(self.agents, 0.0)
+        self.terminations = dict.fromkeys(self.agents, False)
+        self.truncations = dict.fromkeys(self.agents, False)
+        self.infos: dict[str, dict[str, Any]] = {name: {} for name in self.agents}
+        self.agent_selection = self.possible_agents[self.simulator.turn]
+        self._tell(success=False)
+
+    def step(self, action: Any) -> None:
+        """Do the action of `agent_selection`; None for an agent that is terminated or truncated."""
+        agent = self.agent_selection
+        if self.terminations[agent] or self.truncations[agent]:
+            self._was_dead_step(action)
+            return
+        number = self._checked(agent, action)
+        self._cumulative_rewards[agent] = 0.0
+        reward, end, over, cut = self._do(number)
+        self.rewards = {name: reward if name == agent else 0.0 for name in self.agents}
+        self.terminations = over
+        self.truncations = dict.fromkeys(self.agents, cut)
+        self.agent_selection = self.possible_agents[self.simulator.turn]
+        self._tell(success=end == SUCCESS)
+        self._accumulate_rewards()
+        self._deads_step_first()
+
+    def _tell(self, success: bool) -> None:
+        for name in self.agents:
+            self.infos[name] = {"step": self._steps, "success": success}
+
+
+class TogetherEnv(_Several, _PARALLEL):  # type: ignore[misc]
+    """Agents that act together, as PettingZoo's parallel environment.
+
+    Each gets the reward of its own and what is shared. With the same seed the steps are those of `EnvgraphLiveEnv`,
+    whose action is one of each agent. Options of a reset have no meaning.
+    """
+
+    def __init__(self, simulator: Simulator, **options: Any) -> None:
+        if simulator.together is None:
+            raise _other(simulator, "make_aec" if simulator.players else None)
+        super().__init__(simulator, **options)
+
+    def reset(
+        self, seed: int | None = None, options: Mapping[str, Any] | None = None
+    ) -> tuple[dict[str, Observed], dict[str, dict[str, Any]]]:
+        """Begin an episode: observations and infos."""
+        self._begin(seed)
+        return self._seen(), self._infos(success=False)
+
+    def step(
+        self, actions: Mapping[str, Any]
+    ) -> tuple[
+        dict[str, Observed],
+        dict[str, float],
+        dict[str, bool],
+        dict[str, bool],
+        dict[str, dict[str, Any]],
+    ]:
+        """Do an action of each agent: observations, rewards, terminations, truncations and infos.
+
+        Raises:
+            InvalidArgument: an agent has no action, or one that there is not.
+        """
+        together = self.simulator.together
+        assert together is not None
+        lacking = [name for name in self.agents if name not in actions]
+        if lacking:
+            raise InvalidArgument(f"there is no action of `{lacking[0]}`", "each of `agents` needs one")
+        chosen = [
+            self._checked(name, actions[name]) if name in self.agents else 0 for name in self.possible_agents
+        ]
+        _, end, over, cut = self._do(together.number(chosen))
+        rewards = {name: together.rewards[self._number[name]] for name in self.agents}
+        seen, infos = self._seen(), self._infos(success=end == SUCCESS)
+        truncations = dict.fromkeys(self.agents, cut)
+        self.agents = [name for name in self.agents if not (over[name] or cut)]
+        return seen, rewards, over, truncations, infos
+
+    def _seen(self) -> dict[str, Observed]:
+        return {name: self.observe(name) for name in self.agents}
+
+    def _infos(self, success: bool) -> dict[str, dict[str, Any]]:
+        return {name: {"step": self._steps, "success": success} for name in self.agents}
+
+
+def _other(simulator: Simulator, other: str | None) -> InvalidArgument:
+    """The error of an environment that is of another kind."""
+    name = simulator.behaviour.name
+    if other is None:
+        return InvalidArgument(f"environment `{name}` has no `agent` blocks", "`envgraph.make` makes it")
+    how = "act together" if simulator.together else "take turns"
+    return InvalidArgument(f"the agents of `{name}` {how}", f"`envgraph.{other}` makes it")

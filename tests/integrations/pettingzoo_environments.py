@@ -1,0 +1,212 @@
+"""Environments with several agents against the real PettingZoo: `make test-integrations` installs it, and runs this.
+
+It is no `test_*.py`: `make test` does without.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from pettingzoo.test import api_test, parallel_api_test, parallel_seed_test, seed_test
+from pettingzoo.utils import parallel_to_aec
+
+import envgraph
+from envgraph.cli._new import copy_domain
+from envgraph.env import EnvgraphLiveEnv, Simulator
+from envgraph.env.multiagent import TogetherEnv, TurnEnv
+from envgraph.errors import InvalidArgument
+from tests.unit.env.coins import RULES, loaded
+from tests.unit.env.test_agents import HALLS, opened
+from tests.unit.test_docs import ROOT, blocks, run_python, run_shell
+
+CHASE = """
+    {how}
+    agent coin : Coin {{
+        action hold = grab(hand, coin, value) reward value else reward -1.0
+        action lose = lose(coin)
+        action flip = 0.5: turnOver(coin) | 0.25: turnBack(coin)
+        each step reward 0.5
+        observe coin.side
+    }}
+    agent fist : Hand {{
+        action drop = drop(fist) reward 3.0
+        action add(n : 1..2) = count(fist, n)
+        observe fist.moves in 0..3
+        observe find held(fist, _)
+    }}
+    on find held(hand, other) reward other.value * 0.1
+    on neg find up(_) reward 10.0 terminate success
+    observe find up(_)
+"""
+"""Two blocks; coins may be lost for good."""
+
+KNOWN = (
+    "We recommend agents to be named in the format",  # they are named by their keys
+    "Observation is not a NumPy array",  # of Discrete
+    "Observation numpy array is all zeros",  # a state like any other
+    "Observation space for each agent probably should be",  # of MultiDiscrete
+)
+
+
+def coins(how: str = "") -> Simulator:
+    rules = RULES.replace("rule lose", "@semantics(spo) rule lose")
+    return Simulator(*loaded(CHASE.format(how=how), texts={"coins.rules": rules}))
+
+
+@pytest.fixture
+def together(tmp_path: Path) -> Path:
+    """The warehouse, with robots that act together."""
+    copy_domain(tmp_path / "halls", "halls", "warehouse")
+    file = tmp_path / "halls" / "warehouse.environment"
+    file.write_text(file.read_text().replace("    agent robot", "    agents together\n    agent robot"))
+    return tmp_path / "halls"
+
+
+def without_other_warnings(test: Callable[[], None]) -> None:
+    """Run a test of PettingZoo, whose warnings are those that we know of."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        test()
+    told = {str(one.message) for one in caught}
+    assert [text for text in told if not text.startswith(KNOWN)] == []
+
+
+@pytest.mark.parametrize("observation", ["index", "multi"])
+def test_turns_are_an_aec_environment(observation: Any) -> None:
+    env = envgraph.make_aec(domain="warehouse", observation=observation, max_episode_steps=70)
+    without_other_warnings(lambda: api_test(env, num_cycles=300))
+    env.close()
+    without_other_warnings(
+        lambda: api_test(TurnEnv(coins(), observation=observation, limit=50), num_cycles=300)
+    )
+
+
+@pytest.mark.parametrize("observation", ["index", "multi"])
+def test_acting_together_is_a_parallel_environment(together: Path, observation: Any) -> None:
+    env = envgraph.make_parallel(domain=together, observation=observation, max_episode_steps=70)
+    without_other_warnings(lambda: parallel_api_test(env, num_cycles=300))
+    env.close()
+    env = TogetherEnv(coins("agents together"), observation=observation, limit=50)
+    without_other_warnings(lambda: parallel_api_test(env, num_cycles=300))
+
+
+def test_a_parallel_environment_becomes_an_aec_one(together: Path) -> None:
+    env = parallel_to_aec(envgraph.make_parallel(domain=together, max_episode_steps=40))
+    without_other_warnings(lambda: api_test(env, num_cycles=100))
+
+
+def test_a_seed_has_one_result(together: Path) -> None:
+    without_other_warnings(lambda: seed_test(lambda: TurnEnv(coins(), limit=50), num_cycles=50))
+    without_other_warnings(
+        lambda: parallel_seed_test(lambda: TogetherEnv(coins("agents together"), limit=50), num_cycles=50)
+    )
+
+
+def test_turns_are_those_of_the_single_environment() -> None:
+    env, same = TurnEnv(coins(), observation="multi"), EnvgraphLiveEnv(coins(), observation="multi")
+    actions = np.random.default_rng(2)
+    for seed in range(30):
+        env.reset(seed=seed)
+        seen, info = same.reset(seed=seed)
+        for _ in range(60):
+            agent = env.agent_selection
+            assert agent == info["agent"] and not env.terminations[agent]
+            assert np.array_equal(env.observe(agent), seen)
+            action = actions.integers(env.action_space(agent).n)
+            env.step(action)
+            seen, reward, ended, _, info = same.step(action)
+            if agent in env.rewards:
+                assert env.rewards[agent] == reward
+            while env.agents and env.terminations[env.agent_selection]:  # coins that are lost
+                env.step(None)
+            if ended or not env.agents:
+                break
+
+
+def test_each_gets_its_own_reward_and_observation_of_a_step_together() -> None:
+    hall = HALLS[1]
+    env = TogetherEnv(Simulator(*opened(hall.text(), together=True)), observation="multi")
+    seen, _ = env.reset(seed=0)
+    assert seen["a"].tolist() == [0, 2, 3, 0, 3, 0, 3] and seen["b"].tolist() == [3, 2, 3, 0, 3, 0, 3]
+    assert env.state().tolist() == [*seen["a"], *seen["b"]] and env.state_space.contains(env.state())
+    lift = env.action_names.index("lift")
+    seen, rewards, ended, cut, infos = env.step({"a": lift, "b": 0})  # b goes west
+    assert rewards == {"a": pytest.approx(0.99), "b": pytest.approx(-0.01)}
+    assert seen["a"].tolist() == [0, 0, 3, 0, 2, 4, 3] and seen["b"].tolist() == [2, 2, 2, 0, 2, 4, 3]
+    assert not any((*ended.values(), *cut.values())) and infos["a"] == {"step": 1, "success": False}
+
+
+def test_one_whose_object_is_deleted_is_terminated_and_the_others_go_on() -> None:
+    env = TogetherEnv(coins("agents together"))
+    env.reset(seed=0)
+    lose, hold = env.action_names.index("lose"), env.action_names.index("hold")
+    _, rewards, ended, _, _ = env.step({name: lose if name == "b" else hold for name in env.agents})
+    assert ended == {"a": False, "b": True, "c": False, "fist 0": False}
+    assert rewards["b"] == pytest.approx(0.9) and env.agents == ["a", "c", "fist 0"]
+    seen, *_ = env.step(dict.fromkeys(env.agents, hold))
+    assert set(seen) == {"a", "c", "fist 0"}
+
+    turns = TurnEnv(coins())
+    turns.reset(seed=0)
+    order = []
+    for agent in turns.agent_iter(8):
+        *_, terminated, _, _ = turns.last()
+        order.append((agent, terminated))
+        turns.step(None if terminated else lose if agent == "b" else hold)
+    assert order[:4] == [("a", False), ("b", False), ("b", True), ("c", False)]
+    assert order[4:] == [("fist 0", False), ("a", False), ("c", False), ("fist 0", False)]
+
+
+def test_the_limit_truncates_for_all() -> None:
+    env = TurnEnv(coins(), limit=3)
+    env.reset(seed=0)
+    for _ in range(3):
+        env.step(env.action_names.index("hold"))
+    assert all(env.truncations.values()) and not any(env.terminations.values())
+    for _ in range(4):
+        env.step(None)
+    assert env.agents == []
+
+
+def test_pictures_are_those_of_the_single_environment() -> None:
+    env = envgraph.make_aec(domain="warehouse", render_mode="ansi")
+    same = envgraph.make(domain="warehouse", render_mode="ansi", engine="live")
+    env.reset(seed=0)
+    same.reset(seed=0)
+    env.step(2)
+    same.step(2)
+    assert env.render() == same.render()
+
+
+def test_environments_of_another_kind_are_refused(together: Path) -> None:
+    with pytest.raises(InvalidArgument, match=r"act together; `envgraph\.make_parallel`"):
+        envgraph.make_aec(domain=together)
+    with pytest.raises(InvalidArgument, match=r"take turns; `envgraph\.make_aec`"):
+        envgraph.make_parallel(domain="warehouse")
+    with pytest.raises(InvalidArgument, match="has no `agent` blocks"):
+        envgraph.make_aec(domain="keydoor")
+    env = envgraph.make_parallel(domain=together)
+    env.reset(seed=0)
+    with pytest.raises(InvalidArgument, match="there is no action of `right`"):
+        env.step({"left": 0})
+    with pytest.raises(InvalidArgument, match=r"action 7 of `right` is not in 0\.\.6"):
+        env.step({"left": 0, "right": 7})
+
+
+def test_the_examples_of_the_documentation_learn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    text = (ROOT / "docs" / "python.md").read_text("utf-8")
+    first = text.count("\n", 0, text.index("## Several agents"))
+    last = text.count("\n", 0, text.index("## Code from templates"))
+    found = [block for block in blocks(ROOT / "docs" / "python.md") if first < block.line < last]
+    names: dict[str, object] = {"envgraph": envgraph, "np": np}
+    for block, after in zip(found, [*found[1:], None], strict=True):
+        if block.language in ("python", "sh"):
+            printed = run_python(block, names) if block.language == "python" else run_shell(block)
+            if after is not None and block.precedes(after) and after.language == "text":
+                assert printed == after.text
