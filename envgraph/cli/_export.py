@@ -10,12 +10,13 @@ from envgraph.cli._output import print_line, printable_json
 from envgraph.errors import EvaluationError, InvalidArgument, did_you_mean
 from envgraph.files import replace_file
 from envgraph.search import Family, export_ga4cl, family_svg, open_family, write_family
-from envgraph.search.export import copy_templates, write_package, write_tables
+from envgraph.search.export import copy_templates, write_frozen_lake, write_package, write_tables
 
 _TEXTS: dict[str, Callable[[Family], str]] = {
     "family": write_family,
     "ga4cl": export_ga4cl,
     "svg": family_svg,
+    "frozenlake": write_frozen_lake,
 }
 _FOLDERS = ("python", "compiled")
 _KNOWN = (*_TEXTS, "npz", *_FOLDERS)
@@ -30,7 +31,7 @@ def export_family(
         raise InvalidArgument(f"unknown format `{format}`", hint)
     if templates is not None and format != "python":
         raise InvalidArgument(f"format `{format}` takes no templates", "`--format python` does")
-    if format in ("family", "ga4cl") and output is not None and output.suffix == ".svg":
+    if format in ("family", "ga4cl", "frozenlake") and output is not None and output.suffix == ".svg":
         raise InvalidArgument(f"`{output}` would be JSON", "write `--format svg` for a picture")
     if output is None and format not in _TEXTS:
         what = "a package" if format in _FOLDERS else "a file of arrays"

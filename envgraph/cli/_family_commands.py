@@ -205,7 +205,8 @@ def show(
 @click.option(
     "--format",
     default="family",
-    help="family (all there is, as JSON), ga4cl (maps of letters), svg (a picture), npz (the tables of states, as "
+    help="family (all there is, as JSON), ga4cl (maps of letters), frozenlake (maps of "
+    "Gymnasium's FrozenLake, where they step the same), svg (a picture), npz (the tables of states, as "
     "arrays of NumPy), python (a package to install that needs Gymnasium and NumPy alone) or compiled (a package that "
     "steps many environments at once, and needs NumPy and numba alone).",
 )

@@ -36,6 +36,7 @@ from envgraph.behaviour import (
 )
 from envgraph.env._agents import unbound
 from envgraph.env._explore import DEFAULT_LIMIT, Explored, enumerate_states, explore
+from envgraph.env._frozen_lake import frozen_lake
 from envgraph.env._gymnasium import EnvgraphEnv, EnvgraphLiveEnv, check_render_mode
 from envgraph.env._keys import KeyIndex, SameKey, indexed_classes, key_reader
 from envgraph.env._reaching import can_end
@@ -106,6 +107,7 @@ __all__ = [
     "enumerate_states",
     "environment_spec",
     "explore",
+    "frozen_lake",
     "indexed_classes",
     "key_reader",
     "legend",

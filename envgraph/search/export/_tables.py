@@ -1,14 +1,17 @@
-"""The tables of a family as one `.npz` file."""
+"""The tables of a family as one `.npz` file, or as maps of Gymnasium's FrozenLake."""
 
 from __future__ import annotations
 
 import io
+import json
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
-from envgraph.env import Tabular
+from envgraph.env import Tabular, frozen_lake
+from envgraph.errors import InvalidArgument
+from envgraph.search._family import Family
 
 _ARRAYS = (
     "next_state",
@@ -44,6 +47,24 @@ def write_tables(tables: Mapping[str, Tabular]) -> bytes:
     stream = io.BytesIO()
     np.savez_compressed(stream, **arrays)
     return stream.getvalue()
+
+
+def write_frozen_lake(family: Family) -> str:
+    """The arguments of `gymnasium.make("FrozenLake-v1", ..)` for each member, by its name, as JSON.
+
+    Raises:
+        InvalidArgument: a member is no map of FrozenLake.
+        EvaluationError: there are too many states.
+    """
+    if family.behaviour.agents:
+        raise InvalidArgument(f"family `{family.name}` has `agent` blocks: FrozenLake has one walker")
+    found = {}
+    for member in family.members:
+        try:
+            found[member.name] = frozen_lake(family.explored(member, pictures=True), family.limit)
+        except InvalidArgument as error:
+            raise InvalidArgument(f"{member.name}: {error.message}", error.hint) from None
+    return json.dumps(found, indent=1) + "\n"
 
 
 def _texts(names: Any) -> Any:

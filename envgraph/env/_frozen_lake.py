@@ -1,0 +1,159 @@
+"""Environments that are a map of Gymnasium's FrozenLake: one walker on a grid, with holes, and nothing else."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Final
+
+import numpy as np
+from gymnasium.envs.toy_text.frozen_lake import FrozenLakeEnv
+
+from envgraph.env._explore import Explored
+from envgraph.env._tabular import Tabular
+from envgraph.env.scene._scene import GridScene
+from envgraph.errors import InvalidArgument
+
+Place = tuple[int, int]
+"""Column and row."""
+
+Outcomes = Mapping[tuple[Place, float, bool], float]
+"""The probability of each place, reward and end that an action may lead to."""
+
+_WAYS: Final = ((-1, 0), (0, 1), (1, 0), (0, -1))
+"""Of the actions of FrozenLake: left, down, right, up."""
+
+_TOLERANCE: Final = 1e-9
+
+
+def frozen_lake(explored: Explored, limit: int | None) -> dict[str, Any]:
+    """The arguments of `gymnasium.make("FrozenLake-v1", ..)` that make an environment which steps as this one.
+
+    Everything that FrozenLake may do is compared with the table. Its observations are numbers of cells, row by row.
+
+    Args:
+        explored: with pictures.
+        limit: steps after which an episode is truncated, or None.
+
+    Returns:
+        `desc`, `is_slippery`, `success_rate`, `reward_schedule` and `max_episode_steps` (-1 for none).
+
+    Raises:
+        InvalidArgument: there is none; the message says what FrozenLake would do otherwise.
+    """
+    table, places = explored.tabular, _places(explored)
+    if table.n_actions != len(_WAYS):
+        raise _refused(f"there are {table.n_actions} actions, not left, down, right and up")
+    letters, rewards = _letters(table, places)
+    if np.ptp(table.start_probability) > _TOLERANCE:
+        raise _refused("some start states are likelier than others")
+    found: dict[str, Any] = {
+        "desc": _rows(explored, places, letters),
+        "is_slippery": not table.deterministic,
+        "success_rate": _success_rate(table, places),
+        "reward_schedule": [rewards.get(letter, 0.0) for letter in "GHF"],
+    }
+    _compare(table, places, letters, FrozenLakeEnv(**found))
+    return {**found, "max_episode_steps": limit or -1}
+
+
+def _places(explored: Explored) -> list[Place]:
+    """Where the walker stands in each state."""
+    places = []
+    for scene in explored.pictures:
+        if not isinstance(scene, GridScene) or len(scene.marks) != 1:
+            raise _refused("a picture of it is no grid with one token")
+        places.append(scene.marks[0].place)
+    if not places:
+        raise _refused("it has no pictures", "write `draw grid Class at (x, y) with walker at walker.at`")
+    if len(set(places)) < len(places):
+        twice = next(place for place in places if places.count(place) > 1)
+        raise _refused(f"there is more to a state than where the walker stands, {_shown(twice)}")
+    return places
+
+
+def _outcomes(table: Tabular, places: list[Place], state: int, action: int) -> Outcomes:
+    found: dict[tuple[Place, float, bool], float] = {}
+    for number in np.flatnonzero(table.probability[state, action]).tolist():
+        at = state, action, number
+        key = places[table.next_state[at]], float(table.reward[at]), bool(table.terminated[at])
+        found[key] = found.get(key, 0.0) + float(table.probability[at])
+    return found
+
+
+def _letters(table: Tabular, places: list[Place]) -> tuple[dict[Place, str], dict[str, float]]:
+    """The letter of each place that is reached, and what it pays to come to a letter."""
+    letters = dict.fromkeys(places, "F")
+    letters |= dict.fromkeys((places[state] for state in table.start_states.tolist()), "S")
+    for at in np.argwhere(table.terminated > 0).tolist():
+        letters[places[table.next_state[*at]]] = "FGH"[table.terminated[*at]]
+    rewards: dict[str, float] = {}
+    for state, place in enumerate(places):
+        for action in range(table.n_actions) if letters[place] in "SF" else ():
+            for to, reward, _ in _outcomes(table, places, state, action):
+                rewards.setdefault(letters[to].replace("S", "F"), reward)
+    return letters, rewards
+
+
+def _rows(explored: Explored, places: list[Place], letters: Mapping[Place, str]) -> list[str]:
+    """The map; what is never reached is a hole where it looks like one."""
+    scene = explored.pictures[0]
+    assert isinstance(scene, GridScene)
+
+    def kind(place: Place) -> int:
+        return scene.cells[place[1] * scene.width + place[0]]
+
+    holes = {kind(place) for place in places if letters[place] == "H"}
+    others = {kind(place) for place in places if letters[place] != "H"}
+
+    def letter(place: Place) -> str:
+        return letters.get(place, "H" if kind(place) in holes - others else "F")
+
+    return ["".join(letter((x, y)) for x in range(scene.width)) for y in range(scene.height)]
+
+
+def _success_rate(table: Tabular, places: list[Place]) -> float:
+    """How likely a walker goes where it wants to, by a step that may lead to three places."""
+    for state, place in enumerate(places):
+        for action, (dx, dy) in enumerate(_WAYS):
+            outcomes = _outcomes(table, places, state, action)
+            chances = {to: chance for (to, _, _), chance in outcomes.items()}
+            wanted = place[0] + dx, place[1] + dy
+            if len(chances) == len(outcomes) == 3 and wanted in chances:
+                return round(chances[wanted], 12)
+    return 1.0 / 3.0
+
+
+def _compare(table: Tabular, places: list[Place], letters: Mapping[Place, str], lake: FrozenLakeEnv) -> None:
+    """Raise InvalidArgument where the two differ."""
+    width = lake.ncol
+    for state, place in enumerate(places):
+        for action, name in enumerate(table.action_names if letters[place] in "SF" else ()):
+            ours = _outcomes(table, places, state, action)
+            theirs: dict[tuple[Place, float, bool], float] = {}
+            for chance, to, reward, ended in lake.P[place[1] * width + place[0]][action]:
+                key = (int(to) % width, int(to) // width), float(reward), bool(ended)
+                theirs[key] = theirs.get(key, 0.0) + chance
+            if not _same(ours, theirs):
+                where = f"`{name}` at {_shown(place)}"
+                raise _refused(f"{where} leads to {_told(ours)}, there to {_told(theirs)}")
+
+
+def _same(ours: Outcomes, theirs: Outcomes) -> bool:
+    return ours.keys() == theirs.keys() and all(
+        abs(chance - theirs[key]) <= _TOLERANCE for key, chance in ours.items()
+    )
+
+
+def _told(outcomes: Outcomes) -> str:
+    """What an action leads to, in words."""
+    return " or ".join(
+        f"{_shown(place)} with reward {reward:g}{' and the end' * ended}" for place, reward, ended in outcomes
+    )
+
+
+def _shown(place: Place) -> str:
+    return f"column {place[0]}, row {place[1]}"
+
+
+def _refused(why: str, hint: str | None = None) -> InvalidArgument:
+    return InvalidArgument(f"this is no map of FrozenLake: {why}", hint)
