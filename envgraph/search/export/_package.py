@@ -136,13 +136,17 @@ class _Steps:
 
     def values(self, episodes: bool) -> Mapping[str, Any]:
         behaviour = self._family.behaviour
+        observed = [
+            *behaviour.observations,
+            *(one for agent in behaviour.agents for one in agent.observations),
+        ]
         given: Any = self.program or next(iter(self.tables.values()))
         names = [one.name for one in self._family.members]
         found = {
             "environment": behaviour.name,
             "actions": tuple(given.action_names),
             "observation_shape": tuple(given.observation_shape) or (1,),
-            "observed": [one.span.text for one in behaviour.observations if one.span is not None],
+            "observed": [" ".join(one.span.text.split()) for one in observed if one.span is not None],
             "agents": bool(behaviour.agents),
             "tables": bool(self.tables),
         }

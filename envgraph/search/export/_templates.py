@@ -154,8 +154,14 @@ def _environment(folder: Path) -> SandboxedEnvironment:
         autoescape=False,
     )
     environment.filters["python"] = _literal
+    environment.filters["markdown"] = _markdown
     environment.filters["json"] = lambda value: json.dumps(value, default=list)
     return environment
+
+
+def _markdown(value: object) -> str:
+    """A text in one line of Markdown, in which nothing is markup: it may stand in a table."""
+    return re.sub(r"([\\`*_|<>\[\]])", r"\\\1", visible(str(value)))
 
 
 def _literal(value: object) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -117,6 +118,23 @@ def test_pictures_and_pages_hold_names_as_text(family: None, shown: Shown, tmp_p
     assert "<script" not in page
     assert "&lt;script&gt;" in page
     assert all(c.isprintable() or c in "\n\u2009" for c in page)
+
+
+def test_exported_packages_hold_names_as_text(family: None, shown: Shown, tmp_path: Path) -> None:
+    shown("export", "family.json", "--format", "python", "-o", "fires")
+    files = [
+        path for path in (tmp_path / "fires").rglob("*") if path.suffix in (".py", ".md", ".toml", ".json")
+    ]
+    assert len(files) == 6
+    for path in files:
+        text = path.read_text("utf-8")
+        assert all(c.isprintable() or c == "\n" for c in text), path
+    page = (tmp_path / "fires" / "README.md").read_text("utf-8")
+    assert "<script" not in page.replace("\\<script", "")
+    made = "import fires; print([int(fires.make(name).reset(seed=0)[0]) for name in fires.MEMBERS])"
+    run = [sys.executable, "-c", made]
+    done = subprocess.run(run, cwd=tmp_path / "fires" / "src", capture_output=True, text=True, check=False)
+    assert (done.stdout, done.stderr) == ("[0, 0, 0]\n", "")
 
 
 def test_results_hold_no_formulas_and_read_back(family: None, shown: Shown, tmp_path: Path) -> None:
