@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from functools import cached_property
+from collections.abc import Callable, Iterator, Sequence
+from functools import cached_property, reduce
+from itertools import chain
 from math import prod
+from operator import add
 
 from envgraph.behaviour import Behaviour
 from envgraph.code import dataclass
 from envgraph.env._agents import Agents, Seat
 from envgraph.env._keys import KeyIndex
-from envgraph.env._prepared import Choices, Component, PreparedAction, PreparedClause, PreparedEach, Scope
+from envgraph.env._prepared import Choices, Component, PreparedClause, PreparedEach
 from envgraph.env._program import Program
 from envgraph.errors import Diagnostic, EvaluationError, ResolutionError
 from envgraph.graph import Model
@@ -19,27 +21,32 @@ from envgraph.match import Row
 MOST_JOINT_ACTIONS = 100_000
 """As many as an agent may have."""
 
-Pending = list[tuple[Program, PreparedClause, Row]]
+Pending = list[tuple["Clause", PreparedClause, Row]]
+"""Matches whose `apply` is to run."""
 
 
 @dataclass(frozen=True, slots=True)
 class Clause:
-    """An effect of one agent; a shared one is that of the first.
+    """An effect, ready to run for one agent.
 
     Attributes:
-        seat: number of the agent.
-        place: of the effect among those of the agent.
+        seat: number of the agent; 0 for what is shared.
+        shared: whether it stands outside of `agent` blocks.
     """
 
     seat: int
-    place: int
-    program: Program
     shared: bool
+    program: Program
+    effect: PreparedEach | PreparedClause
 
-    @property
-    def effect(self) -> PreparedEach | PreparedClause:
-        """The effect, ready to run."""
-        return self.program.effects[self.place]
+
+@dataclass(frozen=True, slots=True)
+class Move:
+    """What the action of one agent came to: what it paid, and how many clauses of this agent stand before it."""
+
+    seat: int
+    paid: float
+    before: int
 
 
 class Together:
@@ -116,92 +123,81 @@ class Together:
 
     def step(self, number: int, choices: Choices) -> tuple[float, int]:
         """Make a step of a joint action: the reward of all agents together, and the end; `rewards` has each one's."""
-        actions = [seat.actions[digit] for seat, digit in zip(self._seats, self.digits(number), strict=True)]
         there = [self._agents.present(seat) for seat in self._seats]
         clauses = [clause for clause in self._clauses if clause.shared or there[clause.seat]]
         for seat in self._seats:
             seat.program.done.clear()
-        moves = [
-            self._move(seat.program, action, choices) if present else None
-            for seat, action, present in zip(self._seats, actions, there, strict=True)
+        done = [
+            self._do(place, action, choices)
+            for place, action in enumerate(self.digits(number))
+            if there[place]
         ]
         for clause in clauses:
-            effect = clause.effect
-            if isinstance(effect, PreparedEach) and effect.apply is not None:
-                effect.apply.run(clause.program.bound, choices, self._model)
-        gains: dict[tuple[int, int], list[float]] = {}
-        terminated, pending = 0, list[tuple[Program, PreparedClause, Row]]()
-        for clause in clauses:
-            gained, ends = _judge(clause, pending)
-            gains[clause.seat, clause.place] = gained
-            terminated = max(terminated, ends)
-        total = self._pay(actions, moves, gains)
-        for position, (program, found, row) in enumerate(pending):
-            assert found.apply is not None
-            if position == 0 or found.holds(row):  # nothing can have changed before the first
-                found.apply.run(found.scope(program.bound, row), choices, self._model)
-        return total, terminated
+            if isinstance(clause.effect, PreparedEach) and clause.effect.apply is not None:
+                clause.effect.apply.run(clause.program.bound, choices, self._model)
+        pending: Pending = []
+        judged = [(clause, *_judged(clause, pending)) for clause in clauses]
+        moves = [move() for move in done]
+        gained = [(clause, gains) for clause, gains, _ in judged]
+        paid = {move.seat: _total(move, gained, common=True) for move in moves}
+        self.rewards = tuple(paid.get(place, 0.0) for place in range(len(self._seats)))
+        for place, (clause, effect, row) in enumerate(pending):
+            assert effect.apply is not None
+            if place == 0 or effect.holds(row):  # nothing can have changed before the first
+                effect.apply.run(effect.scope(clause.program.bound, row), choices, self._model)
+        return _of_all(moves, paid, gained), max((ends for *_, ends in judged), default=0)
 
-    def _move(self, program: Program, action: PreparedAction, choices: Choices) -> tuple[Scope, Scope | None]:
-        """Do the action of one agent: the names that it knew before, and what it did, if anything."""
+    def _do(self, place: int, number: int, choices: Choices) -> Callable[[], Move]:
+        """Do the action of one agent; what is returned says later, on the state that all have left, what it pays."""
+        program, action = self._seats[place].program, self._seats[place].actions[number]
         scope = action.scope(program.bound)
-        return scope, action.branches.run(scope, choices, self._model)
-
-    def _pay(
-        self,
-        actions: Sequence[PreparedAction],
-        moves: Sequence[tuple[Scope, Scope | None] | None],
-        gains: dict[tuple[int, int], list[float]],
-    ) -> float:
-        """Sum the rewards of each agent in the order of the text, and those of all: what is shared counts once."""
-        shared = [place for place, shared in enumerate(self._seats[0].program.shared) if shared]
-        rewards, total, counted = [], 0.0, False
-        for number, (seat, action, move) in enumerate(zip(self._seats, actions, moves, strict=True)):
-            if move is None:
-                rewards.append(0.0)
-                continue
-            scope, done = move
-            reward = action.else_reward if done is None else action.reward
-            of_action = [reward(scope if done is None else done)] if reward else []
-            everything, own, common = list[float](), list[float](), iter(shared)
-            for place, is_shared in enumerate([*seat.program.shared, False]):
-                if place == action.before:
-                    everything += of_action
-                    own += of_action
-                if place < len(seat.program.shared):
-                    gained = gains[(0, next(common)) if is_shared else (number, place)]
-                    everything += gained
-                    own += [] if is_shared else gained
-            rewards.append(sum(everything, 0.0))
-            total += sum(own, 0.0) if counted else rewards[-1]
-            counted = True
-        self.rewards = tuple(rewards)
-        if not counted:
-            return sum((gain for place in shared for gain in gains[0, place]), 0.0)
-        return total
+        done = action.branches.run(scope, choices, self._model)
+        reward = action.else_reward if done is None else action.reward
+        return lambda: Move(place, reward(scope if done is None else done) if reward else 0.0, action.before)
 
 
-def _judge(clause: Clause, pending: Pending) -> tuple[list[float], int]:
+def _judged(clause: Clause, pending: Pending) -> tuple[list[float], int]:
     """The rewards of a clause on the present state, and the end; matches whose `apply` is to run go to `pending`."""
-    effect, program = clause.effect, clause.program
+    effect, bound = clause.effect, clause.program.bound
     if isinstance(effect, PreparedEach):
-        return [effect.reward(program.bound)] if effect.reward else [], 0
+        return [effect.reward(bound)] if effect.reward else [], 0
     rows = effect.matches()
     if effect.apply is not None:
-        pending += [(program, effect, row) for row in rows]
-    gained = [effect.reward(effect.scope(program.bound, row)) for row in rows] if effect.reward else []
-    return gained, effect.ends if rows else 0
+        pending += [(clause, effect, row) for row in rows]
+    gains = [effect.reward(effect.scope(bound, row)) for row in rows] if effect.reward else []
+    return gains, effect.ends if rows else 0
+
+
+def _total(move: Move, gained: Sequence[tuple[Clause, list[float]]], *, common: bool) -> float:
+    """The reward of one agent, summed in the order of the text; without what is shared unless that is `common`."""
+    parts = [
+        gains if common or not clause.shared else []
+        for clause, gains in gained
+        if clause.shared or clause.seat == move.seat
+    ]
+    parts.insert(move.before, [move.paid])
+    return reduce(add, chain.from_iterable(parts), 0.0)  # `sum` rounds otherwise from Python 3.12 on
+
+
+def _of_all(
+    moves: Sequence[Move], paid: dict[int, float], gained: Sequence[tuple[Clause, list[float]]]
+) -> float:
+    """The reward of all agents: what the first one gets, and what the others get of their own."""
+    if not moves:
+        return reduce(add, chain.from_iterable(gains for _, gains in gained), 0.0)
+    return reduce(add, (_total(move, gained, common=False) for move in moves[1:]), paid[moves[0].seat])
 
 
 def _in_order(seats: Sequence[Seat]) -> tuple[Clause, ...]:
     """The effects in the order of the text, one of a block for each of its agents in turn, a shared one once."""
     found = []
     for number, seat in enumerate(seats):
-        for place, (written, _) in enumerate(seat.program.asked):
-            shared = seat.program.shared[place]
+        program = seat.program
+        written = zip(program.asked, program.shared, program.effects, strict=True)
+        for place, ((effect, _), shared, prepared) in enumerate(written):
             if not (shared and number):
-                start = written.span.start if written.span is not None else int(shared)
-                found.append((start, number, place, Clause(number, place, seat.program, shared)))
+                start = effect.span.start if effect.span is not None else int(shared)
+                found.append((start, number, place, Clause(number, shared, program, prepared)))
     return tuple(clause for *_, clause in sorted(found, key=lambda one: one[:3]))
 
 
