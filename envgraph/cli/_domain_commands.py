@@ -45,6 +45,24 @@ def new(name: str, directory: Path | None, domain: str | None) -> None:
 
 
 @app.command()
+@click.argument("environment", help="An id of Gymnasium, such as FrozenLake-v1.")
+@click.option("--output", "-o", type=PATH, show_default="a directory of that name", help="Where to put it.")
+@click.option(
+    "--set",
+    "options",
+    metavar="KEY=VALUE",
+    multiple=True,
+    help="An option of the environment, such as is_slippery=false; may be repeated.",
+)
+@format_option
+def adopt(environment: str, output: Path | None, options: tuple[str, ...], format: OutputFormat) -> None:
+    """Write a domain that steps as an environment of Gymnasium does: one that tells its transitions, as FrozenLake."""
+    from envgraph.cli._adopt import adopt_environment
+
+    adopt_environment(environment, output, options, format)
+
+
+@app.command()
 @click.argument(
     "files",
     nargs=-1,

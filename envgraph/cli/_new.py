@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Final
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
@@ -12,7 +13,7 @@ from envgraph.errors import InvalidArgument
 from envgraph.files import replacing
 from envgraph.lang import bundled_domain
 
-_KINDS = ("metamodel", "model", "query", "rules", "environment")
+KINDS: Final = ("metamodel", "model", "query", "rules", "environment")
 
 
 def write_domain(directory: Path, name: str) -> list[Path]:
@@ -25,17 +26,23 @@ def write_domain(directory: Path, name: str) -> list[Path]:
         InvalidArgument: the name is no identifier, or one of the files exists.
     """
     _check_name(name)
-    templates = Environment(
-        loader=PackageLoader("envgraph.cli", "templates/new"),
-        undefined=StrictUndefined,
-        keep_trailing_newline=True,
-        autoescape=False,
-    )
-    files = {directory / f"{name}.{kind}": f"{kind}.j2" for kind in _KINDS}
+    templates = domain_environment("new")
+    files = {directory / f"{name}.{kind}": f"{kind}.j2" for kind in KINDS}
     files[directory / "family.toml"] = "family.toml.j2"
     words = {"name": name, "environment": "".join(word.capitalize() for word in name.split("_"))}
     return write_files(
         {path: templates.get_template(template).render(words) for path, template in files.items()}
+    )
+
+
+def domain_environment(kind: str) -> Environment:
+    """The templates of a kind of domains; one file each of `KINDS`, and the family file."""
+    return Environment(
+        loader=PackageLoader("envgraph.cli", f"templates/{kind}"),
+        undefined=StrictUndefined,
+        keep_trailing_newline=True,
+        trim_blocks=True,
+        autoescape=False,
     )
 
 

@@ -34,6 +34,7 @@ from envgraph.behaviour import (
     Token,
     check_behaviour,
 )
+from envgraph.env._adopted import Adopted, adopt
 from envgraph.env._agents import unbound
 from envgraph.env._explore import DEFAULT_LIMIT, Explored, enumerate_states, explore
 from envgraph.env._frozen_lake import frozen_lake
@@ -63,6 +64,7 @@ from envgraph.errors import shorten
 __all__ = [
     "DEFAULT_LIMIT",
     "Action",
+    "Adopted",
     "Agent",
     "Behaviour",
     "Branch",
@@ -101,6 +103,7 @@ __all__ = [
     "Token",
     "TooManyStates",
     "VectorEnvironment",
+    "adopt",
     "can_end",
     "check_behaviour",
     "check_render_mode",

@@ -1,0 +1,228 @@
+"""Environments of Gymnasium whose transitions are known, as data: what `envgraph adopt` writes a domain of."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from fractions import Fraction
+from math import lcm
+from typing import Any, Final, NamedTuple
+
+import gymnasium
+import numpy as np
+
+from envgraph.code import dataclass
+from envgraph.env._tabular import Tabular
+from envgraph.errors import InvalidArgument
+
+_MOST_SHARES: Final = 100
+"""So many outcomes of one action are equally likely at most."""
+_MOST_STARTS: Final = 10_000
+_TOLERANCE: Final = 1e-9
+_TRIED: Final = 2_000
+"""Steps: Taxi's fickle passenger shows in less than a hundred."""
+
+
+class Transition(NamedTuple):
+    """One of the ways in which an action in a state may turn out."""
+
+    probability: float
+    state: int
+    reward: float
+    terminated: bool
+
+
+class Share(NamedTuple):
+    """An outcome among equally likely ones, of which it is `copies`; of a start, `reward` means nothing."""
+
+    copies: int
+    state: int
+    reward: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Adopted:
+    """Transitions that are known.
+
+    Attributes:
+        outcomes: for each state from 0, for each action from 0, what may come of it.
+        starts: how likely an episode begins in a state; states that are not there never begin one.
+        rows: the letters of its map, if it has one with a letter for each state, row by row; else ().
+        endings: the states in which an episode ends that begins in `starts`, each with whether that is a success: those
+            with the greatest reward for coming there are.
+    """
+
+    outcomes: Sequence[Sequence[Sequence[Transition]]]
+    starts: Mapping[int, float]
+    rows: tuple[str, ...]
+    endings: Mapping[int, bool]
+
+    @property
+    def actions(self) -> int:
+        """How many actions there are."""
+        return len(self.outcomes[0])
+
+    def shares(self, state: int, action: int) -> list[Share]:
+        """What may come of an action, as equally likely outcomes, those that are the same counted.
+
+        Raises:
+            InvalidArgument: the chances are no multiples of 1/n, for an n up to 100; for the start up to 10,000.
+        """
+        merged: dict[tuple[int, float], float] = defaultdict(float)
+        for outcome in self.outcomes[state][action]:
+            merged[outcome.state, outcome.reward] += outcome.probability
+        copies = _copies([*merged.values()], _MOST_SHARES, f"action {action} in state {state}")
+        return [Share(n, *key) for n, key in zip(copies, merged, strict=True) if n]
+
+    def first(self) -> list[Share]:
+        """The states in which an episode begins, in the same way. Raises as `shares`."""
+        copies = _copies([*self.starts.values()], _MOST_STARTS, "the start")
+        return [Share(n, state) for n, state in zip(copies, self.starts, strict=True) if n]
+
+    def differences(self, table: Tabular) -> Iterator[str]:
+        """What differs in a table whose observations are the numbers of the states; nothing if it steps identically.
+
+        The states in which an episode ends are absorbing there, and not compared.
+        """
+        starts = dict(
+            zip(table.observation[table.start_states].tolist(), table.start_probability.tolist(), strict=True)
+        )
+        if not _close(starts, self.starts):
+            yield f"it begins in {starts}, not {dict(self.starts)}"
+        seen = table.observation.tolist()
+        if table.n_actions != self.actions:
+            yield f"it has {table.n_actions} actions, not {self.actions}"
+            return
+        for number, state in enumerate(seen):
+            for action in range(self.actions if state not in self.endings else 0):
+                wanted: dict[tuple[int, float, bool], float] = defaultdict(float)
+                for outcome in self.outcomes[state][action]:
+                    wanted[outcome[1:]] += outcome.probability
+                found: dict[tuple[int, float, bool], float] = defaultdict(float)
+                for k in range(table.next_state.shape[2]):
+                    at = number, action, k
+                    key = seen[table.next_state[at]], float(table.reward[at]), bool(table.terminated[at])
+                    found[key] += float(table.probability[at])
+                if not _close(found, wanted):
+                    yield f"in state {state} action {action} gives {dict(found)}, not {dict(wanted)}"
+
+
+def _close(one: Mapping[Any, float], other: Mapping[Any, float]) -> bool:
+    return all(abs(one.get(key, 0.0) - other.get(key, 0.0)) < _TOLERANCE for key in {**one, **other})
+
+
+def _copies(chances: Sequence[float], most: int, where: str) -> list[int]:
+    """Whole numbers in the proportion of chances, whose sum is as small as can be.
+
+    Raises:
+        InvalidArgument: the sum is above `most`.
+    """
+    fractions = [Fraction(chance).limit_denominator(most) for chance in chances]
+    whole = lcm(*(one.denominator for one in fractions))
+    exact = all(abs(float(one) - chance) < _TOLERANCE for one, chance in zip(fractions, chances, strict=True))
+    if not exact or whole > most or sum(fractions) != 1:
+        shown = ", ".join(f"{chance:g}" for chance in chances[:5]) + (", .." if len(chances) > 5 else "")
+        message = f"the chances of {where} ({shown}) are no multiples of 1/n for any n up to {most:,}"
+        hint = "objects cannot carry chances: they are written in an environment file, or matches are equally likely"
+        raise InvalidArgument(message, hint)
+    return [int(one * whole) for one in fractions]
+
+
+def adopt(id: str, **options: Any) -> tuple[Adopted, int | None]:
+    """The transitions of an environment that tells them, as those of Gymnasium's toy texts do, and its time limit.
+
+    Its unwrapped environment has `P`, for each state and action a list of (probability, next state, reward,
+    terminated); `initial_state_distrib` if it does not begin in state 0; and `desc`, if it has a map of letters.
+
+    Args:
+        id: of a registered environment.
+        options: of `gymnasium.make`.
+
+    Raises:
+        InvalidArgument: there is no such environment, it does not tell its transitions, or an episode ends on some
+            ways into a state and goes on after others.
+
+    >>> adopted, limit = adopt("FrozenLake-v1")
+    >>> adopted.rows, adopted.endings, limit
+    (('SFFF', 'FHFH', 'FFFH', 'HFFG'), {5: False, 7: False, 11: False, 12: False, 15: True}, 100)
+    """
+    try:
+        made = gymnasium.make(id, **options)
+    except (gymnasium.error.Error, TypeError, ValueError, KeyError, ModuleNotFoundError) as error:
+        raise InvalidArgument(f"Gymnasium cannot make `{id}`: {error}") from None
+    try:
+        adopted = _adopted(made.unwrapped)
+        _try_out(made.unwrapped, adopted)
+    finally:
+        made.close()
+    return adopted, made.spec.max_episode_steps if made.spec else None
+
+
+def _try_out(inner: Any, adopted: Adopted) -> None:
+    """Take some random steps: what happens must be among the transitions that are told.
+
+    Taxi with `fickle_passenger`, for one, does more than its `P` says.
+
+    Raises:
+        InvalidArgument: a step is none of them, or what is observed is no number of a state.
+    """
+    rng = np.random.default_rng(0)
+    state, _ = inner.reset(seed=0)
+    for _ in range(_TRIED):
+        if not isinstance(state, int | np.integer) or not 0 <= state < len(adopted.outcomes):
+            raise InvalidArgument(f"`{type(inner).__name__}` observes {state}, which is no number of a state")
+        action = int(rng.integers(adopted.actions))
+        after, reward, terminated, *_ = inner.step(action)
+        told = {outcome[1:] for outcome in adopted.outcomes[int(state)][action]}
+        if (after, reward, terminated) not in told:
+            did = f"in state {state} action {action} led to {after}"
+            hint = "leave out the option that makes it do so"
+            raise InvalidArgument(f"`{type(inner).__name__}` does more than it tells: {did}", hint)
+        state = inner.reset()[0] if terminated else after
+
+
+def _adopted(inner: Any) -> Adopted:
+    table = getattr(inner, "P", None)
+    if not isinstance(table, Mapping | list) or not len(table):
+        message = f"`{type(inner).__name__}` does not tell its transitions: it has no `P`"
+        raise InvalidArgument(message, "write the domain by hand; `envgraph new` makes one to start from")
+    outcomes = [
+        [[_outcome(one) for one in table[state][action]] for action in range(len(table[state]))]
+        for state in range(len(table))
+    ]
+    given = getattr(inner, "initial_state_distrib", None)
+    starts = {int(s): float(given[s]) for s in np.flatnonzero(given)} if given is not None else {0: 1.0}
+    return Adopted(outcomes, starts, _rows(inner, len(outcomes)), _endings(outcomes, starts))
+
+
+def _outcome(given: Sequence[Any]) -> Transition:
+    probability, state, reward, terminated = given
+    return Transition(float(probability), int(state), float(reward), bool(terminated))
+
+
+def _rows(inner: Any, states: int) -> tuple[str, ...]:
+    desc = np.asarray(getattr(inner, "desc", ()))
+    if desc.ndim != 2 or desc.size != states:
+        return ()
+    return tuple("".join(one.decode() if isinstance(one, bytes) else str(one) for one in row) for row in desc)
+
+
+def _endings(
+    outcomes: Sequence[Sequence[Sequence[Transition]]], starts: Mapping[int, float]
+) -> dict[int, bool]:
+    """See `Adopted.endings`."""
+    reward: dict[int, float] = {}
+    going, todo = {*starts}, [*starts]
+    while todo:
+        for outcome in (one for action in outcomes[todo.pop()] for one in action if one.probability):
+            if outcome.terminated:
+                reward[outcome.state] = max(outcome.reward, reward.get(outcome.state, outcome.reward))
+            elif outcome.state not in going:
+                going.add(outcome.state)
+                todo.append(outcome.state)
+    both = sorted(going & {*reward})
+    if both:
+        message = f"an episode ends on some ways into state {both[0]}, and goes on after others"
+        raise InvalidArgument(message, "what ends an episode is asked of the state, and of nothing before it")
+    best = max(reward.values(), default=0.0)
+    return {state: reward[state] == best for state in sorted(reward)}

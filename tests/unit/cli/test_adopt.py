@@ -1,0 +1,101 @@
+"""`envgraph adopt`: the domain that it writes steps as the environment does."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import pytest
+
+from envgraph.env import explore
+from envgraph.search import Domain
+from tests.profile import NIGHTLY
+from tests.unit.cli.test_commands import Envgraph, envgraph, ok
+
+__all__ = ["envgraph"]
+
+Chances = Counter[tuple[int, float, bool]]
+
+LAKE = {"desc": ["SFFHS", "FHFFF", "FFFHG"], "success_rate": 0.8, "reward_schedule": (10, -1, -0.25)}
+CASES: list[tuple[str, dict[str, Any], str]] = [
+    ("FrozenLake-v1", {}, "grid"),
+    ("FrozenLake8x8-v1", {"is_slippery": False}, "grid"),
+    ("FrozenLake-v1", LAKE, "grid"),
+    ("CliffWalking-v1", {"is_slippery": True}, "states"),
+]
+LONG: list[tuple[str, dict[str, Any], str]] = [
+    ("Taxi-v4", {}, "states"),
+    ("Taxi-v4", {"is_rainy": True}, "states"),
+]
+
+
+def close(one: Chances, other: Chances) -> bool:
+    return all(abs(one[key] - other[key]) < 1e-12 for key in {*one, *other})
+
+
+def assert_steps_as(directory: Path, id: str, options: dict[str, Any]) -> None:
+    """Compare each reachable state of a domain with the table `P` of an environment."""
+    inner: Any = gymnasium.make(id, **options).unwrapped
+    domain = Domain.load(str(directory))
+    assert domain.behaviour is not None
+    table = explore(domain.engine(), domain.behaviour).tabular
+    seen = table.observation.tolist()
+    assert len(set(seen)) == len(seen) and table.n_actions == inner.action_space.n
+    began = {seen[s]: p for s, p in zip(table.start_states, table.start_probability, strict=True)}
+    assert began == pytest.approx({s: p for s, p in enumerate(inner.initial_state_distrib) if p})
+    ended = {seen[after] for after in table.next_state[table.terminated > 0]}
+    for number, state in enumerate(seen):
+        for action in range(table.n_actions if state not in ended else 0):
+            told, found = Chances(), Chances()
+            for chance, *rest in inner.P[state][action]:
+                told[tuple(rest)] += chance  # type: ignore[index]
+            for k, chance in enumerate(table.probability[number, action]):
+                at = number, action, k
+                found[seen[table.next_state[at]], table.reward[at], bool(table.terminated[at])] += chance
+            assert close(told, found), (state, action)
+
+
+@pytest.mark.parametrize(("id", "options", "kind"), CASES + LONG if NIGHTLY else CASES)
+def test_it_steps_as_the_environment_does(
+    envgraph: Envgraph, id: str, options: dict[str, Any], kind: str
+) -> None:
+    given = [part for key, value in options.items() for part in ("--set", f"{key}={json.dumps(value)}")]
+    done = ok(envgraph("adopt", id, "-o", "mine", *given, "--format", "json"))
+    assert done.json["kind"] == kind  # type: ignore[index, call-overload]
+    assert "no problems" in ok(envgraph("check", "mine")).out
+    texts = [str(path) for path in Path("mine").iterdir() if path.suffix != ".toml"]
+    assert "would" not in envgraph("format", "--check", *texts).out
+    assert_steps_as(Path("mine"), id, options)
+
+
+def test_a_lake_has_a_family_of_lakes(envgraph: Envgraph) -> None:
+    said = ok(envgraph("adopt", "FrozenLake-v1")).out
+    assert said.endswith(
+        "steps as `FrozenLake-v1` does: 16 states, 4 actions, each outcome with its chance and reward\n"
+        "next: envgraph generate frozen_lake\n"
+    )
+    made = ok(
+        envgraph("generate", "frozen_lake", "--generations", 30, "--name", "lakes", "--format", "json")
+    ).json
+    assert made["diversity"] > 0.9 * made["maximum"]  # type: ignore[index, call-overload]
+    again = envgraph("adopt", "FrozenLake-v1")
+    assert again.code == 1 and "exists already; nothing was written" in again.err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["CartPole-v1"], "`CartPoleEnv` does not tell its transitions: it has no `P`"),
+        (["Nothing-v1"], "Gymnasium cannot make `Nothing-v1`"),
+        (["FrozenLake-v1", "--set", "icy=true"], "unexpected keyword argument 'icy'"),
+        (["FrozenLake-v1", "--set", "icy"], "`icy` is no option of an environment"),
+        (["FrozenLake-v1", "--set", "map_name=9x9"], "Gymnasium cannot make"),
+        (["Taxi-v4", "--set", "fickle_passenger=true"], "`TaxiEnv` does more than it tells: in state"),
+    ],
+)
+def test_what_cannot_be_adopted_says_why(envgraph: Envgraph, arguments: list[str], said: str) -> None:
+    done = envgraph("adopt", *arguments)
+    assert done.code == 1 and said in done.err
