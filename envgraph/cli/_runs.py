@@ -6,13 +6,20 @@ from pathlib import Path
 from typing import Any
 
 from envgraph.cli._family import TRAINING
+from envgraph.cli._options import RUNS
 from envgraph.cli._output import OutputFormat, print_json, print_line, print_table
 from envgraph.errors import InvalidArgument
 from envgraph.search import RunStore
 
 
 def list_runs(directory: Path, format: OutputFormat) -> None:
-    """Print the runs of a directory, by name; one that cannot be read with what is wrong with it."""
+    """Print the runs of a directory, by name; one that cannot be read with what is wrong with it.
+
+    Raises:
+        InvalidArgument: there is no such directory; that for runs as a rule comes with the first one.
+    """
+    if directory != RUNS and not directory.is_dir():
+        raise InvalidArgument(f"there is no directory `{directory}`")
     runs = [_run(file) for file in sorted(directory.glob("*/run.sqlite"))]
     if format is OutputFormat.JSON:
         print_json({"directory": str(directory), "runs": runs})

@@ -104,9 +104,10 @@ class Above:
         tables = {id(self._shared[name]): self._shared[name] for name in names if name in self._shared}
         return [one for one in tables.values() if one]
 
-    def in_cycle(self, name: str, above: str) -> bool:
-        """Whether a class that extends another is its supertype too."""
-        return self._component.get(name) == self._component.get(above, -1)
+    def cycle(self, name: str, above: str) -> int | None:
+        """The number of the cycle that a class and one that it extends are on; None if they are on none."""
+        component = self._component.get(name)
+        return component if component == self._component.get(above, -1) else None
 
     def own(self, name: str) -> Mapping[str, Feature]:
         """The features that a class declares itself."""

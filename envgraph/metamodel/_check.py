@@ -22,6 +22,9 @@ from envgraph.metamodel._features import (
     type_name,
 )
 
+_MOST_NOTES = 5
+"""More places of one cycle do not tell a reader more."""
+
 
 def check_classes(
     classes: Sequence[Class], enums: Sequence[EnumType], unknown: Collection[str] = ()
@@ -52,6 +55,7 @@ def _problems(
     yield from _check_names(classes, enums)
     for enum in enums:
         yield from _check_enum(enum)
+    yield from _check_cycles(classes, above)
     for cls in classes:
         yield from _check_supertypes(cls, above)
         yield from _check_features(cls, above)
@@ -162,17 +166,27 @@ def _check_supertypes(cls: Class, inherited: Above) -> Iterator[Diagnostic]:
         if above not in table:
             hint = name_hint(above, set(table) - {cls.name}) or f"declare it: `class {above} {{ }}`"
             yield Diagnostic("unknown-class", f"unknown class `{above}`", span, hint)
-        elif inherited.in_cycle(cls.name, above):
-            yield Diagnostic(
-                "cyclic-inheritance",
-                f"`{cls.name}` is its own supertype",
-                span,
-                "leave one supertype of the circle out",
-            )
     if len(set(cls.supertypes)) != len(cls.supertypes):
         yield Diagnostic(
             "duplicate-definition", f"`{cls.name}` names a supertype twice", cls.span, "leave it out once"
         )
+
+
+def _check_cycles(classes: Sequence[Class], inherited: Above) -> Iterator[Diagnostic]:
+    """One diagnostic for each cycle, at the first class on it."""
+    cycles: dict[int, list[tuple[Class, str]]] = {}
+    for cls in classes:
+        for above in cls.supertypes:
+            if (number := inherited.cycle(cls.name, above)) is not None:
+                cycles.setdefault(number, []).append((cls, above))
+    for (first, above), *others in cycles.values():
+        notes = tuple(
+            Note(f"`{cls.name}` extends `{up}` here", place(cls, f"extends {up}"))
+            for cls, up in others[:_MOST_NOTES]
+        )
+        message, hint = f"`{first.name}` is its own supertype", "leave one supertype of the circle out"
+        span = place(first, f"extends {above}")
+        yield Diagnostic("cyclic-inheritance", message, span, hint, notes=notes)
 
 
 def _check_features(cls: Class, above: Above) -> Iterator[Diagnostic]:
@@ -202,7 +216,7 @@ def _check_inherited(cls: Class, above: Above) -> Iterator[Diagnostic]:
     """Names that a class gets twice; what one of its supertypes gets twice is reported there."""
     inherited: dict[str, tuple[str, Feature]] = {}
     for direct in dict.fromkeys(cls.supertypes):
-        if above.in_cycle(cls.name, direct):
+        if above.cycle(cls.name, direct) is not None:
             continue  # a cycle, reported as such
         for owner, feature in above.shared(direct).values():
             known, _ = inherited.setdefault(feature.name, (owner, feature))

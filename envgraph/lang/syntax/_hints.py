@@ -96,6 +96,8 @@ def habit(grammar: Grammar, states: list[int], lexemes: Sequence[Lexeme], index:
                 f"{expected}; several objects stand in brackets: `[{lexemes[index - 3].value}, {before[1]}]`"
             )
     if "observe" in keywords:
+        if word == "reward" and any(one.value == "else" for one in lexemes[max(0, index - 6) : index]):
+            return "an action has its `reward` before its `else reward`"
         if (word, after) == (",", "with") or before == [",", "with"]:
             return "leave out the `,` before `with`"
         if grammar.expected(states) == [keywords["up"]]:
@@ -109,8 +111,8 @@ def habit(grammar: Grammar, states: list[int], lexemes: Sequence[Lexeme], index:
             ":",
         ):
             return "a probability that is computed stands in brackets: `(1 - x.loss): rule(x)`"
-    if before[1] == "=" and word == ">":
-        return "write `>=`"
+    if before[1] == "=" and word in (">", "<"):
+        return f"write `{word}=`"
     if "neg" not in keywords:
         return None
     if "unit" in keywords and after == ":" and grammar.accepts(states, signs["{"]) and word[0].isdigit():

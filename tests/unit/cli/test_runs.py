@@ -68,6 +68,7 @@ def test_members_of_runs_and_families_are_matched_and_changed(envgraph: Call) ->
 
 def test_runs_are_listed(envgraph: Call) -> None:
     assert "there are no runs in runs; `envgraph generate` makes one" in envgraph("runs")
+    assert "there is no directory `rums`" in envgraph("runs", "-d", "rums", code=1)
     envgraph(*FOREST, "--generations", 1, "--set", "seed=5", "--name", "one")
     envgraph("train", "one", "--steps", 50, "--seeds", 1)
     Path("runs/two").mkdir()
