@@ -29,6 +29,7 @@ class Series:
         low, high: the band's edges at the points, or ().
         marked: draw its points, too.
         dashed: draw it broken, for a baseline. So are, with longer dashes, lines for which no colour is left.
+        number: which colour it has, so that one line has one in several charts; None for that of its place.
     """
 
     label: str
@@ -38,6 +39,7 @@ class Series:
     high: tuple[float, ...] = ()
     dashed: bool = False
     marked: bool = False
+    number: int | None = None
 
     def __post_init__(self) -> None:
         lengths = {len(self.x), len(self.y), *(len(edge) for edge in (self.low, self.high) if edge)}
@@ -80,19 +82,20 @@ def line_chart(series: Sequence[Series], *, x_label: str, y_label: str, title: s
     x_ticks, y_ticks = ticks(min(xs), max(xs), 8, least=float(whole)), ticks(min(ys), max(ys))
     # The x axis ends at the data: a curve that stops before the frame looks unfinished.
     frame = _Frame(min(xs), max(*xs, min(xs) + 1e-9), y_ticks[0], y_ticks[-1])
-    rows = ceil(len(series) / 4)
-    height = _HEIGHT + 20 * rows
+    columns = _columns(series)
+    height = _HEIGHT + 20 * ceil(len(series) / columns)
     parts = [
         f'<svg class="chart" viewBox="0 0 {_WIDTH} {height}" role="img" aria-label="{markup(title)}">',
         f"<title>{markup(title)}</title>",
         *frame.axes([tick for tick in x_ticks if min(xs) <= tick <= max(xs)], y_ticks, x_label, y_label),
     ]
-    places = (place % len(COLOURS) for place in range(len(series)))
+    numbers = [place if one.number is None else one.number for place, one in enumerate(series)]
+    places = (number % len(COLOURS) for number in numbers)
     colours = [f"var(--line-{place}, {COLOURS[place]})" for place in places]
     parts.extend(frame.band(one, colour) for one, colour in zip(series, colours, strict=True) if one.low)
-    dashes = [_dash(place, one) for place, one in enumerate(series)]
+    dashes = [_dash(number, one) for number, one in zip(numbers, series, strict=True)]
     parts.extend(frame.line(*one) for one in zip(series, colours, dashes, strict=True))
-    parts.extend(_legend(series, colours, dashes))
+    parts.extend(_legend(series, colours, dashes, columns))
     return "\n".join([*parts, "</svg>"])
 
 
@@ -176,11 +179,19 @@ def _dash(place: int, series: Series) -> str:
     return f' stroke-dasharray="{" ".join(map(str, dash))}"' if dash else ""
 
 
-def _legend(series: Sequence[Series], colours: Sequence[str], dashes: Sequence[str]) -> list[str]:
-    column = (_WIDTH - _LEFT - _RIGHT) / 4
+def _columns(series: Sequence[Series]) -> int:
+    """How many labels stand beside each other in a legend: letters are 7.5 wide, or less."""
+    widest = 28 + 7.5 * max(len(one.label) for one in series) + 8
+    return max(1, min(4, int((_WIDTH - _LEFT - _RIGHT) / widest)))
+
+
+def _legend(
+    series: Sequence[Series], colours: Sequence[str], dashes: Sequence[str], columns: int
+) -> list[str]:
+    column = (_WIDTH - _LEFT - _RIGHT) / columns
     parts = []
     for place, (one, colour, dash) in enumerate(zip(series, colours, dashes, strict=True)):
-        x, y = _LEFT + place % 4 * column, _HEIGHT + 10 + place // 4 * 20
+        x, y = _LEFT + place % columns * column, _HEIGHT + 10 + place // columns * 20
         parts.append(
             f'<line class="line" x1="{x}" x2="{x + 22}" y1="{y}" y2="{y}" style="stroke: {colour}"{dash}/>'
         )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from statistics import fmean, pstdev
 from typing import TypeVar
 
@@ -58,6 +59,12 @@ def _panels(found: Iterable[tuple[str, str]], target: str) -> dict[str, list[tup
     return panels
 
 
+def _numbers(panels: Mapping[str, Iterable[tuple[str, str]]]) -> dict[tuple[str, str], int]:
+    """Which colour what is drawn has in every panel: in the order in which it occurs."""
+    found = dict.fromkeys(one for panel in panels.values() for one in panel)
+    return {one: number for number, one in enumerate(found)}
+
+
 def _line(kind: str, label: str) -> str:
     """Of a legend, which has little room."""
     return label if kind == "control" else f"{kind} {label}"
@@ -69,6 +76,8 @@ def budget_charts(trained: Sequence[Trained], target: str) -> tuple[str, ...]:
     for budget in trained:
         for one in budget.experiment.summaries():
             lines.setdefault((one.kind, one.label), []).append(one)
+    panels = _panels(lines, target)
+    numbers = _numbers(panels)
     series = {
         (kind, label): Series(
             _line(kind, label),
@@ -77,8 +86,10 @@ def budget_charts(trained: Sequence[Trained], target: str) -> tuple[str, ...]:
             tuple(one.success_interval[0] for one in points),
             tuple(one.success_interval[1] for one in points),
             dashed=kind != "curriculum",
+            number=numbers[kind, label],
         )
         for (kind, label), points in lines.items()
+        if (kind, label) in numbers
     }
     return tuple(
         line_chart(
@@ -87,7 +98,7 @@ def budget_charts(trained: Sequence[Trained], target: str) -> tuple[str, ...]:
             y_label=f"success on {target}",
             title=f"Success on {target} over the training budget, with Wilson intervals at 95 %",
         )
-        for panel in _panels(series, target).values()
+        for panel in panels.values()
     )
 
 
@@ -98,10 +109,13 @@ def training_section(trained: Trained, target: str) -> Section:
     tables = [_agents(summaries, target)]
     if comparisons:
         tables.append(_comparisons(comparisons))
+    panels = _panels(((one.kind, one.label) for one in summaries), target)
+    numbers = _numbers(panels)
     series: dict[tuple[str, str], Series] = {
-        (one.kind, one.label): curve(one, runs_of(experiment, one)) for one in summaries
+        key: replace(curve(one, runs_of(experiment, one)), number=numbers[key])
+        for one in summaries
+        if (key := (one.kind, one.label)) in numbers
     }
-    panels = _panels(series, target)
     charts = tuple(
         line_chart(
             [series[one] for one in panel],
@@ -191,6 +205,7 @@ def _interval(ends: tuple[float, float] | None, as_: str) -> str:
 def _profiles(experiment: Experiment, panels: Mapping[str, Sequence[tuple[str, str]]]) -> tuple[str, ...]:
     """Which share of the agents gets more than a return, of what is drawn together first."""
     panel = next((panel for name, panel in panels.items() if "controls" in name), [])
+    numbers = _numbers(panels)
     returns = {
         one: [run.mean_return for run in experiment.runs if (run.kind, run.label) == one] for one in panel
     }
@@ -205,6 +220,7 @@ def _profiles(experiment: Experiment, panels: Mapping[str, Sequence[tuple[str, s
             tuple(points),
             tuple(performance_profile(values, points).tolist()),
             dashed=one[0] != "curriculum",
+            number=numbers[one],
         )
         for one, values in returns.items()
     ]

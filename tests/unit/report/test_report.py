@@ -83,6 +83,16 @@ def test_a_band_has_its_edges_and_a_baseline_is_dashed() -> None:
     assert "stroke-dasharray" in line.attrib
 
 
+def test_a_line_keeps_its_colour_in_several_charts_and_long_labels_have_room() -> None:
+    first = Series("randomised, with epsilon renewed", (0, 1), (0, 1), number=3)
+    both = [Series("other", (0, 1), (1, 0), number=0), first]
+    for series in ([first], both):
+        text = line_chart(series, x_label="x", y_label="y", title="t")
+        assert "--line-3" in text and "--line-1" not in text
+    places = [float(place) for place in re.findall(r"<text x=\"([0-9.]+)\" y=\"314", text)]
+    assert len(places) == 2 and places[1] - places[0] > 28 + 7 * len("other")
+
+
 def test_no_two_of_many_lines_look_the_same() -> None:
     lines = list(chart(*(Series(f"s{place}", (0, 1), (place, 1)) for place in range(20))).iter("polyline"))
     looks = {(one.attrib["style"], one.attrib.get("stroke-dasharray")) for one in lines}
