@@ -5,7 +5,14 @@ the `Span` it is about and, where one is known, a hint. Every exception that env
 from `EnvgraphError`.
 """
 
-from envgraph.errors._diagnostics import Diagnostic, Note, Severity, has_errors, sort_diagnostics
+from envgraph.errors._diagnostics import (
+    Diagnostic,
+    Note,
+    Severity,
+    has_errors,
+    sort_diagnostics,
+    too_many_errors,
+)
 from envgraph.errors._exceptions import (
     DiagnosticError,
     EnvgraphError,
@@ -56,6 +63,7 @@ __all__ = [
     "shorten",
     "sort_diagnostics",
     "spelling",
+    "too_many_errors",
     "visible",
     "with_article",
 ]

@@ -115,3 +115,8 @@ def sort_diagnostics(diagnostics: Iterable[Diagnostic]) -> list[Diagnostic]:
         return (files[diagnostic.span.source.name], diagnostic.span.start, diagnostic.span.end)
 
     return sorted(ordered, key=key)
+
+
+def too_many_errors(span: Span | None, rest: str = "the rest of the file is not read") -> Diagnostic:
+    """The last error where there are too many: what comes of it."""
+    return Diagnostic("too-many-errors", f"too many mistakes: {rest}", span, "mend these first")

@@ -6,7 +6,16 @@ import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from itertools import islice
 
-from envgraph.errors import MOST_ERRORS, Diagnostic, Note, Span, did_you_mean, name_hint, quoted
+from envgraph.errors import (
+    MOST_ERRORS,
+    Diagnostic,
+    Note,
+    Span,
+    did_you_mean,
+    name_hint,
+    quoted,
+    too_many_errors,
+)
 from envgraph.metamodel._above import Above, linearise
 from envgraph.metamodel._features import (
     Annotation,
@@ -38,10 +47,7 @@ def check_classes(
     """
     found = list(islice(_problems(classes, enums, unknown), MOST_ERRORS + 1))
     if len(found) > MOST_ERRORS:
-        message = "too many mistakes: the other classes are not checked"
-        found[MOST_ERRORS:] = [
-            Diagnostic("too-many-errors", message, found[MOST_ERRORS].span, "mend these first")
-        ]
+        found[MOST_ERRORS:] = [too_many_errors(found[MOST_ERRORS].span, "the other classes are not checked")]
     return found
 
 

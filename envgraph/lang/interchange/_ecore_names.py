@@ -11,15 +11,12 @@ from dataclasses import field
 from urllib.parse import unquote
 
 from envgraph.code import dataclass
-from envgraph.errors import Diagnostic, Note, Severity, Span, did_you_mean
+from envgraph.errors import MOST_ERRORS, Diagnostic, Note, Severity, Span, did_you_mean, too_many_errors
 from envgraph.lang.interchange._ecore_document import EcoreDocument
 from envgraph.lang.read._ecore_types import ECORE, ECORE_TYPES, DataType, library_types
 from envgraph.lang.read._imports import near_uri
 from envgraph.lang.syntax._xml import Element
 from envgraph.metamodel import EnumType
-
-_MOST = 100
-"""After so many mistakes the rest is not read, and after so many warnings the others are not shown."""
 
 
 class Enough(Exception):
@@ -265,17 +262,16 @@ class Names:
             return
         self.joint.diagnostics.append(Diagnostic(code, message, where, hint, notes=notes))
         self.joint.errors += 1
-        if self.joint.errors == _MOST:
-            message = "too many mistakes: the rest of the file is not read"
-            self.joint.diagnostics.append(Diagnostic("too-many-errors", message, where, "mend these first"))
+        if self.joint.errors == MOST_ERRORS:
+            self.joint.diagnostics.append(too_many_errors(where))
             raise Enough
 
     def warn(self, code: str, message: str, where: Span, hint: str | None = None) -> None:
         if self.joint.quiet:
             return
         self.joint.warnings += 1
-        if self.joint.warnings > _MOST + 1:
+        if self.joint.warnings > MOST_ERRORS + 1:
             return
-        if self.joint.warnings > _MOST:
+        if self.joint.warnings > MOST_ERRORS:
             code, message, hint = "too-many-warnings", "too many warnings: the others are not shown", None
         self.joint.diagnostics.append(Diagnostic(code, message, where, hint, Severity.WARNING))

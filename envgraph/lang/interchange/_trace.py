@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 from envgraph.errors import (
+    MOST_ERRORS,
     Diagnostic,
     InvalidArgument,
     Source,
@@ -30,8 +31,6 @@ _KEYS: Final = {
 }
 _WRITTEN: Final = "`envgraph apply --trace` and `trace_to_text` write traces"
 _CHANGED: Final = "the trace was changed, or the rule is not what it was"
-_MOST: Final = 100
-"""So many mistakes are reported."""
 
 
 def parse_trace(source: Source, engine: Engine) -> Trace:
@@ -43,7 +42,7 @@ def parse_trace(source: Source, engine: Engine) -> Trace:
     reader = _Reader(source, engine)
     reader.read()
     if reader.problems:
-        raise TraceError(reader.problems[:_MOST])
+        raise TraceError(reader.problems[:MOST_ERRORS])
     return reader.trace
 
 
@@ -63,7 +62,7 @@ class _Reader:
             if line.strip():
                 self._line(number, Source(self.source.name, line), start)
             start += len(line) + 1
-            if len(self.problems) >= _MOST:
+            if len(self.problems) >= MOST_ERRORS:
                 return
         end = len(self.source.text)
         if not self._states and not self.problems:

@@ -7,7 +7,7 @@ from array import array
 from collections.abc import Callable, Iterator, Mapping, Sequence
 
 from envgraph.code import dataclass
-from envgraph.errors import MOST_ERRORS, Diagnostic, Note, Severity, Source, Span, plural
+from envgraph.errors import MOST_ERRORS, Diagnostic, Note, Severity, Source, Span, plural, too_many_errors
 from envgraph.graph import Model, usual_value
 from envgraph.lang.syntax._once import NAMES
 from envgraph.lang.syntax._xml import Stop, XmlPlaces
@@ -123,10 +123,7 @@ class Reading:
         self.diagnostics.append(diagnostic)
         self.errors += 1
         if self.errors == MOST_ERRORS:
-            message = "too many mistakes: the rest of the file is not read"
-            self.diagnostics.append(
-                Diagnostic("too-many-errors", message, diagnostic.span, "mend these first")
-            )
+            self.diagnostics.append(too_many_errors(diagnostic.span))
             raise Stop
 
     def unresolved(

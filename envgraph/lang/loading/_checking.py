@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from envgraph.errors import Diagnostic, Note, Severity, Span
+from envgraph.errors import MOST_ERRORS, Diagnostic, Note, Severity, Span
 from envgraph.graph import Model, Violation, check_conformance
 from envgraph.lang.loading._workspace import Workspace
 from envgraph.lang.read._model import ModelText
@@ -17,9 +17,6 @@ from envgraph.rewrite import Engine
 
 if TYPE_CHECKING:  # loaded with the first environment
     from envgraph.behaviour import Behaviour
-
-_MOST = 100
-"""So many of the things that a model lacks are told one by one."""
 
 
 def check(workspace: Workspace) -> list[Diagnostic]:
@@ -54,10 +51,10 @@ def conformance(text: ModelText) -> list[Diagnostic]:
             _completion(violation, text.span.source.text.lstrip()[:1]),
             Severity.WARNING,
         )
-        for violation in violations[:_MOST]
+        for violation in violations[:MOST_ERRORS]
     ]
-    if len(violations) > _MOST:
-        message = f"{len(violations) - _MOST} more of these are not shown"
+    if len(violations) > MOST_ERRORS:
+        message = f"{len(violations) - MOST_ERRORS} more of these are not shown"
         found.append(replace(found[-1], message=message, hint=None))
     return found
 

@@ -13,6 +13,7 @@ from lark import Token, Tree
 
 from envgraph.code import dataclass
 from envgraph.errors import (
+    MOST_ERRORS,
     Diagnostic,
     Note,
     RuleError,
@@ -39,9 +40,6 @@ from envgraph.metamodel import (
     Reference,
     Scalar,
 )
-
-_MOST_HINTS = 100
-"""For so many unknown objects it is worked out what may have been meant."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -402,7 +400,7 @@ class _Reader:
             return
         # To compare every unknown name with every known one would take minutes.
         self._unknown += 1
-        hint = did_you_mean(token, self._names) if self._unknown <= _MOST_HINTS else None
+        hint = did_you_mean(token, self._names) if self._unknown <= MOST_ERRORS else None
         if token == "null":
             hint = NO_VALUE
         elif self.metamodel and str(token) in self.metamodel.classes:
@@ -411,7 +409,7 @@ class _Reader:
             hint = f"write `{token}[column, row]` for an object of the grid"
         elif hint is None and any(str(token) in enum.literals for enum in self._enums()):
             hint = f"write `::{token}` for a literal"
-        elif hint is None and self._unknown <= _MOST_HINTS:
+        elif hint is None and self._unknown <= MOST_ERRORS:
             hint = name_hint(token, self._names)
         self.reports.error("unknown-object", f"unknown object `{token}`", token, hint)
 

@@ -15,7 +15,7 @@ from functools import partial
 from typing import Any
 
 from envgraph.code import dataclass
-from envgraph.errors import Diagnostic, Note, did_you_mean, nearest
+from envgraph.errors import Diagnostic, Note, did_you_mean, nearest, too_many_errors
 from envgraph.lang.syntax._hints import VALUE_WORDS
 from envgraph.lang.syntax._lexer import END, PUNCTUATION, Lexeme, first_on_line
 from envgraph.lang.syntax._stack import Level, ParseStack
@@ -86,11 +86,7 @@ class Recovery:
 
     def stop(self, index: int) -> None:
         """Reports that the rest of the text is not read."""
-        lexeme = self._lexemes[index]
-        message = "too many mistakes: the rest of the file is not read"
-        self.diagnostics.append(
-            Diagnostic("too-many-errors", message, self._stack.span(lexeme), "mend these first")
-        )
+        self.diagnostics.append(too_many_errors(self._stack.span(self._lexemes[index])))
 
     def _mend(self, repairs: Callable[[int], Iterator[Repair]], index: int) -> int | None:
         """Makes the first of some repairs after which the text makes sense for a while; says where to go on."""
