@@ -6,6 +6,7 @@ A row has objects as ids, and values as they are. No query is asked here, and no
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
+from math import fsum
 
 from envgraph.graph import Model, Node
 
@@ -228,10 +229,148 @@ SOKOBAN: dict[str, Callable[[Model], Rows]] = {
     "unbalanced": _unbalanced,
 }
 
+# --- lava
+
+TURNS = ("east", "south", "west", "north")
+
+
+def _ahead(model: Model) -> list[tuple[Node, Node]]:
+    found = ((hero, getattr(hero.at, hero.facing)) for hero in every(model, "Hero"))
+    return [(hero, cell) for hero, cell in found if cell is not None]
+
+
+def _clear(cell: Node) -> bool:
+    return cell.cls == "Floor" and cell.thing is None
+
+
+def _enterable(model: Model) -> Rows:
+    floors = [c for c in every(model, "Floor") if c.thing is None and (c.cls != "Door" or c.open)]
+    return ids((cell,) for cell in (*floors, *every(model, "Lava")))
+
+
+def _on(model: Model, cls: str) -> Rows:
+    return ids((hero,) for hero in every(model, "Hero") if hero.at.cls == cls)
+
+
+def _safe(model: Model) -> Rows:
+    floors = {cell.id for cell in every(model, "Floor")}
+    return {(a, b) for a, _, b in _steps(model) if {a, b} <= floors}
+
+
+def _ways(model: Model) -> Rows:
+    goals, ways = {goal.id for goal in every(model, "Goal")}, closure(_safe(model))
+    return {(h.id, g) for h in every(model, "Hero") for g in goals if h.at.id == g or (h.at.id, g) in ways}
+
+
+LAVA: dict[str, Callable[[Model], Rows]] = {
+    "step": _steps,
+    "turn": lambda m: {(left, TURNS[n - 3]) for n, left in enumerate(TURNS)},
+    "ahead": lambda m: ids(_ahead(m)),
+    "shut": lambda m: ids((d,) for d in every(m, "Door") if not d.open),
+    "enterable": _enterable,
+    "clear": lambda m: ids((c,) for c in every(m, "Floor") if _clear(c)),
+    "arrived": lambda m: _on(m, "Goal"),
+    "burnt": lambda m: _on(m, "Lava"),
+    "carriesKey": lambda m: ids(
+        (h, h.carries.colour) for h in every(m, "Hero") if h.carries is not None and h.carries.cls == "Key"
+    ),
+    "molten": lambda m: ids((c,) for c in every(m, "Lava")),
+    "misplaced": lambda m: ids((h,) for h in every(m, "Hero") if not _clear(h.at)),
+    "cutOff": lambda m: ids((h,) for h in every(m, "Hero")) - {(h,) for h, _ in _ways(m)},
+    "way": _ways,
+    "safeStep": _safe,
+}
+
+
+# --- taxi
+
+
+def _drives(model: Model) -> set[tuple[Node, str, Node]]:
+    found = set()
+    for street in every(model, "Street"):
+        for way in WAYS:
+            to = getattr(street, way)
+            walled = street.wall if way == "east" else to is not None and way == "west" and to.wall
+            if to is not None and not walled:
+                found.add((street, way, to))
+    return found
+
+
+def _reached(model: Model) -> Rows:
+    ways = closure(ids((a, b) for a, _, b in _drives(model)))
+    starts = {taxi.street.id for taxi in every(model, "Taxi")}
+    return {(b,) for a, b in ways if a in starts} | {(start,) for start in starts}
+
+
+TAXI: dict[str, Callable[[Model], Rows]] = {
+    "step": lambda m: ids(_drives(m)),
+    "arrived": lambda m: ids((p,) for p in every(m, "Passenger") if p.at == p.destination),
+    "next": lambda m: ids((a, b) for a, _, b in _drives(m)),
+    "reached": _reached,
+    "cutOff": lambda m: ids((s,) for s in every(m, "Street")) - _reached(m),
+    "occupied": lambda m: ids((stand.street,) for stand in every(m, "Stand")),
+}
+
+
+# --- job shop
+
+
+def _work(model: Model) -> list[tuple[Node, Node, int]]:
+    return [(one.machine, one, one.duration) for one in every(model, "Operation")]
+
+
+def _load(model: Model) -> dict[Node, int]:
+    work = _work(model)
+    return {one: sum(time for machine, _, time in work if machine == one) for one in every(model, "Machine")}
+
+
+def _length(model: Model) -> dict[Node, int]:
+    return {job: sum(one.duration for one in job.operations) for job in every(model, "Job")}
+
+
+JOBSHOP: dict[str, Callable[[Model], Rows]] = {
+    "unfinished": lambda m: ids((job,) for job in every(m, "Job") if job.next is not None),
+    "idle": lambda m: ids((one,) for one in every(m, "Machine") if one.serves is None),
+    "working": lambda m: ids((one,) for one in every(m, "Machine") if one.serves is not None),
+    "work": lambda m: ids(_work(m)),
+    "load": lambda m: ids(_load(m).items()),
+    "part": lambda m: ids((job, one, one.duration) for job in every(m, "Job") for one in job.operations),
+    "length": lambda m: ids(_length(m).items()),
+    "bound": lambda m: {(max(*_load(m).values(), *_length(m).values()),)},
+}
+
+
+# --- triage
+
+
+def _in_ward(model: Model, *wards: str) -> list[Node]:
+    return [patient for patient in every(model, "Patient") if patient.ward.cls in wards]
+
+
+def _pressure(model: Model) -> Rows:
+    risks = [patient.risk for patient in every(model, "Patient")]
+    return {(fsum(risks) / ward.beds,) for ward in every(model, "Treatment")}
+
+
+TRIAGE: dict[str, Callable[[Model], Rows]] = {
+    "waiting": lambda m: ids((p,) for p in _in_ward(m, "Waiting")),
+    "critical": lambda m: ids((p,) for p in _in_ward(m, "Waiting") if p.condition == "red"),
+    "treated": lambda m: ids((p,) for p in _in_ward(m, "Treatment")),
+    "inHouse": lambda m: ids((p,) for p in _in_ward(m, "Waiting", "Treatment")),
+    "dead": lambda m: ids((p,) for p in _in_ward(m, "Morgue")),
+    "risk": lambda m: ids((p, p.risk) for p in every(m, "Patient")),
+    "pressure": _pressure,
+    "patient": lambda m: ids((p,) for p in every(m, "Patient")),
+}
+
 BY_HAND = {
     "burning_forest": BURNING_FOREST,
+    "jobshop": JOBSHOP,
     "keydoor": KEYDOOR,
+    "lava": LAVA,
     "network": NETWORK,
     "sokoban": SOKOBAN,
+    "taxi": TAXI,
+    "triage": TRIAGE,
     "warehouse": WAREHOUSE,
 }

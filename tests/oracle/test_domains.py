@@ -21,9 +21,13 @@ from tests.unit.rewrite.graphs import snapshot
 MODELS = [
     ("burning_forest", "running_4x4"),
     ("burning_forest", "target_8x8"),
+    ("jobshop", "three_jobs"),
     ("keydoor", "two_rooms"),
+    ("lava", "vault"),
     ("network", "backbone"),
     ("sokoban", "small"),
+    ("taxi", "town"),
+    ("triage", "friday"),
     ("warehouse", "small_hall"),
 ]
 

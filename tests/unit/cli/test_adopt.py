@@ -11,6 +11,7 @@ import gymnasium
 import pytest
 
 from envgraph.env import explore
+from envgraph.lang import bundled_domain
 from envgraph.search import Domain
 from tests.profile import NIGHTLY
 from tests.unit.cli.test_commands import Envgraph, envgraph, ok
@@ -69,6 +70,10 @@ def test_it_steps_as_the_environment_does(
     texts = [str(path) for path in Path("mine").iterdir() if path.suffix != ".toml"]
     assert "would" not in envgraph("format", "--check", *texts).out
     assert_steps_as(Path("mine"), id, options)
+
+
+def test_the_bundled_taxi_is_that_of_gymnasium() -> None:
+    assert_steps_as(bundled_domain("taxi"), "Taxi-v4", {})
 
 
 def test_a_lake_has_a_family_of_lakes(envgraph: Envgraph) -> None:

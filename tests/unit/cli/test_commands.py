@@ -109,7 +109,9 @@ def test_a_new_domain_checks_generates_trains_and_reports(envgraph: Envgraph, tm
     assert "<svg" in (tmp_path / "runs" / "m" / "report.html").read_text()
 
 
-@pytest.mark.parametrize("domain", ["burning_forest", "keydoor", "network", "social_media", "warehouse"])
+@pytest.mark.parametrize(
+    "domain", ["burning_forest", "keydoor", "network", "social_media", "sokoban", "warehouse"]
+)
 def test_a_bundled_domain_can_be_copied_to_start_from(envgraph: Envgraph, domain: str) -> None:
     done = ok(envgraph("new", "mine", "--domain", domain))
     assert "wrote mine/" in done.out and "next: envgraph " in done.out

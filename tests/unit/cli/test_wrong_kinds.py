@@ -46,7 +46,7 @@ TAKES = {
     ),
     "replay a.model r.rules FILE": ("a trace, which `envgraph apply --trace` writes", ("t.trace",)),
     "generate FILE": ("a family file", ("f.toml",)),
-    "import FILE": ("a ga4cl family", ("a.json",)),
+    "import FILE": ("a ga4cl family", ("a.json", "notes.txt")),
     "export FILE": ("a run (run.sqlite) or a family as JSON", ("run.sqlite", "family.json", "a.json")),
 }
 

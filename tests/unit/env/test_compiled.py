@@ -32,11 +32,20 @@ MODELS = {
     "burning_forest": BUNDLED / "burning_forest/target_8x8.model",
     "network": BUNDLED / "network/backbone.model",
     "warehouse": BUNDLED / "warehouse/small_hall.model",
-    "pushing": BUNDLED / "sokoban/small.model",
     "sokoban": EXTRA / "sokoban/small.model",
     "sokoban2": EXTRA / "sokoban2/small.model",
     "wildfire": EXTRA / "wildfire/wild.model",
 }
+
+LONG = {
+    "jobshop": BUNDLED / "jobshop/three_jobs.model",
+    "lava": BUNDLED / "lava/vault.model",
+    "pushing": BUNDLED / "sokoban/small.model",
+    "taxi": BUNDLED / "taxi/town.model",
+    "triage": BUNDLED / "triage/friday.model",
+}
+"""At night only: what they are made of, others have too."""
+ALL = MODELS | LONG
 
 
 def domain(model: Path) -> list[Path]:
@@ -48,16 +57,16 @@ BY_DAY = ("keydoor", "network", "warehouse", "wildfire")
 """numba takes seconds for each domain."""
 
 
-@pytest.mark.parametrize("name", MODELS if NIGHTLY else BY_DAY)
+@pytest.mark.parametrize("name", ALL if NIGHTLY else BY_DAY)
 def test_it_steps_as_the_live_engine_does(name: str) -> None:
     pytest.importorskip("numba")
-    engine, behaviour = opened(*domain(MODELS[name]))
+    engine, behaviour = opened(*domain(ALL[name]))
     step_side_by_side(mutants(engine, behaviour, 6), behaviour, STEPS, native=True)
 
 
-@pytest.mark.parametrize("name", MODELS)
+@pytest.mark.parametrize("name", ALL if NIGHTLY else MODELS)
 def test_without_numba_it_steps_the_same(name: str) -> None:
-    engine, behaviour = opened(*domain(MODELS[name]))
+    engine, behaviour = opened(*domain(ALL[name]))
     step_side_by_side(mutants(engine, behaviour, 6), behaviour, 200, native=False)
 
 
