@@ -37,7 +37,8 @@ from envgraph.rewrite.engine._engine import Engine
 from envgraph.rewrite.engine._losses import Loss
 from envgraph.rewrite.engine._register import Registration
 from envgraph.rewrite.engine._trace import TRACE_FORMAT, Trace, trace_schema, trace_to_text
-from envgraph.rewrite.events._events import Activation, Agenda, EventRule
+from envgraph.rewrite.events._agenda import Agenda
+from envgraph.rewrite.events._event_rules import Activation, EventRule
 from envgraph.rewrite.explore._exploration import Exploration, State, Statistics, Transition
 from envgraph.rewrite.run._run import STEP_LIMIT
 from envgraph.rewrite.run._runner import Randomness, RuleRunner

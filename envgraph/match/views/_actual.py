@@ -13,8 +13,9 @@ from envgraph.match.generate._sinks import Sink
 from envgraph.match.generate._symbols import Held, Source
 from envgraph.match.generate._write import Module
 from envgraph.match.views._closure_operator import ClosureOperator
-from envgraph.match.views._delta import Delta, DeltaTranslation, Role, delta_plan, tuple_names
+from envgraph.match.views._delta import Delta, DeltaTranslation, delta_plan, tuple_names
 from envgraph.match.views._group_aggregates import Fold
+from envgraph.match.views._occurrences import Role
 from envgraph.match.views._operators import Operator, Rows
 from envgraph.match.views._planning import ViewPlanner
 from envgraph.metamodel import Attribute

@@ -6,8 +6,9 @@ from collections.abc import Callable, Iterator, Sequence
 
 from envgraph.match.explain._explain import Names, relation_text, steps_text
 from envgraph.match.views._closure_operator import ClosureOperator
-from envgraph.match.views._delta import Delta, Role, delta_plan, delta_source
+from envgraph.match.views._delta import Delta, delta_plan, delta_source
 from envgraph.match.views._group_aggregates import Fold
+from envgraph.match.views._occurrences import Role
 from envgraph.match.views._operators import Evaluated, Operator, View
 from envgraph.match.views._planning import ViewPlanner
 from envgraph.match.views._recursive import Component, Member

@@ -11,7 +11,8 @@ from dataclasses import field
 from envgraph.code import Assign, Block, Body, For, If, Name, Statement, dataclass
 from envgraph.match.generate._symbols import Literal, Source
 from envgraph.match.generate._write import Module
-from envgraph.match.views._delta import Delta, Role, tuple_names, write_delta
+from envgraph.match.views._delta import Delta, tuple_names, write_delta
+from envgraph.match.views._occurrences import Role
 from envgraph.match.views._planning import ViewPlanner
 from envgraph.metamodel import Value
 

@@ -8,7 +8,7 @@ from typing import Final
 from envgraph.graph import Store
 from envgraph.match.plan._options import Unplannable
 from envgraph.match.plan._plan import Kind, Plan, held_value
-from envgraph.match.views._delta import Role, occurrences
+from envgraph.match.views._occurrences import Role, occurrences
 from envgraph.match.views._planning import ViewPlanner
 from envgraph.metamodel import Attribute, Metamodel, Value, Values
 from envgraph.pattern import (

@@ -21,16 +21,10 @@ from envgraph.match.views._bodies import (
     negated,
 )
 from envgraph.match.views._closure_operator import ClosureOperator, LinkSteps, RowSteps
-from envgraph.match.views._delta import (
-    Delta,
-    Occurrence,
-    build_source,
-    delta_source,
-    derivable_source,
-    occurrences,
-)
+from envgraph.match.views._delta import Delta, build_source, delta_source, derivable_source
 from envgraph.match.views._group_aggregates import Fold
 from envgraph.match.views._joins import all_values, joined_by_value, values_of, with_values
+from envgraph.match.views._occurrences import Occurrence, occurrences
 from envgraph.match.views._operators import Evaluated, Operator, Rows, View, fill_unrecorded
 from envgraph.match.views._planning import ViewPlanner
 from envgraph.match.views._recursive import Component, Member

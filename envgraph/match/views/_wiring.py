@@ -10,10 +10,11 @@ from envgraph.code import Call, Do, Function, Local, Name, Return, define
 from envgraph.graph import Store
 from envgraph.match.plan._options import Unplannable
 from envgraph.match.views._closure_operator import ClosureOperator
-from envgraph.match.views._delta import Delta, Occurrence, occurrences, own_positions
+from envgraph.match.views._delta import Delta, own_positions
 from envgraph.match.views._fusion import fused_source
 from envgraph.match.views._group_aggregates import Fold
 from envgraph.match.views._network_builder import Build, Definition, Key, NetworkBuilder
+from envgraph.match.views._occurrences import Occurrence, occurrences
 from envgraph.match.views._operators import Evaluated, Hook, Operator, View
 from envgraph.match.views._planning import ViewPlanner
 from envgraph.match.views._recursive import Member

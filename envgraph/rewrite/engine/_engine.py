@@ -21,7 +21,7 @@ from envgraph.rewrite.engine._register import Definition
 from envgraph.rewrite.engine._registrar import Registrar
 from envgraph.rewrite.engine._rewriting import Rewriting
 from envgraph.rewrite.engine._runs import Runs
-from envgraph.rewrite.events._events import Agenda
+from envgraph.rewrite.events._agenda import Agenda
 from envgraph.rewrite.explore import _explore
 
 if TYPE_CHECKING:

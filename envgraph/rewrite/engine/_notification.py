@@ -10,7 +10,8 @@ from envgraph.errors import InvalidArgument
 from envgraph.graph import guarded
 from envgraph.match import Subscription, ViewMatcher
 from envgraph.rewrite.engine._catalog import Catalog
-from envgraph.rewrite.events._events import Agenda, ConflictSet, EventRule, update_key
+from envgraph.rewrite.events._agenda import Agenda, ConflictSet
+from envgraph.rewrite.events._event_rules import EventRule, update_key
 from envgraph.rewrite.events._jobs import Event, Job, bind_job, job_name
 from envgraph.rewrite.events._listening import (
     Listener,

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Sequence
 from envgraph.errors import InvalidArgument
 from envgraph.graph import Model
 from envgraph.rewrite._match import Match, Row, Shape
-from envgraph.rewrite.events._events import paired
+from envgraph.rewrite.events._event_rules import paired
 from envgraph.rewrite.events._jobs import check_runs
 
 Listener = Callable[[list[Match], list[Match]], object]
