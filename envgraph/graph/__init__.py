@@ -26,7 +26,8 @@ from envgraph.graph._journal import EXCHANGE, IN, OUT, SET, Exchangeable, Indexe
 from envgraph.graph._model import Model
 from envgraph.graph._node import Node, Targets, ValueList
 from envgraph.graph._picture import PictureOptions
-from envgraph.graph._store import Relation, Store
+from envgraph.graph._relation import Relation
+from envgraph.graph._store import Store
 from envgraph.graph._versions import Version
 
 if TYPE_CHECKING:

@@ -7,7 +7,8 @@ from hashlib import blake2b
 from typing import TYPE_CHECKING
 
 from envgraph.graph._hashing import value_code
-from envgraph.graph._store import Ends, Relation, Store
+from envgraph.graph._relation import Ends, Relation
+from envgraph.graph._store import Store
 
 if TYPE_CHECKING:
     from envgraph.graph._model import Model

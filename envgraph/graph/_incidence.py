@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 
 from envgraph.graph._layout import Layout
-from envgraph.graph._store import Relation, Store
+from envgraph.graph._relation import Relation
+from envgraph.graph._store import Store
 
 Link = tuple[Relation, int, int]
 """A link: its relation, source and target."""

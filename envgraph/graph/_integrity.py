@@ -6,7 +6,8 @@ from collections.abc import Sized
 from itertools import pairwise
 
 from envgraph.graph._journal import Extent, IndexedSet
-from envgraph.graph._store import Ends, Relation, Store, recomputed_total
+from envgraph.graph._relation import Ends, Relation
+from envgraph.graph._store import Store, recomputed_total
 from envgraph.metamodel import accepts
 
 

@@ -6,7 +6,8 @@ from collections.abc import Callable, Mapping
 from typing import Final, TypeVar
 
 from envgraph.graph._journal import Extent
-from envgraph.graph._store import Relation, Store
+from envgraph.graph._relation import Relation
+from envgraph.graph._store import Store
 from envgraph.metamodel import Attribute, EnumType, Metamodel, Scalar, Value, Values
 
 _KINDS: Mapping[Scalar, type] = {Scalar.INT: int, Scalar.FLOAT: float, Scalar.BOOL: bool, Scalar.STRING: str}

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from envgraph.errors import InvalidArgument
 from envgraph.graph import _refusals as refusals
-from envgraph.graph._store import Relation
+from envgraph.graph._relation import Relation
 from envgraph.graph._transactions import all_or_nothing
 from envgraph.metamodel import Reference
 
@@ -42,7 +42,7 @@ def link(model: Model, source: int, reference: Reference, target: int) -> bool:
     if len(relation.backward[target]) >= relation.opposite_upper:
         assert relation.opposite is not None
         raise refusals.full(model, target, relation.opposite)
-    model.store.connect(relation, source, target)
+    relation.connect(source, target)
     return True
 
 
@@ -70,8 +70,8 @@ def _house(model: Model, relation: Relation, container: int, node: int) -> bool:
     old = model.container(node)
     try:
         if old:
-            model.store.disconnect(model.store.relations[old[1].index], old[0], node)
-        model.store.connect(relation, container, node)
+            model.store.relations[old[1].index].disconnect(old[0], node)
+        relation.connect(container, node)
     except BaseException:
         model.store.interrupted.append((link, (model, container, relation.reference, node)))
         model.store.interrupted.repair()
@@ -84,7 +84,7 @@ def unlink(model: Model, source: int, reference: Reference, target: int) -> bool
     relation = model.store.relations[reference.index]
     if target not in relation.forward[source]:
         return False
-    model.store.disconnect(relation, source, target)
+    relation.disconnect(source, target)
     return True
 
 
@@ -161,7 +161,6 @@ def _clear(model: Model, relation: Relation, source: int) -> None:
 
 
 def _replace(model: Model, relation: Relation, source: int, targets: Sequence[int]) -> None:
-    disconnect = model.store.disconnect
     old = tuple(relation.forward[source])
     wanted = set(targets)
     kept = [target for target in old if target in wanted]
@@ -169,12 +168,12 @@ def _replace(model: Model, relation: Relation, source: int, targets: Sequence[in
     in_place = kept == list(targets[: len(kept)])
     for target in old:
         if not in_place or target not in wanted:
-            disconnect(relation, source, target)
+            relation.disconnect(source, target)
     if relation.opposite_upper == 1:
         for target in targets:
             holders = relation.backward[target]
             if holders and holders[0] != source:
-                disconnect(relation, holders[0], target)
+                relation.disconnect(holders[0], target)
     for target in targets:
         model.link(source, relation.reference, target)
 

@@ -107,7 +107,7 @@ def _delete(model: Model, tree: Sequence[int]) -> None:
     for gone in tree:
         if store.classes[gone] >= 0:
             for relation, source, target in list(links_of(store, layout, gone)):
-                store.disconnect(relation, source, target)
+                relation.disconnect(source, target)
     for gone in reversed(tree):
         if store.classes[gone] >= 0:
             _erase(model, gone)
@@ -168,7 +168,7 @@ def _retype(
     store = model.store
     for relation, source, target in lost:
         if target in relation.forward[source]:
-            store.disconnect(relation, source, target)
+            relation.disconnect(source, target)
     for attribute in dropped:
         if store.values[attribute][node] is not None:
             store.put(node, attribute, None)

@@ -17,7 +17,7 @@ from envgraph.draw import (
 )
 from envgraph.errors import InvalidArgument, did_you_mean, visible
 from envgraph.graph._node import Node
-from envgraph.graph._store import Relation
+from envgraph.graph._relation import Relation
 from envgraph.metamodel import Attribute, EnumType, Feature, Metamodel, Reference, Scalar, class_colours
 
 if TYPE_CHECKING:

@@ -8,146 +8,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from itertools import repeat
-from sys import maxsize
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar
 
 from envgraph.graph._facts import ClassFact, Fact, LinkFact, Listener, ValueFact
-from envgraph.graph._hashing import class_code, node_salts, reference_code, value_code
+from envgraph.graph._followers import Follower, Interrupted, NodeHook, ValueHook
+from envgraph.graph._hashing import class_code, node_salts, value_code
 from envgraph.graph._journal import IN, OUT, SET, Extent, IndexedSet, Item, Journal
-from envgraph.metamodel import Metamodel, Reference, Value, Values
-
-Ends = list[tuple[int, ...] | IndexedSet[int]]
-"""Column of adjacency: for each node the objects at the other ends of its links."""
+from envgraph.graph._relation import Ends, Relation, columns
+from envgraph.metamodel import Metamodel, Value, Values
 
 _CODES_KEPT = 1 << 16
-
-
-class Interrupted(list[Any]):
-    """What exceptions have left half done, such as that of Ctrl-C; empty but for the time until it is made good.
-
-    Whoever catches an exception in the middle of a write (`except BaseException`) adds how it is to be ended, before
-    anything else is called, and then calls `repair`. If that is interrupted, too, the next use of the model does it.
-    What is added is one of:
-
-    - None, if it was a single change, and what follows the model (a `Follower`), if it was what that does;
-    - a function and its arguments, which may be called when some, all or none of it is done already;
-    - a savepoint to roll back to and close, or (an int) how many to leave open;
-    - a version to go to.
-
-    Attributes:
-        repair: see `History.repair`.
-    """
-
-    __slots__ = ("repair",)
-
-    repair: Callable[[], None]
-
-
-class Relation:
-    """How one reference is stored; the two references of an opposite pair share columns, crossed over.
-
-    Attributes:
-        fact: the reference that facts about these links name (see `LinkFact`).
-        flipped: facts have source and target the other way round.
-        symmetric: the reference is its own opposite; `forward` and `backward` are one column.
-        forward, backward: targets of each source, sources of each target.
-        source_ok, target_ok: by index of a class, whether its objects may stand there; one more entry at the end,
-            False, is what the class index -1 of a missing object finds.
-        upper, opposite_upper: how many links a source and a target may have.
-        containment, contained: the source owns the target, or the other way round.
-        plain: single-valued, no containment, and never refuses to replace a target.
-        code: the reference's number in the hash.
-        added, removing: what follows the links, see `Follower`; called with the ends of the fact.
-        connect, disconnect: see those of `Store`; made by it.
-    """
-
-    __slots__ = (
-        "added",
-        "backward",
-        "code",
-        "connect",
-        "contained",
-        "containment",
-        "disconnect",
-        "fact",
-        "flipped",
-        "forward",
-        "opposite",
-        "opposite_upper",
-        "plain",
-        "reference",
-        "removing",
-        "source_ok",
-        "symmetric",
-        "target_ok",
-        "upper",
-    )
-
-    def __init__(self, reference: Reference, metamodel: Metamodel, forward: Ends, backward: Ends) -> None:
-        opposite = metamodel.opposite(reference)
-        self.reference = reference
-        self.opposite = opposite
-        self.flipped = opposite is not None and opposite.index < reference.index
-        self.fact = opposite if self.flipped and opposite else reference
-        self.symmetric = opposite is not None and opposite.index == reference.index
-        self.forward = forward
-        self.backward = backward
-        self.source_ok = metamodel.instances(reference.owner)
-        self.target_ok = metamodel.instances(reference.target)
-        self.upper = maxsize if reference.upper is None else reference.upper
-        self.opposite_upper = maxsize if opposite is None or opposite.upper is None else opposite.upper
-        self.containment = reference.containment
-        self.contained = opposite is not None and opposite.containment
-        self.plain = (
-            self.upper == 1
-            and not (self.containment or self.contained)
-            and self.opposite_upper in (1, maxsize)
-        )
-        self.code = reference_code(self.fact)
-        self.added: Callable[[int, int], object] | None = None
-        self.removing: Callable[[int, int], object] | None = None
-        self.connect: Callable[[int, int], object]
-        self.disconnect: Callable[[int, int], object]
-
-    def ends(self, source: int, target: int) -> tuple[int, int]:
-        """Source and target of the fact for a link of this reference."""
-        if self.flipped or (self.symmetric and source > target):
-            return target, source
-        return source, target
-
-
-class Follower(Protocol):
-    """What keeps something current with a model, such as views do.
-
-    It is told of changes through the functions that it hangs into the store (`Relation.added` and `removing`,
-    `Store.value_added` and `value_removing`, `class_added` and `class_removing`, `retyping`): `added` after the fact
-    has come, `removing` before it goes. What it does then is recorded in the journal, so that a rollback takes it back.
-    """
-
-    def settle(self) -> None:
-        """Work off what is pending: a savepoint or a commit follows."""
-
-    def rolled_back(self) -> None:
-        """A rollback has restored everything that was recorded: what is pending is void."""
-
-    def released(self) -> None:
-        """The outermost transaction has ended well, or the present state has become a version."""
-
-    def checked_out(self) -> None:
-        """The model is in another version, and what was recorded has been replayed: what is pending is void."""
-
-    def interrupted(self) -> None:
-        """A change has been interrupted, before or after the notification or meanwhile: it may be made or not."""
-
-    def suspend(self) -> None:
-        """The model is about to be loaded: changes will not be told."""
-
-    def loaded(self) -> None:
-        """The load has ended."""
-
-
-NodeHook = Callable[[int], object]
-ValueHook = Callable[[int, Any], object]
 
 
 class Store:
@@ -195,7 +65,7 @@ class Store:
         self.extents = tuple(Extent(i, self.classes, self.place) for i in range(len(metamodel.class_list)))
         self.values: tuple[list[Any], ...] = tuple([] for _ in metamodel.attributes)
         self.distinct: tuple[list[Values], ...] = tuple([] for _ in metamodel.attributes)
-        self.forward, self.backward = _columns(metamodel)
+        self.forward, self.backward = columns(metamodel)
         self.relations = tuple(
             Relation(reference, metamodel, self.forward[reference.index], self.backward[reference.index])
             for reference in metamodel.references
@@ -385,14 +255,6 @@ class Store:
         if self.recording:
             self.journal.extend((distinct, node, distinct[node], SET))
         distinct[node] = values
-
-    def connect(self, relation: Relation, source: int, target: int) -> None:
-        """A link that was not there."""
-        relation.connect(source, target)
-
-    def disconnect(self, relation: Relation, source: int, target: int) -> None:
-        """A link goes."""
-        relation.disconnect(source, target)
 
     def _connector(self, relation: Relation) -> Callable[[int, int], object]:
         """Adds links of one reference. Most objects have few of them, so these are dealt with on the spot."""
@@ -621,24 +483,6 @@ class Store:
         """All objects, class by class in the order of declaration."""
         for extent in self.extents:
             yield from extent
-
-
-def _columns(metamodel: Metamodel) -> tuple[tuple[Ends, ...], tuple[Ends, ...]]:
-    """Forward and backward columns of every reference."""
-    forward: list[Ends] = []
-    backward: list[Ends] = []
-    for reference in metamodel.references:
-        opposite = metamodel.opposite(reference)
-        if opposite is None or opposite.index > reference.index:
-            pair: tuple[Ends, Ends] = ([], [])
-        elif opposite.index == reference.index:
-            both: Ends = []
-            pair = (both, both)
-        else:
-            pair = (backward[opposite.index], forward[opposite.index])
-        forward.append(pair[0])
-        backward.append(pair[1])
-    return tuple(forward), tuple(backward)
 
 
 def recomputed_total(store: Store) -> int:
