@@ -1,4 +1,4 @@
-"""What a model still lacks: the part of the metamodel's demands that writing does not enforce."""
+"""Conformance: what a model still lacks of the metamodel's demands that writing does not enforce."""
 
 from __future__ import annotations
 

@@ -9,7 +9,7 @@ from envgraph.graph._model import Model
 
 
 def reduced(model: Model) -> tuple[Callable[..., Model], tuple[object, ...], dict[str, object]]:
-    """What `copy` and `pickle` make a model from."""
+    """Return what `copy` and `pickle` make a model from."""
     from envgraph.graph.interchange._json import model_from_json, model_to_json  # few programs need it
 
     return model_from_json, (model_to_json(model), model.metamodel), {"places": model.places}

@@ -63,7 +63,7 @@ def subscribe(model: Model, listener: Listener) -> None:
 
 
 def unsubscribe(model: Model, listener: Listener) -> None:
-    """Stop telling a listener.
+    """Stop notifying a listener.
 
     Raises:
         InvalidArgument: it is not subscribed.

@@ -1,4 +1,4 @@
-"""What follows the changes of a model, and what exceptions leave half done there."""
+"""Followers of the changes of a model, and the note of what exceptions leave half done."""
 
 from __future__ import annotations
 
@@ -30,9 +30,10 @@ class Interrupted(list[Any]):
 class Follower(Protocol):
     """What keeps something current with a model, such as views do.
 
-    It is told of changes through the functions that it hangs into the store (`Relation.added` and `removing`,
+    It is notified of changes through the functions that it registers in the store (`Relation.added` and `removing`,
     `Store.value_added` and `value_removing`, `class_added` and `class_removing`, `retyping`): `added` after the fact
-    has come, `removing` before it goes. What it does then is recorded in the journal, so that a rollback takes it back.
+    has been inserted, `removing` before it is deleted. What it does then is recorded in the journal, so that a
+    rollback undoes it.
     """
 
     def settle(self) -> None:
@@ -51,7 +52,7 @@ class Follower(Protocol):
         """A change has been interrupted, before or after the notification or meanwhile: it may be made or not."""
 
     def suspend(self) -> None:
-        """The model is about to be loaded: changes will not be told."""
+        """The model is about to be loaded: nobody will be notified of changes."""
 
     def loaded(self) -> None:
         """The load has ended."""

@@ -27,7 +27,7 @@ class Savepoint:
 
 
 class Shelf:
-    """Changes that were taken back and can be made again, as often as wanted; made by `Model.shelve`."""
+    """Changes that were undone and can be made again, as often as wanted; made by `Model.shelve`."""
 
     __slots__ = ("_entries", "_next_id", "_total")
 
@@ -129,7 +129,7 @@ class History:
             self.rollback(self._stack[depth])
 
     def shelve(self, savepoint: Savepoint) -> Shelf:
-        """As `rollback`, and what was taken back can be resumed."""
+        """As `rollback`, and what was undone can be resumed."""
         store = self._store
         if store.interrupted:
             self.repair()

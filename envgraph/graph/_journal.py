@@ -1,4 +1,4 @@
-"""The undo log: one flat list, and the sequences whose changes it can take back exactly.
+"""The undo log: one flat list, and the sequences whose changes it can undo exactly.
 
 An entry is four items, `container, key, old, opcode`, the opcode last because undoing reads backwards. Flat, because
 entries that were tuples would keep the garbage collector busy. Undoing a stretch of entries gives the inverse
@@ -7,7 +7,7 @@ stretch, so redo is the same mechanism.
 Whatever must follow rollbacks and versions keeps its state in lists, dicts and `IndexedSet`s and records here; a
 structure with another shape implements `Exchangeable`.
 
-An entry is written before the change that it takes back (a write-ahead log). So an exception in the middle of a change,
+An entry is written before the change that it undoes (a write-ahead log). So an exception in the middle of a change,
 such as that of Ctrl-C, leaves only the last entry in doubt: `take_back` settles it.
 """
 
@@ -50,7 +50,7 @@ class IndexedSet(list[Item]):
     """A set in a list, and the position of each element: adding, removing and random choice take constant time.
 
     A removal moves the last element into the gap. `put` reverses it, so the order is a function of the changes that
-    are in force, not of those that were made and taken back. Only `add`, `take` and `put` may change it.
+    are in force, not of those that were made and undone. Only `add`, `take` and `put` may change it.
     """
 
     __slots__ = ("position",)
@@ -92,7 +92,7 @@ class IndexedSet(list[Item]):
         return self.position[item]
 
     def contents(self, state: Contents[Item]) -> Contents[Item]:
-        """What undoes an `exchange`."""
+        """Return what undoes an `exchange`."""
         return _overwritten(self, *state)
 
     def exchange(self, _: None, state: Contents[Item]) -> Contents[Item]:
@@ -169,7 +169,7 @@ class Extent(list[int]):
         return self.place[node]
 
     def contents(self, state: Contents[int]) -> Contents[int]:
-        """What undoes an `exchange`."""
+        """Return what undoes an `exchange`."""
         return _overwritten(self, *state)
 
     def exchange(self, _: None, state: Contents[int]) -> Contents[int]:

@@ -1,4 +1,4 @@
-"""What follows from a metamodel for the hot paths of a model, in tables."""
+"""Tables of what follows from a metamodel, for the hot paths of a model."""
 
 from __future__ import annotations
 

@@ -139,7 +139,7 @@ def set_targets(model: Model, source: int, reference: Reference, targets: Sequen
     old = relation.forward[source]
     if len(old) == len(targets) and tuple(old) == tuple(targets):
         return
-    if not targets:  # nothing can be refused, so nothing has to be taken back
+    if not targets:  # nothing can be refused, so nothing has to be undone
         try:
             _clear(model, relation, source)
         except BaseException:

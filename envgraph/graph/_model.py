@@ -189,7 +189,7 @@ class Model:
         return self.metamodel.class_list[index].name
 
     def alive(self, node: int) -> bool:
-        """Whether there is an object with this id."""
+        """Return whether there is an object with this id."""
         return isinstance(node, int) and 0 <= node < self.store.next_id and self.store.classes[node] >= 0
 
     def extent(self, cls: str) -> Sequence[int]:
@@ -243,7 +243,7 @@ class Model:
         return self.store.backward[reference.index][node]
 
     def has_link(self, source: int, reference: Reference, target: int) -> bool:
-        """Whether there is such a link."""
+        """Return whether there is such a link."""
         return target in self.store.forward[reference.index][source]
 
     # --- transactions and versions

@@ -1,4 +1,4 @@
-"""What objects of a model are called: their names, and the places of those in grids."""
+"""Names of objects of a model, and the places of those in grids."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def set_object_name(model: Model, node: int, object_name: str | None) -> None:
 
 
 def title(model: Model, node: int) -> str | None:
-    """What a file calls an object, for `find_object`: its name, else its place in a grid, `tile[3, 1]`; or None."""
+    """Return the name of an object in files, for `find_object`, else its place in a grid, `tile[3, 1]`; or None."""
     if len(model._titles) != len(model.places):
         model._titles = {there: place.replace(",", ", ") for place, there in model.places.items()}
     return model.store.names[node] or model._titles.get(node)

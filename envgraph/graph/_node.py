@@ -57,7 +57,7 @@ class Node:
         return Node(self.model, found[0]) if found else None
 
     def is_a(self, cls: str) -> bool:
-        """Whether the object is an instance of a class or of one of its subclasses."""
+        """Return whether the object is an instance of a class or of one of its subclasses."""
         return self.model.metamodel.is_a(self.cls, cls)
 
     def delete(self, semantics: Literal["dpo", "spo"] = "dpo") -> None:

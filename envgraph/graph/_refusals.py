@@ -1,4 +1,4 @@
-"""What a refused write says."""
+"""Messages of refused writes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How links are stored: two columns of adjacency for each pair of opposite references."""
+"""Storage of links: two columns of adjacency for each pair of opposite references."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """The data of a model in id-indexed columns, and the elementary changes to it.
 
 Nothing here says what is allowed: `Model` does. Every change is recorded in the journal (while recording), added to
-the hash and told to the listeners.
+the hash, and the listeners are notified of it.
 """
 
 from __future__ import annotations
@@ -412,7 +412,7 @@ class Store:
         return number
 
     def _inserted(self, fact: Fact) -> None:
-        if not self.interrupted:  # else they are told to forget what they know
+        if not self.interrupted:  # else they are notified to forget what they know
             for listener in self.listeners:
                 listener.inserted(fact)
 

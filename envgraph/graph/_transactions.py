@@ -1,4 +1,4 @@
-"""What happens to a model as a whole or not at all: savepoints, transactions, loads, versions."""
+"""Transactions and loads: what happens to a model as a whole or not at all."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def rollback(model: Model, savepoint: Savepoint) -> None:
 
 
 def shelve(model: Model, savepoint: Savepoint) -> Shelf:
-    """As `rollback`, and return what was taken back, for `resume`.
+    """As `rollback`, and return what was undone, for `resume`.
 
     Raises:
         TransactionError: it is not the innermost open one.
@@ -96,7 +96,7 @@ def all_or_nothing(model: Model) -> Iterator[None]:
 
 @guarded
 def loading(model: Model) -> Iterator[None]:
-    """Build a model without a journal and without telling listeners of each change.
+    """Build a model without a journal and without notifying listeners of each change.
 
     The listeners hear `restored` at the end.
 

@@ -16,7 +16,7 @@ _SMALLEST = 1074
 
 
 def fits(value: int) -> bool:
-    """Whether it is an int of 64 bits."""
+    """Return whether it is an int of 64 bits."""
     return -LARGEST_INT - 1 <= value <= LARGEST_INT
 
 

@@ -24,7 +24,7 @@ Reached = dict[Any, Any]
 def reachable_sets(
     starts: Sequence[Any], following: Callable[[Any], Iterable[Any]], reflexive: bool
 ) -> dict[Any, Reached]:
-    """What each start reaches by one or more steps; with `reflexive`, itself too.
+    """Return what each start reaches by one or more steps; with `reflexive`, itself too.
 
     Nodes of one component share one dict, so a graph that hangs together costs no more than its nodes; a node that no
     circle leads back to has a tree. Components are found by Tarjan's algorithm (1972), each after all that it leads to.

@@ -1,4 +1,4 @@
-"""How many matches a pattern may have."""
+"""The limit of the number of matches of a pattern."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What every matcher can do, and the check of the arguments that people hand to one."""
+"""The interface of every matcher, and the check of the arguments that people hand to one."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class Matcher(Protocol):
         """The first of `rows`, or None; may stop early."""
 
     def exists(self, pattern: str, arguments: tuple[object, ...]) -> bool:
-        """Whether there is a match that agrees with the arguments."""
+        """Return whether there is a match that agrees with the arguments."""
 
     def count(self, pattern: str, arguments: tuple[object, ...]) -> int:
         """The number of `rows`."""
@@ -73,14 +73,14 @@ class Matcher(Protocol):
         """
 
     def tester(self, pattern: str) -> Callable[[Row], bool]:
-        """Whether a row is a match; unchecked, its values must have the right type. Objects may be gone."""
+        """Return whether a row is a match; unchecked, its values must have the right type. Objects may be gone."""
 
     def forget(self) -> None:
         """Names of patterns may mean something else from now on."""
 
 
 def check_bound(library: Library, pattern: str, bound: Collection[int]) -> None:
-    """Whether a pattern can be asked with values at these positions alone.
+    """Check that a pattern can be asked with values at these positions alone.
 
     Raises:
         InvalidArgument: a position that there is not, or an `in` parameter without a value that nothing enumerates.

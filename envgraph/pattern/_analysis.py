@@ -103,7 +103,7 @@ class Names:
         return [pattern for pattern in others if visible(pattern, package, caller)], hidden
 
     def visible_names(self, package: str, caller: Pattern | None = None) -> list[str]:
-        """What a text may call, for hints: simple names, and qualified ones of other packages."""
+        """Return what a text may call, for hints: simple names, and qualified ones of other packages."""
         names = []
         for qualified, pattern in self._qualified.items():
             if "#" not in qualified and visible(pattern, package, caller):
@@ -114,7 +114,7 @@ class Names:
 
 
 def visible(pattern: Pattern, package: str, caller: Pattern | None) -> bool:
-    """Whether a pattern may be called from a package, and from the file of the caller where both have one."""
+    """Return whether a pattern may be called from a package, and from the file of the caller where both have one."""
     if not pattern.private:
         return True
     if pattern.package != package:
@@ -351,5 +351,5 @@ def _may_be_method(expression: Expression) -> bool:
 
 
 def is_closure(call: PatternCall) -> bool:
-    """Whether the call follows the pattern more than once."""
+    """Return whether the call follows the pattern more than once."""
     return call.closure is not Closure.ONCE

@@ -1,4 +1,4 @@
-"""Which variables of a body have values that can be enumerated."""
+"""Enumeration: which variables of a body have values that can be listed."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ class Binding:
             self._comparisons()
 
     def binds(self, name: str) -> bool:
-        """Whether the values of a variable can be enumerated."""
+        """Return whether the values of a variable can be enumerated."""
         return self._reading.root(name) in self.bound
 
     def _at_once(self, parameters: Sequence[Parameter]) -> Iterator[str]:
@@ -160,7 +160,7 @@ def bound_by_type(
 
 
 def is_data_type(relation: Relation, metamodel: Metamodel) -> bool:
-    """Whether a relation is the type constraint of a data type: it says what a value is, and enumerates none."""
+    """Return whether a relation is the type constraint of a data type: it says what a value is, and enumerates none."""
     if not isinstance(relation, TypeConstraint):
         return False
     type_ = static_type(relation.type, metamodel)

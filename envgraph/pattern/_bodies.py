@@ -1,4 +1,4 @@
-"""Where the variables of a body stand, and how each place refers to them."""
+"""Occurrences of the variables of a body, and how each place refers to them."""
 
 from __future__ import annotations
 
@@ -245,7 +245,7 @@ def none_test(expression: Expression) -> Navigation | None:
 
 
 def base_of(navigation: Navigation) -> tuple[Expression, tuple[str, ...]]:
-    """What a chain `x.f.g` starts at, and its features in order."""
+    """Return what a chain `x.f.g` starts at, and its features in order."""
     features: list[str] = []
     node: Expression = navigation
     while isinstance(node, Navigation):

@@ -254,7 +254,7 @@ class _BodyCheck:
         return found
 
     def without_declaration(self, name: str) -> StaticType | None:
-        """What the body alone says about a parameter, its own declaration left out."""
+        """Return what the body alone says about a parameter, its own declaration left out."""
         parameters = tuple(
             Parameter(p.name, None if p.name == name else p.type, p.direction)
             for p in self._pattern.parameters

@@ -59,7 +59,7 @@ def evaluate(
 
 
 def computes(expression: Expression) -> bool:
-    """Whether the value may be a new one, which has to stay in bounds, and no truth value or float."""
+    """Return whether the value may be a new one, which has to stay in bounds, and no truth value or float."""
     match expression:
         case Binary():
             return expression.operator in ("+", "-", "*", "/", "%")
@@ -77,7 +77,7 @@ def computes(expression: Expression) -> bool:
 def holds(
     expression: Expression, values: Mapping[str, Value | int | None], read: Reader | None = None
 ) -> bool:
-    """Whether a `check` holds.
+    """Return whether a `check` holds.
 
     Every path in it (outside `== none`) must have a value, even where `||` would not look: that is what makes
     `x.attr` a path constraint. An expression without a value does not hold, as in VIATRA.

@@ -417,7 +417,7 @@ _KINDS: Final[Mapping[str, tuple[str, tuple[StaticType, ...]]]] = {
 
 
 def is_method(node: Navigation, owner: StaticType | None) -> bool:
-    """Whether `text.length` is the function of a string, without its brackets."""
+    """Return whether `text.length` is the function of a string, without its brackets."""
     function = FUNCTIONS.get(node.feature)
     return owner is Scalar.STRING and function is not None and function.parameters == ("string",)
 

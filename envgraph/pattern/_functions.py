@@ -83,7 +83,7 @@ class DeclaredFunction:
         return (*self.parameters, self.result)
 
     def at(self, span: Span | None) -> Callable[..., Value]:
-        """What a call at this place of a text does."""
+        """Return what a call at this place of a text does."""
         return partial(self._call, span)
 
     def _call(self, span: Span | None, *arguments: Value) -> Value:

@@ -1,4 +1,4 @@
-"""What can be wrong with a pattern before its bodies are looked at: name, parameters, annotations."""
+"""Checks of a pattern before its bodies are looked at: name, parameters, annotations."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ _SEVERITIES: Final = ("error", "warning", "info")
 
 
 def too_long(body: Body) -> bool:
-    """Whether a body is longer than what can be checked and planned in seconds; inequalities are not counted."""
+    """Return whether a body is longer than what can be checked and planned in seconds; inequalities are not counted."""
     steps = 0
     for constraint in body.constraints:
         relation = constraint.relation if isinstance(constraint, Negation) else constraint

@@ -25,7 +25,7 @@ Classes = Mapping[int, frozenset[str]]
 
 
 def implied_classes(goals: Iterable[Goal], metamodel: Metamodel, types_of: Types) -> Classes:
-    """What the relations among the goals say of the classes of their variables; class tests themselves do not count."""
+    """Return what the relations among the goals, class tests left out, say of the classes of their variables."""
     found: dict[int, set[str]] = {}
     for goal in goals:
         for variable, type_ in _facts(goal, metamodel, types_of):
@@ -35,7 +35,7 @@ def implied_classes(goals: Iterable[Goal], metamodel: Metamodel, types_of: Types
 
 
 def is_implied(goal: Goal, goals: Iterable[Goal], known: Classes, metamodel: Metamodel) -> bool:
-    """Whether a goal is a class test that is made anyway.
+    """Return whether a goal is a class test that is made anyway.
 
     Args:
         goal: one of `goals`.

@@ -148,7 +148,7 @@ class BodyTypes:
                 return self._call_columns(relation)
 
     def may_hold(self, relation: Relation) -> bool:
-        """Whether the types of the arguments allow any tuple: a number is no object, though both are ints."""
+        """Return whether the types of the arguments allow any tuple: a number is no object, though both are ints."""
         arguments = zip(map(self.of_term, terms_of(relation)), self.columns(relation), strict=True)
         return all(
             own is None or type_ is None or comparable(own, type_, self.metamodel) for own, type_ in arguments
@@ -236,7 +236,7 @@ def _declarations(parameters: Sequence[Parameter], metamodel: Metamodel) -> Iter
 
 
 def relation_text(relation: Relation) -> str:
-    """How messages name a relation."""
+    """Return how messages name a relation."""
     match relation:
         case TypeConstraint():
             return f"`{relation.type}`"

@@ -150,7 +150,7 @@ class Library:
         return tuple(dict.fromkeys(self._entry(qualified_name).calls.values()))
 
     def checked(self, *patterns: Pattern) -> Checked:
-        """What is known about new patterns; nothing is worked out again if they are those of the last time."""
+        """Return what is known about new patterns; nothing is worked out again if they are those of the last time."""
         last = self._checked
         if (
             last is None
@@ -211,7 +211,7 @@ class Library:
         return self._entry(qualified_name).inputs
 
     def may_hold(self, qualified_name: str, body: Body) -> Callable[[Relation], bool]:
-        """Whether the types of a body of a pattern allow that a relation under `neg` or in an aggregate has a tuple.
+        """Return the test whether the types of a body allow a tuple of a relation under `neg` or in an aggregate.
 
         Raises:
             InvalidArgument: there is no such pattern.

@@ -183,7 +183,7 @@ class LoweredPattern:
 
 
 def is_relation(goal: Goal) -> TypeGuard[RelationAtom]:
-    """Whether a goal is met by the tuples of one relation."""
+    """Return whether a goal is met by the tuples of one relation."""
     return isinstance(goal, InstanceAtom | AttributeAtom | LinkAtom | CallAtom | ClosureAtom)
 
 

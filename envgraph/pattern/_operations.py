@@ -1,4 +1,4 @@
-"""What the operators and functions of the expression language do with values.
+"""Operators and functions of the expression language, as functions of values.
 
 These are the functions that `evaluate` uses and that generated code calls by the names in `EXPRESSION_NAMESPACE`.
 Each of them either returns a value or raises `EvaluationError`; nothing else gets out.
@@ -25,7 +25,7 @@ Number = int | float
 
 
 def text(value: Value) -> str:
-    """How a value reads inside a string: `true` and `false` for truth values, enum literals by their name."""
+    """Return how a value reads inside a string: `true` and `false` for truth values, enum literals by their name."""
     if isinstance(value, bool):
         return "true" if value else "false"
     return value if isinstance(value, str) else repr(value)
@@ -200,12 +200,12 @@ class Function:
     total: bool = False
 
     def accepts_count(self, count: int) -> bool:
-        """Whether it can be called with that many arguments."""
+        """Return whether it can be called with that many arguments."""
         least = len(self.parameters) - self.optional
         return count >= least and (self.variadic or count <= len(self.parameters))
 
     def parameter(self, position: int) -> Kind:
-        """What the argument at a position must be."""
+        """Return what the argument at a position must be."""
         return self.parameters[min(position, len(self.parameters) - 1)]
 
     @property

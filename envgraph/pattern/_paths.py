@@ -65,7 +65,7 @@ def resolve_path(cls: str, features: tuple[str, ...], metamodel: Metamodel) -> R
 
 
 def derived(feature: Feature) -> bool:
-    """Whether the metamodel says that the values of a feature are computed (`@derived`)."""
+    """Return whether the metamodel says that the values of a feature are computed (`@derived`)."""
     return any(annotation.name == "derived" for annotation in feature.annotations)
 
 

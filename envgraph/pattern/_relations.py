@@ -1,4 +1,4 @@
-"""Whether a single relation means something: its names, the number and kind of its arguments, its closure."""
+"""Checks of single relations: names, the number and kind of the arguments, closures."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ class RelationCheck:
         self._reading: Reading = body_types.reading
 
     def problems(self, place: Place) -> list[Diagnostic]:
-        """What is wrong with a relation; empty if it can be used."""
+        """Return what is wrong with a relation; empty if it can be used."""
         match place.relation:
             case TypeConstraint():
                 found = list(self._type(place.relation, place))

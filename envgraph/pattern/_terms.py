@@ -111,7 +111,7 @@ class Binary:
         return links[-1].left, links[::-1]
 
     def chain(self) -> tuple[Expression, list[Binary]]:
-        """What `a + b - c` starts with, and the nodes for `+ b` and `- c`; without precedence and brackets no more.
+        """Return the start of `a + b - c`, and the nodes for `+ b` and `- c`; without precedence and brackets no more.
 
         Comparisons are no chains: of those, there is one node.
         """

@@ -1,4 +1,4 @@
-"""Whether the places where a variable stands agree on what it is."""
+"""Checks that the places where a variable stands agree on what it is."""
 
 from __future__ import annotations
 

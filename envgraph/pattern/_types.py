@@ -49,7 +49,7 @@ def type_names(metamodel: Metamodel) -> list[str]:
 
 
 def type_hint(name: str, metamodel: Metamodel) -> str | None:
-    """What an unknown type may have been meant to be: one of a similar name, or our name for one of Java or EMF.
+    """Return what an unknown type may have been meant to be: one of a similar name, or our name for one of Java or EMF.
 
     >>> type_hint("EInt", Metamodel("m", ())), type_hint("Integer", Metamodel("m", ()))
     ('write `int`', 'write `int`')
@@ -63,7 +63,7 @@ def type_hint(name: str, metamodel: Metamodel) -> str | None:
 
 
 def data_type_hint(name: str) -> str | None:
-    """What to write for a data type by its name in Java or EMF; None if it is none.
+    """Return what to write for a data type by its name in Java or EMF; None if it is none.
 
     >>> data_type_hint("double"), data_type_hint("EInt"), data_type_hint("Date")
     ('write `float`', 'write `int`', None)
@@ -83,12 +83,12 @@ def _any_object_hint(metamodel: Metamodel) -> str:
 
 
 def type_text(type_: StaticType) -> str:
-    """How a type is written in a file."""
+    """Return how a type is written in a file."""
     return type_.cls if isinstance(type_, ObjectType) else type_name(type_)
 
 
 def value_hint(type_: StaticType, found: StaticType | None = None) -> str:
-    """What to write where a value of a type stands, in the words of a hint.
+    """Return what to write where a value of a type stands, in the words of a hint.
 
     Args:
         type_: the type.
@@ -127,24 +127,24 @@ def value_type(value: Value) -> Scalar:
 
 
 def is_subtype(type_: StaticType, above: StaticType, metamodel: Metamodel) -> bool:
-    """Whether every instance of one type is an instance of the other; an int is no float."""
+    """Return whether every instance of one type is an instance of the other; an int is no float."""
     if isinstance(type_, ObjectType) and isinstance(above, ObjectType):
         return metamodel.is_a(type_.cls, above.cls)
     return type_ == above
 
 
 def assignable(type_: StaticType, target: StaticType, metamodel: Metamodel) -> bool:
-    """Whether a value of one type may be stored where the other is expected; an int may stand for a float."""
+    """Return whether a value of one type may be stored where the other is expected; an int may stand for a float."""
     return is_subtype(type_, target, metamodel) or (type_ is Scalar.INT and target is Scalar.FLOAT)
 
 
 def compatible(one: StaticType, other: StaticType, metamodel: Metamodel) -> bool:
-    """Whether something can be an instance of both types."""
+    """Return whether something can be an instance of both types."""
     return meet(one, other, metamodel) is not None
 
 
 def comparable(one: StaticType, other: StaticType, metamodel: Metamodel) -> bool:
-    """Whether values of the two types can be equal: as `compatible`, and an int can equal a float."""
+    """Return whether values of the two types can be equal: as `compatible`, and an int can equal a float."""
     return compatible(one, other, metamodel) or (one in NUMBERS and other in NUMBERS)
 
 
@@ -196,7 +196,7 @@ def joins(types: Sequence[StaticType], metamodel: Metamodel) -> list[StaticType]
 
 
 def literal_fits(value: Value, type_: StaticType) -> bool:
-    """Whether a written constant (no enum literal) may stand where the type is expected."""
+    """Return whether a written constant (no enum literal) may stand where the type is expected."""
     own = value_type(value)
     return own == type_ or (own is Scalar.INT and type_ is Scalar.FLOAT)
 
@@ -223,7 +223,7 @@ def wrong_type(expression: Expression, type_: StaticType, expected: StaticType) 
 
 
 def enum_hint(written: str, enum: EnumType) -> str | None:
-    """How to write the literal of an enum that someone wrote as a string."""
+    """Return how to write the literal of an enum that someone wrote as a string."""
     near = did_you_mean(written, enum.literals)
     return near.replace("`", f"`{enum.name}::", 1) if near else None
 

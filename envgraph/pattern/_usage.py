@@ -1,4 +1,4 @@
-"""Whether every variable of a body is used in a way that makes sense."""
+"""Checks that every variable of a body is used in a way that makes sense."""
 
 from __future__ import annotations
 

@@ -45,7 +45,7 @@ class Shape:
         raise InvalidArgument(f"`{self.definition}` has no variable `{name}`", hint)
 
     def is_object(self, position: int) -> bool:
-        """Whether the variable at this place stands for an object."""
+        """Return whether the variable at this place stands for an object."""
         return isinstance(self.types[position], ObjectType)
 
 
@@ -91,7 +91,7 @@ class Match(Mapping[str, "Node | Value"]):
         value = self.row[position]
         if self._shape.is_object(position):
             assert isinstance(value, int)
-            return Node(self.model, value)  # it may be gone by now: listeners are told of such matches
+            return Node(self.model, value)  # it may be gone by now: listeners are notified of such matches
         return value
 
     def __getattr__(self, name: str) -> Node | Value:

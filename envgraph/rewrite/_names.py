@@ -1,4 +1,4 @@
-"""What rules, units and groups are called, and what a call of one takes."""
+"""Names of rules, units and groups, and the signatures of their calls."""
 
 from __future__ import annotations
 

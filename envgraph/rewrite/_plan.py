@@ -1,4 +1,4 @@
-"""What a rule does to a graph, worked out once: both notations, `rhs` and `modify`, end here.
+"""Plans of rules, worked out once: both notations, `rhs` and `modify`, end here.
 
 A plan speaks of slots. The slots of a rule are the variables of its match, then the objects it creates, then the
 values it computes; a nested block (`forall`, `optional`) sees the slots of the enclosing one and adds its own in the

@@ -1,4 +1,4 @@
-"""What rules do, worked out: for those who carry it out elsewhere."""
+"""Plans of rules, for those who carry them out elsewhere."""
 
 from envgraph.rewrite._plan import (
     BlockPlan,

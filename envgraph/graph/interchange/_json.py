@@ -166,7 +166,7 @@ class _TooMany(Exception):
 
 
 def json_place(path: JsonPath) -> str:
-    """How messages name a value.
+    """Return how messages name a value.
 
     >>> json_place(("objects", 3, "features", "name"))
     'objects[3].features.name'

@@ -214,7 +214,7 @@ def arrange_targets(model: Model, node: int, reference: Reference, targets: Sequ
 
 
 def usual_value(attribute: Attribute) -> Value | None:
-    """What an object has whose tag does not mention the attribute, as in Ecore: for a string without default nothing.
+    """Return the value of an object whose tag lacks the attribute, as in Ecore: for a string without default none.
 
     >>> usual_value(Attribute("a", Scalar.INT)), usual_value(Attribute("a", Scalar.STRING))
     (0, None)

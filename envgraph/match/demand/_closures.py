@@ -48,13 +48,13 @@ class Steps(Protocol):
         """Everything that is reached from a source (or reaches a target) by one or more steps, nearest first."""
 
     def meeting(self, forward: bool) -> Meeting:
-        """Whether a search from the first argument comes to the second; the third, `[first]`, gets what is visited."""
+        """Return whether a search from the first argument meets the second; the third, `[first]`, gets its visits."""
 
     def spreading(self, forward: bool) -> Spreading:
         """As `search`, without what is in a set already; what is found is added to it."""
 
     def following(self, forward: bool) -> Callable[[Any], Iterable[Any]]:
-        """Where one step leads."""
+        """Return where one step leads."""
 
     def sources(self) -> Iterable[Any]:
         """Everything that may be the source of a pair."""
@@ -106,7 +106,7 @@ class ClosureView:
     # --- what is reached
 
     def search(self, forward: bool) -> Search:
-        """What a source reaches, or what reaches a target; nearest first."""
+        """Return what a source reaches, or what reaches a target; nearest first."""
         search, reflexive, store = self._steps.search(forward), self._reflexive, self._store
 
         def counted(start: Any) -> list[Any]:
@@ -126,7 +126,7 @@ class ClosureView:
         return search_with_start
 
     def stepping(self, forward: bool) -> Callable[[Any], list[Any]]:
-        """Where one step leads, worked out once for each node: steps may be searches along closures themselves."""
+        """Return where one step leads, once for each node: steps may be searches along closures themselves."""
         edges, store = self._edges[forward], self._store
         follow: Callable[[Any], Iterable[Any]] | None = None  # made late: closures of closures may go deep
 
@@ -170,7 +170,7 @@ class ClosureView:
     # --- values of what is reached
 
     def size(self, forward: bool) -> Callable[[Any], int]:
-        """How much a source reaches, or how much reaches a target."""
+        """Return how much a source reaches, or how much reaches a target."""
         search, reflexive, store = self._steps.search(forward), self._reflexive, self._store
 
         def size(start: Any) -> int:
@@ -253,7 +253,7 @@ class ClosureView:
     # --- whether it is reached
 
     def holds(self) -> Callable[[Any, Any], bool]:
-        """Whether a source reaches a target."""
+        """Return whether a source reaches a target."""
         flipped, reflexive, store = self._steps.backward_is_better, self._reflexive, self._store
         find, reached, reaching = self._finding(not flipped), self._reached, self._reaching
 
@@ -309,7 +309,7 @@ class ClosureView:
         return found
 
     def joined(self) -> Callable[..., bool]:
-        """Whether one end reaches, or is reached by, one of several others.
+        """Return whether one end reaches, or is reached by, one of several others.
 
         The function gets the end; a function that gives all that do, with its arguments; and one that gives the answer,
         with its arguments.

@@ -54,7 +54,7 @@ class CompiledMatcher:
         return self._ask(pattern, arguments, Mode.FIRST, None)  # type: ignore[no-any-return]
 
     def exists(self, pattern: str, arguments: tuple[object, ...]) -> bool:
-        """Whether there is a match that agrees with the arguments; stops at the first."""
+        """Return whether there is a match that agrees with the arguments; stops at the first."""
         return self._ask(pattern, arguments, Mode.EXISTS, False)  # type: ignore[no-any-return]
 
     def count(self, pattern: str, arguments: tuple[object, ...]) -> int:
@@ -74,7 +74,7 @@ class CompiledMatcher:
         return self._specialised(pattern, (), Mode.ROWS)
 
     def tester(self, pattern: str) -> Callable[[Row], bool]:
-        """Whether a row is a match."""
+        """Return whether a row is a match."""
         types = self._types(pattern)
         holds = self._specialised(pattern, tuple(range(len(types))), Mode.EXISTS)
         objects = tuple(p for p, type_ in enumerate(types) if isinstance(type_, ObjectType))

@@ -40,7 +40,7 @@ class Condensation:
         self._bytes = 0
 
     def holds(self, start: Any, goal: Any) -> bool:
-        """Whether one node reaches another.
+        """Return whether one node reaches another.
 
         Raises:
             TooLarge: as this is found out.
@@ -52,7 +52,7 @@ class Condensation:
         return place is not None and bool(bits >> place & 1)
 
     def reached(self, start: Any) -> int:
-        """What a node reaches: the bits at the places of `nodes`. Nodes share the object only if they reach the same.
+        """Return bits at the places of what a node reaches. Nodes share the object only if they reach the same.
 
         Raises:
             TooLarge: as this is found out.
@@ -65,7 +65,7 @@ class Condensation:
         return 1 << self._place[node]
 
     def size(self, start: Any) -> int:
-        """How many nodes one node reaches.
+        """Return how many nodes one node reaches.
 
         Raises:
             TooLarge: as this is found out.

@@ -1,4 +1,4 @@
-"""What several crowded ends of links have in common, for loops that look for it."""
+"""Intersections of several crowded ends of links, for loops that look for them."""
 
 from __future__ import annotations
 

@@ -96,7 +96,7 @@ class Program:
         self._closures: dict[tuple[str, bool], ClosureView] = {}
 
     def key(self, pattern: str, bound: tuple[int, ...], mode: Mode) -> ViewKey:
-        """What is asked for of a pattern with values at some positions (ascending)."""
+        """Return what is asked for of a pattern with values at some positions (ascending)."""
         width = len(self.library.parameter_types(pattern))
         free = tuple(position for position in range(width) if position not in bound)
         return ViewKey(pattern, bound, () if mode is Mode.EXISTS else free)
@@ -229,7 +229,7 @@ class Program:
         return remembered
 
     def class_table(self, cls: str) -> tuple[bool, ...]:
-        """Whether an object is an instance, by its class index; -1, for no object, finds the entry at the end."""
+        """Return for each class index whether its objects are instances; -1, for no object, finds the last entry."""
         metamodel = self.library.metamodel
         return (*(metamodel.is_a(each.name, cls) for each in metamodel.class_list), False)
 
@@ -316,7 +316,7 @@ class _Steps:
         return len(self._program.model.extent(self._source_class)) if self._source_class else 0
 
     def is_source(self, value: Any) -> bool:
-        """Whether `*` relates a value to itself."""
+        """Return whether `*` relates a value to itself."""
         return self._source_class is None or self._table[self._program.model.store.classes[value]]
 
     def sources(self) -> Iterable[Any]:

@@ -107,7 +107,7 @@ class Table:
             self._run.grow(calls.pattern)
 
     def known(self, row: Row) -> bool:
-        """Whether a row has been found."""
+        """Return whether a row has been found."""
         return row in self._known
 
     def finish(self) -> None:

@@ -98,11 +98,11 @@ class Names:
     """Whether variables that no text names are written `_`; else they have numbers."""
 
     def spoken(self, variable: int) -> bool:
-        """Whether a text names the variable, and it is no constant."""
+        """Return whether a text names the variable, and it is no constant."""
         return variable not in self._constants and not self._names.get(variable, "#").startswith("#")
 
     def called(self, variable: int, name: str) -> bool:
-        """Whether the text of this pattern has that name for the variable."""
+        """Return whether the text of this pattern has that name for the variable."""
         return self._names.get(variable) == name
 
     def all(self, variables: tuple[int, ...]) -> str:

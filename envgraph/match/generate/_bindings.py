@@ -1,4 +1,4 @@
-"""What stands for the variables of a body in generated code."""
+"""Bindings: the code that stands for the variables of a body."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Bindings:
         self._numbers: dict[int, int] | None = {} if renumbered else None
 
     def known(self, variable: int) -> bool:
-        """Whether a variable has a value."""
+        """Return whether a variable has a value."""
         return variable in self.names or variable in self.constants
 
     @property
@@ -37,7 +37,7 @@ class Bindings:
         return frozenset(self.names) - self.constants.keys()
 
     def source(self, variable: int) -> code.Expression:
-        """What stands for a variable that has a value."""
+        """Return what stands for a variable that has a value."""
         if variable not in self.names:
             self.names[variable] = self._module.literal(self.constants[variable])
         return self.names[variable]

@@ -1,4 +1,4 @@
-"""What asks one relation, in generated code: the objects of a class, links, rows of patterns, closures."""
+"""Questions about one relation, in generated code: the objects of a class, links, rows of patterns, closures."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class Relations:
         return code.call(self._module.name(Builtin("chain")), *members) if members else code.Tuple(())
 
     def is_instance(self, goal: InstanceAtom) -> code.Expression:
-        """Whether an object is of a class; of one that is not known, whether there is any."""
+        """Return whether an object is of a class; of one that is not known, whether there is any."""
         if not self.bindings.known(goal.variable):
             return code.joined("or", self.members(goal.cls, goal.exact), False)
         cls = code.Index(self._module.name(Column("classes")), self.bindings.source(goal.variable))
@@ -69,7 +69,7 @@ class Relations:
         return code.Index(self._module.name(ClassTable(goal.cls)), cls) if indices else code.Constant(False)
 
     def ends(self, goal: LinkAtom) -> code.Expression:
-        """What stands at the other end of the links of the one object, or the value, that is known."""
+        """Return what stands at the other end of the links of the one object, or the value, that is known."""
         reference = goal.reference
         if self.bindings.known(goal.source):
             return code.Index(self._module.name(forward_column(reference)), self.bindings.source(goal.source))
@@ -81,7 +81,7 @@ class Relations:
         )
 
     def is_linked(self, goal: LinkAtom) -> code.Expression:
-        """Whether two objects are linked; if one is not known, the ends of the links of the other."""
+        """Return whether two objects are linked; if one is not known, the ends of the links of the other."""
         if not (self.bindings.known(goal.source) and self.bindings.known(goal.target)):
             return self.ends(goal)
         source, target = self.bindings.source(goal.source), self.bindings.source(goal.target)
@@ -95,7 +95,7 @@ class Relations:
         )
 
     def view(self, goal: CallAtom, wanted: Sequence[int], mode: Mode) -> code.Expression:
-        """What a question about a called pattern gives."""
+        """Return what a question about a called pattern gives."""
         known = frozenset(v for v in goal.arguments if self.bindings.known(v))
         return self._call(self._module.name(View(call_key(goal, known, wanted), mode)), goal)
 
@@ -127,14 +127,14 @@ class Relations:
         )
 
     def closure(self, goal: ClosureAtom) -> code.Expression:
-        """What is reached from the end that is known; whether one end is reached from the other; or all pairs."""
+        """Return what is reached from the known end, or whether one end is reached from the other, or all pairs."""
         known = self.bindings.known(goal.source), self.bindings.known(goal.target)
         if known[0] == known[1]:
             return self._reach(goal, ClosureQuestion.HOLDS if known[0] else ClosureQuestion.PAIRS, True)
         return self._reach(goal, ClosureQuestion.ALL, known[0])
 
     def spread(self, goal: ClosureAtom, seen: code.Local) -> code.Expression:
-        """What other searches in the same place have not found; `seen` holds what they have."""
+        """Return what other searches in the same place have not found; `seen` holds what they have."""
         return self._reach(goal, ClosureQuestion.SPREAD, self.bindings.known(goal.source), seen)
 
     def _reach(

@@ -1,4 +1,4 @@
-"""What generated code does with each solution."""
+"""Sinks: what generated code does with each solution."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def value(variables: Sequence[int], names: Names) -> code.Expression:
 
 
 def length(collection: code.Expression) -> code.Call:
-    """How many elements there are."""
+    """Return how many elements there are."""
     return code.call("len", collection)
 
 
@@ -187,7 +187,7 @@ def visiting(variable: int, question: ClosureQuestion) -> Sink:
 
 
 def folding(module: Module, goal: AggregateAtom) -> Sink:
-    """What makes the value of an aggregate of its rows."""
+    """Return what makes the value of an aggregate of its rows."""
     if goal.function == "count":
         return COUNT
     assert goal.column is not None

@@ -1,4 +1,4 @@
-"""What the names in generated source stand for."""
+"""Symbols: what the names in generated source stand for."""
 
 from __future__ import annotations
 

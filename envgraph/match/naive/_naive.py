@@ -81,7 +81,7 @@ class NaiveMatcher:
         return next(iter(self.rows(pattern, arguments)), None)
 
     def exists(self, pattern: str, arguments: tuple[object, ...]) -> bool:
-        """Whether there is a match that agrees with the arguments."""
+        """Return whether there is a match that agrees with the arguments."""
         return bool(self.rows(pattern, arguments))
 
     def count(self, pattern: str, arguments: tuple[object, ...]) -> int:
@@ -109,7 +109,7 @@ class NaiveMatcher:
         return self.prepare(pattern, ())
 
     def tester(self, pattern: str) -> Callable[[Row], bool]:
-        """Whether a row is a match."""
+        """Return whether a row is a match."""
         return lambda row: self.exists(pattern, row)
 
     # --- patterns

@@ -1,4 +1,4 @@
-"""Which patterns call which, and which of them are recursive."""
+"""The call graph of patterns, and which of them are recursive."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class CallGraph:
         self._known: dict[str, Calls] = {}
 
     def of(self, pattern: str) -> Calls:
-        """What a pattern reaches."""
+        """Return what a pattern reaches."""
         if pattern not in self._known:
             for names, exits in components([pattern], lambda n: [] if n in self._known else self.called(n)):
                 if names[0] not in self._known:
@@ -58,7 +58,7 @@ class CallGraph:
         return self.of(pattern).component
 
     def recursive(self, pattern: str) -> bool:
-        """Whether the pattern calls itself, directly or through others."""
+        """Return whether the pattern calls itself, directly or through others."""
         return bool(self.of(pattern).component)
 
     def called(self, pattern: str) -> list[str]:
@@ -85,7 +85,7 @@ class CallGraph:
 
 
 def check_nesting(calls: CallGraph, pattern: str) -> None:
-    """Whether a pattern can be evaluated with the stack that there is.
+    """Check that a pattern can be evaluated with the stack that there is.
 
     Raises:
         EvaluationError: closures and recursive patterns stand inside each other too deep.

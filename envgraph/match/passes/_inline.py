@@ -137,7 +137,7 @@ class _Draft:
 
 
 def small(body: Conjunction) -> bool:
-    """Whether a body has few goals, and its parameters are variables of their own."""
+    """Return whether a body has few goals, and its parameters are variables of their own."""
     return (
         sum(map(_size, body.goals)) <= MOST_INLINED
         and len(set(body.parameters)) == len(body.parameters)
@@ -146,14 +146,14 @@ def small(body: Conjunction) -> bool:
 
 
 def few_locals(body: Conjunction) -> bool:
-    """Whether a small body has hardly any variables beside its parameters."""
+    """Return whether a small body has hardly any variables beside its parameters."""
     fixed = {number for number, _ in body.constants}
     used = {number for goal in body.goals for number in variables(goal)}
     return small(body) and len(used - fixed - set(body.parameters)) <= MOST_LOCAL
 
 
 def single(body: Conjunction) -> bool:
-    """Whether a body is one relation."""
+    """Return whether a body is one relation."""
     return len(body.goals) == 1 and is_relation(body.goals[0])
 
 

@@ -1,4 +1,5 @@
-"""Where the loops of a plan come to the same values again, although only different ones matter for what follows.
+"""Distinct partial matches: where the loops of a plan come to the same values again, although only different ones
+matter for what follows.
 
 A chain of links has as many paths as its fanouts multiply to, but only as many ends as there are objects. Wherever
 a variable is not needed further on, the values of those that are needed pass once: so the work of each loop is bounded

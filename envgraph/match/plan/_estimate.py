@@ -85,7 +85,7 @@ class Sizes:
         return min(self.forward(reference) / max(self.extent(reference.target), 1.0), 0.5)
 
     def single_source(self, reference: Reference | Attribute) -> bool:
-        """Whether an object has at most one source."""
+        """Return whether an object has at most one source."""
         if isinstance(reference, Attribute):
             return False
         opposite = self._metamodel.opposite(reference)

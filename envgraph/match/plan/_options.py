@@ -1,4 +1,4 @@
-"""What a goal costs and yields when it comes next."""
+"""Options: what a goal costs and yields when it comes next."""
 
 from __future__ import annotations
 
@@ -254,7 +254,7 @@ class Options:
         return Option(Kind.LOOP, goal, free, cost, rows, together=(max(1.0, all_ / rows) * cost, all_))
 
     def values(self, variable: int) -> float:
-        """How many values a variable may have."""
+        """Return how many values a variable may have."""
         type_ = self._conjunction.types[variable]
         return self._sizes.extent(type_.cls) if isinstance(type_, ObjectType) else inf
 
@@ -289,7 +289,7 @@ class Options:
     def loops(
         self, goals: Iterable[Goal], bound: Bound, uses: Counter[int], known: dict[int, list[Option]]
     ) -> list[Option]:
-        """What can be looped over now, the least effort first.
+        """Return what can be looped over now, the least effort first.
 
         Args:
             goals: what remains.

@@ -131,7 +131,7 @@ def determined(goals: Sequence[Goal], known: Iterable[int], sizes: Sizes) -> set
 
 
 def disjoint(positions: Sequence[int], bodies: Sequence[Conjunction]) -> bool:
-    """Whether no two bodies can give the same values at some positions: one differs by a constant."""
+    """Return whether no two bodies can give the same values at some positions: one differs by a constant."""
     fixed = [dict(body.constants) for body in bodies]
     return all(
         any(

@@ -1,4 +1,4 @@
-"""Where searches along closures can share their work: what many of them find together, or find alike."""
+"""Sharing of searches along closures: what many of them find together, or find alike."""
 
 from __future__ import annotations
 
@@ -161,7 +161,7 @@ class Alike:
 
 
 def alike_by(planner: Planner, goal: AggregateAtom, known: frozenset[int]) -> Alike | None:
-    """What an aggregate's value depends on only through what a closure reaches."""
+    """Return what an aggregate's value depends on only through what a closure reaches."""
     relation = goal.relation
     if not isinstance(relation, CallAtom) or planner.calls.recursive(relation.pattern):
         return None

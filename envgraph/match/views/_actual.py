@@ -1,4 +1,4 @@
-"""What delta functions do in the model as it is: how many partial matches each step leaves, on average."""
+"""Measures delta functions in the model as it is: how many partial matches each step leaves, on average."""
 
 from __future__ import annotations
 

@@ -42,7 +42,7 @@ class Steps(Protocol):
     before: Callable[[Any], Iterable[Any]]
 
     def has(self, node: Any, other: Any) -> bool:
-        """Whether there is a step."""
+        """Return whether there is a step."""
 
 
 class LinkSteps:
@@ -53,7 +53,7 @@ class LinkSteps:
         self.before: Callable[[int], Iterable[int]] = inverse.__getitem__
 
     def has(self, node: int, other: int) -> bool:
-        """Whether there is a link."""
+        """Return whether there is a link."""
         return other in self.next(node)
 
 
@@ -66,7 +66,7 @@ class RowSteps:
         self.before: Callable[[Any], Iterable[Any]] = source.group((far,), near).table.__getitem__
 
     def has(self, node: Any, other: Any) -> bool:
-        """Whether there is a row."""
+        """Return whether there is a row."""
         return other in self.next(node)
 
 
@@ -113,7 +113,7 @@ class ClosureOperator(Operator):
         return float(sum(len(self.reached[start]) for (start,) in self.begun))
 
     def group_table(self, positions: tuple[int, ...]) -> Mapping[Any, Collection[Any]]:
-        """What each start reaches, for counting."""
+        """Return what each start reaches, for counting."""
         assert positions == ((0,) if self.forward else (1,))
         return self.reached
 

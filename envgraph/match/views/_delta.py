@@ -45,7 +45,7 @@ class Delta:
         conjunction: the body.
         occurrence: where the tuple stands.
         later: the occurrences after it that must not see the tuple.
-        symmetric: the tuple is a link that counts in both directions, and comes and goes in both at once.
+        symmetric: the tuple is a link that counts in both directions, and is inserted and deleted in both at once.
         own: positions of the view's rows that tell which of them a lost tuple takes along, if they are looked up in
             the view itself; None if they are found by a search.
         queued: derivations wait for the view's turn, because others read it.
@@ -72,7 +72,7 @@ def delta_source(planner: ViewPlanner, delta: Delta, coming: bool) -> Source:
     Args:
         planner: orders the other goals.
         delta: what to find.
-        coming: whether the tuple has just come, or is about to go.
+        coming: whether the tuple has just been inserted, or is about to be deleted.
 
     Raises:
         Unplannable: some variables cannot be enumerated.
@@ -133,7 +133,7 @@ def delta_plan(planner: ViewPlanner, delta: Delta) -> Plan:
 
 
 def own_positions(planner: ViewPlanner, delta: Delta) -> tuple[int, ...] | None:
-    """Where the view's rows hold the values of the tuple, if a search for the rows that it takes along is dear.
+    """Return where the view's rows hold the values of the tuple, if a search for the rows that it takes along is dear.
 
     For a view whose rows have one derivation each, and which is always up to date.
     """
@@ -236,7 +236,7 @@ class ViewRelations(Relations):
         self._held = planner.held
 
     def has(self, goal: CallAtom) -> code.Expression:
-        """Whether a view has a row, all of which is known."""
+        """Return whether a view has a row, all of which is known."""
         rows = self._module.name(Held("position", goal.pattern))
         return code.Operation("in", (row(goal.arguments, self.bindings.source), rows))
 
@@ -422,7 +422,7 @@ class DeltaTranslation(Translation):
             self._block.test(code.equal(self.number(occurrence, names, 0), code.Constant(1)))
 
     def number(self, occurrence: Occurrence, names: Sequence[code.Local], less: int) -> code.Expression:
-        """How many tuples the group of the tuple has, with it or without."""
+        """Return how many tuples the group of the tuple has, with it or without."""
         size = length(self._group(occurrence, names))
         return code.Operation("-", (size, code.Constant(1))) if less else size
 

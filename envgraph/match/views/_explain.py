@@ -1,4 +1,4 @@
-"""What a view is made of and how it is kept current, as text."""
+"""Explains as text how a view is made and kept current."""
 
 from __future__ import annotations
 

@@ -77,7 +77,7 @@ class Fold(Operator):
 
     @property
     def hooks(self) -> tuple[Hook, Hook]:
-        """What it does with a tuple of the source that comes, and with one that goes."""
+        """The functions for a tuple of the source that is inserted, and for one that is deleted."""
         return (self._touch, self._touch) if self.column is None else (self._changed(1), self._changed(-1))
 
     def _touch(self, *row: Any) -> None:

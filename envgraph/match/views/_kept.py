@@ -38,13 +38,13 @@ class KeptViews:
     Attributes:
         views: of the watched patterns.
         partly: questions about views with some values given.
-        listeners: who is told what changes.
+        listeners: who is notified of what changes.
         user: who asks the matcher, weakly; None if that is not known. The views of a matcher whose user is gone are
             given up when another one of the model watches.
 
     Invariants: while `_broken` is None and no load is under way, the network hears of every change. If not None it is
     the least number of open savepoints since the interruption: a rollback to fewer brings the views back. Whatever the
-    views hold, and the journal, then agree; counting anew is recorded (`_countable`), so that a rollback takes it back,
+    views hold, and the journal, then agree; counting anew is recorded (`_countable`), so that a rollback undoes it,
     then what was interrupted. While `_spoilt`, a version may have been made of views that were broken.
     """
 

@@ -1,4 +1,4 @@
-"""Who is told of the changes of watched patterns, and what."""
+"""Notification of the changes of watched patterns."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Change = Callable[[list[Row], list[Row]], object]
 
 
 MOST_ROUNDS: Final = 1_000
-"""How often listeners may change the model again when they are told of a change."""
+"""How often listeners may change the model again when they are notified of a change."""
 
 
 class BoundedLog(Log):
@@ -51,22 +51,22 @@ class Subscription:
 
 
 class Listeners:
-    """Those who are told the net changes of watched patterns; true if there are any.
+    """Those who are notified of the net changes of watched patterns; true if there are any.
 
-    Changes are told at the end of the outermost transaction, at a commit, and by `deliver`. What was rolled back
-    is never told. The rows that have appeared are in the order of the view, those that have disappeared in
+    Listeners are notified at the end of the outermost transaction, at a commit, and by `deliver`, but of nothing
+    that was rolled back. The rows that have appeared are in the order of the view, those that have disappeared in
     ascending order.
 
     Attributes:
-        subscriptions: in the order in which they are told.
-        telling: whether they are being told: what they change is told after that.
+        subscriptions: in the order in which they are notified.
+        notifying: whether they are being notified: of what they change they are notified after that.
     """
 
     def __init__(self, kept: KeptViews) -> None:
         self._kept = kept
         self.subscriptions: list[Subscription] = []
         self._news: list[tuple[int, Change, list[Row], list[Row]]] = []
-        self.telling = False
+        self.notifying = False
 
     def __bool__(self) -> bool:
         return bool(self.subscriptions)
@@ -88,7 +88,7 @@ class Listeners:
         return subscription
 
     def remove(self, subscription: Subscription) -> None:
-        """Stop telling somebody; once is enough."""
+        """Stop notifying somebody; once is enough."""
         self.subscriptions = [each for each in self.subscriptions if each is not subscription]
         if not any(each.pattern == subscription.pattern for each in self.subscriptions):
             view = self._kept.views.get(subscription.pattern)
@@ -96,21 +96,21 @@ class Listeners:
                 view.rows.log = None
 
     def deliver(self) -> None:
-        """Bring the views up to date and tell the listeners what has changed since they were last told.
+        """Bring the views up to date and notify the listeners of what has changed since the last time.
 
-        If listeners raise exceptions, the first one is raised after all have been told; a `KeyboardInterrupt` rather
+        If listeners raise exceptions, the first is raised after all have been notified; a `KeyboardInterrupt` rather
         than others.
         """
         if self._kept.up_to_date():
-            if not self.telling:
-                self._kept.plan_anew()  # not when a listener asks: it has been told rows in their order by then
+            if not self.notifying:
+                self._kept.plan_anew()  # not when a listener asks: it has been notified of rows in their order by then
             self.tell(restored=False)
 
     def tell(self, restored: bool) -> None:
-        """Tell, until listeners have nothing more to hear; those that change the model are told in turn."""
-        if self.telling:
+        """Tell, until listeners have nothing more to hear; those that change the model are notified in turn."""
+        if self.notifying:
             return
-        self.telling = True
+        self.notifying = True
         try:
             for _ in range(MOST_ROUNDS):
                 changing = self._note(restored)
@@ -124,7 +124,7 @@ class Listeners:
                 f"listeners of {', '.join(f'`{name}`' for name in changing)} change the model each time they are told"
             )
         finally:
-            self.telling = False
+            self.notifying = False
 
     def _tell_all(self) -> None:
         first: BaseException | None = None
@@ -141,7 +141,7 @@ class Listeners:
             raise first
 
     def _note(self, restored: bool) -> list[str]:
-        """Note who is to be told what, and empty the logs; returns the patterns that have changed."""
+        """Note who is to be notified of what, and empty the logs; returns the patterns that have changed."""
         views = self._kept.views
         for each in self.subscriptions:
             if views[each.pattern].rows.log:
@@ -168,7 +168,7 @@ class Listeners:
 
     @guarded
     def muted(self) -> Iterator[None]:
-        """Nobody is told what happens in the block, at whose end the state must be the one at its start."""
+        """Nobody is notified of what happens in the block, at whose end the state must be the one at its start."""
         self._kept.settle()
         logs = {pattern: view.rows.log for pattern, view in self._kept.views.items()}
         try:
@@ -181,6 +181,6 @@ class Listeners:
 
 
 def net_changes(rows: MatchSet) -> tuple[list[Row], list[Row]]:
-    """What has come to a view and what has gone, in the order in which listeners are told."""
+    """Return the rows that were inserted into a view and deleted, in the order in which listeners are notified."""
     appeared, disappeared = net(rows.log or ())
     return sorted(appeared, key=rows.position.__getitem__), sorted(disappeared)

@@ -33,7 +33,7 @@ class ViewMatcher:
     Attributes:
         demand: searches for what is not watched.
         kept: the views, and what they are made of.
-        listeners: who is told of changes.
+        listeners: who is notified of changes.
         loops: who runs a loop says so here.
     """
 
@@ -165,7 +165,7 @@ class ViewMatcher:
         return None if known is None else self._partly.first(pattern, view, positions, known)
 
     def exists(self, pattern: str, arguments: tuple[object, ...]) -> bool:
-        """Whether there is a match that agrees with the arguments."""
+        """Return whether there is a match that agrees with the arguments."""
         view = self._current(pattern)
         if view is None:
             return self.demand.exists(pattern, arguments)
@@ -245,7 +245,7 @@ class ViewMatcher:
         return rows
 
     def tester(self, pattern: str) -> Callable[[Row], bool]:
-        """Whether a row is a match; a watched pattern only has to be looked up."""
+        """Return whether a row is a match; a watched pattern only has to be looked up."""
         search = self.demand.tester(pattern)
 
         def test(row: Row) -> bool:
@@ -255,7 +255,7 @@ class ViewMatcher:
         return test
 
     def explain(self, pattern: str, bound: tuple[int, ...] = (), values: Sequence[Any] = ()) -> str:
-        """How matches are found, see `CompiledMatcher.explain`; of a watched pattern, how they are kept current."""
+        """Explain how matches are found, as `CompiledMatcher` does, or, of a watched pattern, kept current."""
         if not bound and self._current(pattern) is not None:
             return self.kept.network.explain(pattern, self.demand.build)
         return self.demand.explain(pattern, bound, values)

@@ -55,7 +55,7 @@ class Network:
         return self._growth.recursive(pattern)
 
     def connect(self) -> None:
-        """Make the functions of all operators, and hang them into the store."""
+        """Make the functions of all operators, and register them in the store."""
         self._wiring.connect()
 
     def hang(self) -> None:
@@ -81,7 +81,7 @@ class Network:
         return max(sample / keys, 0.5) if keys else 0.5
 
     def reached(self, closure: str) -> tuple[bool, float, float]:
-        """Whether it is followed from the source, how many starts it has, and what each reaches."""
+        """Return whether it is followed from the source, how many starts it has, and what each reaches."""
         operator = self.operators[closure]
         assert isinstance(operator, ClosureOperator)
         starts = max(len(operator.begun), 1)
@@ -130,7 +130,7 @@ class Network:
         self.forget()
 
     def held(self, symbol: Held) -> object:
-        """What a name in generated source stands for."""
+        """Return what a name in generated source stands for."""
         operator = self.operators[symbol.name]
         if isinstance(operator, Rows) and symbol.what in ("position", "rows", "group"):
             operator.asked = True
@@ -161,7 +161,7 @@ class Network:
         raise AssertionError(symbol)
 
     def explain(self, pattern: str, build: DeltaBuild) -> str:
-        """What a watched pattern is made of, and how it is kept current.
+        """Return what a watched pattern is made of, and how it is kept current.
 
         Args:
             pattern: qualified name.

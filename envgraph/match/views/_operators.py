@@ -1,4 +1,4 @@
-"""What a network of views is made of: each operator holds one relation, and brings it up to date when it is its turn.
+"""Operators of a network of views: each holds one relation, and brings it up to date when it is its turn.
 
 While the functions of its consumers run, a changed tuple is present: it comes, then they run; they run, then it goes.
 """
@@ -50,7 +50,7 @@ class Operator(ABC):
 
     @abstractmethod
     def size(self) -> float:
-        """How many tuples there are."""
+        """Return how many tuples there are."""
 
 
 class Rows(Operator):
@@ -207,7 +207,7 @@ def fill_unrecorded(operator: Operator) -> None:
 
 @contextmanager
 def unrecorded(store: Store) -> Iterator[None]:
-    """Nothing that is done in the block can be taken back."""
+    """Nothing that is done in the block can be undone."""
     recording, store.recording = store.recording, False
     try:
         yield

@@ -41,12 +41,12 @@ class PartialLookup:
         self._spent.clear()
 
     def worthwhile(self, pattern: str, view: Rows, positions: Positions) -> bool:
-        """Whether rows come from the view with values at some positions (ascending); else a search is about as fast."""
+        """Return whether the view is read for values at some positions (ascending); else a search is about as fast."""
         held = (positions, None) in view.groups and self._demand.calls.of(pattern).searches
         return held or self._cost(pattern, positions) >= EXPENSIVE
 
     def possible(self, pattern: str, positions: Positions) -> bool:
-        """Whether it may be `worthwhile` for some view."""
+        """Return whether it may be `worthwhile` for some view."""
         return self._cost(pattern, positions) >= EXPENSIVE or self._demand.calls.of(pattern).searches
 
     def rows(self, pattern: str, view: Rows, positions: Positions, wanted: Any) -> Sequence[Row]:

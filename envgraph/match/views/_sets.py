@@ -272,7 +272,7 @@ def become(store: Store, table: dict[Any, Any], values: dict[Any, Any], nothing:
 
 
 def key_of(positions: tuple[int, ...]) -> Callable[[Row], Any]:
-    """What a row is filed under: a bare value for one position, else a tuple."""
+    """Return what a row is filed under: a bare value for one position, else a tuple."""
     if len(positions) == 1:
         (position,) = positions
         return lambda row: row[position]

@@ -22,7 +22,7 @@ Change = Callable[[tuple[Any, ...]], None]
 def changes(
     rows: Rows, counts: dict[Any, int] | None, arity: int
 ) -> tuple[Change, Change, Callable[[], None]]:
-    """How a row gains and loses a derivation, and how a queue of both is worked off.
+    """Return how a row gains and loses a derivation, and how a queue of both is worked off.
 
     Args:
         rows: what is held, with its groups and consumers.
@@ -54,7 +54,7 @@ Shape = tuple[tuple[tuple[int, ...], int | None], ...]
 
 @dataclass(frozen=True, slots=True)
 class Form:
-    """What there is to be done when a row comes or goes.
+    """What there is to be done when a row is inserted or deleted.
 
     Attributes:
         shape: positions of the keys, and of what is kept, of each group.

@@ -1,4 +1,4 @@
-"""Who hears of what: the delta functions of a network, hung into the store and into each other."""
+"""Subscribes the delta functions of a network to the store and to each other."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class Wiring:
         self._queued: set[str] = set()
 
     def connect(self) -> None:
-        """Make the functions of all operators, and hang them into the store."""
+        """Make the functions of all operators, and register them in the store."""
         self.deltas.clear()
         self._consumers.clear()
         self._classes.clear()

@@ -1,4 +1,4 @@
-"""What the matches of one application must agree on."""
+"""Conflicts: what the matches of one application must agree on."""
 
 from __future__ import annotations
 

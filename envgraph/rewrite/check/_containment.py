@@ -8,7 +8,7 @@ from envgraph.metamodel import Metamodel, Reference
 
 
 def homeless(classes: Iterable[str], after: str, metamodel: Metamodel) -> bool:
-    """Whether objects of exactly these classes have containers, none of which could hold them as one of `after`."""
+    """Return whether objects of exactly these classes have containers that hold none of them as one of `after`."""
     containments = list(_containments(metamodel))
     found = False
     for cls in classes:

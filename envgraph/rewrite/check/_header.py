@@ -1,4 +1,4 @@
-"""What rules, units and derivations have in common: annotations, weights, parameters."""
+"""Checks that rules, units and derivations share: annotations, weights, parameters."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def check_annotations(annotations: Sequence[Annotation], known: Sequence[str]) -
 
 
 def annotation_span(annotations: Sequence[Annotation], name: str) -> Span | None:
-    """Where an annotation stands."""
+    """Return where an annotation stands."""
     return next((annotation.span for annotation in annotations if annotation.name == name), None)
 
 
@@ -52,6 +52,6 @@ def duplicate_parameters(parameters: Sequence[Parameter]) -> Iterable[Diagnostic
 
 
 def plain(problem: Diagnostic) -> Diagnostic:
-    """What a library says about a pattern, without the names of those `_` that it knows by a number."""
+    """Return what a library says about a pattern, without the names of those `_` that it knows by a number."""
     hint = None if problem.hint is None else _HIDDEN.sub("_", problem.hint)
     return replace(problem, message=_HIDDEN.sub("_", problem.message), hint=hint)

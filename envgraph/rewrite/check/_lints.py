@@ -1,4 +1,4 @@
-"""What a block does that is surely a mistake, or probably: contradictions, and what is lost, or missing afterwards."""
+"""Lints of a block: sure or probable mistakes, such as contradictions, and what is lost, or missing afterwards."""
 
 from __future__ import annotations
 

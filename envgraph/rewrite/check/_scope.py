@@ -103,7 +103,7 @@ class RuleScope:
         return len(self.names) - 1
 
     def sees(self, name: str) -> bool:
-        """Whether a name stands for something here."""
+        """Return whether a name stands for something here."""
         return name in self.types or name in self.created
 
     def knows(self, name: str, span: Span | None, *, matched: bool = False) -> bool:
@@ -133,7 +133,7 @@ class RuleScope:
         return False
 
     def is_object(self, name: str, span: Span | None, *, matched: bool = False) -> bool:
-        """Whether a name stands for an object that is there after the rule; if not, that is reported."""
+        """Return whether a name stands for an object that is there after the rule; if not, that is reported."""
         if not self.knows(name, span, matched=matched):
             return False
         if name in self.deleted:
@@ -147,7 +147,7 @@ class RuleScope:
         return self.was_object(name, span)
 
     def had_links(self, name: str, span: Span | None) -> bool:
-        """Whether a name stands for an object that is there before the rule; if not, that is reported."""
+        """Return whether a name stands for an object that is there before the rule; if not, that is reported."""
         if not self.knows(name, span, matched=True):
             return False
         if name in self.created:
@@ -161,7 +161,7 @@ class RuleScope:
         return self.was_object(name, span)
 
     def was_object(self, name: str, span: Span | None) -> bool:
-        """Whether a known name stands for an object; a data value is reported."""
+        """Return whether a known name stands for an object; a data value is reported."""
         type_ = self.types.get(name)
         if name in self.created or isinstance(type_, ObjectType):
             return True
@@ -186,7 +186,7 @@ class RuleScope:
         return self.created.get(name) or self.retyped.get(name) or self.before(name)
 
     def instantiable(self, cls: str, span: Span | None) -> bool:
-        """Whether objects of a class can exist; if not, that is reported."""
+        """Return whether objects of a class can exist; if not, that is reported."""
         found = self.metamodel.classes.get(cls)
         if found is None:
             hint = self.metamodel.likely(cls)
@@ -224,7 +224,7 @@ class RuleScope:
         return feature
 
     def fits(self, name: str, reference: Reference, span: Span | None) -> bool:
-        """Whether an object may be a target of a reference; if not, that is reported."""
+        """Return whether an object may be a target of a reference; if not, that is reported."""
         cls = self.after(name)
         if cls is None or self.metamodel.is_a(cls, reference.target):
             return cls is not None

@@ -1,4 +1,4 @@
-"""What can be wrong with a unit, and its conditions as patterns."""
+"""Checks of units, and their conditions as patterns."""
 
 from __future__ import annotations
 
@@ -112,7 +112,7 @@ def check_unit(unit: Unit, directory: Directory, library: Library) -> CheckedUni
 
 
 def unit_signature(unit: Unit, metamodel: Metamodel) -> Signature:
-    """What a call of a unit takes; its `out` parameters are not required."""
+    """Return what a call of a unit takes; its `out` parameters are not required."""
     return Signature(
         unit.qualified_name,
         "unit",

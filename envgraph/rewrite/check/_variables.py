@@ -26,7 +26,7 @@ from envgraph.pattern import (
 
 
 def is_named(name: str) -> bool:
-    """Whether a variable belongs to the match: `_`, names that start with it, and `#1` for a `_` do not."""
+    """Return whether a variable belongs to the match: `_`, names that start with it, and `#1` for a `_` do not."""
     return not name.startswith(("_", "#"))
 
 
@@ -120,7 +120,7 @@ def equated(*lefts: LeftSide) -> set[frozenset[str]]:
 def may_be_one(
     one: str, other: str, groups: Iterable[Collection[str]], same: Collection[frozenset[str]]
 ) -> bool:
-    """Whether two variables are the same by `==`, or may be by `@hom`: an alias is in the groups of what it is."""
+    """Return whether two variables are one by `==`, or may be by `@hom`: an alias is in the groups of what it is."""
     if frozenset((one, other)) in same:
         return True
     first, second = ({name}.union(*(pair for pair in same if name in pair)) for name in (one, other))

@@ -12,7 +12,7 @@ from envgraph.errors import with_article
 
 
 def mistake_in(definition: Any) -> str | None:
-    """What is wrong with the first part of a definition that is not of its type; None if all are.
+    """Return what is wrong with the first part of a definition that is not of its type; None if all are.
 
     >>> from envgraph.pattern import Rule
     >>> mistake_in(Rule("burn", left="tile : RoadTile"))

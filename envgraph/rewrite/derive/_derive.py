@@ -92,7 +92,7 @@ def _class_span(derivation: Derivation, position: int) -> Span | None:
 
 
 def derived(derivation: Derivation, metamodel: Metamodel) -> Derived:
-    """What a derivation without errors stands for: rules, and the patterns that they call."""
+    """Return what a derivation without errors stands for: rules, and the patterns that they call."""
     if derivation.kind == "operators":
         return operators(derivation, metamodel)
     return Derived((), _retypings(derivation))

@@ -123,7 +123,7 @@ def _weights(derivation: Derivation) -> dict[str, float]:
 
 
 def check_operators(derivation: Derivation, metamodel: Metamodel) -> Iterator[Diagnostic]:
-    """What is wrong with a derivation of operators whose classes are known."""
+    """Return what is wrong with a derivation of operators whose classes are known."""
     annotations = list(_check_annotations(derivation))
     yield from annotations
     schema = Schema(metamodel)

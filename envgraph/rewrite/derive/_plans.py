@@ -1,4 +1,4 @@
-"""What a new object takes: which links it needs, and what may be at their other ends.
+"""Plans of new objects: which links one needs, and what may be at their other ends.
 
 A plan starts with one new object. Each link that it needs, its container included, goes to another new object, to an
 object that is there and has room, or to one that another object gives away. New objects need links of their own, so
@@ -71,7 +71,7 @@ class Plan:
         return sum(old.stolen_from is not None for old in self.old)
 
     def ends(self, node: int, end: End) -> list[tuple[bool, int]]:
-        """What a new object is linked to at an end: (is it new, position)."""
+        """Return what a new object is linked to at an end: (is it new, position)."""
         here = (end, end.other) if end.association.symmetric else (end,)
         there = here if end.association.symmetric else (end.other,)
         found = [(k.far_new, k.far) for k in self.links if k.near == node and k.end in here]
@@ -88,7 +88,7 @@ class Plan:
         return None
 
     def placed(self, node: int) -> bool:
-        """Whether a new object has a container."""
+        """Return whether a new object has a container."""
         return self.inside(node) is not None or any(k.near == node and k.end.contained for k in self.links)
 
     @property
@@ -246,7 +246,7 @@ def _to_old(plan: Plan, node: int, end: End) -> Iterator[Plan]:
 
 
 def uses(plan: Plan, end: End, old: int) -> int:
-    """How many new links of an association an old object gets."""
+    """Return how many new links of an association an old object gets."""
     return sum(not link.far_new and link.far == old and link.end == end for link in plan.links)
 
 

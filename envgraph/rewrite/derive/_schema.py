@@ -160,12 +160,12 @@ class Schema:
     # --- classes
 
     def frozen(self, cls: str) -> bool:
-        """Whether operators leave the objects of a class alone: it or a supertype is `@frozen`, or `needs_values`."""
+        """Return whether operators leave the objects of a class alone: it or a supertype is frozen or needs values."""
         marked = any(self.metamodel.classes[above].frozen for above in self.metamodel.supertypes(cls))
         return marked or self.needs_values(cls)
 
     def needs_values(self, cls: str) -> bool:
-        """Whether an attribute with many needs some, which no operator can choose."""
+        """Return whether an attribute with many needs some, which no operator can choose."""
         return any(_several(one) and one.lower for one in self.metamodel.features(cls).values())
 
     def frozen_below(self, cls: str) -> tuple[str, ...]:
@@ -174,7 +174,7 @@ class Schema:
         return tuple(sub for sub in found if not any(sub != o and self.metamodel.is_a(sub, o) for o in found))
 
     def is_a(self, cls: str, above: str) -> bool:
-        """Whether a class is the other or one of its subclasses."""
+        """Return whether a class is the other or one of its subclasses."""
         return self.metamodel.is_a(cls, above)
 
     def ends_of(self, cls: str) -> list[End]:
@@ -194,11 +194,11 @@ class Schema:
         return reached(classes, self.metamodel.contents)
 
     def contains_any(self, cls: str) -> bool:
-        """Whether an object of exactly this class may contain something."""
+        """Return whether an object of exactly this class may contain something."""
         return any(end.contains for end in self.ends_of(cls))
 
     def coupled(self, cls: str, other: str) -> bool:
-        """Whether objects of the two classes need each other, directly or by way of others."""
+        """Return whether objects of the two classes need each other, directly or by way of others."""
         return other in self._needs[cls] and cls in self._needs[other]
 
     def holder(self, cls: str, feature: Feature) -> str:
@@ -212,12 +212,12 @@ class Schema:
         return list(found.values())
 
     def left_alone(self, feature: Feature) -> bool:
-        """Whether operators leave a feature alone."""
+        """Return whether operators leave a feature alone."""
         marked = any(annotation.name in LEFT_ALONE for annotation in feature.annotations)
         return marked or _several(feature) or self.frozen(feature.owner)
 
     def keyed(self, cls: str, attribute: Attribute) -> bool:
-        """Whether an attribute names the objects of a class or of one of its subclasses."""
+        """Return whether an attribute names the objects of a class or of one of its subclasses."""
         return any(attribute.name in self.metamodel.key(sub) for sub in self.metamodel.concrete(cls))
 
     # --- once

@@ -1,4 +1,4 @@
-"""What has been defined for an engine: names of patterns, rules, units and groups, and what they mean."""
+"""The catalog of an engine: names of patterns, rules, units and groups, and what they mean."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ class Catalog:
     # --- what there is
 
     def free_name(self, function: Callable[..., object], name: str | None, weight: float) -> str:
-        """What a function is registered as.
+        """Return what a function is registered as.
 
         Raises:
             InvalidArgument: it is no function, the name is taken, or the weight is none.
@@ -132,7 +132,7 @@ class Catalog:
         return self.members.get(qualified, (qualified,))
 
     def signature(self, name: str) -> Signature:
-        """What a rule, unit or group is called with."""
+        """Return what a rule, unit or group is called with."""
         return self.directory.signatures[self.resolve(name)]
 
     def resolve(self, name: str, what: str = "rule, unit or group") -> str:
@@ -215,7 +215,7 @@ class Catalog:
         return found
 
     def shape_of(self, pattern: Pattern) -> Shape:
-        """What the matches of a pattern have in common."""
+        """Return what the matches of a pattern have in common."""
         names = tuple(parameter.name for parameter in pattern.parameters)
         return Shape(pattern.qualified_name, names, self.library.parameter_types(pattern.qualified_name))
 
@@ -228,7 +228,7 @@ class Catalog:
         return directory
 
     def asked(self, name: str) -> Asked:
-        """What is meant by the name of something that has matches.
+        """Return what is meant by the name of something that has matches.
 
         Raises:
             InvalidArgument: it means nothing, or what has no matches.
@@ -272,7 +272,7 @@ class Catalog:
         return owner
 
     def uses(self) -> dict[str, set[str]]:
-        """What each definition uses, without what it was made into."""
+        """Return what each definition uses, without what it was made into."""
         owner = self.owners()
         found: dict[str, set[str]] = {}
         for name in self.library.names():

@@ -221,7 +221,7 @@ def _expression(given: Given) -> Expression:
 
 
 def describes(function: Callable[..., object]) -> bool:
-    """Whether a function describes a unit."""
+    """Return whether a function describes a unit."""
     return STEPS in signature(function).parameters
 
 

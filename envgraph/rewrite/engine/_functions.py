@@ -25,7 +25,7 @@ class PythonUnit(UnitProgram):
     """A unit that calls a function with its arguments as handles or values, and with the engine if it wants that.
 
     It fails if the function returns False. It also fails if the model refuses something and the function does not go on
-    from the `RuleError`; then what the function did is taken back.
+    from the `RuleError`; then what the function did is undone.
     """
 
     def __init__(self, function: Callable[..., object], signature: Signature, engine: Engine) -> None:
@@ -80,7 +80,7 @@ class PythonUnit(UnitProgram):
 def unit_signature_of(
     function: Callable[..., object], name: str, engine: Engine, weight: float, priority: int
 ) -> Signature:
-    """What a call of the unit takes.
+    """Return what a call of the unit takes.
 
     Raises:
         InvalidArgument: a parameter without a type, or of an unknown one, or one that a unit cannot have.

@@ -63,7 +63,7 @@ class EngineHistory:
     def recording(self) -> Iterator[Trace]:
         """What is applied inside, in order, for `replay`; `trace_to_text` writes it.
 
-        What a transaction inside takes back is left out. What a Python rule does is one application, and happens when
+        What a transaction inside undoes is left out. What a Python rule does is one application, and happens when
         its function is called again.
 
         Raises:

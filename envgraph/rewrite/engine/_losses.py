@@ -1,4 +1,4 @@
-"""Where a rule may take an object away: by deleting it or what contains it, by a merge, by a change of class."""
+"""Losses: where a rule may take an object away, by deleting it or its container, by a merge, by a change of class."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def losses(
         waiting += block.nested
 
         def may_be(slot: int, block: BlockPlan = block) -> bool:
-            """Whether a slot may be the object: what is given to one slot is in no other, unless they may coincide."""
+            """Return whether a slot may be the object: what one slot has is in no other, unless they may coincide."""
             told, kind = known.get(block.names[slot]), block.classes[slot]
             if told is not None:
                 return told

@@ -1,4 +1,4 @@
-"""What happens when matches change: listeners are notified, and event rules fire."""
+"""Notification: listeners hear of changes of matches, and event rules fire."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from envgraph.rewrite.events._listening import (
     Listener,
     UpdateListener,
     check_functions,
-    told_matches,
-    told_updates,
+    match_listener,
+    update_listener,
 )
 
 if TYPE_CHECKING:
@@ -46,10 +46,10 @@ class Events:
         updated: UpdateListener | None = None,
         key: Iterable[str] | None = None,
     ) -> Subscription:
-        """Be told the net changes of the matches of a pattern, which is watched from now on.
+        """Be notified of the net changes of the matches of a pattern, which is watched from now on.
 
-        They are told at the end of the outermost transaction (`apply` and `run` are transactions), at a commit, and by
-        `settle`; changes that were rolled back are never told.
+        This happens at the end of the outermost transaction (`apply` and `run` are transactions), at a commit, and by
+        `settle`; nobody is notified of changes that were rolled back.
 
         Args:
             name: of the pattern or rule.
@@ -70,12 +70,12 @@ class Events:
         check_functions(changed, *(one for one in (restored, updated) if one is not None))
         if updated is not None:
             places = update_key(self._catalog.library.get(pattern), shape, key)
-            call = told_updates(self._model, shape, changed, updated, places)
+            call = update_listener(self._model, shape, changed, updated, places)
         elif key is None:
-            call = told_matches(self._model, shape, changed)
+            call = match_listener(self._model, shape, changed)
         else:
             raise InvalidArgument("`key` says which matches are `updated`: give a function for these")
-        later = None if restored is None else told_matches(self._model, shape, restored)
+        later = None if restored is None else match_listener(self._model, shape, restored)
         return self._catalog.views.listen(pattern, call, later)
 
     def unlisten(self, subscription: Subscription) -> None:
@@ -89,7 +89,7 @@ class Events:
         self._catalog.views.listeners.remove(subscription)
 
     def settle(self) -> None:
-        """Tell listeners now what has changed since they were last told, and let event rules fire what is pending.
+        """Notify listeners now of what has changed since the last time, and let event rules fire what is pending.
 
         Raises:
             EvaluationError: event rules go round; see `step_limit`.
@@ -179,7 +179,7 @@ class Events:
         yield from (f"a listener of `{name}`" for name in heard if owner(name) in names)
 
     def holding(self) -> AbstractContextManager[None] | None:
-        """At the end of the block, not inside it, event rules fire and listeners are told; None if there are none."""
+        """Fire event rules and notify listeners at the end of the block, not inside it; None if there are none."""
         if self._conflicts is not None:
             return self._conflicts.held()
         matcher = self._catalog.matcher
@@ -189,7 +189,7 @@ class Events:
 
     @guarded
     def _telling(self, matcher: ViewMatcher) -> Iterator[None]:
-        """Listeners are told at the end: by the model if there was a transaction, but many rules need none."""
+        """Listeners are notified at the end: by the model if there was a transaction, but many rules need none."""
         yield
         if not self._model.in_transaction:
             matcher.listeners.deliver()

@@ -25,7 +25,7 @@ def rule(
     """Register a Python function as a rule that applies at the matches of a pattern.
 
     The function takes variables of the match by name, as `Node`s or values, and the engine if it has a parameter
-    `engine`; it edits the model through the nodes. If it raises, what it did is taken back.
+    `engine`; it edits the model through the nodes. If it raises, what it did is undone.
 
     Args:
         when: name of a registered pattern, or a pattern, which is registered too.
@@ -96,7 +96,7 @@ def unit(
     Any other function *is* the unit. It is called whenever the unit runs, with `Node`s and values, and with the
     engine if it has a parameter `engine`. What it applies by name is part of the run and of recordings; a recording
     refuses what it edits by itself. It fails by returning False. It also fails by an application that is
-    refused; then what it did is taken back, as after any exception.
+    refused; then what it did is undone, as after any exception.
 
     Args:
         function: the function.

@@ -1,4 +1,4 @@
-"""What can be asked of an engine: matches, plans, reasons, and which patterns are watched."""
+"""Queries to an engine: matches, plans, reasons, and which patterns are watched."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _NONE: Final[Mapping[str, object]] = {}
 
 
 class Queries:
-    """Asks a matcher about the definitions of a catalog; what is only tried, `runs` takes back."""
+    """Asks a matcher about the definitions of a catalog; what is only tried, `runs` undoes."""
 
     def __init__(self, catalog: Catalog, runs: Runs) -> None:
         self._catalog = catalog
@@ -44,7 +44,7 @@ class Queries:
         Args:
             name: of the pattern or rule.
             applicable: only those matches of a rule at which the model does not refuse it (a dangling link, a full
-                reference ...). The rule is tried at each of them, and taken back; nobody notices, but the function of
+                reference ...). The rule is tried at each of them, and undone; nobody notices, but the function of
                 a Python rule is called.
             bound: values of variables; objects as `Node`s or ids.
             **values: the same, where the name of the variable is none of Python's.
@@ -86,7 +86,7 @@ class Queries:
         bound: Mapping[str, object] | None = None,
         **values: object,
     ) -> bool:
-        """Whether there is one of `matches`."""
+        """Return whether there is one of `matches`."""
         if applicable:
             return self.first(name, applicable=True, bound=bound, **values) is not None
         _, pattern, arguments = self.question(name, bound, values)
@@ -118,7 +118,7 @@ class Queries:
     def explain(
         self, name: str, /, *variables: str, bound: Mapping[str, object] | None = None, **values: object
     ) -> Explanation:
-        """How matches are found, or, for a watched pattern, how they are kept current.
+        """Return how matches are found, or, for a watched pattern, how they are kept current.
 
         The plan has estimated rows; for no bound variables, and for given values, it is run, and has actual rows too.
         Then comes the generated source.
@@ -147,8 +147,8 @@ class Queries:
     def why_not(self, name: str, /, *, bound: Mapping[str, object] | None = None, **values: object) -> WhyNot:
         """Why a pattern or rule has no match for some values: the partial match that comes furthest, and what it fails.
 
-        A rule that has a match is tried there, and taken back: `refusal` of the result says why it cannot be applied.
-        A unit is run, and taken back: the step that fails is told. Of a group, each rule is asked about.
+        A rule that has a match is tried there, and undone: `refusal` of the result says why it cannot be applied.
+        A unit is run, and undone: the step that fails is told. Of a group, each rule is asked about.
 
         Args:
             name: of the pattern, rule, unit or group.
@@ -185,7 +185,7 @@ class Queries:
         return replace(found, pattern=shape.definition, show=self._model.describe, refusal=refusal, kind=kind)
 
     def _why_failed(self, unit: str, values: Mapping[str, object]) -> WhyNot:
-        """Run a unit, and take it back."""
+        """Run a unit, and undo it."""
         given = {
             name: value.id if isinstance(value, Node) else cast("Value", value)
             for name, value in values.items()

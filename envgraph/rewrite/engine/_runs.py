@@ -105,7 +105,7 @@ class Runs:
         """A run, whether it failed (None) or else changed anything, and its outputs.
 
         Args:
-            strict: a refusal by the model that nothing goes on from is raised, and everything is taken back.
+            strict: a refusal by the model that nothing goes on from is raised, and everything is undone.
         """
         run = self.begin(rng)
         loops = self._catalog.matcher.loops if isinstance(self._catalog.matcher, ViewMatcher) else None

@@ -1,4 +1,4 @@
-"""Which matches of a rule are meant, as people say it from Python: those of a query, the first, the best."""
+"""Selection of matches of a rule from Python: those of a query, the first, the best."""
 
 from __future__ import annotations
 

@@ -64,7 +64,7 @@ class Trace(list[Firing]):
         self.states[len(self)] = state
 
     def cut(self, length: int) -> None:
-        """Everything from an application on was taken back."""
+        """Everything from an application on was undone."""
         del self[length:]
         self.states = {count: state for count, state in self.states.items() if count <= length}
         self.gaps = [gap for gap in self.gaps if gap < length]
@@ -115,7 +115,7 @@ class Trace(list[Firing]):
         return TraceError([found])
 
     def span(self, count: int) -> Span | None:
-        """Where the state after so many applications stands."""
+        """Return where the state after so many applications stands."""
         return self.spans[count] if self.spans else None
 
 

@@ -108,7 +108,12 @@ class ConflictSet:
             EvaluationError: more firings than the engine's step limit.
             Exception: what a job has raised.
         """
-        if self._firing or self._held or self._matcher.listeners.telling or self.engine.model.in_transaction:
+        if (
+            self._firing
+            or self._held
+            or self._matcher.listeners.notifying
+            or self.engine.model.in_transaction
+        ):
             return
         self._firing = True
         try:

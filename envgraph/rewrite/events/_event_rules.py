@@ -13,7 +13,7 @@ change is looked at before the next one. So an activation goes without firing wh
 
 - an `appear` whose match is gone; a `disappear` whose match is back;
 - an `update` whose match is back as it was. If it changes again, there is one update, from the first to the last; if it
-  goes, a `disappear` of the first, which is the last that a job was told of.
+  goes, a `disappear` of the first, which is the last that a job was notified of.
 
 A job that raises has done nothing, is not tried again, and ends the settling; what is left stays in the conflict set
 until something settles again. Changes that are rolled back never arrive here. A checkout delivers nothing and empties

@@ -1,4 +1,4 @@
-"""What event rules do when they fire: Python functions, or rules and units by name."""
+"""Jobs of event rules: Python functions, or rules and units by name."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ def _named(engine: Engine, shape: Shape, name: str) -> BoundJob:
 
 
 def job_name(job: Job) -> str:
-    """What a rule is called that has this job and no name of its own."""
+    """Return what a rule is called that has this job and no name of its own."""
     return job if isinstance(job, str) else getattr(job, "__name__", type(job).__name__)
 
 

@@ -1,4 +1,4 @@
-"""Listeners of people, who are told matches, as listeners of the matcher, which tells rows."""
+"""Listeners of people, who are notified of matches, as listeners of the matcher, which notifies of rows."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ UpdateListener = Callable[[list[tuple[Match, Match]]], object]
 Change = Callable[[list[Row], list[Row]], object]
 
 
-def told_matches(model: Model, shape: Shape, listener: Listener) -> Change:
-    """A listener that is told rows."""
+def match_listener(model: Model, shape: Shape, listener: Listener) -> Change:
+    """A listener that is notified of rows."""
     return lambda appeared, disappeared: listener(
         _matches(model, shape, appeared), _matches(model, shape, disappeared)
     )
 
 
-def told_updates(
+def update_listener(
     model: Model, shape: Shape, changed: Listener, updated: UpdateListener, key: Sequence[int]
 ) -> Change:
-    """A listener that is told rows: those of one key as updates, then the others, even if the first call raises."""
-    others = told_matches(model, shape, changed)
+    """A listener of rows: those of one key as updates, then the others, even if the first call raises."""
+    others = match_listener(model, shape, changed)
 
-    def told(appeared: list[Row], disappeared: list[Row]) -> None:
+    def notified(appeared: list[Row], disappeared: list[Row]) -> None:
         pairs, new, gone = paired(appeared, disappeared, key)
         try:
             if pairs:
@@ -43,7 +43,7 @@ def told_updates(
             if new or gone:
                 others([*new], [*gone])
 
-    return told
+    return notified
 
 
 def _matches(model: Model, shape: Shape, rows: Iterable[Row]) -> list[Match]:

@@ -1,4 +1,4 @@
-"""What an exploration has found."""
+"""The result of an exploration."""
 
 from __future__ import annotations
 
@@ -173,7 +173,7 @@ class Exploration:
         return done  # type: ignore[return-value]
 
     def path(self, state: int | None = None) -> list[Firing]:
-        """What leads from the first state to another one, by default to the goal; `Engine.replay` does it again.
+        """Return what leads from the first state to another one, by default to the goal; `Engine.replay` does it again.
 
         With strategy "breadth" there is no path of fewer moves.
 

@@ -1,6 +1,6 @@
 """The states that rules can reach.
 
-Every move is made once and taken back: a state costs the changes that lead to it from the one in which it was found. It
+Every move is made once and undone: a state costs the changes that lead to it from the one in which it was found. It
 is known by its facts by identity, or, up to isomorphism, by what `Shapes` makes of them.
 """
 

@@ -41,7 +41,7 @@ PHASES: Final = ("compute", "unlink", "delete", "strip", "retype", "create", "li
 
 
 def effect_of(plan: RulePlan, model: Model, matcher: Matcher, report: Report) -> Effect:
-    """The function that applies a rule; `report` is told of links that it creates although they are there."""
+    """The function that applies a rule; `report` is notified of links that it creates although they are there."""
 
     def again(link: Link, source: int, target: int) -> None:
         report(plan.name, link, model.describe(source), model.describe(target))

@@ -1,4 +1,4 @@
-"""What the code of rules does step by step at run time: containers, merges, lists of values."""
+"""Steps of the code of rules at run time: containers, merges, lists of values."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def leave(model: Model, node: int, container: int | None, reference: Reference) 
 
 
 def inside(model: Model, node: int, others: Collection[int]) -> bool:
-    """Whether an object is contained in one of the others, at any depth."""
+    """Return whether an object is contained in one of the others, at any depth."""
     found = model.container(node)
     while found is not None:
         if found[0] in others:
@@ -95,7 +95,7 @@ def inside(model: Model, node: int, others: Collection[int]) -> bool:
 
 
 def content_of(reference: Reference, source: int, target: int, model: Model) -> int | None:
-    """Which end of a link is contained in the other; None if neither is."""
+    """Return which end of a link is contained in the other; None if neither is."""
     opposite = model.metamodel.opposite(reference)
     if opposite is not None and opposite.containment:
         return source

@@ -1,4 +1,4 @@
-"""What applications of rules come upon that is no mistake, but may not be meant: told once."""
+"""Notices of what applications of rules come upon that is no mistake, but may not be meant: each once."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the application of a rule says when the model refuses it, or a value of it cannot be computed.
+"""Explains why the model refuses the application of a rule, or why a value of it cannot be computed.
 
 The line of a generated function that has failed comes from an operation, and that from a place of a text.
 """

@@ -104,7 +104,7 @@ class Run:
 
 
 def at(span: Span | None) -> str:
-    """Where something is written, if it is."""
+    """Return where something is written, if it is."""
     return f" ({span})" if span else ""
 
 
@@ -283,7 +283,7 @@ def rows_bound_by(
 
 
 def is_applicable(rule: RuleRunner, values: Mapping[str, Any]) -> bool:
-    """Whether a rule is applicable at one of the matches that agree with those of the values that are set.
+    """Return whether a rule is applicable at one of the matches that agree with those of the values that are set.
 
     What has no value, or was deleted, has no match.
     """

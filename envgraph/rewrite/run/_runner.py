@@ -130,11 +130,11 @@ class RuleRunner(ABC):
         return self.prepare(tuple(arguments))(*arguments.values())
 
     def exists(self, arguments: Mapping[str, object] = NO_ARGUMENTS) -> bool:
-        """Whether there is a match that agrees with the arguments; raises like `rows`."""
+        """Return whether there is a match that agrees with the arguments; raises like `rows`."""
         return self.matcher.exists(self.pattern, self._arguments(arguments))
 
     def is_match(self, row: Row) -> bool:
-        """Whether a row is a match in the present state."""
+        """Return whether a row is a match in the present state."""
         return self.matcher.exists(self.pattern, row)
 
     def still_holds(self, row: Row) -> bool:
@@ -252,7 +252,7 @@ class RuleRunner(ABC):
         raise error
 
     def refusal_at(self, row: Row) -> RuleError | EvaluationError | None:
-        """Why the rule cannot be applied at a match; it is tried, and taken back."""
+        """Why the rule cannot be applied at a match; it is tried, and undone."""
         try:
             with self.model.transaction():
                 self.fire(row)
@@ -263,7 +263,7 @@ class RuleRunner(ABC):
             return error
 
     def is_applicable(self, row: Row) -> bool:
-        """Whether the rule can be applied at a match.
+        """Return whether the rule can be applied at a match.
 
         Raises:
             RuleError, EvaluationError: something other than a refusal; see `REFUSALS`.
@@ -299,7 +299,7 @@ class RuleRunner(ABC):
         return self.fire(row)
 
     def application(self, row: Row, result: Sequence[Any]) -> Application:
-        """What people see of an application."""
+        """Return what people see of an application."""
         return Application(self.name, Match(self.model, self.shape, row), {}, {})
 
 
@@ -340,7 +340,7 @@ class GraphRule(RuleRunner):
         return self._effect(row)
 
     def application(self, row: Row, result: Sequence[Any]) -> Application:
-        """What people see of an application."""
+        """Return what people see of an application."""
         plan = self.plan
         match = Match(self.model, self.shape, row)
         if not (plan.outputs or plan.body.creates):
@@ -374,7 +374,7 @@ class ExactClassRule(GraphRule):
         return self._live
 
     def exists(self, arguments: Mapping[str, object] = NO_ARGUMENTS) -> bool:
-        """Whether there is a match."""
+        """Return whether there is a match."""
         return super().exists(arguments) if arguments else bool(self._rows)
 
 
@@ -434,7 +434,7 @@ class PythonRule(RuleRunner):
         self._aside = aside
 
     def fire(self, row: Row) -> Sequence[Any]:
-        """Call the function; an exception takes back what it did."""
+        """Call the function; an exception undoes what it did."""
         match = Match(self.model, self.shape, row)
         arguments: dict[str, object] = {name: match[name] for name in self._names}
         if self._takes_engine:

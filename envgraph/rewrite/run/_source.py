@@ -72,7 +72,7 @@ class Writer:
         slot: what stands for a slot.
         lossy: SPO.
         sure: objects are of the classes that the plan says, so that links are changed without a look at them.
-        again: told of a link that is created and there already; None if nobody needs to be.
+        again: notified of a link that is created and there already; None if nobody needs to be.
         redo: whether some of the changes may be made already: ids of new objects are counted from `first`, and sums
             are known unless they are None.
         doomed: what the whole application deletes, known when it is made; None if the block alone deletes.

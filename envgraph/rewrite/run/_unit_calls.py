@@ -1,4 +1,4 @@
-"""What calls of rules, groups and units become in generated functions."""
+"""Calls of rules, groups and units in generated functions."""
 
 from __future__ import annotations
 

@@ -29,7 +29,7 @@ class Scope:
         return Scope(dict(self.names), set(self.maybe))
 
     def known(self, name: str) -> bool:
-        """Whether a variable has a value for sure."""
+        """Return whether a variable has a value for sure."""
         return name in self.names and name not in self.maybe
 
     @property
@@ -50,7 +50,7 @@ class OpenFunction:
         self.bodies[-1] += statements
 
     def inside(self, write: Callable[[], None]) -> code.Body:
-        """What is written inside a compound statement."""
+        """Return what is written inside a compound statement."""
         self.bodies.append([])
         write()
         return tuple(self.bodies.pop())

@@ -333,7 +333,7 @@ class UnitSource:
 
 
 def surely_changes(step: Step, calls: Named[int, Signature]) -> bool:
-    """Whether a step that succeeds has always changed something."""
+    """Return whether a step that succeeds has always changed something."""
     match step:
         case Call():
             return calls[id(step)].kind != "unit"
@@ -352,7 +352,7 @@ def surely_changes(step: Step, calls: Named[int, Signature]) -> bool:
 
 
 def leaves_nothing(step: Step | None, calls: Named[int, Signature]) -> bool:
-    """Whether a step leaves nothing behind when it fails, or never fails."""
+    """Return whether a step leaves nothing behind when it fails, or never fails."""
     match step:
         case Call():
             return calls[id(step)].kind != "unit"

@@ -1,4 +1,4 @@
-"""What terms and conditions of units become in generated functions."""
+"""Terms and conditions of units in generated functions."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ class UnitValues:
         return code.Mapping(tuple((self._functions.constant(name), value) for name, value in names.items()))
 
     def holds(self, step: If_, scope: Scope) -> code.Expression:
-        """Whether the condition of an `if` holds."""
+        """Return whether the condition of an `if` holds."""
         if id(step) in self._checked.asked:
             return self._applicable(step, scope)
         assert not isinstance(step.condition, Applicable)
@@ -113,7 +113,7 @@ class UnitValues:
         return code.inverse(test) if asked.negated else test
 
     def condition(self, step: Step, number: int, condition: Constraint, scope: Scope) -> code.Expression:
-        """Whether a condition holds."""
+        """Return whether a condition holds."""
         if isinstance(condition, Check):
             asked = condition.expression
             return code.call(
@@ -126,7 +126,7 @@ class UnitValues:
 
 
 def is_open(argument: Term) -> bool | None:
-    """Whether an argument is a variable; None if it is `_`."""
+    """Return whether an argument is a variable; None if it is `_`."""
     if not isinstance(argument, Variable):
         return False
     return None if argument.name.startswith("_") else True

@@ -1,4 +1,4 @@
-"""What control units mean, and units that are ready to run.
+"""Control units: what they mean, and those that are ready to run.
 
 A step *fails* or *succeeds*; a step that succeeds may have changed the model or not. Where Henshin has a unit for it,
 the meaning is Henshin's with `strict` and without `rollback`; `atomic` and `try` are where a failure takes things back.
@@ -15,15 +15,15 @@ the meaning is Henshin's with `strict` and without `rollback`; `atomic` and `try
   behind. It never fails.
 - `repeat n..m` works its bounds out and draws a number of rounds. The first that fails ends it and leaves nothing
   behind; the step fails if fewer than n have succeeded then, or if a bound has no value.
-- `try` never fails by itself: a body that fails is taken back, and `else` runs, which may fail.
+- `try` never fails by itself: a body that fails is undone, and `else` runs, which may fail.
 - `if` runs one branch; without a branch to run it succeeds. `if rule(x)` asks whether the rule is applicable at one of
-  its matches: it is tried there, and taken back.
+  its matches: it is tried there, and undone.
 - `atomic` takes everything back if its body fails, and fails then.
 - `all rule` applies the rule at each of its matches of now that still is one when its turn comes and is not refused;
   it fails if there is none. `by` puts them in order, the largest value first, and equal ones as they come; a match for
   which it has no value is left out. `top 3 rule by e` takes the first three of those alone.
 - A failed evaluation, a conflict between the matches of a `forall`, an exception in a Python rule, more steps than
-  the limit: these end the whole run with the exception, and everything is taken back.
+  the limit: these end the whole run with the exception, and everything is undone.
 """
 
 from __future__ import annotations
