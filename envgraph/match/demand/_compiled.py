@@ -10,7 +10,7 @@ from envgraph.match._matcher import FREE, Row, check_arguments, check_bound
 from envgraph.match.demand._program import Function, Program
 from envgraph.match.explain._explain import explain_view
 from envgraph.match.explain._trace import Trace, trace
-from envgraph.match.explain._why import WhyNot, why_not
+from envgraph.match.explain._why import Reasons, WhyNot
 from envgraph.match.generate._sources import view_source
 from envgraph.match.generate._symbols import (
     Held,
@@ -115,7 +115,7 @@ class CompiledMatcher:
             InvalidArgument: an unknown pattern, or one that needs values for other parameters.
         """
         check_bound(self.library, pattern, tuple(given))
-        return why_not(self._program.planner, self._program.build, self._first, pattern, dict(given))
+        return Reasons(self._program.planner, self._program.build, self._first).why_not(pattern, dict(given))
 
     def _first(self, pattern: str, given: dict[int, Value]) -> Row | None:
         bound = tuple(sorted(given))

@@ -165,87 +165,121 @@ def _listed(values: Mapping[str, Value], objects: tuple[str, ...], show: Callabl
     )
 
 
-def why_not(
-    planner: Planner,
-    build: Build,
-    first: Callable[[str, dict[int, Value]], tuple[Value, ...] | None],
-    pattern: str,
-    given: dict[int, Value],
-    asked: Asked = (),
-) -> WhyNot:
-    """Run each body as far as it goes.
+@dataclass(frozen=True, slots=True)
+class Reasons:
+    """Finds out why patterns have no match: runs each body as far as it goes.
 
-    Args:
+    Attributes:
         planner: of the matcher.
         build: makes functions.
-        first: the first match of a pattern for values at some positions.
-        pattern: qualified name.
-        given: values by position.
-        asked: the calls around this one, which are not looked into once more.
+        first: gives the first match of a pattern for values at some positions.
     """
-    parameters = [parameter.name for parameter in planner.library.get(pattern).parameters]
-    named = {parameters[position]: value for position, value in sorted(given.items())}
-    types = planner.library.parameter_types(pattern)
-    objects = tuple(
-        name for name, type_ in zip(parameters, types, strict=True) if isinstance(type_, ObjectType)
-    )
-    row = first(pattern, given)
-    if row is not None:
-        return WhyNot(pattern, named, dict(zip(parameters, row, strict=True)), (), objects)
-    found: list[tuple[int, Failure]] = []
-    for number, body in enumerate(planner.library.lowered(pattern).bodies):
-        found.append(
-            _failure(planner, build, first, pattern, number, body, given, (*asked, (pattern, given)))
+
+    planner: Planner
+    build: Build
+    first: Callable[[str, dict[int, Value]], tuple[Value, ...] | None]
+
+    def why_not(self, pattern: str, given: dict[int, Value], asked: Asked = ()) -> WhyNot:
+        """Run each body of a pattern as far as it goes.
+
+        Args:
+            pattern: qualified name.
+            given: values by position.
+            asked: the calls around this one, which are not looked into once more.
+        """
+        library = self.planner.library
+        parameters = [parameter.name for parameter in library.get(pattern).parameters]
+        named = {parameters[position]: value for position, value in sorted(given.items())}
+        typed = zip(parameters, library.parameter_types(pattern), strict=True)
+        objects = tuple(name for name, type_ in typed if isinstance(type_, ObjectType))
+        row = self.first(pattern, given)
+        if row is not None:
+            return WhyNot(pattern, named, dict(zip(parameters, row, strict=True)), (), objects)
+        inside = (*asked, (pattern, given))
+        bodies = enumerate(library.lowered(pattern).bodies)
+        found = [self._failure(pattern, number, body, given, inside) for number, body in bodies]
+        found.sort(key=lambda each: -each[0])
+        return WhyNot(pattern, named, None, tuple(failure for _, failure in found), objects)
+
+    def _failure(
+        self, pattern: str, number: int, conjunction: Conjunction, given: dict[int, Value], asked: Asked
+    ) -> tuple[int, Failure]:
+        """How many steps a body takes, and what it fails then.
+
+        Each goal is a step of its own: what it comes from is what was written, though a plan for matching inlines it.
+        """
+        if _contradicted(conjunction, given):
+            return 0, Failure(number + 1, {}, "")
+        body = BodyPlan(conjunction, self.planner.whole(conjunction, tuple(sorted(given))), True)
+        names = Names(self.planner.library, pattern, number, body)
+        names.anonymous = True
+        run = trace(self.planner, body, given, self.build)
+        depth = sum(1 for count in run.counts if count)
+        start = {conjunction.parameters[position]: value for position, value in given.items()}
+        partial = (run.first[depth - 1] or {}) if depth else start
+        shown = {names(variable): value for variable, value in partial.items() if names.spoken(variable)}
+        objects = _objects(names, partial, conjunction)
+        if depth == len(run.counts):
+            return depth, Failure(number + 1, shown, "", objects)
+        step = body.plan.steps[depth]
+        position = _goal_of(step, conjunction)
+        goal, span = conjunction.goals[position], conjunction.spans[position]
+        relation = goal.alternatives[0][0] if isinstance(goal, Absence) else goal
+        constraint = _block(relation.pattern) if isinstance(relation, CallAtom) else None
+        constraint = constraint or (
+            _written(span, conjunction, step.goal) if span else goal_text(step, names)
         )
-    found.sort(key=lambda each: -each[0])
-    return WhyNot(pattern, named, None, tuple(failure for _, failure in found), objects)
+        if isinstance(goal, InstanceAtom) and constraint == names(goal.variable):  # the type of a parameter
+            constraint = f"{constraint} : {goal.cls}"
+        values: dict[int, Any] = {**dict(conjunction.constants), **partial}
+        inner = witness = None
+        if isinstance(goal, Absence):
+            witness = self._witness(names, conjunction, goal, values)
+        elif isinstance(goal, CallAtom) and _has_text(goal.pattern) and len(asked) <= _MOST_CALLS:
+            known = {p: values[v] for p, v in enumerate(goal.arguments) if v in values}
+            if (goal.pattern, known) not in asked:
+                inner = self.why_not(goal.pattern, known, asked)
+        return depth, Failure(number + 1, shown, constraint, objects, inner, witness, span)
+
+    def _witness(
+        self, names: Names, conjunction: Conjunction, goal: Absence, values: Mapping[int, Any]
+    ) -> Witness:
+        """What a `neg` or `not` that fails finds."""
+        ((relation,),) = goal.alternatives
+        assert is_relation(relation)
+        outer = tuple(sorted(goal.outer))
+        body = Conjunction(conjunction.types, (), outer, (relation,))
+        found = self._solution(body, {p: values[v] for p, v in enumerate(outer)})
+        assert found is not None, "it has failed because of this"
+        if isinstance(relation, CallAtom):
+            given = {position: found[variable] for position, variable in enumerate(relation.arguments)}
+            return self._inside(relation.pattern, given)
+        return _found(names, body, {variable: found[variable] for variable in arguments(relation)})
+
+    def _solution(self, conjunction: Conjunction, given: dict[int, Value]) -> dict[int, Any] | None:
+        """Values for all variables of a conjunction, or None where there are none."""
+        plan = self.planner.whole(conjunction, tuple(sorted(given)))
+        run = trace(self.planner, BodyPlan(conjunction, plan, True), given, self.build)
+        return run.first[-1] if run.first else {}
+
+    def _inside(self, pattern: str, given: dict[int, Value]) -> Witness:
+        """What a pattern that matches finds inside."""
+        for number, body in enumerate(self.planner.library.lowered(pattern).bodies):
+            found = None if _contradicted(body, given) else self._solution(body, given)
+            if found is not None:
+                return _found(Names(self.planner.library, pattern, number, body), body, found)
+        return Witness({})
 
 
-def _failure(
-    planner: Planner,
-    build: Build,
-    first: Callable[[str, dict[int, Value]], tuple[Value, ...] | None],
-    pattern: str,
-    number: int,
-    conjunction: Conjunction,
-    given: dict[int, Value],
-    asked: Asked,
-) -> tuple[int, Failure]:
-    """How many steps a body takes, and what it fails then.
+def _found(names: Names, body: Conjunction, values: Mapping[int, Any]) -> Witness:
+    """What a body finds with these values."""
+    shown = {names(variable): value for variable, value in values.items() if names.spoken(variable)}
+    links = tuple(_links(body.goals, {**dict(body.constants), **values}))
+    return Witness(shown, links, _objects(names, filter(names.spoken, values), body))
 
-    Each goal is a step of its own: what it comes from is what was written, though a plan for matching inlines it.
-    """
-    if _contradicted(conjunction, given):
-        return 0, Failure(number + 1, {}, "")
-    body = BodyPlan(conjunction, planner.whole(conjunction, tuple(sorted(given))), True)
-    names = Names(planner.library, pattern, number, body)
-    names.anonymous = True
-    run = trace(planner, body, given, build)
-    depth = sum(1 for count in run.counts if count)
-    start = {conjunction.parameters[position]: value for position, value in given.items()}
-    partial = (run.first[depth - 1] or {}) if depth else start
-    shown = {names(variable): value for variable, value in partial.items() if names.spoken(variable)}
-    types = conjunction.types
-    objects = tuple(names(variable) for variable in partial if isinstance(types[variable], ObjectType))
-    if depth == len(run.counts):
-        return depth, Failure(number + 1, shown, "", objects)
-    step = body.plan.steps[depth]
-    position = _goal_of(step, conjunction)
-    goal, span = conjunction.goals[position], conjunction.spans[position]
-    relation = goal.alternatives[0][0] if isinstance(goal, Absence) else goal
-    constraint = _block(relation.pattern) if isinstance(relation, CallAtom) else None
-    constraint = constraint or (_written(span, conjunction, step.goal) if span else goal_text(step, names))
-    if isinstance(goal, InstanceAtom) and constraint == names(goal.variable):  # the type of a parameter
-        constraint = f"{constraint} : {goal.cls}"
-    values: dict[int, Any] = {**dict(conjunction.constants), **partial}
-    inner = witness = None
-    if isinstance(goal, Absence):
-        witness = _witness(planner, build, names, conjunction, goal, values)
-    elif isinstance(goal, CallAtom) and _has_text(goal.pattern) and len(asked) <= _MOST_CALLS:
-        known = {p: values[v] for p, v in enumerate(goal.arguments) if v in values}
-        if (goal.pattern, known) not in asked:
-            inner = why_not(planner, build, first, goal.pattern, known, asked)
-    return depth, Failure(number + 1, shown, constraint, objects, inner, witness, span)
+
+def _objects(names: Names, variables_: Iterable[int], body: Conjunction) -> tuple[str, ...]:
+    return tuple(names(v) for v in variables_ if isinstance(body.types[v], ObjectType))
 
 
 def _goal_of(step: Step, conjunction: Conjunction) -> int:
@@ -253,54 +287,6 @@ def _goal_of(step: Step, conjunction: Conjunction) -> int:
     goals = conjunction.goals
     met = [number for number, goal in enumerate(goals) if goal is step.goal]
     return (met or [n for n, goal in enumerate(goals) if not set(step.binds).isdisjoint(variables(goal))])[0]
-
-
-def _witness(
-    planner: Planner,
-    build: Build,
-    names: Names,
-    conjunction: Conjunction,
-    goal: Absence,
-    values: Mapping[int, Any],
-) -> Witness:
-    """What a `neg` or `not` that fails finds."""
-    ((relation,),) = goal.alternatives
-    assert is_relation(relation)
-    outer = tuple(sorted(goal.outer))
-    body = Conjunction(conjunction.types, (), outer, (relation,))
-    found = _solution(planner, build, body, {p: values[v] for p, v in enumerate(outer)})
-    assert found is not None, "it has failed because of this"
-    if isinstance(relation, CallAtom):
-        given = {position: found[variable] for position, variable in enumerate(relation.arguments)}
-        return _inside(planner, build, relation.pattern, given)
-    spoken = [variable for variable in arguments(relation) if names.spoken(variable)]
-    objects = tuple(names(v) for v in spoken if isinstance(conjunction.types[v], ObjectType))
-    named = {names(variable): found[variable] for variable in spoken}
-    return Witness(named, tuple(_links((relation,), found)), objects)
-
-
-def _solution(
-    planner: Planner, build: Build, conjunction: Conjunction, given: dict[int, Value]
-) -> dict[int, Any] | None:
-    """Values for all variables of a conjunction, or None where there are none."""
-    plan = planner.whole(conjunction, tuple(sorted(given)))
-    run = trace(planner, BodyPlan(conjunction, plan, True), given, build)
-    return run.first[-1] if run.first else {}
-
-
-def _inside(planner: Planner, build: Build, pattern: str, given: dict[int, Value]) -> Witness:
-    """What a pattern that matches finds inside."""
-    for number, body in enumerate(planner.library.lowered(pattern).bodies):
-        if _contradicted(body, given):
-            continue
-        found = _solution(planner, build, body, given)
-        if found is not None:
-            names = Names(planner.library, pattern, number, body)
-            spoken = [variable for variable in found if names.spoken(variable)]
-            objects = tuple(names(v) for v in spoken if isinstance(body.types[v], ObjectType))
-            links = tuple(_links(body.goals, {**dict(body.constants), **found}))
-            return Witness({names(variable): found[variable] for variable in spoken}, links, objects)
-    return Witness({})
 
 
 def _links(goals: Iterable[object], values: Mapping[int, Any]) -> Iterator[tuple[int, str, int]]:
