@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterator, Sequence
 from enum import Enum
-from typing import Final, Protocol
+from typing import Final
 
 from envgraph.errors import InvalidArgument, TypeMismatch
 from envgraph.graph import Model
@@ -28,7 +29,7 @@ Row = tuple[Value, ...]
 """One match: a value for each parameter, objects as ids."""
 
 
-class Matcher(Protocol):
+class Matcher(ABC):
     """Finds the matches of the patterns of a library in a model.
 
     A pattern is given by its qualified name, and `arguments` has a value or `FREE` for each of its parameters.
@@ -44,18 +45,23 @@ class Matcher(Protocol):
             pattern has results without end.
     """
 
+    @abstractmethod
     def rows(self, pattern: str, arguments: tuple[object, ...]) -> Sequence[Row]:
         """All matches that agree with the arguments."""
 
     def first(self, pattern: str, arguments: tuple[object, ...]) -> Row | None:
         """The first of `rows`, or None; may stop early."""
+        return next(iter(self.rows(pattern, arguments)), None)
 
     def exists(self, pattern: str, arguments: tuple[object, ...]) -> bool:
         """Return whether there is a match that agrees with the arguments."""
+        return self.first(pattern, arguments) is not None
 
     def count(self, pattern: str, arguments: tuple[object, ...]) -> int:
         """The number of `rows`."""
+        return len(self.rows(pattern, arguments))
 
+    @abstractmethod
     def prepare(self, pattern: str, bound: tuple[int, ...]) -> Callable[..., list[Row]]:
         """`rows` for one set of bound positions (ascending), called with the values at those positions.
 
@@ -65,16 +71,21 @@ class Matcher(Protocol):
 
     def seeker(self, pattern: str, bound: tuple[int, ...]) -> Callable[..., Iterator[Row]]:
         """The rows of `prepare` one by one, each looked for when it is asked for; not after the model has changed."""
+        rows = self.prepare(pattern, bound)
+        return lambda *values: iter(rows(*values))
 
     def lister(self, pattern: str) -> Callable[[], Sequence[Row]]:
         """All rows, to look at before the model changes, and not to be kept: of a watched pattern its own list.
 
         So a choice among the matches of a watched pattern takes constant time.
         """
+        return self.prepare(pattern, ())
 
     def tester(self, pattern: str) -> Callable[[Row], bool]:
         """Return whether a row is a match; unchecked, its values must have the right type. Objects may be gone."""
+        return lambda row: self.exists(pattern, row)
 
+    @abstractmethod
     def forget(self) -> None:
         """Names of patterns may mean something else from now on."""
 

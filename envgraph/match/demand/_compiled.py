@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 from envgraph.graph import Model
-from envgraph.match._matcher import FREE, Row, check_arguments, check_bound
+from envgraph.match._matcher import FREE, Matcher, Row, check_arguments, check_bound
 from envgraph.match.demand._program import Function, Program
 from envgraph.match.explain._explain import explain_view
 from envgraph.match.explain._trace import Trace, trace
@@ -25,7 +25,7 @@ from envgraph.metamodel import Value
 from envgraph.pattern import Library, ObjectType, StaticType
 
 
-class CompiledMatcher:
+class CompiledMatcher(Matcher):
     """A `Matcher` that generates a function for each pattern and set of bound positions, when it is first asked.
 
     Args:
@@ -68,10 +68,6 @@ class CompiledMatcher:
     def seeker(self, pattern: str, bound: tuple[int, ...]) -> Callable[..., Iterator[Row]]:
         """The rows of `prepare`, each looked for when it is asked for."""
         return self._specialised(pattern, bound, Mode.EACH)
-
-    def lister(self, pattern: str) -> Callable[[], list[Row]]:
-        """All rows."""
-        return self._specialised(pattern, (), Mode.ROWS)
 
     def tester(self, pattern: str) -> Callable[[Row], bool]:
         """Return whether a row is a match."""

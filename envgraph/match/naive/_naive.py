@@ -12,7 +12,7 @@ from typing import Any
 
 from envgraph.graph import Model
 from envgraph.match._aggregates import aggregate
-from envgraph.match._matcher import FREE, Row, check_arguments, check_bound
+from envgraph.match._matcher import FREE, Matcher, Row, check_arguments, check_bound
 from envgraph.match.naive._naive_body import (
     Equal,
     FlatBody,
@@ -46,7 +46,7 @@ Environment = Mapping[str, Value]
 Arguments = tuple[object, ...]
 
 
-class NaiveMatcher:
+class NaiveMatcher(Matcher):
     """A `Matcher` that is slow and simple; rows come in ascending order.
 
     Args:
@@ -76,18 +76,6 @@ class NaiveMatcher:
         checked = check_arguments(self.model, self.library, pattern, types, arguments)
         return [] if checked is None else sorted(self._matches(pattern, checked))
 
-    def first(self, pattern: str, arguments: tuple[object, ...]) -> Row | None:
-        """The first of `rows`, or None."""
-        return next(iter(self.rows(pattern, arguments)), None)
-
-    def exists(self, pattern: str, arguments: tuple[object, ...]) -> bool:
-        """Return whether there is a match that agrees with the arguments."""
-        return bool(self.rows(pattern, arguments))
-
-    def count(self, pattern: str, arguments: tuple[object, ...]) -> int:
-        """The number of `rows`."""
-        return len(self.rows(pattern, arguments))
-
     def prepare(self, pattern: str, bound: tuple[int, ...]) -> Callable[..., list[Row]]:
         """`rows` as a function of the values at the bound positions."""
         size = len(self.library.parameter_types(pattern))
@@ -98,19 +86,6 @@ class NaiveMatcher:
             return self.rows(pattern, tuple(given.get(position, FREE) for position in range(size)))
 
         return rows
-
-    def seeker(self, pattern: str, bound: tuple[int, ...]) -> Callable[..., Iterator[Row]]:
-        """The rows of `prepare`."""
-        rows = self.prepare(pattern, bound)
-        return lambda *values: iter(rows(*values))
-
-    def lister(self, pattern: str) -> Callable[[], list[Row]]:
-        """All rows."""
-        return self.prepare(pattern, ())
-
-    def tester(self, pattern: str) -> Callable[[Row], bool]:
-        """Return whether a row is a match."""
-        return lambda row: self.exists(pattern, row)
 
     # --- patterns
 

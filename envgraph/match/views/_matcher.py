@@ -7,7 +7,7 @@ from typing import Any
 
 from envgraph.errors import MOST_NESTED, InvalidArgument, TransactionError
 from envgraph.graph import Model
-from envgraph.match._matcher import FREE, Row, check_arguments
+from envgraph.match._matcher import FREE, Matcher, Row, check_arguments
 from envgraph.match.demand._compiled import CompiledMatcher
 from envgraph.match.explain._why import WhyNot
 from envgraph.match.passes._calls import check_nesting
@@ -20,7 +20,7 @@ from envgraph.metamodel import Value
 from envgraph.pattern import Library
 
 
-class ViewMatcher:
+class ViewMatcher(Matcher):
     """A `Matcher` whose watched patterns are views: kept current with every change of the model.
 
     The matches of a watched pattern are listed in the order of the view, which is a function of the version like every
@@ -236,7 +236,7 @@ class ViewMatcher:
 
     def lister(self, pattern: str) -> Callable[[], Sequence[Row]]:
         """All rows, as they are held if the pattern is watched."""
-        search = self.demand.lister(pattern)
+        search = self.demand.prepare(pattern, ())
 
         def rows() -> Sequence[Row]:
             view = self._current(pattern)
