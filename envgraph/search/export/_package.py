@@ -38,7 +38,7 @@ def write_package(family: Family, folder: Path, templates: Path | None = None) -
     """Write what templates make of a family; those that come with envgraph make a package that can be installed.
 
     Nothing is written unless everything can be made. What templates are given is in the documentation of Python, under
-    "Code of your own".
+    "Code from templates".
 
     Args:
         family: the family; it needs an environment if the templates ask for what that does.
