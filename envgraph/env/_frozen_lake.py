@@ -119,7 +119,7 @@ def _success_rate(table: Tabular, places: list[Place]) -> float:
             chances = {to: chance for (to, _, _), chance in outcomes.items()}
             wanted = place[0] + dx, place[1] + dy
             if len(chances) == len(outcomes) == 3 and wanted in chances:
-                return round(chances[wanted], 12)
+                return chances[wanted]
     return 1.0 / 3.0
 
 

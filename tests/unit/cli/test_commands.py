@@ -16,6 +16,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import gymnasium
 import pytest
 
 import envgraph as package
@@ -412,6 +413,16 @@ def test_a_family_is_exported_as_code_from_templates(envgraph: Envgraph, tmp_pat
     ):
         refused = envgraph("export", "a", *arguments)
         assert refused.code == 1 and told in refused.err
+
+
+def test_a_family_of_frozen_lakes_goes_back_to_gymnasium(envgraph: Envgraph) -> None:
+    ok(envgraph("adopt", "FrozenLake-v1", "-o", "lake"))
+    ok(envgraph("generate", "lake", "--generations", 2, "--population", 2, "--name", "lakes"))
+    maps = json.loads(ok(envgraph("export", "lakes", "--format", "frozenlake")).out)
+    assert maps["E2"]["desc"] == ["SFFF", "FHFH", "FFFH", "HFFG"] != maps["E1"]["desc"]
+    for arguments in maps.values():
+        assert arguments["success_rate"] == 1.0 / 3.0 and arguments["is_slippery"]
+        assert gymnasium.make("FrozenLake-v1", **arguments).spec.max_episode_steps == 100  # type: ignore[union-attr]
 
 
 def test_generate_does_not_overwrite_a_run(envgraph: Envgraph) -> None:
