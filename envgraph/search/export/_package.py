@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 
 from envgraph import __version__
-from envgraph.env import EnvgraphEnv, Tabular, TooManyStates
+from envgraph.env import Agent, Behaviour, EnvgraphEnv, Tabular, TooManyStates
 from envgraph.env.compiled import CompiledEnv, NotCompiled, Program, check_package, program_files
 from envgraph.errors import EvaluationError
 from envgraph.files import check_free, replace_file
@@ -136,17 +136,15 @@ class _Steps:
 
     def values(self, episodes: bool) -> Mapping[str, Any]:
         behaviour = self._family.behaviour
-        observed = [
-            *behaviour.observations,
-            *(one for agent in behaviour.agents for one in agent.observations),
-        ]
+        owners: tuple[Behaviour | Agent, ...] = (behaviour, *behaviour.agents)
+        observed = [one.span for owner in owners for one in owner.observations if one.span is not None]
         given: Any = self.program or next(iter(self.tables.values()))
         names = [one.name for one in self._family.members]
         found = {
             "environment": behaviour.name,
             "actions": tuple(given.action_names),
             "observation_shape": tuple(given.observation_shape) or (1,),
-            "observed": [" ".join(one.span.text.split()) for one in observed if one.span is not None],
+            "observed": [" ".join(one.text.split()) for one in sorted(observed, key=lambda one: one.start)],
             "agents": bool(behaviour.agents),
             "tables": bool(self.tables),
         }
