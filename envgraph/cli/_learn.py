@@ -59,6 +59,10 @@ UNFINISHED = "unfinished.jsonl"
 """Name of the file of a training under way, among the results: its agents so far, for `--resume`."""
 
 
+_MOST_MEMBERS = 100
+"""Of a family that is trained on: there are as many curricula, and each has as many stages."""
+
+
 def train_agents(
     run: str,
     directory: Path,
@@ -77,6 +81,12 @@ def train_agents(
     Results of the same budgets, and a training that was interrupted, make room only by `force`.
     """
     family = open_family(run, directory)
+    if len(family.members) > _MOST_MEMBERS:
+        message = (
+            f"`{run}` has {len(family.members):,} environments, and a curriculum at most {_MOST_MEMBERS}"
+        )
+        hint = "in Python `write_family(family.spaced(6))` is a family of some of them"
+        raise InvalidArgument(message, hint)
     base = run_directory(run, directory) / TRAINING
     again = f"envgraph train {run} --directory {directory} --resume"
     wanted: dict[str, Any] = dict(zip(_OPTIONS, (steps, seeds, curricula, controls), strict=True))

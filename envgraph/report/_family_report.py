@@ -10,7 +10,7 @@ from envgraph.learn import Experiment, Summary
 from envgraph.report._charts import Series, line_chart
 from envgraph.report._page import Card, Report, Section, Table
 from envgraph.report._training_report import Trained, budget_charts, thinned, thousands, training_section
-from envgraph.search import Family, Member, Outcome, caption, certificate_texts
+from envgraph.search import Family, Outcome, caption, certificate_texts
 
 History = Sequence[tuple[int, float, int, int]]
 """Number, diversity, accepted and rejected children of each generation."""
@@ -41,11 +41,11 @@ def family_report(
     if trained:
         sections.append(_stages(family, trained))
     sections += [training_section(one, family.members[-1].name) for one in trained]
-    count = len(family.members)
+    count, classes = len(family.members), family.class_counts()
     return Report(
         title=f"{family.name}: a family of {count} environments",
         summary=f"{_order(family)} The family has {outcome}.",
-        cards=tuple(_card(family, member) for member in family.members),
+        cards=tuple(_card(family, place, classes) for place in range(count)),
         legend=legend(scene for member in family.members if (scene := family.scene(member))),
         sections=tuple(sections),
         facts=facts or {},
@@ -126,10 +126,10 @@ def _result(summary: Summary | None) -> tuple[float | None, float | None]:
     return (None, None) if summary is None else (summary.success_rate, summary.mean_return)
 
 
-def _card(family: Family, member: Member) -> Card:
+def _card(family: Family, place: int, classes: Mapping[str, Sequence[int]]) -> Card:
+    member = family.members[place]
     facts = caption(family, member)
-    place = family.members.index(member)
-    facts += [(cls, str(numbers[place])) for cls, numbers in family.class_counts().items()]
+    facts += [(cls, str(numbers[place])) for cls, numbers in classes.items()]
     facts += certificate_texts(member)
     return Card(member.name, family.svg(member), tuple(facts), member.initial)
 

@@ -222,6 +222,31 @@ class Family:
             [place for place, one in enumerate(self.members) if low <= one.measures[measure] <= high]
         )
 
+    def spaced(self, count: int) -> Family:
+        """The family of the last member, the target, and of others at even steps of what orders the curriculum.
+
+        Of each of as many evenly spaced values, from the least to the greatest, it is the nearest member that is not
+        chosen yet.
+
+        Args:
+            count: members in all.
+
+        Raises:
+            InvalidArgument: it is not from 2 up to the members that there are.
+        """
+        if not 2 <= count <= len(self.members):
+            raise InvalidArgument(
+                f"family `{self.name}` has {len(self.members)} members: choose 2 of them or more"
+            )
+        measure = order_of(self.domain)
+        values = np.array([one.measures[measure] for one in self.members[:-1]])
+        chosen = list[int]()
+        for wanted in np.linspace(values.min(), values.max(), count - 1):
+            distance = np.abs(values - wanted)
+            distance[chosen] = np.inf
+            chosen.append(int(distance.argmin()))
+        return self._of([*sorted(chosen), len(self.members) - 1])
+
     def split(
         self, test: float | int | Callable[[Member], bool] = 0.2, *, apart: int = 1, seed: int = 0
     ) -> tuple[Family, Family]:
@@ -280,9 +305,9 @@ class Family:
 
     def class_counts(self) -> dict[str, tuple[int, ...]]:
         """Number of objects of each class in every member, where the members differ and no measure says the same."""
-        models = [self.model(member) for member in self.members]
         classes = [cls.name for cls in self.domain.metamodel.class_list if not cls.abstract]
-        counts = {cls: tuple(len(model.exact_extent(cls)) for model in models) for cls in classes}
+        found = [[len(model.exact_extent(cls)) for cls in classes] for model in self._models(self.members)]
+        counts = dict(zip(classes, zip(*found, strict=True), strict=True))
         measured = [[member.measures[name] for member in self.members] for name in self.members[0].measures]
         return {
             cls: numbers
@@ -325,10 +350,15 @@ def ordered(
     curriculum = domain.spec.curriculum
     if domain.spec.objective is not None and curriculum.order is None:
         return tuple(Member(f"E{place}", *one) for place, one in enumerate(found, start=1))
-    measure = str(curriculum.order or domain.spec.diversity.options["of"])
+    measure = order_of(domain)
     last = curriculum.initial == "last"
     ranked = sorted(found, key=lambda one: (last and one[3], one[0][measure], one[3]))
     return tuple(Member(f"E{place}", *one) for place, one in enumerate(ranked, start=1))
+
+
+def order_of(domain: Domain) -> str:
+    """The measure that orders the curriculum, or would if the file named none."""
+    return str(domain.spec.curriculum.order or domain.spec.diversity.options["of"])
 
 
 def run_file(location: str | Path, directory: Path = Path("runs")) -> Path:

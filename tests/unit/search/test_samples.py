@@ -243,3 +243,5 @@ def test_many_members_are_summed_up(
     assert "three quarters" in printed and "E7" not in printed
     assert "`--variant E1` shows an environment" in call("show", "many")
     assert "E7  complexity" in call("show", "many", "--variant", "E7")
+    monkeypatch.setattr(sys, "argv", ["envgraph", "train", "many"])
+    assert main() == 1 and "101 environments, and a curriculum at most 100" in capsys.readouterr().err

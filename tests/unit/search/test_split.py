@@ -73,6 +73,18 @@ def test_what_is_tested_can_be_said(family: Family) -> None:
     assert names(family.between("complexity", low, high)) == band and len(band) >= 6
 
 
+def test_members_at_even_steps_make_a_curriculum(family: Family) -> None:
+    found = family.spaced(6)
+    values = [one.measures["complexity"] for one in family.members[:-1]]
+    assert found.members[-1].initial and names(found)[-1] == "E40" and len(set(names(found))) == 6
+    wanted = np.linspace(min(values), max(values), 5)
+    for member, value in zip(found.members, wanted, strict=False):
+        nearest = sorted(abs(one - value) for one in values)
+        assert abs(member.measures["complexity"] - value) in nearest[:5]
+    assert found.members[0].measures["complexity"] == values[0]
+    assert names(family.spaced(40)) == names(family) and len(family.spaced(2).members) == 2
+
+
 def test_a_part_keeps_names_and_indices(family: Family, tmp_path: Path) -> None:
     part = family.subset(["E9", family.members[2], 5])
     assert names(part) == ["E3", "E5", "E9"] and part.keys == family.keys
@@ -113,6 +125,8 @@ def test_members_are_columns(family: Family) -> None:
         lambda family: family.split(lambda member: True),
         lambda family: family.split(lambda member: False),
         lambda family: family.split(apart=1000),
+        lambda family: family.spaced(1),
+        lambda family: family.spaced(41),
         lambda family: family.subset([]),
         lambda family: family.subset(["E99"]),
         lambda family: family.between("complexity", 2, 3),
