@@ -18,6 +18,7 @@ from envgraph.env._sampling import cumulative
 from envgraph.env._tabular import Tabular
 from envgraph.env.scene._pixels import scene_rgb
 from envgraph.env.scene._scene import Scene
+from envgraph.env.schedules import Schedule, Seats
 from envgraph.errors import InvalidArgument, listed
 
 Ints = NDArray[np.int64]
@@ -36,6 +37,8 @@ class VectorEnvironmentBase(VectorEnv[Any, Any, Any]):
         render_mode: None or "rgb_array".
         observation: "index" or "multi".
         autoreset_mode: one of `gymnasium.vector.AutoresetMode`, or its value.
+        members: how many members the environments are over.
+        schedule: says of which member each episode is; None: each environment stays with its own.
 
     Raises:
         InvalidArgument: a count below 1, or an unknown mode.
@@ -58,6 +61,8 @@ class VectorEnvironmentBase(VectorEnv[Any, Any, Any]):
         render_mode: str | None,
         observation: ObservationKind,
         autoreset_mode: AutoresetMode | str,
+        members: int,
+        schedule: Schedule | None,
     ) -> None:
         if num_envs < 1:
             raise InvalidArgument(f"`num_envs` is {num_envs}, it must be at least 1")
@@ -75,8 +80,18 @@ class VectorEnvironmentBase(VectorEnv[Any, Any, Any]):
         self._split = observation == "multi"
         self._n_actions = n_actions
         self._begun = False
+        self._seats = None if schedule is None else Seats(schedule, num_envs, members)
         self._steps: Ints = np.zeros(num_envs, dtype=np.int64)
         self._done: Bools = np.zeros(num_envs, dtype=np.bool_)
+
+    @property
+    def schedule(self) -> Schedule | None:
+        """What says of which member each episode is."""
+        return self._seats.schedule if self._seats else None
+
+    @abstractmethod
+    def _enter(self, mask: Bools, members: Ints) -> None:
+        """Some environments are over these members from their next episode on; there is an entry for each."""
 
     @abstractmethod
     def _begin(self, mask: Bools) -> None:
@@ -100,9 +115,18 @@ class VectorEnvironmentBase(VectorEnv[Any, Any, Any]):
         """Begin an episode in every environment, or in those of `options={"reset_mask": mask}`."""
         mask = self._mask(known_options(options, ("reset_mask",)).get("reset_mask"))
         super().reset(seed=seed)
+        if self._seats and (seed is not None or not self._begun):
+            self._seats.seed(self.np_random.spawn(1)[0])
         self._begun = True
+        self._choose(mask)
         self._begin(mask)
         return self._observed(), self._info(np.zeros(self.num_envs, dtype=np.bool_), mask)
+
+    def _choose(self, mask: Bools) -> None:
+        """Ask the schedule which members come next."""
+        if self._seats:
+            self._seats.begin(mask)
+            self._enter(mask, self._seats.member)
 
     def _mask(self, wanted: Any) -> Bools:
         """Which environments to reset."""
@@ -129,12 +153,17 @@ class VectorEnvironmentBase(VectorEnv[Any, Any, Any]):
             raise ResetNeeded(
                 f"the episodes of {numbers} are over: `reset` with a `reset_mask` begins them anew"
             )
+        if self.autoreset_mode is AutoresetMode.NEXT_STEP:
+            self._choose(self._done)
         reward, ended, truncated = self._advance(chosen)
         terminated = ended > 0
         success = ended == SUCCESS
+        if self._seats:
+            self._seats.step(reward, terminated | truncated, success, self._steps)
         if self.autoreset_mode is not AutoresetMode.SAME_STEP or not self._done.any():
             return self._observed(), reward, terminated, truncated, self._info(success)
         final = self._final(success)
+        self._choose(self._done)
         self._begin(self._done)
         return (
             self._observed(),
@@ -164,6 +193,8 @@ class VectorEnvironmentBase(VectorEnv[Any, Any, Any]):
             "step": self._steps.copy(),
             "success": success.copy(),
         }
+        if self._seats:
+            values |= {"member": self._seats.member.copy(), "learn": self._seats.learn.copy()}
         if mask is None:
             mask = np.ones(self.num_envs, dtype=np.bool_)
         else:
@@ -184,6 +215,10 @@ class EnvgraphVectorEnv(VectorEnvironmentBase):
     next one; `final_obs` and `final_info` are those of the end. DISABLED: `reset(options={"reset_mask": mask})` begins
     anew where the mask, an array of bools, says so; stepping an environment that has ended is an error.
 
+    With a schedule, each episode is of the table that it gives, whose number is `member` in the infos; `learn` says
+    whether it is given to be learned on. The schedule is told of each episode that ends, and draws from a generator of
+    its own, which the seed of `reset` determines; what it knows stays over a `reset`.
+
     Args:
         tabulars: one table, or several.
         num_envs: how many environments; one for each table if None.
@@ -192,6 +227,7 @@ class EnvgraphVectorEnv(VectorEnvironmentBase):
         render_mode: None or "rgb_array".
         observation: "index" or "multi".
         autoreset_mode: one of `gymnasium.vector.AutoresetMode`, or its value.
+        schedule: says of which table each episode is.
 
     Raises:
         InvalidArgument: no table, tables that differ in actions or observations, or a count below 1.
@@ -207,6 +243,7 @@ class EnvgraphVectorEnv(VectorEnvironmentBase):
         render_mode: str | None = None,
         observation: ObservationKind = "index",
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        schedule: Schedule | None = None,
     ) -> None:
         tables = (tabulars,) if isinstance(tabulars, Tabular) else tuple(tabulars)
         _check(tables)
@@ -224,6 +261,8 @@ class EnvgraphVectorEnv(VectorEnvironmentBase):
             render_mode=render_mode,
             observation=observation,
             autoreset_mode=autoreset_mode,
+            members=len(tables),
+            schedule=schedule,
         )
         self._shape = first.observation_shape
         self._pictures = pictures
@@ -253,6 +292,9 @@ class EnvgraphVectorEnv(VectorEnvironmentBase):
             self._starts[row, : len(table.start_states)] = table.start_states + self._first[row]
             chances[row, : len(table.start_states)] = table.start_probability
         self._start_sums = cumulative(chances)
+
+    def _enter(self, mask: Bools, members: Ints) -> None:
+        self._which = np.where(mask, members, self._which)
 
     def _begin(self, mask: Bools) -> None:
         uniform = self.np_random.random(self.num_envs)

@@ -98,6 +98,9 @@ def make_vec_spec(
         vectorization_mode = vectorization_mode.value
     if vectorization_mode is None and (options.get("live") or options.get("engine") == "live"):
         vectorization_mode = "sync"
+    if vectorization_mode in ("sync", "async") and "schedule" in options:
+        hint = 'leave `vectorization_mode` out, with `engine="table"` or `"compiled"`'
+        raise InvalidArgument("single environments side by side have no schedule", hint)
     if autoreset_mode is not None:
         autoreset_mode = autoreset_of(autoreset_mode)
         if vectorization_mode in ("sync", "async"):

@@ -32,6 +32,7 @@ from envgraph.env.compiled import (
     Streams,
     has_numba,
 )
+from envgraph.env.schedules import Schedule, named_schedule
 from envgraph.errors import EvaluationError, InvalidArgument
 from envgraph.files import telling
 from envgraph.graph import model_to_json
@@ -86,6 +87,7 @@ def make_vec(
     variant: int | str | Sequence[int | str] | None = None,
     *,
     domain: Location | None = None,
+    schedule: Schedule | str | None = None,
     **options: Any,
 ) -> VectorEnvironment:
     """Many environments at once, stepped by array indexing; like `gymnasium.make_vec`, and the arguments of `make`.
@@ -95,10 +97,13 @@ def make_vec(
         num_envs: how many.
         variant: as for `make`, or a list, whose members take turns: `num_envs=60, variant=["E1", "E2"]` gives thirty
             of each.
+        schedule: says of which of these, or of all members without `variant`, each episode is: one of
+            `envgraph.env.schedules`, or a name in its `SCHEDULES`.
         options: of `gymnasium.make_vec` and of `make_vector_environment`. `vectorization_mode` "sync" or "async" steps
             single environments instead, as `engine="live"` does; `autoreset_mode` is for all of them.
     """
-    return make_vec_spec(_spec(family, domain), num_envs, **_given(variant=variant), **options)
+    given = _given(variant=variant, schedule=schedule)
+    return make_vec_spec(_spec(family, domain), num_envs, **given, **options)
 
 
 def make_aec(
@@ -244,12 +249,14 @@ def make_vector_environment(
     engine: EngineKind | None = None,
     streams: Streams | None = None,
     threads: int | None = None,
+    schedule: Schedule | str | None = None,
 ) -> EnvgraphVectorEnv | CompiledVectorEnv:
     """What `gymnasium.make_vec` calls: `num_envs` environments, stepped by arrays.
 
     The arguments are those of `make_environment`, but `variant` may be a list: its members take turns, so that
-    `num_envs=60, variant=["E1", "E2"]` gives thirty of each; and `family` may be one in memory. The others are those of
-    `CompiledVectorEnv`; with `streams` or `threads` given it is that, whatever there is a table of.
+    `num_envs=60, variant=["E1", "E2"]` gives thirty of each, unless a `schedule` says of which each episode is; and
+    `family` may be one in memory. The others are those of `CompiledVectorEnv`; with `streams` or `threads` given it is
+    that, whatever there is a table of.
 
     Raises:
         InvalidArgument, LoadError, EvaluationError: as for `make_environment`; also `engine="live"`, which has no
@@ -266,12 +273,16 @@ def make_vector_environment(
     variants = () if variant is None else (variant,) if isinstance(variant, int | str) else tuple(variant)
     opened = _opened(domain, family, variants)
     check_render_mode(render_mode, ("rgb_array",), drawn=opened.record.drawn)
+    if schedule is not None and not variants:
+        variants = tuple(opened.record.tables)
     places = [opened.place(one) for one in variants or (None,)]
+    if isinstance(schedule, str):
+        schedule = named_schedule(schedule, len(places))
     options: dict[str, Any] = {
         "render_mode": render_mode,
         "observation": observation,
         "max_episode_steps": max_episode_steps,
-        **_given(autoreset_mode=autoreset_mode),
+        **_given(autoreset_mode=autoreset_mode, schedule=schedule),
     }
     found = opened.stepping(places, wanted, pictures=render_mode is not None)
     if found is None:

@@ -34,7 +34,7 @@ class Batch:
 
     Args:
         program: the compiled behaviour.
-        members: number of the member of each environment.
+        members: number of the member of each environment; it may change before an episode begins.
         threads: how many step them at a time; changes no result.
 
     Attributes:
@@ -47,7 +47,7 @@ class Batch:
 
     def __init__(self, program: Program, members: Sequence[int] | NDArray[Any], threads: int = 1) -> None:
         self.program = program
-        self.members = np.asarray(members, dtype=np.int64)
+        self.members = np.array(members, dtype=np.int64)
         n, arrays = len(self.members), program.arrays
         self._rows = rows = rows_of(n, arrays, len(program.observation_shape))
         self.states, self.float_states, self._streams, self.components = rows[:4]

@@ -25,6 +25,7 @@ from envgraph.env.compiled._program import Program
 from envgraph.env.compiled._world import NO_NUMBERS
 from envgraph.env.scene._pixels import scene_rgb
 from envgraph.env.scene._scene import Scene
+from envgraph.env.schedules import Schedule
 from envgraph.errors import InvalidArgument
 
 Streams = Literal["shared", "each"]
@@ -123,6 +124,7 @@ class CompiledVectorEnv(VectorEnvironmentBase):
             environment does with that seed.
         threads: how many step the environments at a time; changes no result. Handing out the work takes some ten
             microseconds, so it pays for thousands of environments. `close` ends them.
+        schedule: as in `EnvgraphVectorEnv`; its members are the places in `members`.
 
     Raises:
         InvalidArgument: a wrong count, mode or member.
@@ -140,6 +142,7 @@ class CompiledVectorEnv(VectorEnvironmentBase):
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         streams: Streams = "shared",
         threads: int = 1,
+        schedule: Schedule | None = None,
     ) -> None:
         check_render_mode(render_mode, ("rgb_array",), drawn=program.behaviour.draw is not None)
         chosen = np.arange(len(program.members)) if members is None else np.asarray(members, dtype=np.int64)
@@ -161,11 +164,14 @@ class CompiledVectorEnv(VectorEnvironmentBase):
             render_mode=render_mode,
             observation=observation,
             autoreset_mode=autoreset_mode,
+            members=len(chosen),
+            schedule=schedule,
         )
         self.program = program
+        self._members = chosen
         self._each = streams == "each"
         self._steps, self._done = self._batch.steps, self._batch.over
-        self._names = [np.array(program.agent_names(member), dtype=object) for member in which]
+        self._names = {one: np.array(program.agent_names(one), dtype=object) for one in chosen.tolist()}
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -183,6 +189,9 @@ class CompiledVectorEnv(VectorEnvironmentBase):
     def _numbers(self) -> Floats:
         return NO_NUMBERS if self._each else self.np_random.random(self.num_envs)
 
+    def _enter(self, mask: Bools, members: Ints) -> None:
+        self._batch.members[mask] = self._members[members[mask]]
+
     def _begin(self, mask: Bools) -> None:
         self._batch.reset(mask.copy(), self._numbers())
 
@@ -198,6 +207,8 @@ class CompiledVectorEnv(VectorEnvironmentBase):
             uniforms=uniforms,
             starts=starts,
         )
+        # Other arrays, where space for new objects was made.
+        self._steps, self._done = batch.steps, batch.over
         return batch.reward.copy(), batch.ended.copy(), batch.cut.copy()
 
     def _observed(self) -> Ints:
@@ -207,7 +218,8 @@ class CompiledVectorEnv(VectorEnvironmentBase):
         if not self.program.behaviour.agents:
             return {}
         turns = self._batch.states[:, TURN]
-        acting = [names[turn] for names, turn in zip(self._names, turns.tolist(), strict=True)]
+        members = self._batch.members.tolist()
+        acting = [self._names[one][turn] for one, turn in zip(members, turns.tolist(), strict=True)]
         return {"agent": np.array(acting, dtype=object)}
 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:

@@ -8,10 +8,10 @@ told in `docs/evidence.md`.
 from envgraph.errors import shorten
 from envgraph.learn.audit._claims import POOLED, Finding, findings_of, rank_values, two_way_interval
 from envgraph.learn.audit._levels import AuditLevels, make_levels
-from envgraph.learn.audit._methods import CONTRASTS, METHODS, PROBED, Buffer, Contrast, Method, Sifting
+from envgraph.learn.audit._methods import CONTRASTS, METHODS, PROBED, Contrast, Method
 from envgraph.learn.audit._ranks import Ranking, rank_correlation, ranking
-from envgraph.learn.audit._run import PROBES, ROLLOUTS, SHOWN_ROLLOUTS, Run, run_method
-from envgraph.learn.audit._scheduler import Batch, Scheduler, Student, score_levels
+from envgraph.learn.audit._run import PROBES, ROLLOUTS, SHOWN_ROLLOUTS, Run, run_method, schedule_of
+from envgraph.learn.audit._scores import Student, score_levels
 from envgraph.learn.audit._settings import AuditSettings, audit_problems, audit_settings
 from envgraph.learn.audit._study import Study, audit, read_run
 from envgraph.learn.audit._tables import Summary, summaries, write_audit
@@ -26,15 +26,11 @@ __all__ = [
     "SHOWN_ROLLOUTS",
     "AuditLevels",
     "AuditSettings",
-    "Batch",
-    "Buffer",
     "Contrast",
     "Finding",
     "Method",
     "Ranking",
     "Run",
-    "Scheduler",
-    "Sifting",
     "Student",
     "Study",
     "Summary",
@@ -48,6 +44,7 @@ __all__ = [
     "ranking",
     "read_run",
     "run_method",
+    "schedule_of",
     "score_levels",
     "summaries",
     "two_way_interval",

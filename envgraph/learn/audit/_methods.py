@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Final, Literal, get_args
 
 from envgraph.code import dataclass
+from envgraph.env.schedules import Buffer, Sifting
 
 Score = Literal["random", "PVL", "L1", "MaxMC", "MNA", "SFL", "exact regret", "exact learnability"]
 SCORES: Final[tuple[Score, ...]] = get_args(Score)
@@ -14,63 +15,23 @@ PROBED: Final[tuple[Score, ...]] = ("PVL", "L1", "MaxMC", "MNA", "SFL", "exact l
 
 
 @dataclass(frozen=True, slots=True)
-class Buffer:
-    """Levels that are replayed: prioritised level replay (Jiang et al. 2021a).
-
-    Attributes:
-        size: how many are kept, those with the highest scores.
-        replay: probability that a batch is of these.
-        temperature: a level at rank r is replayed in proportion to r ** (-1 / temperature).
-        staleness: share of the probability that goes by how long a level has not been replayed.
-        fresh_learned: whether students learn on levels that are played for the first time; robust replay does not
-            (Jiang et al. 2021b).
-    """
-
-    size: int = 500
-    replay: float = 0.5
-    temperature: float = 0.3
-    staleness: float = 0.3
-    fresh_learned: bool = True
-
-
-@dataclass(frozen=True, slots=True)
-class Sifting:
-    """Levels that are sought out now and then: sampling for learnability (Rutherford et al. 2024).
-
-    Attributes:
-        episodes: that are played on each candidate; None: its exact score is known without.
-        counted: whether the steps of these episodes count.
-        every: batches between two searches.
-        candidates: fresh levels that are looked at.
-        best: how many of these are kept until the next search.
-        share: of each batch that is drawn from them.
-    """
-
-    episodes: int | None
-    counted: bool = True
-    every: int = 25
-    candidates: int = 256
-    best: int = 32
-    share: float = 0.5
-
-
-@dataclass(frozen=True, slots=True)
 class Method:
     """A way to choose levels.
 
     Attributes:
         name: as it is shown.
-        score: of levels, for buffer or sifting.
-        buffer, sifting: one of them, or neither: then levels are drawn at random.
+        score: of levels, by which they are chosen.
+        choice: how; None: levels are drawn at random.
         solvable: whether the generator gives solvable levels alone.
+        counted: whether the steps of episodes count that are played for the score alone.
         decisive: whether it has all seeds; it takes part in a claim about what teaches.
     """
 
     name: str
     score: Score | None = None
-    buffer: Buffer | None = None
-    sifting: Sifting | None = None
+    choice: Buffer | Sifting | None = None
     solvable: bool = False
+    counted: bool = True
     decisive: bool = False
 
 
@@ -86,10 +47,10 @@ METHODS: Final = (
     Method("PLR, MNA", "MNA", Buffer()),
     Method("robust PLR, PVL", "PVL", ROBUST),
     Method("robust PLR, MaxMC", "MaxMC", ROBUST),
-    Method("SFL, 4 rollouts", "SFL", sifting=Sifting(4)),
-    Method("SFL, 16 rollouts", "SFL", sifting=Sifting(16)),
-    Method("SFL, 16 rollouts uncounted", "SFL", sifting=Sifting(16, counted=False)),
-    Method("SFL, exact learnability", "exact learnability", sifting=Sifting(None)),
+    Method("SFL, 4 rollouts", "SFL", Sifting(4)),
+    Method("SFL, 16 rollouts", "SFL", Sifting(16)),
+    Method("SFL, 16 rollouts uncounted", "SFL", Sifting(16), counted=False),
+    Method("SFL, exact learnability", "exact learnability", Sifting(None)),
     Method("PLR, exact regret", "exact regret", Buffer(), decisive=True),
     Method("PLR, exact learnability", "exact learnability", Buffer(), decisive=True),
     Method("PLR, MaxMC, solvable only", "MaxMC", Buffer(), solvable=True),

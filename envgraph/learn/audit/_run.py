@@ -9,10 +9,11 @@ import numpy as np
 from numpy.random import SeedSequence, default_rng
 
 from envgraph.code import dataclass
+from envgraph.env.schedules import Buffer, Outcomes, Replay, Schedule, Shuffled, Sifter
 from envgraph.learn.audit._levels import AuditLevels
 from envgraph.learn.audit._methods import METHODS, PROBED, Method
 from envgraph.learn.audit._ranks import ranking
-from envgraph.learn.audit._scheduler import Scheduler, exact_scores, score_levels
+from envgraph.learn.audit._scores import Student, exact_scores, score_levels
 from envgraph.learn.audit._settings import AuditSettings
 from envgraph.solve.learning import PolicyLearner
 
@@ -86,21 +87,27 @@ def run_method(
     """
     student = PolicyLearner(levels.tables, settings.policy, seed, native=native)
     rng = default_rng(SeedSequence(seed, spawn_key=(_SCHEDULER,)))
-    scheduler = Scheduler(method, levels, settings.policy.levels, rng)
+    schedule = schedule_of(method, levels, student)
     steps = updates = solvable = learned = 0
     curve: list[tuple[int, int, float]] = []
     rankings: list[dict[str, Any]] = []
     shown: dict[str, list[float]] | None = None
     while len(curve) < POINTS:
-        batch = scheduler.propose(student)
-        played = student.play(batch.levels)
-        steps += batch.cost + played.steps
+        batch = schedule.ask(settings.policy.levels, rng)
+        chosen = batch.members
+        played = student.play(chosen, batch.episodes)
+        steps += played.steps if method.counted or batch.learn else 0
         if batch.learn:
             student.improve(rng)
             updates += 1
-            learned += len(batch.levels)
-            solvable += int(levels.solvable[batch.levels].sum())
-        scheduler.told(student, batch, played)
+            learned += len(chosen)
+            solvable += int(levels.solvable[chosen].sum())
+        score = None
+        if method.score and isinstance(method.choice, Buffer):
+            score = score_levels(method.score, levels, chosen, student, played, rng)
+        schedule.tell(Outcomes(chosen, played.success, played.returns, played.length, score))
+        if batch.episodes is not None:
+            continue  # a search is part of the batch that it is for
         while len(curve) < POINTS and steps >= settings.steps * (len(curve) + 1) / POINTS:
             curve.append((steps, updates, float(student.evaluate(levels.held_out)[0].mean())))
             if method == METHODS[0] and seed < PROBING_SEEDS and len(curve) in PROBES:
@@ -123,6 +130,20 @@ def run_method(
         rankings=tuple(rankings),
         shown=shown,
     )
+
+
+def schedule_of(method: Method, levels: AuditLevels, student: Student) -> Schedule:
+    """What chooses levels as a method says; those for training are its members."""
+    training = levels.training
+    members = training[levels.solvable[training]] if method.solvable else training
+    choice, score = method.choice, method.score
+    if choice is None:
+        return Shuffled(members)
+    if isinstance(choice, Buffer):
+        return Replay(members, choice)
+    if choice.episodes is not None or score is None:
+        return Sifter(members, choice)
+    return Sifter(members, choice, lambda chosen: exact_scores(score, levels, chosen, student))
 
 
 def probe(

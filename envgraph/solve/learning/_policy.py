@@ -110,7 +110,8 @@ class Played:
     """What was found while levels were played; float64, an entry a level.
 
     Attributes:
-        steps: how many in all.
+        length: int64, how many steps.
+        returns: mean discounted return of the finished episodes.
         positive: mean of the positive part of the advantage (positive value loss, Jiang et al. 2021b).
         absolute: mean of its absolute value (L1 value loss, Jiang et al. 2021a).
         best_return: mean of the best return ever seen on the level minus the value (MaxMC, Jiang et al. 2021b).
@@ -119,12 +120,18 @@ class Played:
         success: share of the finished episodes that ended in success.
     """
 
-    steps: int
+    length: Ints
+    returns: Floats
     positive: Floats
     absolute: Floats
     best_return: Floats
     negative: Floats
     success: Floats
+
+    @property
+    def steps(self) -> int:
+        """How many steps in all."""
+        return int(self.length.sum())
 
 
 class PolicyLearner:
@@ -197,14 +204,13 @@ class PolicyLearner:
         )
         discount, smoothing = settings.discount, settings.smoothing
         self._do["advantages"](student, tracks, most, discount, smoothing, self._advantages)
-        scores, best = np.zeros((len(chosen), 6)), self.best[chosen]
+        scores, best = np.zeros((len(chosen), 7)), self.best[chosen]
         self._do["measure"](student, tracks, most, discount, smoothing, self._advantages, best, scores)
         np.maximum.at(self.best, chosen, best)
         finished = np.maximum(scores[:, 4], 1.0)
         positive, absolute, best_return, negative = scores[:, :4].T
-        return Played(
-            int(tracks[5].sum()), positive, absolute, best_return, negative, scores[:, 5] / finished
-        )
+        returns, success = scores[:, 6] / finished, scores[:, 5] / finished
+        return Played(tracks[5].copy(), returns, positive, absolute, best_return, negative, success)
 
     def improve(self, rng: np.random.Generator) -> None:
         """Learn from what was played last; `rng` mixes the levels."""

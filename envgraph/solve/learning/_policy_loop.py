@@ -173,8 +173,8 @@ def measure(student, tracks, most, discount, smoothing, ADVANTAGES, BEST, SCORES
 
     Args:
         BEST: the greatest return seen on each level before; raised.
-        SCORES: float64 [levels, 6]: mean positive and mean absolute advantage, mean of the best return minus the
-            value, the negative advantage, finished episodes, successes among them. Written.
+        SCORES: float64 [levels, 7]: mean positive and mean absolute advantage, mean of the best return minus the
+            value, the negative advantage, finished episodes, successes among them, sum of their returns. Written.
     """
     OUT, outputs = vector(student[5]), student[6][2]
     AT, AFTER, GAIN, HOW, STEPS = (
@@ -188,7 +188,7 @@ def measure(student, tracks, most, discount, smoothing, ADVANTAGES, BEST, SCORES
     best = vector(BEST)
     for b in range(len(tracks[5])):
         positive, absolute, values, lost = 0.0, 0.0, 0.0, 0.0
-        episodes, successes, total, factor, begun = 0, 0, 0.0, 1.0, b * most
+        episodes, successes, total, factor, begun, gained = 0, 0, 0.0, 1.0, b * most, 0.0
         for step in range(STEPS[b]):
             place = b * most + step
             positive += max(0.0, A[place])
@@ -201,12 +201,13 @@ def measure(student, tracks, most, discount, smoothing, ADVANTAGES, BEST, SCORES
                     episodes += 1
                     successes += HOW[place] == TERMINATED and AFTER[place] == -1
                     best[b] = max(best[b], total)
+                    gained += total
                 lost += negative(OUT, AT, AFTER, GAIN, HOW, begun, place, outputs, discount, smoothing)
                 total, factor, begun = 0.0, 1.0, place + 1
         S[b, 0], S[b, 1] = positive / STEPS[b], absolute / STEPS[b]
         S[b, 2] = best[b] - values / STEPS[b]
         S[b, 3] = lost / STEPS[b] if successes > 0 else 0.0
-        S[b, 4], S[b, 5] = episodes, successes
+        S[b, 4], S[b, 5], S[b, 6] = episodes, successes, gained
 
 
 def negative(OUT, AT, AFTER, GAIN, HOW, first, last, outputs, discount, smoothing):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from envgraph.env import enumerate_states
-from envgraph.env.compiled import Batch, NotCompiled, enumerated, program_of
+from envgraph.env.compiled import Batch, CompiledVectorEnv, NotCompiled, enumerated, program_of
 from envgraph.errors import EvaluationError
 from tests.profile import NIGHTLY
 from tests.unit.env.side_by_side import mutants, step_side_by_side
@@ -217,6 +217,15 @@ def test_the_space_grows_with_what_rules_create(tmp_path: Path) -> None:
     assert program.spare == 2
     assert batch.program.spare == 128
     assert batch.steps.tolist() == [40, 40, 40]
+
+
+def test_a_vector_goes_on_where_its_space_has_grown(tmp_path: Path) -> None:
+    body = "action born = born() reward 1\naction rest = born() else reward 0\nlimit 120 steps\n" + LOOK
+    engine, behaviour = written(tmp_path, Corner(BORN, body, SIZES))
+    many = CompiledVectorEnv(program_of(engine, behaviour, native=False, spare=2), 2, max_episode_steps=30)
+    many.reset(seed=0)
+    found = [many.step(np.zeros(2, dtype=np.int64)) for _ in range(32)]
+    assert [step[-1]["step"].tolist() for step in found[-4:]] == [[29, 29], [30, 30], [0, 0], [1, 1]]
 
 
 def test_what_goes_leaves_its_space_to_what_comes(tmp_path: Path) -> None:

@@ -12,6 +12,8 @@ from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 from envgraph.env import EnvgraphEnv, EnvgraphVectorEnv, explore
+from envgraph.env.compiled import CompiledVectorEnv, program_of
+from envgraph.env.schedules import Batch, Outcomes, Shuffled
 from envgraph.errors import InvalidArgument
 from tests.unit.env import forest
 from tests.unit.env.coins import loaded
@@ -173,3 +175,84 @@ def test_resets_take_options_that_they_know() -> None:
         InvalidArgument, match="unknown autoreset mode 'never': there are `Disabled`, `NextStep`"
     ):
         EnvgraphVectorEnv(TABLES, autoreset_mode="never")
+
+
+class Told(Shuffled):
+    """Remembers what it has given and what it was told."""
+
+    def __init__(self, members: int) -> None:
+        super().__init__(np.arange(members))
+        self.given: list[int] = []
+        self.told: list[tuple[int, float, float, int]] = []
+
+    def ask(self, count: int, rng: np.random.Generator) -> Batch:
+        batch = super().ask(count, rng)
+        self.given += batch.members.tolist()
+        return Batch(batch.members, learn=batch.members[0] > 1)
+
+    def tell(self, outcomes: Outcomes) -> None:
+        rows = outcomes.member, outcomes.success, outcomes.returns, outcomes.length
+        self.told += zip(*(row.tolist() for row in rows), strict=True)
+
+
+@pytest.mark.parametrize("mode", AutoresetMode)
+def test_each_episode_is_of_the_member_that_the_schedule_gives(mode: AutoresetMode) -> None:
+    schedule = Told(6)
+    many = EnvgraphVectorEnv(TABLES, 4, max_episode_steps=9, autoreset_mode=mode, schedule=schedule)
+    _, infos = many.reset(seed=1)
+    rng, done, totals, told = np.random.default_rng(2), np.zeros(4, np.bool_), np.zeros(4), []
+    for _ in range(60):
+        before, member = infos["state"], infos["member"]
+        actions = rng.integers(4, size=4)
+        _, reward, ended, late, infos = many.step(actions)
+        for i in range(4):
+            if not (done[i] and mode is AutoresetMode.NEXT_STEP):
+                assert reward[i] == TABLES[member[i]].reward[before[i], actions[i], 0]
+        totals = np.where(done, 0.0, totals) + reward
+        done = ended | late
+        last = infos.get("final_info", infos)
+        told += [
+            (int(member[i]), float(last["success"][i]), totals[i], int(last["step"][i]))
+            for i in np.flatnonzero(done)
+        ]
+        if done.any() and mode is AutoresetMode.DISABLED:
+            _, infos = many.reset(options={"reset_mask": done.copy()})
+            infos |= {name: getattr(many._seats, name) for name in ("member", "learn")}
+            infos["state"] = many._state - many._first[many._which]
+    assert schedule.told == told
+    assert len(told) >= 20
+    assert schedule.given[: len(told)].count(0) >= 3
+
+
+@pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
+def test_compiled_environments_do_the_same_on_a_schedule(mode: AutoresetMode) -> None:
+    engines = [forest.engine(rows) for rows in forest.published_maps()]
+    program = program_of(engines[0], forest.behaviour(), engines, native=False)
+    tables = EnvgraphVectorEnv(TABLES[1:4], 3, max_episode_steps=8, autoreset_mode=mode, schedule=Told(3))
+    compiled = CompiledVectorEnv(
+        program, 3, members=[1, 2, 3], max_episode_steps=8, autoreset_mode=mode, schedule=Told(3)
+    )
+    rng = np.random.default_rng(3)
+    mine, other = tables.reset(seed=5), compiled.reset(seed=5)
+    for _ in range(40):
+        assert np.array_equal(mine[0], other[0])
+        for name in ("member", "learn", "step", "success"):
+            assert np.array_equal(mine[-1][name], other[-1][name])
+        actions = rng.integers(4, size=3)
+        mine, other = tables.step(actions), compiled.step(actions)
+    assert isinstance(tables.schedule, Told)
+    assert isinstance(compiled.schedule, Told)
+    assert tables.schedule.told == compiled.schedule.told
+    assert len(tables.schedule.told) > 9
+
+
+def test_a_schedule_leaves_what_happens_in_an_episode_as_it_is() -> None:
+    plain = EnvgraphVectorEnv(TABLES[:1], 5, max_episode_steps=6)
+    scheduled = EnvgraphVectorEnv(
+        TABLES[:1], 5, max_episode_steps=6, schedule=Shuffled(np.zeros(1, np.int64))
+    )
+    assert np.array_equal(plain.reset(seed=3)[0], scheduled.reset(seed=3)[0])
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        actions = rng.integers(4, size=5)
+        assert np.array_equal(plain.step(actions)[0], scheduled.step(actions)[0])

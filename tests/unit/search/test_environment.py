@@ -17,6 +17,7 @@ from gymnasium.utils.env_checker import check_env
 import envgraph
 import envgraph.env
 from envgraph.env import multiagent
+from envgraph.env.schedules import InOrder, Replay
 from envgraph.errors import InvalidArgument, Source
 from envgraph.lang import bundled_domain
 from envgraph.learn import FamilyMember, TrainingSettings, optimal_return, run_experiment, sequences
@@ -195,6 +196,25 @@ def test_one_line_makes_many(family_file: Path, options: dict[str, object]) -> N
     assert steps[-1][3].tolist() == [True, True]
     assert steps[-1][4]["step"].tolist() == [0, 0]
     assert steps[-1][4]["final_info"]["step"].tolist() == [200, 200]
+
+
+@pytest.mark.parametrize("engine", ["table", "compiled"])
+def test_a_schedule_is_named_or_given_and_is_of_all_members(family_file: Path, engine: str) -> None:
+    named = envgraph.make_vec(family_file, 8, schedule="plr", engine=engine)
+    assert isinstance(named.unwrapped.schedule, Replay)  # type: ignore[attr-defined]
+    assert {*named.reset(seed=0)[1]["member"].tolist()} == {*range(6)}
+    own = InOrder([100, 100])
+    given = envgraph.make_vec(family_file, 3, ["E2", "E5"], schedule=own, engine=engine)
+    assert given.unwrapped.schedule is own  # type: ignore[attr-defined]
+    assert given.reset(seed=0)[1]["member"].tolist() == [0, 0, 0]
+
+
+def test_schedules_that_are_not_there_are_refused(family_file: Path) -> None:
+    with pytest.raises(InvalidArgument, match="unknown schedule `prl`"):
+        envgraph.make_vec(family_file, 2, schedule="prl")
+    for options in ({"engine": "live"}, {"vectorization_mode": "sync"}):
+        with pytest.raises(InvalidArgument, match="side by side have no schedule"):
+            envgraph.make_vec(family_file, 2, schedule="plr", **options)  # type: ignore[arg-type]
 
 
 def test_members_take_turns_in_a_vector_of_a_family(family_file: Path) -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from envgraph.env.schedules import Sifting
 from envgraph.errors import InvalidArgument
 from envgraph.learn.audit import (
     METHODS,
@@ -15,7 +16,6 @@ from envgraph.learn.audit import (
     AuditSettings,
     Method,
     Run,
-    Sifting,
     Study,
     findings_of,
     run_method,
@@ -54,7 +54,7 @@ def test_a_run_counts_all_steps_and_is_the_same_again() -> None:
     assert first == again
     assert len(first.steps) == len(first.curve) == 8
     assert first.steps[-1] >= given.steps > first.steps[-2]
-    sifting = Method("x", "SFL", sifting=Sifting(4, candidates=8, best=2))
+    sifting = Method("x", "SFL", Sifting(4, candidates=8, best=2))
     sifted = run_method(levels, given, sifting, 1, native=False)
     assert sifted.updates[-1] < given.steps / 32, "the rollouts took the steps"
 

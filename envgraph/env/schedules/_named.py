@@ -1,0 +1,38 @@
+"""Schedules by their names, as `make_vec` and `envgraph train` take them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Final
+
+import numpy as np
+
+from envgraph.env.schedules._order import Shuffled
+from envgraph.env.schedules._protocol import Schedule
+from envgraph.env.schedules._replay import Buffer, Replay
+from envgraph.env.schedules._sifting import Sifter
+from envgraph.env.schedules._weighted import Band, Weighted, learnability, learning_progress
+from envgraph.errors import InvalidArgument, did_you_mean, listed
+
+SCHEDULES: Final[dict[str, Callable[[int], Schedule]]] = {
+    "randomised": lambda count: Shuffled(np.arange(count)),
+    "learning_progress": lambda count: Weighted(count, learning_progress),
+    "band": lambda count: Weighted(count, Band()),
+    "learnability": lambda count: Weighted(count, learnability),
+    "plr": lambda count: Replay(np.arange(count)),
+    "robust_plr": lambda count: Replay(np.arange(count), Buffer(fresh_learned=False)),
+    "sfl": lambda count: Sifter(np.arange(count)),
+}
+"""What makes each of them for a number of members."""
+
+
+def named_schedule(name: str, count: int) -> Schedule:
+    """A schedule of so many members, with its default settings.
+
+    Raises:
+        InvalidArgument: none has this name.
+    """
+    if name not in SCHEDULES:
+        hint = did_you_mean(name, SCHEDULES) or f"there are {listed(SCHEDULES)}"
+        raise InvalidArgument(f"unknown schedule `{name}`", hint)
+    return SCHEDULES[name](count)

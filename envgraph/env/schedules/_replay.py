@@ -1,0 +1,141 @@
+"""Prioritised level replay: members that were worth learning on are played again."""
+
+from __future__ import annotations
+
+from math import inf
+from typing import Final
+
+import numpy as np
+from numpy.random import Generator
+
+from envgraph.code import dataclass
+from envgraph.env.schedules._order import Shuffled
+from envgraph.env.schedules._protocol import Batch, Floats, Ints, Outcomes, Score
+
+FILLED: Final = 0.5
+"""A buffer is replayed when so much of it is filled, as in JaxUED (Coward et al. 2024)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Buffer:
+    """Members that are replayed: prioritised level replay (Jiang et al. 2021a).
+
+    Attributes:
+        size: how many are kept, those with the highest scores.
+        replay: probability that a batch is of these.
+        temperature: a member at rank r is replayed in proportion to r ** (-1 / temperature).
+        staleness: share of the probability that goes by how long a member has not been replayed.
+        fresh_learned: whether students learn on members that are played for the first time; robust replay does not
+            (Jiang et al. 2021b).
+    """
+
+    size: int = 500
+    replay: float = 0.5
+    temperature: float = 0.3
+    staleness: float = 0.3
+    fresh_learned: bool = True
+
+
+class BestSeen:
+    """The best return ever seen on a member, minus the mean one now.
+
+    It is MaxMC (Jiang et al. 2021b) with returns in place of a student's values.
+    """
+
+    def __init__(self) -> None:
+        self._best: dict[int, float] = {}
+
+    def __call__(self, outcomes: Outcomes) -> Floats:
+        """A score for each of them."""
+        for member, one in zip(outcomes.member.tolist(), outcomes.returns.tolist(), strict=True):
+            self._best[member] = max(self._best.get(member, -inf), one)
+        return np.array([self._best[one] for one in outcomes.member.tolist()]) - outcomes.returns
+
+
+class Replay:
+    """Replays members with high scores from a buffer, and plays others in random order in between.
+
+    Where the buffer has all members there are no others, and everything is replayed, as Jiang et al. (2021a) do with a
+    fixed set of levels.
+
+    Args:
+        members: their numbers.
+        buffer: how they are replayed.
+        score: by what, where it is told no score.
+    """
+
+    def __init__(self, members: Ints, buffer: Buffer | None = None, score: Score | None = None) -> None:
+        self._buffer = buffer = buffer or Buffer()
+        self._source = Shuffled(members)
+        self._size = min(buffer.size, len(members))
+        self._kept = Kept(buffer, self._size)
+        self._score = score or BestSeen()
+        self._batches = 0
+
+    def ask(self, count: int, rng: Generator) -> Batch:
+        """Members of the buffer, or others."""
+        self._batches += 1
+        buffer, kept = self._buffer, self._kept
+        ready = kept.filled >= max(FILLED * self._size, min(count, self._size))
+        if ready and (kept.filled == len(self._source.members) or rng.random() < buffer.replay):
+            return Batch(kept.draw(count, self._batches, rng))
+        return Batch(self._source.draw(count, rng), learn=buffer.fresh_learned)
+
+    def tell(self, outcomes: Outcomes) -> None:
+        """Keep what is worth it."""
+        scores = self._score(outcomes) if outcomes.score is None else outcomes.score
+        self._kept.put(outcomes.member, scores, self._batches)
+
+
+class Kept:
+    """The buffer of prioritised level replay.
+
+    Invariant: no member stands twice, and there are at most `size`.
+
+    Attributes:
+        filled: how many members there are.
+    """
+
+    def __init__(self, settings: Buffer, size: int) -> None:
+        self._settings = settings
+        self._members = np.full(size, -1, np.int64)
+        self._scores = np.zeros(size)
+        self._stamps = np.zeros(size, np.int64)
+        self._place: dict[int, int] = {}
+
+    @property
+    def filled(self) -> int:
+        return len(self._place)
+
+    def put(self, members: Ints, scores: Floats, now: int) -> None:
+        """Members with their scores: known ones get these, others stand in for the lowest if theirs is higher."""
+        for member, score in zip(members.tolist(), scores.tolist(), strict=True):
+            place = self._place.get(member)
+            if place is None:
+                place = self.filled
+                if place == len(self._members):
+                    place = int(self._scores.argmin())
+                    if score <= self._scores[place]:
+                        continue
+                    del self._place[int(self._members[place])]
+                self._place[member] = place
+                self._members[place], self._stamps[place] = member, now
+            self._scores[place] = score
+
+    def chances(self, now: int) -> Floats:
+        """The probability that each member is replayed: by the rank of its score, and by how long ago it was."""
+        settings, count = self._settings, self.filled
+        ranks = np.empty(count)
+        ranks[np.argsort(-self._scores[:count], kind="stable")] = np.arange(1, count + 1)
+        by_score = ranks ** (-1.0 / settings.temperature)
+        stale = (now - self._stamps[:count]).astype(np.float64)
+        by_age = stale / stale.sum() if stale.sum() > 0 else np.full(count, 1.0 / count)
+        fresh = 1.0 - settings.staleness
+        found: Floats = np.asarray(fresh * by_score / by_score.sum() + settings.staleness * by_age)
+        return np.asarray(found / found.sum())
+
+    def draw(self, count: int, now: int, rng: Generator) -> Ints:
+        """Members to be replayed now, different ones if there are as many."""
+        places = rng.choice(self.filled, count, replace=count > self.filled, p=self.chances(now))
+        self._stamps[places] = now
+        return self._members[places]

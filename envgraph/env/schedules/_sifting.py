@@ -1,0 +1,95 @@
+"""Sampling for learnability: members are sought out that the student solves now and then."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.random import Generator
+
+from envgraph.code import dataclass
+from envgraph.env.schedules._order import Shuffled
+from envgraph.env.schedules._protocol import Batch, Floats, Ints, Outcomes
+
+
+@dataclass(frozen=True, slots=True)
+class Sifting:
+    """Members that are sought out now and then (Rutherford et al. 2024).
+
+    Attributes:
+        episodes: that are played on each candidate; None: its exact score is known without.
+        every: members that are played between two searches.
+        candidates: members that are looked at.
+        best: how many of these are kept until the next search.
+        share: of all members that are played, which is drawn from them.
+    """
+
+    episodes: int | None = 4
+    every: int = 800
+    candidates: int = 256
+    best: int = 32
+    share: float = 0.5
+
+
+class Sifter:
+    """Draws a share of the members from those that were worth most at the last search, the others in random order.
+
+    A candidate is worth p (1 - p) for the share p of its episodes that succeed. It is asked for once for each of them,
+    not to be learned on.
+
+    Args:
+        members: their numbers.
+        sifting: how they are sought out.
+        exact: gives the scores of members, which are not played then.
+    """
+
+    def __init__(
+        self, members: Ints, sifting: Sifting | None = None, exact: Callable[[Ints], Floats] | None = None
+    ) -> None:
+        self._how = sifting or Sifting()
+        assert (exact is None) == (self._how.episodes is not None), "scores come from episodes, or are exact"
+        self._source, self._exact = Shuffled(members), exact
+        self._best: Ints = np.zeros(0, np.int64)
+        self._owed = 0.0  # members of the best that are due by their share
+        self._since = self._how.every
+        self._queue: Ints = np.zeros(0, np.int64)
+        self._found: dict[int, list[float]] = {}
+
+    def ask(self, count: int, rng: Generator) -> Batch:
+        """Candidates, while there are some to be played; else members to learn on."""
+        if self._since >= self._how.every:
+            self._search(rng)
+        if len(self._queue):
+            asked, self._queue = np.resize(self._queue, count), self._queue[count:]
+            return Batch(asked, learn=False, episodes=1)
+        self._since += count
+        self._owed += count * self._how.share if len(self._best) else 0.0
+        chosen = int(self._owed)
+        self._owed -= chosen
+        sifted = rng.choice(self._best, chosen) if chosen else self._best[:0]
+        return Batch(np.concatenate([sifted, self._source.draw(count - chosen, rng)]))
+
+    def tell(self, outcomes: Outcomes) -> None:
+        """The episodes of candidates."""
+        if not self._found:
+            return
+        for member, success in zip(outcomes.member.tolist(), outcomes.success.tolist(), strict=True):
+            if member in self._found:
+                self._found[member].append(success)
+        least = self._how.episodes or 0
+        if all(len(one) >= least for one in self._found.values()):
+            success = np.array([sum(one) / len(one) for one in self._found.values()])
+            self._choose(np.array([*self._found], np.int64), success * (1.0 - success))
+            self._found = {}
+
+    def _search(self, rng: Generator) -> None:
+        self._since = 0
+        candidates = self._source.draw(min(self._how.candidates, len(self._source.members)), rng)
+        if self._exact is not None:
+            self._choose(candidates, self._exact(candidates))
+            return
+        self._queue = np.repeat(candidates, self._how.episodes or 0)
+        self._found = {one: [] for one in candidates.tolist()}
+
+    def _choose(self, candidates: Ints, scores: Floats) -> None:
+        self._best = candidates[np.argsort(-scores, kind="stable")[: self._how.best]]
