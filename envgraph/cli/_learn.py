@@ -5,6 +5,7 @@ from __future__ import annotations
 import platform
 import shutil
 import sys
+from collections.abc import Sequence
 from dataclasses import asdict, replace
 from functools import partial
 from importlib.metadata import version
@@ -20,6 +21,8 @@ from envgraph.errors import EvaluationError, InvalidArgument, did_you_mean, list
 from envgraph.files import replace_file
 from envgraph.learn import (
     CONTROLS,
+    EXACT,
+    TEACHERS,
     Curriculum,
     Experiment,
     FamilyMember,
@@ -52,7 +55,7 @@ _OPTIONS = {"steps": str, "seeds": int, "curricula": str, "controls": str}
 _RANDOM = "random"
 """The control that visits the states of as many other families as there are seeds: only where it is named."""
 
-_OF_TABLES = ("optimistic", "randomised", _RANDOM)
+_OF_TABLES = ("optimistic", "randomised", _RANDOM, *EXACT)
 """Controls that need tables of the environments."""
 
 UNFINISHED = "unfinished.jsonl"
@@ -112,7 +115,8 @@ def train_agents(
     if not resume and not force:
         _refuse_results(base, budgets)
     members = _members(family)
-    chosen = _with_controls(chosen, compared, members, budgets[0])
+    schedules = [one.text for one in family.domain.spec.curriculum.schedules]
+    chosen = _with_controls(chosen, compared, members, budgets[0], schedules)
     count = budgets[0].seeds if compared and _RANDOM in compared else 0
     random = _random(family, run, directory, count) if count else []
     made_of = fingerprint({member.name: member.tabular for member in members}, __version__, *budgets)
@@ -323,9 +327,9 @@ def _curricula(family: Family, kinds: str | None) -> list[Curriculum]:
 
 def _named(controls: str | None) -> list[str] | None:
     """Kinds of controls; None where none were named."""
-    known = (*CONTROLS, _RANDOM)
+    known = (*CONTROLS, _RANDOM, *TEACHERS)
     if controls is None or controls.strip() in ("none", "all"):
-        return None if controls is None else list(known) if controls.strip() == "all" else []
+        return None if controls is None else [*CONTROLS, _RANDOM] if controls.strip() == "all" else []
     kinds = [kind.strip() for kind in controls.split(",")]
     for kind in kinds:
         if kind not in known:
@@ -339,11 +343,16 @@ def _with_controls(
     kinds: list[str] | None,
     members: list[FamilyMember],
     settings: TrainingSettings,
+    schedules: Sequence[str],
 ) -> list[Curriculum]:
-    """Curricula with what they are compared with; by default with all that there is for such environments."""
+    """Curricula with what they are compared with.
+
+    By default these are all that there are for such environments, and the schedules of the family file.
+    """
     target, optimism = members[-1].tabular, None
     if kinds is None:
-        kinds = list(CONTROLS) if any(curriculum.kind == "curriculum" for curriculum in chosen) else []
+        every = [*CONTROLS, *schedules]
+        kinds = every if any(curriculum.kind == "curriculum" for curriculum in chosen) else []
         if not isinstance(target, Tabular):
             kinds = [kind for kind in kinds if kind not in _OF_TABLES]
     if isinstance(target, Tabular):

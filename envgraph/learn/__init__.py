@@ -26,6 +26,7 @@ from envgraph.learn._intervals import (
 from envgraph.learn._journal import Journal, fingerprint
 from envgraph.learn._results import Experiment, RunResult, Summary, read_csv, write_csv
 from envgraph.learn._significance import holm, permutation_test
+from envgraph.learn._teachers import EXACT, TEACHERS
 from envgraph.solve import (
     Evaluation,
     Optimum,
@@ -52,6 +53,8 @@ from envgraph.solve.learning import (
 
 __all__ = [
     "CONTROLS",
+    "EXACT",
+    "TEACHERS",
     "Comparison",
     "Control",
     "Curriculum",

@@ -11,6 +11,7 @@ from envgraph.errors import InvalidArgument
 from envgraph.learn._intervals import bootstrap_interval, newcombe_interval, probability_of_improvement
 from envgraph.learn._results import Experiment, RunResult
 from envgraph.learn._significance import holm, permutation_test
+from envgraph.learn._teachers import TEACHERS
 
 Verdict = Literal["better", "worse", "as much", "undecided"]
 
@@ -27,6 +28,7 @@ _CALLED = {
     "randomised": "domain randomisation",
     "randomised, renewed": "domain randomisation with renewed epsilon",
     "random families": "random families",
+    **{name: f"the schedule `{name}`" for name in TEACHERS},
 }
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from envgraph.env import Tabular
 from envgraph.errors import InvalidArgument, did_you_mean
 from envgraph.learn._curricula import Curriculum, sequences
+from envgraph.learn._teachers import TEACHERS
 from envgraph.solve import optimal_return
 from envgraph.solve.learning import TrainingSettings
 
@@ -36,11 +37,14 @@ def controls(
     al. 2017), an environment of the family drawn for each episode, the target among them; once in one stage, with one
     schedule of epsilon, and once with epsilon renewed as often as in the curriculum.
 
+    Schedules (`TEACHERS`) choose the environment of each turn by what came of the turns before, with epsilon renewed as
+    often as in the curriculum.
+
     What a small family has no room for is left out: with fewer than three environments there is no other order.
 
     Args:
         names: the environments from the easiest to the target.
-        kinds: some of those above.
+        kinds: some of those above; schedules only where they are named.
         optimism: what every Q-value is at first in "optimistic", see `optimistic_value`; None leaves it out.
         orders: how many shuffled orders at most; all different, and neither the given one nor its reverse.
         seed: of the shuffled orders.
@@ -54,8 +58,10 @@ def controls(
     ['E2', 'E1', 'E3']
     """
     for kind in kinds:
-        if kind not in CONTROLS:
-            raise InvalidArgument(f"unknown control {kind!r}", did_you_mean(str(kind), CONTROLS))
+        if kind not in (*CONTROLS, *TEACHERS):
+            raise InvalidArgument(
+                f"unknown control {kind!r}", did_you_mean(str(kind), (*CONTROLS, *TEACHERS))
+            )
     direct, count = sequences(names, "direct"), len(names)
     found: list[Curriculum] = [*direct] if "direct" in kinds else []
     if "optimistic" in kinds and optimism is not None:
@@ -71,7 +77,14 @@ def controls(
         every = tuple(names)
         found.append(Curriculum("control", "randomised", (every,), (count,)))
         found.append(Curriculum("control", "randomised, renewed", (every,) * count, (1,) * count))
+    found += [taught(names, kind) for kind in kinds if kind in TEACHERS and count > 1]
     return tuple(found)
+
+
+def taught(names: Sequence[str], schedule: str) -> Curriculum:
+    """As many steps as the whole family has, on the environments that a schedule chooses."""
+    count = len(names)
+    return Curriculum("control", schedule, (tuple(names),) * count, (1,) * count, schedule=schedule)
 
 
 def optimistic_value(target: Tabular, settings: TrainingSettings) -> float | None:

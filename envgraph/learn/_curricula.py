@@ -25,6 +25,8 @@ class Curriculum:
             episode takes place in one of them, drawn uniformly.
         shares: length of each stage, in units of `steps_per_environment`.
         initial_value: what every Q-value is at first; None: as the settings say.
+        schedule: what chooses the environments of stages with several names, turn by turn, instead of drawing one for
+            each episode: a name in `TEACHERS`. All stages have the same names then.
     """
 
     kind: Kind
@@ -32,6 +34,7 @@ class Curriculum:
     stages: tuple[str | tuple[str, ...], ...]
     shares: tuple[int, ...]
     initial_value: float | None = None
+    schedule: str | None = None
 
     def __post_init__(self) -> None:
         if not self.stages or len(self.stages) != len(self.shares) or min(self.shares) < 1:
@@ -39,6 +42,10 @@ class Curriculum:
         if any(not names or len(set(names)) != len(names) for names in self.members):
             raise InvalidArgument(
                 f"curriculum `{self.label}` draws episodes from environments with different names"
+            )
+        if self.schedule is not None and len(set(self.members)) > 1:
+            raise InvalidArgument(
+                f"curriculum `{self.label}` has a schedule, but stages with different names"
             )
         if self.initial_value is not None and not isfinite(self.initial_value):
             raise InvalidArgument(f"`initial_value` of curriculum `{self.label}` must be finite")

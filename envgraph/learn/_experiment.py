@@ -17,23 +17,29 @@ from envgraph.env.compiled import Learner, Program
 from envgraph.errors import InvalidArgument, did_you_mean
 from envgraph.learn._curricula import Curriculum, Kind, sequences
 from envgraph.learn._results import Experiment, RunResult
+from envgraph.learn._teachers import EXACT, ExactScore, teacher
 from envgraph.solve import Evaluation, evaluate, mixture
 from envgraph.solve.learning import (
     Backend,
     InProgram,
     ProgramTraining,
+    Stage,
+    StageOutcome,
     Table,
     Training,
     TrainingSettings,
     choose_backend,
     initial_values,
+    loop_of,
     occurring,
     prepare,
+    take_turns,
     train,
     train_program,
+    train_stage,
 )
 
-TRAINING, EVALUATION, BEFORE = 0, 1, 2
+TRAINING, EVALUATION, BEFORE, CHOOSING = 0, 1, 2, 3
 
 Place = tuple[int, ...]
 """Of a stage: the positions in the family of its environments."""
@@ -233,7 +239,7 @@ class _Tables:
     """The table of each stage, made ready once for all runs."""
 
     tables: dict[Place, Table]
-    target: Tabular
+    members: Sequence[Tabular]
 
     def run(
         self,
@@ -242,21 +248,35 @@ class _Tables:
         settings: TrainingSettings,
         seed: int,
         backend: Backend,
+        schedule: str | None,
     ) -> _Outcome[Training]:
         """Train on some of them, and evaluate on the target."""
-        tables = [self.tables[place] for place in stages]
-        rng, q = _generator(seed, TRAINING, stages), initial_values(tables[0], settings)
+        rng, q = _generator(seed, TRAINING, stages), initial_values(self.tables[(stages[0][0],)], settings)
         before: list[Evaluation] = []
 
         def evaluated(role: int) -> Evaluation:
             episodes = settings.evaluation_episodes
-            return evaluate(q, self.target, episodes, settings.limit, _generator(seed, role, stages))
+            return evaluate(q, self.members[-1], episodes, settings.limit, _generator(seed, role, stages))
 
         def begins(stage: int) -> None:
             if stage == len(stages) - 1:
                 before.append(evaluated(BEFORE))
 
-        training = train(tables, settings, rng, steps, q, backend, begins)
+        if schedule is None:
+            tables = [self.tables[place] for place in stages]
+            training = train(tables, settings, rng, steps, q, backend, begins)
+        else:
+            loop, places = loop_of(backend, settings), stages[0]
+            members = [self.members[place] for place in places]
+            exact = ExactScore(schedule, members, settings, q) if schedule in EXACT else None
+
+            def turn(member: int, stage: Stage) -> StageOutcome:
+                if exact:
+                    exact.epsilon = stage.epsilon
+                return loop(self.tables[(places[member],)], stage, q, rng)
+
+            chosen, drawing = teacher(schedule, len(places), exact), _generator(seed, CHOOSING, stages)
+            training = Training(q, *take_turns(turn, chosen, settings, drawing, steps, begins))
         return training, before[0], evaluated(EVALUATION)
 
 
@@ -274,9 +294,9 @@ class _Programs:
         settings: TrainingSettings,
         seed: int,
         backend: Backend,
+        schedule: str | None,
     ) -> _Outcome[ProgramTraining]:
         """Train on some of them, and evaluate on the target; there is one loop."""
-        members = [self.members[place] for (place,) in stages]
         before: list[Evaluation] = []
 
         def evaluated(learner: Learner, role: int) -> Evaluation:
@@ -289,7 +309,18 @@ class _Programs:
                 before.append(evaluated(learner, BEFORE))
 
         rng = _generator(seed, TRAINING, stages)
-        training = train_program(self.program, settings, rng, members=members, steps=steps, begins=begins)
+        if schedule is None:
+            members = [self.members[place] for (place,) in stages]
+            training = train_program(self.program, settings, rng, members=members, steps=steps, begins=begins)
+        else:
+            learner, places = Learner(self.program, settings.initial_value + 0.0), stages[0]
+
+            def turn(member: int, stage: Stage) -> StageOutcome:
+                return train_stage(learner, InProgram(self.program, self.members[places[member]]), stage, rng)
+
+            chosen, drawing = teacher(schedule, len(places)), _generator(seed, CHOOSING, stages)
+            found = take_turns(turn, chosen, settings, drawing, steps, lambda stage: begins(stage, learner))
+            training = ProgramTraining(learner, *found)
         return training, before[0], evaluated(training.learner, EVALUATION)
 
 
@@ -305,14 +336,14 @@ def _prepare(family: Sequence[FamilyMember], curricula: Iterable[Curriculum]) ->
     positions = {member.name: position for position, member in enumerate(family)}
     tables = [member.tabular for member in family if isinstance(member.tabular, Tabular)]
     placed = [member.tabular for member in family if isinstance(member.tabular, InProgram)]
-    stages = [_places(curriculum, positions) for curriculum in curricula]
+    stages = [_places(curriculum, positions) for curriculum in curricula if curriculum.schedule is None]
     drawn = {place: None for one in stages for place in one if len(place) > 1}
     if not placed:
         tables = [*occurring(tables)]
         ready: dict[Place, Table] = {(place,): one for place, one in enumerate(prepare(tables))}
         mixed = [mixture([tables[one] for one in place]) for place in drawn]
         ready |= zip(drawn, prepare(mixed) if mixed else (), strict=True)
-        return _Prepared(positions, _Tables(ready, tables[-1]))
+        return _Prepared(positions, _Tables(ready, tables[: len(family)]))
     if tables or len({id(one.program) for one in placed}) > 1:
         raise InvalidArgument("a family is in one program, or has a table of each member")
     if drawn:
@@ -364,7 +395,7 @@ def _run(
         settings = replace(settings, initial_value=curriculum.initial_value)
     steps = [share * settings.steps_per_environment for share in curriculum.shares]
     outcome: _Outcome[Training] | _Outcome[ProgramTraining]
-    outcome = prepared.ready.run(stages, steps, settings, seed, backend)
+    outcome = prepared.ready.run(stages, steps, settings, seed, backend, curriculum.schedule)
     training, before, found = outcome
     alone = stages[-1] == (len(prepared.positions) - 1,)
     result = RunResult(

@@ -10,6 +10,9 @@ from envgraph.code import dataclass
 from envgraph.errors import Source, Span
 
 Sequences = Literal["suffixes", "full", "baselines", "direct"]
+Scheduled = Literal[
+    "learning_progress", "band", "learnability", "plr", "robust_plr", "exact_regret", "exact_learnability"
+]
 Strength = Literal["single", "heavy_tailed"]
 
 
@@ -153,11 +156,13 @@ class CurriculumSpec:
         order: the measure that orders the environments from easy to hard.
         sequences: what is trained on.
         initial: where the initial model stands: it is the "last", the target, or "ordered" like the others.
+        schedules: what else the environments are chosen by, to be compared with.
     """
 
     order: Name | None = None
     sequences: Sequences = "suffixes"
     initial: Literal["last", "ordered"] = "last"
+    schedules: tuple[Name, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -22,6 +22,7 @@ from envgraph.lang.family._family import (
     Name,
     OptimiseSpec,
     SamplesSpec,
+    Scheduled,
     SearchSpec,
     Sequences,
     Strength,
@@ -330,13 +331,16 @@ def _choice(*known: str) -> Field:
     return lambda section, key, default: section.choice(key, known, default)
 
 
-def _outcomes(section: Section, key: str, default: tuple[Name, ...]) -> tuple[Name, ...]:
-    found = section.names(key)
-    for outcome in found:
-        if outcome.text not in {"success", "failure"} and outcome.span:
-            hint = did_you_mean(outcome.text, ("success", "failure")) or "there are `success`, `failure`"
-            section.error("unknown-choice", f"`{outcome}` is no outcome", outcome.span, hint)
-    return found
+def _choices(what: str, *known: str) -> Field:
+    def read(section: Section, key: str, default: tuple[Name, ...]) -> tuple[Name, ...]:
+        found = section.names(key)
+        for one in found:
+            if one.text not in known and one.span:
+                hint = did_you_mean(one.text, known) or f"there are {quoted(known)}"
+                section.error("unknown-choice", f"`{one}` is no {what}", one.span, hint)
+        return found
+
+    return read
 
 
 def _counts(section: Section) -> tuple[tuple[Name, tuple[int, int | None]], ...]:
@@ -395,7 +399,7 @@ _FIELDS: Final[Mapping[str, Mapping[str, Field]]] = {
         "require": _names,
         "forbid": _names,
         "count": lambda section, key, default: _counts(section.table(key)),
-        "reachable": _outcomes,
+        "reachable": _choices("outcome", "success", "failure"),
     },
     "mutation": {
         "rules": _names,
@@ -433,6 +437,7 @@ _FIELDS: Final[Mapping[str, Mapping[str, Field]]] = {
         "order": Section.string,
         "sequences": _choice(*get_args(Sequences)),
         "initial": _choice("last", "ordered"),
+        "schedules": _choices("schedule", *get_args(Scheduled)),
     },
     "training": {
         "agent": _choice("q_learning", "sarsa", "expected_sarsa"),

@@ -7,7 +7,13 @@ too many states for these. `Learners` and `ProgramLearners` are many, which a se
 
 from envgraph.solve.learning._learners import Judgement, Learners, ProgramLearners
 from envgraph.solve.learning._policy import LevelTables, Played, PolicyLearner, PolicySettings
-from envgraph.solve.learning._programs import InProgram, ProgramTraining, train_learner, train_program
+from envgraph.solve.learning._programs import (
+    InProgram,
+    ProgramTraining,
+    train_learner,
+    train_program,
+    train_stage,
+)
 from envgraph.solve.learning._settings import Epsilon, TrainingSettings
 from envgraph.solve.learning._stage import Stage, StageOutcome, Table, flatten
 from envgraph.solve.learning._training import (
@@ -18,11 +24,13 @@ from envgraph.solve.learning._training import (
     choose_backend,
     initial_values,
     joined,
+    loop_of,
     occurring,
     prepare,
     train,
     train_curriculum,
 )
+from envgraph.solve.learning._turns import take_turns
 
 __all__ = [
     "Backend",
@@ -47,10 +55,13 @@ __all__ = [
     "flatten",
     "initial_values",
     "joined",
+    "loop_of",
     "occurring",
     "prepare",
+    "take_turns",
     "train",
     "train_curriculum",
     "train_learner",
     "train_program",
+    "train_stage",
 ]

@@ -101,12 +101,21 @@ def train_learner(
     outcomes = []
     for number, (place, length) in enumerate(zip(places, lengths, strict=True)):
         begins(number, learner)
-        learner.enter(place.program)
         if settings.epsilon.reset == "stage":
             epsilon = settings.epsilon.start
         stage = Stage(length, epsilon, settings)
-        epsilon, curve = learner.train(
-            place.member, stage.points, Rates(*stage.factors), epsilon, settings.limit, rng
-        )
-        outcomes.append((stage, StageOutcome(epsilon, curve)))
+        outcome = train_stage(learner, place, stage, rng)
+        epsilon = outcome.epsilon
+        outcomes.append((stage, outcome))
     return ProgramTraining(learner, joined(outcomes), epsilon)
+
+
+def train_stage(learner: Learner, place: InProgram, stage: Stage, rng: np.random.Generator) -> StageOutcome:
+    """Train a learner in an environment for a stage.
+
+    Raises:
+        EvaluationError: something has no value in a state, or a rule cannot be applied.
+    """
+    learner.enter(place.program)
+    rates, limit = Rates(*stage.factors), stage.settings.limit
+    return StageOutcome(*learner.train(place.member, stage.points, rates, stage.epsilon, limit, rng))

@@ -76,19 +76,21 @@ class Stage:
         steps: its length.
         epsilon: exploration at its beginning.
         settings: everything else.
+        learn: whether anything is learned; else the learner plays as it is.
     """
 
     steps: int
     epsilon: float
     settings: TrainingSettings
+    learn: bool = True
 
     @property
     def factors(self) -> tuple[int, float, float, float, float, float]:
         """Number of the agent among `AGENTS`, learning rate, discount; of epsilon decays (step, episode), minimum."""
         settings, epsilon = self.settings, self.settings.epsilon
         decays = (1.0, epsilon.decay) if epsilon.per == "episode" else (epsilon.decay, 1.0)
-        agent = AGENTS.index(settings.agent)
-        return agent, settings.learning_rate, settings.discount, *decays, epsilon.minimum
+        agent, rate = AGENTS.index(settings.agent), settings.learning_rate if self.learn else 0.0
+        return agent, rate, settings.discount, *decays, epsilon.minimum
 
     @property
     def points(self) -> list[int]:

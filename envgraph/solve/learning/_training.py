@@ -178,7 +178,7 @@ def train(
 
     `begins` is called with the place of each stage before it, when `q` has what was learned up to there.
     """
-    run_stage = _loop(backend, settings)
+    run_stage = loop_of(backend, settings)
     epsilon = settings.epsilon.start
     outcomes: list[tuple[Stage, StageOutcome]] = []
     for place, (table, length) in enumerate(zip(tables, steps, strict=True)):
@@ -192,9 +192,10 @@ def train(
     return Training(q, joined(outcomes), epsilon)
 
 
-def _loop(
+def loop_of(
     backend: Backend, settings: TrainingSettings
 ) -> Callable[[Table, Stage, NDArray[np.float64], np.random.Generator], StageOutcome]:
+    """The loop that trains on a table; the backend is not "auto"."""
     if backend == "numba":
         from envgraph.solve.learning._compiled import run_stage
     elif settings.agent == "q_learning":

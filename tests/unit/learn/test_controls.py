@@ -1,13 +1,18 @@
 """What curricula are compared with."""
 
+from dataclasses import replace
 from itertools import permutations
+from typing import get_args
 
 import numpy as np
 import pytest
 
 from envgraph.env import Tabular
 from envgraph.errors import InvalidArgument
+from envgraph.lang.family._family import Scheduled
 from envgraph.learn import (
+    EXACT,
+    TEACHERS,
     Curriculum,
     FamilyMember,
     RunResult,
@@ -23,6 +28,8 @@ from envgraph.learn import (
     sequences,
     train_run,
 )
+from envgraph.learn._teachers import ExactScore
+from envgraph.solve import certify
 from envgraph.solve.learning._training import Backend
 from tests.unit.learn.small_tables import random_table, table
 
@@ -192,3 +199,47 @@ def test_each_of_several_families_is_trained_with_a_seed_of_its_own() -> None:
         backend="python",
     )
     assert again == found and told == [(3, 3)]
+
+
+TAUGHT = controls(NAMES, TEACHERS)
+
+
+def test_schedules_have_the_steps_of_the_family_and_the_same_result_in_every_loop() -> None:
+    found = [run_experiment(FAMILY, SETTINGS, TAUGHT, backend=one) for one in available_backends()]
+    assert all(one == found[0] for one in found)
+    assert {run.steps for run in found[0].runs} == {run.curve.steps[-1] for run in found[0].runs} == {1_200}
+    assert [one.label for one in found[0].summaries()] == [*TEACHERS]
+    assert len({run.curve for run in found[0].runs}) > len(TEACHERS), "they choose different environments"
+    assert found[0].runs[0].curve.steps == tuple(range(100, 1_201, 100))
+    assert run_experiment(FAMILY, SETTINGS, TAUGHT[3:4]).runs[0] in found[0].runs
+
+
+def test_nothing_is_learned_where_a_schedule_only_scores() -> None:
+    """Robust replay of four environments: the first turn in each is played alone."""
+    (robust,) = controls(NAMES, ["robust_plr"])
+    short = replace(robust, stages=robust.stages[:1], shares=(1,))
+    settings = replace(SETTINGS, steps_per_environment=2 * SETTINGS.limit, initial_value=0.25)
+    _, training = train_run(FAMILY, short, settings, 0)
+    assert (training.q == 0.25).all()  # type: ignore[union-attr]
+    assert training.epsilon == 1.0
+
+
+def test_exact_scores_are_those_of_the_learner_as_it_explores() -> None:
+    tabulars = [one.tabular for one in FAMILY]
+    q = np.random.default_rng(0).standard_normal((tabulars[0].n_observations, tabulars[0].n_actions))
+    regret, learnability = (ExactScore(kind, tabulars, SETTINGS, q) for kind in EXACT)  # type: ignore[arg-type]
+    for score in (regret, learnability):
+        score.epsilon = 0.3
+    policy = np.full(q.shape, 0.1)
+    policy[np.arange(len(q)), q.argmax(axis=1)] += 0.7
+    known = certify(tabulars[2], policy[tabulars[2].observation], limit=25, discount=0.99)
+    assert regret.of(2) == pytest.approx(known.regret)
+    assert learnability.of(2) == pytest.approx(known.learnability)
+
+
+def test_a_schedule_has_a_name_and_stages_of_the_same_environments() -> None:
+    with pytest.raises(InvalidArgument, match="unknown schedule `plrr`"):
+        run_experiment(FAMILY, SETTINGS, [replace(TAUGHT[0], schedule="plrr")])
+    with pytest.raises(InvalidArgument, match="stages with different names"):
+        Curriculum("control", "x", ("E1", "E2"), (1, 1), schedule="plr")
+    assert get_args(Scheduled) == TEACHERS
