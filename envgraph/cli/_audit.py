@@ -15,6 +15,7 @@ from envgraph.errors import InvalidArgument, did_you_mean
 from envgraph.files import replace_file
 from envgraph.lang import DiskFiles, bundled_domains, data_path
 from envgraph.learn.audit import (
+    EDITING,
     METHODS,
     AuditSettings,
     Finding,
@@ -117,13 +118,14 @@ def _methods(names: str | None) -> list[Method]:
     """Those that are named, separated by semicolons since their names have commas; and what all are compared with."""
     if names is None:
         return list(METHODS)
-    known = {method.name: method for method in METHODS}
+    every = (*METHODS, *EDITING)
+    known = {method.name: method for method in every}
     wanted = [METHODS[0].name, *(name.strip() for name in names.split(";"))]
     for name in wanted:
         if name not in known:
             hint = did_you_mean(name, known) or "there are " + ", ".join(f"`{one}`" for one in known)
             raise InvalidArgument(f"unknown method `{name}`", hint)
-    return [method for method in METHODS if method.name in wanted]
+    return [method for method in every if method.name in wanted]
 
 
 def _print(studies: Sequence[Study], findings: Sequence[Finding], page: Path, format: OutputFormat) -> None:

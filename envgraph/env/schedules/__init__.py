@@ -17,7 +17,7 @@ np.int64(1)
 from envgraph.env.schedules._named import SCHEDULES, named_schedule
 from envgraph.env.schedules._order import InOrder, Shuffled
 from envgraph.env.schedules._protocol import Batch, Outcomes, Schedule, Score
-from envgraph.env.schedules._replay import BestSeen, Buffer, Kept, Replay
+from envgraph.env.schedules._replay import BestSeen, Buffer, Edit, Kept, Replay
 from envgraph.env.schedules._seats import Seats
 from envgraph.env.schedules._sifting import Sifter, Sifting
 from envgraph.env.schedules._weighted import Band, Known, Weight, Weighted, learnability, learning_progress
@@ -29,6 +29,7 @@ __all__ = [
     "Batch",
     "BestSeen",
     "Buffer",
+    "Edit",
     "InOrder",
     "Kept",
     "Known",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import inf
 from typing import Final
 
@@ -11,6 +12,9 @@ from numpy.random import Generator
 from envgraph.code import dataclass
 from envgraph.env.schedules._order import Shuffled
 from envgraph.env.schedules._protocol import Batch, Floats, Ints, Outcomes, Score
+
+Edit = Callable[[Ints, Generator], Ints]
+"""Makes a new member of each of some."""
 
 FILLED: Final = 0.5
 """A buffer is replayed when so much of it is filled, as in JaxUED (Coward et al. 2024)."""
@@ -62,23 +66,35 @@ class Replay:
         members: their numbers.
         buffer: how they are replayed.
         score: by what, where it is told no score.
+        edit: makes a new member of each that was replayed, which is scored next: ACCEL (Parker-Holder et al. 2022).
     """
 
-    def __init__(self, members: Ints, buffer: Buffer | None = None, score: Score | None = None) -> None:
+    def __init__(
+        self,
+        members: Ints,
+        buffer: Buffer | None = None,
+        score: Score | None = None,
+        edit: Edit | None = None,
+    ) -> None:
         self._buffer = buffer = buffer or Buffer()
         self._source = Shuffled(members)
         self._size = min(buffer.size, len(members))
         self._kept = Kept(buffer, self._size)
         self._score = score or BestSeen()
+        self._edit, self._parents = edit, members[:0]
         self._batches = 0
 
     def ask(self, count: int, rng: Generator) -> Batch:
-        """Members of the buffer, or others."""
+        """Members of the buffer, or others; after some of the buffer those that are made of them."""
         self._batches += 1
+        if self._edit and len(self._parents):
+            parents, self._parents = np.resize(self._parents, count), self._parents[:0]
+            return Batch(self._edit(parents, rng), learn=False)
         buffer, kept = self._buffer, self._kept
         ready = kept.filled >= max(FILLED * self._size, min(count, self._size))
         if ready and (kept.filled == len(self._source.members) or rng.random() < buffer.replay):
-            return Batch(kept.draw(count, self._batches, rng))
+            self._parents = kept.draw(count, self._batches, rng)
+            return Batch(self._parents)
         return Batch(self._source.draw(count, rng), learn=buffer.fresh_learned)
 
     def tell(self, outcomes: Outcomes) -> None:

@@ -7,8 +7,9 @@ told in `docs/evidence.md`.
 
 from envgraph.errors import shorten
 from envgraph.learn.audit._claims import POOLED, Finding, findings_of, rank_values, two_way_interval
+from envgraph.learn.audit._editing import Editor
 from envgraph.learn.audit._levels import AuditLevels, make_levels
-from envgraph.learn.audit._methods import CONTRASTS, METHODS, PROBED, Contrast, Method
+from envgraph.learn.audit._methods import CONTRASTS, EDITING, METHODS, PROBED, Contrast, Method
 from envgraph.learn.audit._ranks import Ranking, rank_correlation, ranking
 from envgraph.learn.audit._run import PROBES, ROLLOUTS, SHOWN_ROLLOUTS, Run, run_method, schedule_of
 from envgraph.learn.audit._scores import Student, score_levels
@@ -18,6 +19,7 @@ from envgraph.learn.audit._tables import Summary, summaries, write_audit
 
 __all__ = [
     "CONTRASTS",
+    "EDITING",
     "METHODS",
     "POOLED",
     "PROBED",
@@ -27,6 +29,7 @@ __all__ = [
     "AuditLevels",
     "AuditSettings",
     "Contrast",
+    "Editor",
     "Finding",
     "Method",
     "Ranking",

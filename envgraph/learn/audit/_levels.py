@@ -2,26 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+import json
+from collections.abc import Callable, Sequence
 from math import prod
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
-from numpy.random import SeedSequence, default_rng
+from numpy.random import Generator, SeedSequence, default_rng
 from numpy.typing import NDArray
 
-from envgraph.behaviour import ObserveFind, ObserveObject
 from envgraph.code import dataclass
-from envgraph.env import KeyIndex, Tabular, key_reader
+from envgraph.env import Tabular
 from envgraph.env.compiled import Tables
 from envgraph.errors import EvaluationError, InvalidArgument
 from envgraph.files import replacing
 from envgraph.learn.audit._settings import AuditSettings
-from envgraph.match import FREE
-from envgraph.metamodel import Value
-from envgraph.pattern import ObjectType
-from envgraph.rewrite import Engine
+from envgraph.learn.audit._sight import Feature, Sight
 from envgraph.search import Domain, Variation
 from envgraph.solve import optimal_return, steps_to_success
 from envgraph.solve.learning import LevelTables
@@ -34,13 +31,6 @@ HARD: Final = 0.8
 
 PATIENCE: Final = 20
 """So many times as many levels are drawn as are wanted, until it is said that there are too few."""
-
-Feature = tuple[str, tuple[Value, ...]]
-"""What may be seen: what it is about, and the values."""
-
-_View = tuple[str, str, tuple[object, ...], list[tuple[int, Callable[[int], Any]]]]
-"""A pattern's name in the settings and its full name, arguments that ask for all rows, and which values of its rows are
-objects, with what reads their keys."""
 
 Progress = Callable[[int, int], None]
 
@@ -56,6 +46,8 @@ class AuditLevels:
         training, probed, held_out, hard: int64, which levels they are: any for training and probing, solvable ones to
             be tested on, and solvable ones with long plans.
         drawn: how many models were drawn; the others were the same as one before, or not valid.
+        numbers: int64 [levels], from which number each was drawn.
+        features: what the inputs of a student stand for, in their order.
     """
 
     tables: LevelTables
@@ -66,6 +58,8 @@ class AuditLevels:
     held_out: NDArray[np.int64]
     hard: NDArray[np.int64]
     drawn: int
+    numbers: NDArray[np.int64]
+    features: tuple[Feature, ...] = ()
 
     @property
     def solvable(self) -> NDArray[np.bool_]:
@@ -91,7 +85,8 @@ class AuditLevels:
         sizes = np.array([tables.inputs, tables.actions, tables.width, self.drawn])
         own = {name: getattr(self, name) for name in _OWN}
         with replacing(path) as draft, draft.open("wb") as file:
-            np.savez(file, allow_pickle=False, sizes=sizes, **arrays, **own)
+            features = np.array(json.dumps(self.features))
+            np.savez(file, allow_pickle=False, sizes=sizes, features=features, **arrays, **own)
 
     @classmethod
     def load(cls, path: Path) -> AuditLevels:
@@ -104,138 +99,36 @@ class AuditLevels:
             with np.load(path, allow_pickle=False) as file:
                 found = dict(file.items())
             *sizes, drawn = found.pop("sizes").tolist()
+            features = tuple((name, tuple(row)) for name, row in json.loads(found.pop("features").item()))
             arrays = {
                 name.removeprefix("tables_"): found.pop(name)
                 for name in [*found]
                 if name.startswith("tables_")
             }
-            return cls(
-                LevelTables(**arrays, inputs=sizes[0], actions=sizes[1], width=sizes[2]), drawn=drawn, **found
-            )
+            tables = LevelTables(**arrays, inputs=sizes[0], actions=sizes[1], width=sizes[2])
+            return cls(tables, drawn=drawn, features=features, **found)
         except (OSError, ValueError, KeyError, TypeError, EOFError) as error:
             raise InvalidArgument(f"{path}: not the levels of an audit") from error
 
 
-_OWN: Final = "optimum", "plan", "training", "probed", "held_out", "hard"
+_OWN: Final = "optimum", "plan", "training", "probed", "held_out", "hard", "numbers"
 
 
 @dataclass(frozen=True, slots=True)
-class _Level:
+class Level:
     tabular: Tabular
     seen: list[list[int]]
     plan: int
     optimum: float
 
 
-class Sight:
-    """What a student sees of the states of a level: a set of features, each of which holds or not.
-
-    For an object that the environment observes they are the rows, without their first value, that the patterns of
-    `sees` have with it in the initial model of the level; of an object for which no pattern is named, it is which one
-    it is. Every other observed value but the first of its range is a feature of its own. The rows of the patterns of
-    `knows` hold in all states of the level.
-
-    Args:
-        domain: of the levels.
-        engine: its model is a level, whenever it is asked.
-        keys: the indices of objects.
-        settings: has the patterns.
+class Maker:
+    """Draws levels, each from numbers of its own, so that a level is the same however many there are.
 
     Attributes:
-        features: all that were seen, by their number.
+        engine: its model is the level that was made last.
+        sight: what is seen of it.
     """
-
-    def __init__(self, domain: Domain, engine: Engine, keys: KeyIndex, settings: AuditSettings) -> None:
-        self._engine, self._keys = engine, keys
-        self._sees = [self._view(name, 1) for name in settings.sees]
-        self._knows = [self._view(name, 0) for name in settings.knows]
-        self._components = [*_components(domain, engine, keys)]
-        self.features: dict[Feature, int] = {}
-
-    def of(self, tabular: Tabular) -> list[list[int]]:
-        """The features of each state of the present model's table."""
-        values = _decoded(tabular)
-        known = [self._number(name, row) for name, rows in self._rows(self._knows) for row in rows]
-        around: dict[Value, list[tuple[str, tuple[Value, ...]]]] = {}
-        for name, rows in self._rows(self._sees):
-            for first, *rest in rows:
-                around.setdefault(first, []).append((name, tuple(rest)))
-        columns = []
-        for place, cls in enumerate(self._components):
-            objects = self._keys.objects(self._engine.model, cls) if cls else ()
-            found: dict[int, list[int]] = {}
-            for value in np.unique(values[:, place]).tolist():
-                if cls and self._anchored(cls):
-                    node = objects[value] if value < len(objects) else None
-                    facts = around.get(node, []) if node is not None else [("none", ())]
-                    found[value] = [self._number(f"{place}:{name}", row) for name, row in facts]
-                else:
-                    found[value] = [self._number(f"{place}", (value,))] if value or cls else []
-            columns.append([found[value] for value in values[:, place].tolist()])
-        return [sum(parts, known) for parts in zip(*columns, strict=True)]
-
-    def _number(self, name: str, row: tuple[Value, ...]) -> int:
-        return self.features.setdefault((name, row), len(self.features))
-
-    def _rows(self, patterns: Sequence[_View]) -> Iterator[tuple[str, list[tuple[Value, ...]]]]:
-        matcher = self._engine.matcher
-        for name, qualified, free, objects in patterns:
-            rows = matcher.rows(qualified, free)
-            yield name, [_renamed(row, objects) for row in rows] if objects else [*map(tuple, rows)]
-
-    def _view(self, name: str, first: int) -> _View:
-        """A pattern; objects in its rows, from the first place on, are named by their keys, the same in all levels."""
-        library = self._engine.library
-        qualified = (library.resolve(name) or library.get(name)).qualified_name
-        types = library.parameter_types(qualified)
-        objects = [
-            (place, key_reader(self._engine.model, one.cls))
-            for place, one in enumerate(types)
-            if place >= first and isinstance(one, ObjectType)
-        ]
-        return name, qualified, (FREE,) * len(types), objects
-
-    def _anchored(self, cls: str) -> bool:
-        library, metamodel = self._engine.library, self._engine.model.metamodel
-        for _, qualified, *_ in self._sees:
-            first = library.parameter_types(qualified)[0]
-            if isinstance(first, ObjectType) and (
-                metamodel.covers(first.cls, cls) or metamodel.covers(cls, first.cls)
-            ):
-                return True
-        return False
-
-
-def _renamed(row: Sequence[Value], objects: Sequence[tuple[int, Callable[[int], Any]]]) -> tuple[Value, ...]:
-    named = list(row)
-    for place, read in objects:
-        node = row[place]
-        assert type(node) is int, "an object"
-        named[place] = str(read(node))
-    return tuple(named)
-
-
-def _components(domain: Domain, engine: Engine, keys: KeyIndex) -> Iterator[str | None]:
-    """Of each component of an observation the class of the objects that it is an index of, or None."""
-    behaviour = domain.behaviour
-    assert behaviour is not None, "the settings were checked"
-    for one in behaviour.observations:
-        each = None if isinstance(one, ObserveFind) else one.each
-        times = keys.size(each.type) if each and each.type else 1
-        yield from [one.among if isinstance(one, ObserveObject) else None] * times
-
-
-def _decoded(tabular: Tabular) -> NDArray[np.int64]:
-    """The components of the observation of each state [states, components]."""
-    rest, columns = tabular.observation, []
-    for size in tabular.observation_shape:
-        columns.append(rest % size)
-        rest = rest // size
-    return np.stack(columns, axis=1)
-
-
-class _Maker:
-    """Draws levels, each from numbers of its own, so that a level is the same however many there are."""
 
     def __init__(self, domain: Domain, settings: AuditSettings) -> None:
         self._settings, self._domain = settings, domain
@@ -243,35 +136,50 @@ class _Maker:
         how = domain.settings()
         self._bounds = how.initial_applications
         self._variation = Variation(problem, how.max_attempts)
-        self._engine = problem.engine
+        self.engine = problem.engine
         problem.valid()  # from the first question on patterns are kept current, unless a version is held by then
-        self._origin = self._engine.commit()
+        self._origin = self.engine.commit()
         self._keys = domain.keys()
         assert domain.behaviour is not None, "the settings were checked"
         self._tables = Tables(domain.behaviour, MOST_STATES)
-        self.sight = Sight(domain, self._engine, self._keys, settings)
+        self.sight = Sight(domain, self.engine, self._keys, settings)
         self._hashes: set[int] = set()
 
     def draw(self, number: int) -> tuple[Tabular, int] | None:
         """The table of a number's level and its shortest plan; None if it is no level, or one that there was before."""
-        engine = self._engine
+        return self.taken() if self.varied(number) else None
+
+    def varied(self, number: int) -> bool:
+        """Make a number's level of the initial model; False if it is none."""
+        self.engine.checkout(self._origin, discard=True)
         rng = default_rng(SeedSequence(self._domain.spec.seed, spawn_key=(number,)))
-        engine.checkout(self._origin, discard=True)
-        if self._variation.attempts(rng, lambda rng: self._variation.several(rng, self._bounds)) is None:
+        return self.vary(rng, self._bounds)
+
+    def vary(self, rng: Generator, bounds: tuple[int, int]) -> bool:
+        """Apply some mutation rules to the present model; False, and it is as before, where that makes no level."""
+        variation = self._variation
+        return variation.attempts(rng, lambda rng: variation.several(rng, bounds)) is not None
+
+    def taken(self) -> tuple[Tabular, int] | None:
+        """The table of the present model and its shortest plan; None if there was the same before."""
+        if not self.new():
             return None
-        found = engine.model.state_hash()
-        if found in self._hashes:
-            return None
-        self._hashes.add(found)
-        tabular = self._tables.table(engine, self._keys)
+        tabular = self._tables.table(self.engine, self._keys)
         steps = steps_to_success(tabular)[tabular.start_states[tabular.start_probability > 0.0]].min()
         return tabular, int(steps) if steps <= min(tabular.n_states, self._settings.policy.limit) else 0
 
-    def keep(self, tabular: Tabular, plan: int) -> _Level:
+    def new(self) -> bool:
+        """Whether the present model is another one than all that were asked for before."""
+        found = self.engine.model.state_hash()
+        known = found in self._hashes
+        self._hashes.add(found)
+        return not known
+
+    def keep(self, tabular: Tabular, plan: int) -> Level:
         """The level that was drawn last, with all that is asked of it."""
         policy, scale = self._settings.policy, self._settings.scale
         optimum = optimal_return(tabular, policy.limit, discount=policy.discount) * scale
-        return _Level(tabular, self.sight.of(tabular), plan, optimum)
+        return Level(tabular, self.sight.of(tabular), plan, optimum)
 
 
 def make_levels(
@@ -282,8 +190,9 @@ def make_levels(
     Raises:
         EvaluationError: too few levels are different, or solvable.
     """
-    maker = _Maker(domain, settings)
-    levels: list[_Level] = []
+    maker = Maker(domain, settings)
+    levels: list[Level] = []
+    numbers: list[int] = []
     groups = _Groups(settings)
     number = -1
     while not groups.full:
@@ -297,13 +206,16 @@ def make_levels(
         group.append(len(levels))
         levels.append(maker.keep(*drawn))
         groups.plans.append(drawn[1])
+        numbers.append(number)
         progress(len(levels), groups.total)
     return AuditLevels(
-        tables=_joined(levels, len(maker.sight.features), settings.scale),
+        tables=joined(levels, len(maker.sight.features), settings.scale),
         optimum=np.array([level.optimum for level in levels]),
         plan=np.array(groups.plans, np.int64),
         **{name: np.array(places, np.int64) for name, places in groups.places.items()},
         drawn=number + 1,
+        numbers=np.array(numbers, np.int64),
+        features=tuple(maker.sight.features),
     )
 
 
@@ -355,11 +267,11 @@ def _too_few(groups: _Groups, domain: Domain) -> EvaluationError:
     return EvaluationError(f"the mutation rules make too few different levels: {found}", span, hint)
 
 
-def _joined(levels: Sequence[_Level], inputs: int, scale: float) -> LevelTables:
-    """The tables of all levels, one after the other; all are as wide as the widest."""
+def joined(levels: Sequence[Level], inputs: int, scale: float, width: int = 1) -> LevelTables:
+    """The tables of all levels, one after the other; all are as wide as the widest, or as it is asked for."""
     first = np.cumsum([0, *(level.tabular.n_states for level in levels)])
     start_first = np.cumsum([0, *(len(level.tabular.start_states) for level in levels)])
-    width = max(level.tabular.next_state.shape[2] for level in levels)
+    width = max(width, *(level.tabular.next_state.shape[2] for level in levels))
     actions = levels[0].tabular.n_actions
     size = int(first[-1]) * actions * width
     to, ended = np.zeros(size, np.int32), np.zeros(size, np.int8)

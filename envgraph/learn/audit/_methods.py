@@ -24,6 +24,7 @@ class Method:
         choice: how; None: levels are drawn at random.
         solvable: whether the generator gives solvable levels alone.
         counted: whether the steps of episodes count that are played for the score alone.
+        edited: whether levels that were replayed are edited (`Editor`), and the results offered to the buffer.
         decisive: whether it has all seeds; it takes part in a claim about what teaches.
     """
 
@@ -32,6 +33,7 @@ class Method:
     choice: Buffer | Sifting | None = None
     solvable: bool = False
     counted: bool = True
+    edited: bool = False
     decisive: bool = False
 
 
@@ -57,6 +59,13 @@ METHODS: Final = (
     Method("PLR, exact learnability, solvable only", "exact learnability", Buffer(), solvable=True),
 )
 """All methods; the first is what others are compared with."""
+
+
+EDITING: Final = (
+    Method("ACCEL, MaxMC", "MaxMC", ROBUST, edited=True),
+    Method("PLR with edits, exact learnability", "exact learnability", Buffer(), edited=True),
+)
+"""Methods that make levels while they run, which takes ten times as long: they are run where they are named."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,5 +120,13 @@ CONTRASTS: Final = (
         "precision",
         "SFL, exact learnability",
         "SFL, 16 rollouts uncounted",
+    ),
+    Contrast("edits teach more than robust replay alone", "edits", "ACCEL, MaxMC", "robust PLR, MaxMC"),
+    Contrast("ACCEL teaches more than no choice at all", "edits", "ACCEL, MaxMC", "DR"),
+    Contrast(
+        "edits teach more than replay by exact learnability alone",
+        "edits",
+        "PLR with edits, exact learnability",
+        "PLR, exact learnability",
     ),
 )

@@ -9,12 +9,14 @@ import numpy as np
 from numpy.random import SeedSequence, default_rng
 
 from envgraph.code import dataclass
-from envgraph.env.schedules import Buffer, Outcomes, Replay, Schedule, Shuffled, Sifter
+from envgraph.env.schedules import Buffer, Edit, Outcomes, Replay, Schedule, Shuffled, Sifter
+from envgraph.learn.audit._editing import Editor
 from envgraph.learn.audit._levels import AuditLevels
 from envgraph.learn.audit._methods import METHODS, PROBED, Method
 from envgraph.learn.audit._ranks import ranking
 from envgraph.learn.audit._scores import Student, exact_scores, score_levels
 from envgraph.learn.audit._settings import AuditSettings
+from envgraph.search import Domain
 from envgraph.solve.learning import PolicyLearner
 
 POINTS: Final = 8
@@ -72,7 +74,13 @@ class Run:
 
 
 def run_method(
-    levels: AuditLevels, settings: AuditSettings, method: Method, seed: int, *, native: bool | None = None
+    levels: AuditLevels,
+    settings: AuditSettings,
+    method: Method,
+    seed: int,
+    *,
+    domain: Domain | None = None,
+    native: bool | None = None,
 ) -> Run:
     """Train a student by a method.
 
@@ -83,17 +91,20 @@ def run_method(
         settings: of the audit.
         method: how levels are chosen.
         seed: of everything.
+        domain: of the levels, for methods that edit them.
         native: see `PolicyLearner`.
     """
     student = PolicyLearner(levels.tables, settings.policy, seed, native=native)
     rng = default_rng(SeedSequence(seed, spawn_key=(_SCHEDULER,)))
-    schedule = schedule_of(method, levels, student)
+    editor = Editor(domain, settings, levels, student) if method.edited and domain else None
+    schedule = schedule_of(method, levels, student, editor)
     steps = updates = solvable = learned = 0
     curve: list[tuple[int, int, float]] = []
     rankings: list[dict[str, Any]] = []
     shown: dict[str, list[float]] | None = None
     while len(curve) < POINTS:
         batch = schedule.ask(settings.policy.levels, rng)
+        levels = editor.levels if editor else levels
         chosen = batch.members
         played = student.play(chosen, batch.episodes)
         steps += played.steps if method.counted or batch.learn else 0
@@ -132,7 +143,7 @@ def run_method(
     )
 
 
-def schedule_of(method: Method, levels: AuditLevels, student: Student) -> Schedule:
+def schedule_of(method: Method, levels: AuditLevels, student: Student, edit: Edit | None = None) -> Schedule:
     """What chooses levels as a method says; those for training are its members."""
     training = levels.training
     members = training[levels.solvable[training]] if method.solvable else training
@@ -140,7 +151,7 @@ def schedule_of(method: Method, levels: AuditLevels, student: Student) -> Schedu
     if choice is None:
         return Shuffled(members)
     if isinstance(choice, Buffer):
-        return Replay(members, choice)
+        return Replay(members, choice, edit=edit)
     if choice.episodes is not None or score is None:
         return Sifter(members, choice)
     return Sifter(members, choice, lambda chosen: exact_scores(score, levels, chosen, student))

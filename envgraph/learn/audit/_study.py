@@ -13,14 +13,18 @@ from typing import Any, Final
 from envgraph.code import dataclass
 from envgraph.errors import EvaluationError, InvalidArgument
 from envgraph.files import replace_file
+from envgraph.lang import Bundle
 from envgraph.learn.audit._levels import AuditLevels, make_levels
-from envgraph.learn.audit._methods import METHODS, Method
+from envgraph.learn.audit._methods import EDITING, METHODS, Method
 from envgraph.learn.audit._run import Run, run_method
 from envgraph.learn.audit._settings import AuditSettings
 from envgraph.search import Domain
 
-FORMAT: Final = 1
+FORMAT: Final = 2
 """Raised when the same files give other results than before."""
+
+_Source = tuple[Bundle, tuple[str, ...]]
+"""The texts of a domain, which other processes read, and what holds instead of what they say."""
 
 Progress = Callable[[int, int, str], None]
 """Is told how much is done, of how much, and of what."""
@@ -68,7 +72,7 @@ def audit(
         domain: of the levels.
         settings: of the audit.
         directory: where levels and results are kept; it is made where it is missing.
-        methods: some of `METHODS`.
+        methods: some of `METHODS` and `EDITING`.
         workers: how many runs at a time; changes no result.
         force: begin anew where the directory has another audit.
         progress: see `Progress`.
@@ -87,9 +91,10 @@ def audit(
     missing = [one for one in planned if not _file(directory, *one).exists()]
     known = len(planned) - len(missing)
     progress(known, len(planned), "runs")
-    for done in _finished(directory, settings, missing, workers):
+    source = domain.workspace.bundle(), domain.overrides
+    for done in _finished(directory, settings, missing, workers, source):
         progress(known + done, len(planned), "runs")
-    order = {method.name: place for place, method in enumerate(METHODS)}
+    order = {method.name: place for place, method in enumerate((*METHODS, *EDITING))}
     runs = sorted(
         (read_run(_file(directory, *one)) for one in planned), key=lambda run: (order[run.method], run.seed)
     )
@@ -132,25 +137,30 @@ def _planned(settings: AuditSettings, methods: Sequence[Method]) -> Iterator[tup
 
 
 def _finished(
-    directory: Path, settings: AuditSettings, missing: Sequence[tuple[Method, int]], workers: int
+    directory: Path,
+    settings: AuditSettings,
+    missing: Sequence[tuple[Method, int]],
+    workers: int,
+    source: _Source,
 ) -> Iterator[int]:
     """Runs what is missing, and counts."""
     place = str(directory)
     if workers == 1:
         for count, one in enumerate(missing, 1):
-            _work(place, settings, *one)
+            _work(place, settings, *one, source)
             yield count
         return
     from joblib import Parallel, delayed
 
     pool = Parallel(n_jobs=workers, return_as="generator_unordered")
-    ended = pool(delayed(_work)(place, settings, *one) for one in missing)
+    ended = pool(delayed(_work)(place, settings, *one, source) for one in missing)
     yield from (count for count, _ in enumerate(ended, 1))
 
 
-def _work(directory: str, settings: AuditSettings, method: Method, seed: int) -> None:
+def _work(directory: str, settings: AuditSettings, method: Method, seed: int, source: _Source) -> None:
     """One run, and its result in a file."""
-    run = run_method(_levels(directory), settings, method, seed)
+    domain = Domain.from_bundle(source[0], overrides=source[1]) if method.edited else None
+    run = run_method(_levels(directory), settings, method, seed, domain=domain)
     path = _file(Path(directory), method, seed)
     path.parent.mkdir(parents=True, exist_ok=True)
     replace_file(path, json.dumps(asdict(run)))

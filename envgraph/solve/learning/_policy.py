@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import fields
+from dataclasses import fields, replace
 from typing import Any, Final
 
 import numpy as np
@@ -61,6 +61,23 @@ class LevelTables:
 
     def __len__(self) -> int:
         return len(self.first) - 1
+
+    def with_more(self, other: LevelTables) -> LevelTables:
+        """These levels, then others of the same inputs, actions and width."""
+        states = self.first[-1]
+        moved = {
+            "first": other.first[1:] + states,
+            "start_first": other.start_first[1:] + self.start_first[-1],
+            "starts": other.starts + states,
+            "to": other.to + np.int32(states),
+            "seen_first": other.seen_first[1:] + self.seen_first[-1],
+        }
+        names = [one.name for one in fields(self)[:10]]
+        joined: dict[str, Any] = {
+            name: np.concatenate([getattr(self, name), moved.get(name, getattr(other, name))])
+            for name in names
+        }
+        return replace(self, **joined)
 
     def states(self, chosen: Ints) -> int:
         """How many states some levels have together."""
@@ -178,6 +195,7 @@ class PolicyLearner:
         self._tracks: tuple[NDArray[Any], ...] = ()
         self._advantages = np.zeros(0)
         self._most = 0
+        self._student: tuple[Any, ...] = ()
         self._room(1)
 
     def twin(self, seed: int) -> PolicyLearner:
@@ -185,6 +203,15 @@ class PolicyLearner:
         found = PolicyLearner(self._tables, self._settings, seed, native=self._native)
         found.parameters[:] = self.parameters
         return found
+
+    def learn_of(self, tables: LevelTables) -> None:
+        """There are more levels: these tables begin with all that there were."""
+        self._do["forget"](self._tables.arrays, self._student)
+        self._tables = tables
+        more = len(tables.seen_first) - 1 - len(self._rows)
+        self._rows = np.append(self._rows, np.full(more, -1, np.int32))
+        self._student = self._student[0], self._rows, *self._student[2:]
+        self.best = np.append(self.best, np.full(len(tables) - len(self.best), -np.inf))
 
     def play(self, chosen: Ints, episodes: int | None = None) -> Played:
         """Play levels, `settings.steps` steps of each, or a number of episodes.

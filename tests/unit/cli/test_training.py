@@ -184,7 +184,8 @@ def test_controls_are_chosen_or_left_out(run: Path, command: Callable[..., tuple
     code, _, messages = command(*short, "--controls", "nothing")
     assert (
         code == 1
-        and "there are direct, optimistic, reversed, shuffled, randomised, random, learning_progress, " in messages
+        and "there are direct, optimistic, reversed, shuffled, randomised, random, learning_progress, "
+        in messages
     )
     code, out, _ = command(*short[:-3], "--curricula", "direct", "--force", "--format", "json")
     assert [one["kind"] for one in json.loads(out)["results"]] == ["baseline"]

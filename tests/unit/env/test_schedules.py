@@ -101,6 +101,24 @@ def test_robust_replay_does_not_learn_on_fresh_members() -> None:
     assert kinds == {False, True}
 
 
+def test_what_was_replayed_is_edited_and_scored_next() -> None:
+    edited = list[list[int]]()
+
+    def edit(members: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        edited.append(members.tolist())
+        return members + 100
+
+    schedule = Replay(np.arange(4), Buffer(staleness=0.0, fresh_learned=False), edit=edit)
+    rng, learned = np.random.default_rng(0), list[list[int]]()
+    for _ in range(12):
+        batch = schedule.ask(2, rng)
+        if batch.learn:
+            learned.append(batch.members.tolist())
+        schedule.tell(outcomes(batch.members, 0.5, batch.members.astype(np.float64)))
+    assert edited == learned[: len(edited)]
+    assert max(max(one) for one in learned) >= 200, "children of children"
+
+
 def test_a_score_that_is_told_wins_over_the_one_of_returns() -> None:
     rng = np.random.default_rng(0)
     by_return, by_score = (Replay(np.arange(3), Buffer(staleness=0.0)) for _ in range(2))

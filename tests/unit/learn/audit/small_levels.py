@@ -41,7 +41,7 @@ def corridors(count: int = 40) -> AuditLevels:
     half, rest = count // 2, np.arange(count // 2, count)
     solvable = rest[plans[rest] > 0]
     return AuditLevels(
-        tables, optimum, plans, np.arange(half), rest, solvable[:8], solvable[8:12], drawn=count
+        tables, optimum, plans, np.arange(half), rest, solvable[:8], solvable[8:12], count, np.arange(count)
     )
 
 

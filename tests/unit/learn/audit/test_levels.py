@@ -8,12 +8,15 @@ import numpy as np
 import pytest
 
 from envgraph.env import Tabular, enumerate_states
+from envgraph.env.schedules import Buffer
 from envgraph.errors import EvaluationError, LoadError
 from envgraph.lang import data_path
-from envgraph.learn.audit import AuditLevels, audit_settings, make_levels
-from envgraph.learn.audit._levels import Sight, _decoded
+from envgraph.learn.audit import EDITING, AuditLevels, Editor, audit_settings, make_levels, run_method
+from envgraph.learn.audit._levels import Maker
+from envgraph.learn.audit._sight import Sight, _decoded
 from envgraph.search import Domain
 from envgraph.solve import certify
+from envgraph.solve.learning import PolicyLearner
 
 SMALL = {"levels": 8, "probed": 2, "held_out": 4}
 
@@ -146,3 +149,54 @@ def test_floats_are_not_seen(tmp_path: Path) -> None:
     path.write_text(path.read_text().replace('"onward"', '"slow"'))
     with pytest.raises(LoadError, match="`slow` gives a float"):
         audit_settings(Domain.load(str(path)))
+
+
+def test_a_level_is_made_again_from_its_number(domain: Domain, levels: AuditLevels) -> None:
+    maker = Maker(domain, audit_settings(domain))
+    for level in (9, 2, 13):
+        assert maker.varied(int(levels.numbers[level]))
+        taken = maker.taken()
+        assert taken is not None
+        assert same(taken[0], table_of(levels, level))
+        assert taken[1] == levels.plan[level]
+    assert not maker.new(), "it was there before"
+
+
+def same(one: Tabular, other: Tabular) -> bool:
+    names = ("next_state", "probability", "terminated", "start_states")
+    return all(np.array_equal(getattr(one, name), getattr(other, name)) for name in names)
+
+
+def test_edits_make_new_levels_that_hold_the_constraints(domain: Domain, levels: AuditLevels) -> None:
+    settings = replace(audit_settings(domain), **SMALL)
+    student, rng = PolicyLearner(levels.tables, settings.policy, 0, native=False), np.random.default_rng(0)
+    before = student.evaluate(levels.held_out)
+    editor = Editor(domain, settings, levels, student)
+    children = editor(levels.training, rng)
+    assert (children[children != levels.training] >= 16).all()
+    made = len(editor.levels.plan) - 16
+    assert made >= 6
+    grandchildren = editor(np.array([16, 16, 17]), rng)
+    assert len({*grandchildren.tolist()} & {*range(16 + made, 19 + made)}) >= 2
+    assert np.array_equal(before, student.evaluate(levels.held_out)), "what is known of the others stays"
+    problem = editor._maker._variation._problem
+    tables = [table_of(editor.levels, level) for level in range(len(editor.levels.plan))]
+    for level, version in editor._versions.items():
+        problem.engine.checkout(version, discard=True)
+        assert problem.valid()
+        found = certify(tables[level], limit=settings.policy.limit, discount=settings.policy.discount)
+        assert (found.shortest_plan if found.solvable else 0) == editor.levels.plan[level]
+        assert same(editor._maker._tables.table(problem.engine, editor._maker._keys), tables[level])
+    played = student.play(np.array([16, 17, 18, 3]))
+    assert (played.length > 0).all()
+    assert editor.levels.tables.seen.max() < levels.tables.inputs
+
+
+def test_a_run_that_edits_is_the_same_again(domain: Domain, levels: AuditLevels) -> None:
+    settings = audit_settings(domain)
+    policy = replace(settings.policy, hidden=2, levels=4, minibatches=1, epochs=1, steps=8, limit=8)
+    given = replace(settings, policy=policy, steps=24 * 4 * 8)
+    quick = replace(EDITING[0], choice=Buffer(size=8, replay=0.9, fresh_learned=False))
+    first, again = (run_method(levels, given, quick, 1, domain=domain, native=False) for _ in range(2))
+    assert first == again
+    assert 4 < first.updates[-1] < 14, "what is edited is scored alone"

@@ -44,7 +44,10 @@ def prepared(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def at_once(levels: AuditLevels, given: AuditSettings, method: Method, seed: int) -> Run:
+def at_once(
+    levels: AuditLevels, given: AuditSettings, method: Method, seed: int, *, domain: Domain | None
+) -> Run:
+    assert domain is None, "nothing is edited"
     return run(method.name, seed, np.random.default_rng([seed, len(method.name)]).random(8))
 
 

@@ -216,3 +216,17 @@ def test_numba_and_python_give_the_same_bit_for_bit() -> None:
             (one.parameters.tobytes(), played.negative.tobytes(), success.tobytes(), value.tobytes())
         )
     assert found[0] == found[1]
+
+
+def test_levels_that_come_later_are_as_those_that_were_there() -> None:
+    one, both = learner(), learner()
+    twice = levels().with_more(levels())
+    assert len(twice) == 4
+    both.learn_of(twice)
+    for mine, others in zip(one.evaluate([0, 1, 0, 1]), both.evaluate([2, 3, 0, 1]), strict=True):
+        assert np.array_equal(mine, others)
+    first, second = one.play(np.array([0, 1, 1, 0])), both.play(np.array([2, 3, 3, 2]))
+    assert np.array_equal(first.returns, second.returns) and np.array_equal(first.positive, second.positive)
+    for student in (one, both):
+        student.improve(np.random.default_rng(0))
+    assert np.array_equal(one.parameters, both.parameters)

@@ -1,0 +1,87 @@
+"""Levels made of others by the mutation rules: the editor of ACCEL (Parker-Holder et al. 2022)."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+from numpy.random import Generator
+from numpy.typing import NDArray
+
+from envgraph.graph import Version
+from envgraph.learn.audit._levels import AuditLevels, Level, Maker, joined
+from envgraph.learn.audit._settings import AuditSettings
+from envgraph.search import Domain
+from envgraph.solve.learning import PolicyLearner
+
+EDITS: Final = (1, 5)
+"""How many mutation rules are applied to a level at least and at most."""
+
+
+class Editor:
+    """Makes new levels of some, as versions of the model; they are valid, and none is a level of the tests.
+
+    A level for training is made once more by the numbers that it was drawn from when it is first edited. A student does
+    not see what no level for training has.
+
+    Args:
+        domain: has the mutation rules and the constraints.
+        settings: of the audit.
+        levels: of the audit.
+        student: gets the tables of new levels.
+
+    Attributes:
+        levels: those of the audit, then the new ones.
+    """
+
+    def __init__(
+        self, domain: Domain, settings: AuditSettings, levels: AuditLevels, student: PolicyLearner
+    ) -> None:
+        self.levels, self._student, self._scale = levels, student, settings.scale
+        self._maker = Maker(domain, settings)
+        self._maker.sight.features.update({one: place for place, one in enumerate(levels.features)})
+        self._versions: dict[int, Version] = {}
+        for level in np.concatenate([levels.probed, levels.held_out, levels.hard]).tolist():
+            self._maker.varied(int(levels.numbers[level]))
+            self._maker.new()
+
+    def __call__(self, parents: NDArray[np.int64], rng: Generator) -> NDArray[np.int64]:
+        """A child of each level, or that itself where no edit makes a new one."""
+        made: list[Level] = []
+        before, found = len(self.levels.plan), parents.copy()
+        for place, parent in enumerate(parents.tolist()):
+            child = self._child(parent, rng, before + len(made))
+            if child is not None:
+                found[place] = before + len(made)
+                made.append(child)
+        if made:
+            self._add(made)
+        return found
+
+    def _child(self, parent: int, rng: Generator, number: int) -> Level | None:
+        maker, tables = self._maker, self.levels.tables
+        maker.engine.checkout(self._version(parent), discard=True)
+        taken = maker.taken() if maker.vary(rng, EDITS) else None
+        if taken is None or taken[0].next_state.shape[2] > tables.width:
+            return None
+        self._versions[number] = maker.engine.commit()
+        level = maker.keep(*taken)
+        return replace(level, seen=[[one for one in row if one < tables.inputs] for row in level.seen])
+
+    def _version(self, level: int) -> Version:
+        if level not in self._versions:
+            self._maker.varied(int(self.levels.numbers[level]))
+            self._versions[level] = self._maker.engine.commit()
+        return self._versions[level]
+
+    def _add(self, made: list[Level]) -> None:
+        levels = self.levels
+        new = joined(made, levels.tables.inputs, self._scale, levels.tables.width)
+        self.levels = replace(
+            levels,
+            tables=levels.tables.with_more(new),
+            optimum=np.append(levels.optimum, [level.optimum for level in made]),
+            plan=np.append(levels.plan, [level.plan for level in made]),
+        )
+        self._student.learn_of(self.levels.tables)

@@ -1,0 +1,132 @@
+"""What a student sees of the states of a level."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from envgraph.behaviour import ObserveFind, ObserveObject
+from envgraph.env import KeyIndex, Tabular, key_reader
+from envgraph.learn.audit._settings import AuditSettings
+from envgraph.match import FREE
+from envgraph.metamodel import Value
+from envgraph.pattern import ObjectType
+from envgraph.rewrite import Engine
+from envgraph.search import Domain
+
+Feature = tuple[str, tuple[Value, ...]]
+"""What may be seen: what it is about, and the values."""
+
+_View = tuple[str, str, tuple[object, ...], list[tuple[int, Callable[[int], Any]]]]
+"""A pattern's name in the settings and its full name, arguments that ask for all rows, and which values of its rows are
+objects, with what reads their keys."""
+
+
+class Sight:
+    """What a student sees of the states of a level: a set of features, each of which holds or not.
+
+    For an object that the environment observes they are the rows, without their first value, that the patterns of
+    `sees` have with it in the initial model of the level; of an object for which no pattern is named, it is which one
+    it is. Every other observed value but the first of its range is a feature of its own. The rows of the patterns of
+    `knows` hold in all states of the level.
+
+    Args:
+        domain: of the levels.
+        engine: its model is a level, whenever it is asked.
+        keys: the indices of objects.
+        settings: has the patterns.
+
+    Attributes:
+        features: all that were seen, by their number.
+    """
+
+    def __init__(self, domain: Domain, engine: Engine, keys: KeyIndex, settings: AuditSettings) -> None:
+        self._engine, self._keys = engine, keys
+        self._sees = [self._view(name, 1) for name in settings.sees]
+        self._knows = [self._view(name, 0) for name in settings.knows]
+        self._components = [*_components(domain, engine, keys)]
+        self.features: dict[Feature, int] = {}
+
+    def of(self, tabular: Tabular) -> list[list[int]]:
+        """The features of each state of the present model's table."""
+        values = _decoded(tabular)
+        known = [self._number(name, row) for name, rows in self._rows(self._knows) for row in rows]
+        around: dict[Value, list[tuple[str, tuple[Value, ...]]]] = {}
+        for name, rows in self._rows(self._sees):
+            for first, *rest in rows:
+                around.setdefault(first, []).append((name, tuple(rest)))
+        columns = []
+        for place, cls in enumerate(self._components):
+            objects = self._keys.objects(self._engine.model, cls) if cls else ()
+            found: dict[int, list[int]] = {}
+            for value in np.unique(values[:, place]).tolist():
+                if cls and self._anchored(cls):
+                    node = objects[value] if value < len(objects) else None
+                    facts = around.get(node, []) if node is not None else [("none", ())]
+                    found[value] = [self._number(f"{place}:{name}", row) for name, row in facts]
+                else:
+                    found[value] = [self._number(f"{place}", (value,))] if value or cls else []
+            columns.append([found[value] for value in values[:, place].tolist()])
+        return [sum(parts, known) for parts in zip(*columns, strict=True)]
+
+    def _number(self, name: str, row: tuple[Value, ...]) -> int:
+        return self.features.setdefault((name, row), len(self.features))
+
+    def _rows(self, patterns: Sequence[_View]) -> Iterator[tuple[str, list[tuple[Value, ...]]]]:
+        matcher = self._engine.matcher
+        for name, qualified, free, objects in patterns:
+            rows = matcher.rows(qualified, free)
+            yield name, [_renamed(row, objects) for row in rows] if objects else [*map(tuple, rows)]
+
+    def _view(self, name: str, first: int) -> _View:
+        """A pattern; objects in its rows, from the first place on, are named by their keys, the same in all levels."""
+        library = self._engine.library
+        qualified = (library.resolve(name) or library.get(name)).qualified_name
+        types = library.parameter_types(qualified)
+        objects = [
+            (place, key_reader(self._engine.model, one.cls))
+            for place, one in enumerate(types)
+            if place >= first and isinstance(one, ObjectType)
+        ]
+        return name, qualified, (FREE,) * len(types), objects
+
+    def _anchored(self, cls: str) -> bool:
+        library, metamodel = self._engine.library, self._engine.model.metamodel
+        for _, qualified, *_ in self._sees:
+            first = library.parameter_types(qualified)[0]
+            if isinstance(first, ObjectType) and (
+                metamodel.covers(first.cls, cls) or metamodel.covers(cls, first.cls)
+            ):
+                return True
+        return False
+
+
+def _renamed(row: Sequence[Value], objects: Sequence[tuple[int, Callable[[int], Any]]]) -> tuple[Value, ...]:
+    named = list(row)
+    for place, read in objects:
+        node = row[place]
+        assert type(node) is int, "an object"
+        named[place] = str(read(node))
+    return tuple(named)
+
+
+def _components(domain: Domain, engine: Engine, keys: KeyIndex) -> Iterator[str | None]:
+    """Of each component of an observation the class of the objects that it is an index of, or None."""
+    behaviour = domain.behaviour
+    assert behaviour is not None, "the settings were checked"
+    for one in behaviour.observations:
+        each = None if isinstance(one, ObserveFind) else one.each
+        times = keys.size(each.type) if each and each.type else 1
+        yield from [one.among if isinstance(one, ObserveObject) else None] * times
+
+
+def _decoded(tabular: Tabular) -> NDArray[np.int64]:
+    """The components of the observation of each state [states, components]."""
+    rest, columns = tabular.observation, []
+    for size in tabular.observation_shape:
+        columns.append(rest % size)
+        rest = rest // size
+    return np.stack(columns, axis=1)
