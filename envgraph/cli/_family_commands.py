@@ -308,8 +308,8 @@ def import_(
     help="What the curriculum is compared with, each with as many steps: some of direct (the target alone), optimistic "
     "(likewise, with higher values at first), reversed, shuffled (other orders, the target last), randomised (an "
     "environment drawn for each episode) and random (families that nothing has selected, one a seed), separated by "
-    "commas; or all, or none. By name also schedules, which choose the environments by what comes of them: "
-    "learning_progress, band, learnability, plr, robust_plr, exact_regret, exact_learnability.",
+    "commas; or all, or none. By name also schedules, which choose the earlier environments by what comes of them: "
+    "uniform, learning_progress, band, learnability, plr, robust_plr, exact_regret, exact_learnability.",
 )
 @count_option("--workers", default=1, help="How many agents learn at a time; changes no result.")
 @click.option("--resume", is_flag=True, help="Go on with a training that was interrupted.")

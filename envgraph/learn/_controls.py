@@ -37,8 +37,8 @@ def controls(
     al. 2017), an environment of the family drawn for each episode, the target among them; once in one stage, with one
     schedule of epsilon, and once with epsilon renewed as often as in the curriculum.
 
-    Schedules (`TEACHERS`) choose the environment of each turn by what came of the turns before, with epsilon renewed as
-    often as in the curriculum.
+    Schedules (`TEACHERS`) stand in place of the order: they choose the environment of each turn among the earlier ones,
+    by what came of the turns before; the target stays last. "uniform" is the one that chooses at random.
 
     What a small family has no room for is left out: with fewer than three environments there is no other order.
 
@@ -77,14 +77,11 @@ def controls(
         every = tuple(names)
         found.append(Curriculum("control", "randomised", (every,), (count,)))
         found.append(Curriculum("control", "randomised, renewed", (every,) * count, (1,) * count))
-    found += [taught(names, kind) for kind in kinds if kind in TEACHERS and count > 1]
+    if count > 2:
+        stages: list[str | tuple[str, ...]] = [tuple(earlier)] * (count - 1) + [target]
+        taught = [kind for kind in kinds if kind in TEACHERS]
+        found += [Curriculum("control", one, (*stages,), (1,) * count, schedule=one) for one in taught]
     return tuple(found)
-
-
-def taught(names: Sequence[str], schedule: str) -> Curriculum:
-    """As many steps as the whole family has, on the environments that a schedule chooses."""
-    count = len(names)
-    return Curriculum("control", schedule, (tuple(names),) * count, (1,) * count, schedule=schedule)
 
 
 def optimistic_value(target: Tabular, settings: TrainingSettings) -> float | None:

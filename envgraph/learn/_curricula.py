@@ -26,7 +26,7 @@ class Curriculum:
         shares: length of each stage, in units of `steps_per_environment`.
         initial_value: what every Q-value is at first; None: as the settings say.
         schedule: what chooses the environments of stages with several names, turn by turn, instead of drawing one for
-            each episode: a name in `TEACHERS`. All stages have the same names then.
+            each episode: a name in `TEACHERS`. These stages all have the same names.
     """
 
     kind: Kind
@@ -43,9 +43,9 @@ class Curriculum:
             raise InvalidArgument(
                 f"curriculum `{self.label}` draws episodes from environments with different names"
             )
-        if self.schedule is not None and len(set(self.members)) > 1:
+        if self.schedule is not None and len({one for one in self.members if len(one) > 1}) != 1:
             raise InvalidArgument(
-                f"curriculum `{self.label}` has a schedule, but stages with different names"
+                f"curriculum `{self.label}` has a schedule, which needs stages of the same several environments"
             )
         if self.initial_value is not None and not isfinite(self.initial_value):
             raise InvalidArgument(f"`initial_value` of curriculum `{self.label}` must be finite")

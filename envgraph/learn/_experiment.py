@@ -266,17 +266,18 @@ class _Tables:
             tables = [self.tables[place] for place in stages]
             training = train(tables, settings, rng, steps, q, backend, begins)
         else:
-            loop, places = loop_of(backend, settings), stages[0]
-            members = [self.members[place] for place in places]
+            loop, chosen = loop_of(backend, settings), _several(stages)
+            members = [self.members[place] for place in chosen]
             exact = ExactScore(schedule, members, settings, q) if schedule in EXACT else None
 
             def turn(member: int, stage: Stage) -> StageOutcome:
                 if exact:
                     exact.epsilon = stage.epsilon
-                return loop(self.tables[(places[member],)], stage, q, rng)
+                return loop(self.tables[(member,)], stage, q, rng)
 
-            chosen, drawing = teacher(schedule, len(places), exact), _generator(seed, CHOOSING, stages)
-            training = Training(q, *take_turns(turn, chosen, settings, drawing, steps, begins))
+            teaching, drawing = teacher(schedule, len(chosen), exact), _generator(seed, CHOOSING, stages)
+            parts = list(zip(steps, stages, strict=True))
+            training = Training(q, *take_turns(turn, teaching, settings, drawing, parts, begins))
         return training, before[0], evaluated(EVALUATION)
 
 
@@ -313,13 +314,14 @@ class _Programs:
             members = [self.members[place] for (place,) in stages]
             training = train_program(self.program, settings, rng, members=members, steps=steps, begins=begins)
         else:
-            learner, places = Learner(self.program, settings.initial_value + 0.0), stages[0]
+            learner = Learner(self.program, settings.initial_value + 0.0)
 
             def turn(member: int, stage: Stage) -> StageOutcome:
-                return train_stage(learner, InProgram(self.program, self.members[places[member]]), stage, rng)
+                return train_stage(learner, InProgram(self.program, self.members[member]), stage, rng)
 
-            chosen, drawing = teacher(schedule, len(places)), _generator(seed, CHOOSING, stages)
-            found = take_turns(turn, chosen, settings, drawing, steps, lambda stage: begins(stage, learner))
+            teaching, drawing = teacher(schedule, len(_several(stages))), _generator(seed, CHOOSING, stages)
+            parts = list(zip(steps, stages, strict=True))
+            found = take_turns(turn, teaching, settings, drawing, parts, lambda stage: begins(stage, learner))
             training = ProgramTraining(learner, *found)
         return training, before[0], evaluated(training.learner, EVALUATION)
 
@@ -357,6 +359,11 @@ def _prepare(family: Sequence[FamilyMember], curricula: Iterable[Curriculum]) ->
 
 def _places(curriculum: Curriculum, positions: dict[str, int]) -> tuple[Place, ...]:
     return tuple(tuple(positions[name] for name in names) for names in curriculum.members)
+
+
+def _several(stages: Sequence[Place]) -> Place:
+    """The environments that a schedule chooses from."""
+    return next(place for place in stages if len(place) > 1)
 
 
 _Task = tuple[_Prepared, Curriculum, TrainingSettings, int, Backend]

@@ -17,8 +17,8 @@ from envgraph.solve.learning import TrainingSettings
 EXACT: Final = ("exact_regret", "exact_learnability")
 """Those that need tables: replay by a score that is computed of them."""
 
-TEACHERS: Final = (*(name for name in SCHEDULES if name not in ("randomised", "sfl")), *EXACT)
-"""What may choose the environments of a family. SFL is for thousands of levels; domain randomisation is a control."""
+TEACHERS: Final = (*(name for name in SCHEDULES if name != "sfl"), *EXACT)
+"""What may choose the environments of a family; SFL is for thousands of levels."""
 
 
 class ExactScore:

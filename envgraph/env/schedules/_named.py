@@ -15,7 +15,7 @@ from envgraph.env.schedules._weighted import Band, Weighted, learnability, learn
 from envgraph.errors import InvalidArgument, did_you_mean, listed
 
 SCHEDULES: Final[dict[str, Callable[[int], Schedule]]] = {
-    "randomised": lambda count: Shuffled(np.arange(count)),
+    "uniform": lambda count: Shuffled(np.arange(count)),
     "learning_progress": lambda count: Weighted(count, learning_progress),
     "band": lambda count: Weighted(count, Band()),
     "learnability": lambda count: Weighted(count, learnability),

@@ -11,7 +11,14 @@ from envgraph.errors import Source, Span
 
 Sequences = Literal["suffixes", "full", "baselines", "direct"]
 Scheduled = Literal[
-    "learning_progress", "band", "learnability", "plr", "robust_plr", "exact_regret", "exact_learnability"
+    "uniform",
+    "learning_progress",
+    "band",
+    "learnability",
+    "plr",
+    "robust_plr",
+    "exact_regret",
+    "exact_learnability",
 ]
 Strength = Literal["single", "heavy_tailed"]
 

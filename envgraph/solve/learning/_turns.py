@@ -21,20 +21,21 @@ def take_turns(
     schedule: Schedule,
     settings: TrainingSettings,
     rng: np.random.Generator,
-    lengths: Sequence[int],
+    stages: Sequence[tuple[int, Sequence[int]]],
     begins: Callable[[int], None] = lambda stage: None,
 ) -> tuple[Curve, float]:
-    """Train for some stages, on a member that the schedule chooses for each turn.
+    """Train for some stages, in turns: on a member that the schedule chooses for each.
 
     A turn has as many steps as an episode may have, so that at least one ends in it; the last turn of a stage is cut.
-    The schedule is told what came of the episodes of a turn. Exploration begins anew as `settings.epsilon` says.
+    The schedule is told what came of the episodes of a turn. A stage of one member is a single turn that it does not
+    know of. Exploration begins anew as `settings.epsilon` says.
 
     Args:
         turn: trains on a member.
-        schedule: chooses.
+        schedule: chooses, as numbers of the places in a stage of several members, which are the same in all of these.
         settings: how to train.
         rng: what the schedule draws from; no training does.
-        lengths: steps of each stage.
+        stages: steps of each, and its members.
         begins: called with the place of each stage before it.
 
     Returns:
@@ -42,14 +43,19 @@ def take_turns(
     """
     epsilon, outcomes = settings.epsilon.start, list[tuple[Stage, StageOutcome]]()
     single = replace(settings, checkpoint=settings.limit)
-    for place, length in enumerate(lengths):
+    for place, (length, members) in enumerate(stages):
         begins(place)
         if settings.epsilon.reset == "stage":
             epsilon = settings.epsilon.start
+        if len(members) == 1:
+            stage = Stage(length, epsilon, settings)
+            outcomes.append((stage, turn(members[0], stage)))
+            epsilon = outcomes[-1][1].epsilon
+            continue
         for done in range(0, length, settings.limit):
             batch = schedule.ask(1, rng)
             stage = Stage(min(settings.limit, length - done), epsilon, single, batch.learn)
-            outcome = turn(int(batch.members[0]), stage)
+            outcome = turn(members[int(batch.members[0])], stage)
             schedule.tell(_told(batch.members, stage.steps, outcome))
             epsilon = outcome.epsilon if batch.learn else epsilon
             outcomes.append((stage, outcome))

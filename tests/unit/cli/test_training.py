@@ -171,7 +171,7 @@ def test_controls_are_chosen_or_left_out(run: Path, command: Callable[..., tuple
     for chosen, expected in (
         ("none", ["curriculum E1-E2"]),
         ("direct, optimistic", ["curriculum E1-E2", "baseline E2", "control optimistic"]),
-        ("plr", ["curriculum E1-E2", "control plr"]),
+        ("plr", ["curriculum E1-E2"]),  # there is no choice before the target
     ):
         code, out, _ = command(*short, "--controls", chosen, "--format", "json")
         assert code == 0
@@ -184,7 +184,7 @@ def test_controls_are_chosen_or_left_out(run: Path, command: Callable[..., tuple
     code, _, messages = command(*short, "--controls", "nothing")
     assert (
         code == 1
-        and "there are direct, optimistic, reversed, shuffled, randomised, random, learning_progress, "
+        and "there are direct, optimistic, reversed, shuffled, randomised, random, uniform, "
         in messages
     )
     code, out, _ = command(*short[:-3], "--curricula", "direct", "--force", "--format", "json")

@@ -210,12 +210,12 @@ def test_schedules_have_the_steps_of_the_family_and_the_same_result_in_every_loo
     assert {run.steps for run in found[0].runs} == {run.curve.steps[-1] for run in found[0].runs} == {1_200}
     assert [one.label for one in found[0].summaries()] == [*TEACHERS]
     assert len({run.curve for run in found[0].runs}) > len(TEACHERS), "they choose different environments"
-    assert found[0].runs[0].curve.steps == tuple(range(100, 1_201, 100))
+    assert {(run.steps_before, len(run.curve.steps)) for run in found[0].runs} == {(900, 12)}
     assert run_experiment(FAMILY, SETTINGS, TAUGHT[3:4]).runs[0] in found[0].runs
 
 
 def test_nothing_is_learned_where_a_schedule_only_scores() -> None:
-    """Robust replay of four environments: the first turn in each is played alone."""
+    """Robust replay of three environments: the first two turns are played alone."""
     (robust,) = controls(NAMES, ["robust_plr"])
     short = replace(robust, stages=robust.stages[:1], shares=(1,))
     settings = replace(SETTINGS, steps_per_environment=2 * SETTINGS.limit, initial_value=0.25)
@@ -240,6 +240,6 @@ def test_exact_scores_are_those_of_the_learner_as_it_explores() -> None:
 def test_a_schedule_has_a_name_and_stages_of_the_same_environments() -> None:
     with pytest.raises(InvalidArgument, match="unknown schedule `plrr`"):
         run_experiment(FAMILY, SETTINGS, [replace(TAUGHT[0], schedule="plrr")])
-    with pytest.raises(InvalidArgument, match="stages with different names"):
+    with pytest.raises(InvalidArgument, match="stages of the same several"):
         Curriculum("control", "x", ("E1", "E2"), (1, 1), schedule="plr")
     assert get_args(Scheduled) == TEACHERS

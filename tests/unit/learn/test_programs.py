@@ -14,7 +14,6 @@ from envgraph.learn import (
     FamilyMember,
     InProgram,
     TrainingSettings,
-    controls,
     fingerprint,
     run_experiment,
     sequences,
@@ -106,10 +105,11 @@ def test_experiments_run_in_programs_and_do_not_depend_on_workers() -> None:
     assert one.runs == run_experiment(family, settings, curricula, workers=2).runs
     assert [run.steps for run in one.runs] == [600, 600]
     assert all(0.0 <= run.success_rate <= 1.0 and 1 <= run.mean_length <= 30 for run in one.runs)
-    (taught,) = run_experiment(family, settings, controls(["E1", "E2"], ["plr"]), seeds=[0]).runs
-    assert (taught.label, taught.steps, taught.curve.steps) == ("plr", 600, (600,))
+    taught = replace(curricula[0], stages=(("E1", "E2"), "E2"), schedule="plr")
+    (found,) = run_experiment(family, settings, [taught], seeds=[0]).runs
+    assert (found.steps, found.steps_before, found.curve.steps) == (600, 300, (600,))
     with pytest.raises(InvalidArgument, match="`exact_regret` needs tables"):
-        run_experiment(family, settings, controls(["E1", "E2"], ["exact_regret"]))
+        run_experiment(family, settings, [replace(taught, schedule="exact_regret")])
     marks = [fingerprint({"E1": member.tabular}, settings) for member in family]
     assert marks[0] != marks[1]
     tables = [FamilyMember("E1", explore(engine, behaviour, keys).tabular), family[1]]
