@@ -6,48 +6,32 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from math import isfinite
-from typing import TypeVar
 
 import numpy as np
 from joblib import Parallel, delayed
 
 from envgraph.code import dataclass
 from envgraph.env import Tabular
-from envgraph.env.compiled import Learner, Program
 from envgraph.errors import InvalidArgument, did_you_mean
+from envgraph.learn._agents import ProgramAgent, Programs, TableAgent, Tables
 from envgraph.learn._curricula import Curriculum, Kind, sequences
 from envgraph.learn._results import Experiment, RunResult
-from envgraph.learn._teachers import EXACT, ExactScore, teacher
-from envgraph.solve import Evaluation, evaluate, mixture
+from envgraph.solve import Evaluation, mixture
 from envgraph.solve.learning import (
     Backend,
     InProgram,
+    Place,
     ProgramTraining,
-    Stage,
-    StageOutcome,
     Table,
     Training,
     TrainingSettings,
     choose_backend,
-    initial_values,
-    loop_of,
     occurring,
     prepare,
     take_turns,
-    train,
-    train_program,
-    train_stage,
 )
 
 TRAINING, EVALUATION, BEFORE, CHOOSING = 0, 1, 2, 3
-
-Place = tuple[int, ...]
-"""Of a stage: the positions in the family of its environments."""
-
-Trained = TypeVar("Trained")
-
-_Outcome = tuple[Trained, Evaluation, Evaluation]
-"""An agent, and what it does on the target before the last stage and at the end."""
 
 _SEVERAL = 2**16
 """Added to their number, it tells a stage of several environments from as many stages; families are smaller."""
@@ -235,103 +219,11 @@ def train_run(
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Tables:
-    """The table of each stage, made ready once for all runs."""
-
-    tables: dict[Place, Table]
-    members: Sequence[Tabular]
-
-    def run(
-        self,
-        stages: Sequence[Place],
-        steps: Sequence[int],
-        settings: TrainingSettings,
-        seed: int,
-        backend: Backend,
-        schedule: str | None,
-    ) -> _Outcome[Training]:
-        """Train on some of them, and evaluate on the target."""
-        rng, q = _generator(seed, TRAINING, stages), initial_values(self.tables[(stages[0][0],)], settings)
-        before: list[Evaluation] = []
-
-        def evaluated(role: int) -> Evaluation:
-            episodes = settings.evaluation_episodes
-            return evaluate(q, self.members[-1], episodes, settings.limit, _generator(seed, role, stages))
-
-        def begins(stage: int) -> None:
-            if stage == len(stages) - 1:
-                before.append(evaluated(BEFORE))
-
-        if schedule is None:
-            tables = [self.tables[place] for place in stages]
-            training = train(tables, settings, rng, steps, q, backend, begins)
-        else:
-            loop, chosen = loop_of(backend, settings), _several(stages)
-            members = [self.members[place] for place in chosen]
-            exact = ExactScore(schedule, members, settings, q) if schedule in EXACT else None
-
-            def turn(member: int, stage: Stage) -> StageOutcome:
-                if exact:
-                    exact.epsilon = stage.epsilon
-                return loop(self.tables[(member,)], stage, q, rng)
-
-            teaching, drawing = teacher(schedule, len(chosen), exact), _generator(seed, CHOOSING, stages)
-            parts = list(zip(steps, stages, strict=True))
-            training = Training(q, *take_turns(turn, teaching, settings, drawing, parts, begins))
-        return training, before[0], evaluated(EVALUATION)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Programs:
-    """A family in a compiled program, by the numbers of its members there."""
-
-    program: Program
-    members: tuple[int, ...]
-
-    def run(
-        self,
-        stages: Sequence[Place],
-        steps: Sequence[int],
-        settings: TrainingSettings,
-        seed: int,
-        backend: Backend,
-        schedule: str | None,
-    ) -> _Outcome[ProgramTraining]:
-        """Train on some of them, and evaluate on the target; there is one loop."""
-        before: list[Evaluation] = []
-
-        def evaluated(learner: Learner, role: int) -> Evaluation:
-            rng, episodes = _generator(seed, role, stages), settings.evaluation_episodes
-            played = learner.play(self.members[-1], episodes, settings.limit, rng)
-            return Evaluation(*played, episodes, exact=False)
-
-        def begins(stage: int, learner: Learner) -> None:
-            if stage == len(stages) - 1:
-                before.append(evaluated(learner, BEFORE))
-
-        rng = _generator(seed, TRAINING, stages)
-        if schedule is None:
-            members = [self.members[place] for (place,) in stages]
-            training = train_program(self.program, settings, rng, members=members, steps=steps, begins=begins)
-        else:
-            learner = Learner(self.program, settings.initial_value + 0.0)
-
-            def turn(member: int, stage: Stage) -> StageOutcome:
-                return train_stage(learner, InProgram(self.program, self.members[member]), stage, rng)
-
-            teaching, drawing = teacher(schedule, len(_several(stages))), _generator(seed, CHOOSING, stages)
-            parts = list(zip(steps, stages, strict=True))
-            found = take_turns(turn, teaching, settings, drawing, parts, lambda stage: begins(stage, learner))
-            training = ProgramTraining(learner, *found)
-        return training, before[0], evaluated(training.learner, EVALUATION)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class _Prepared:
     """A family made ready once for all its runs, and a position for each name."""
 
     positions: dict[str, int]
-    ready: _Tables | _Programs
+    ready: Tables | Programs
 
 
 def _prepare(family: Sequence[FamilyMember], curricula: Iterable[Curriculum]) -> _Prepared:
@@ -345,7 +237,7 @@ def _prepare(family: Sequence[FamilyMember], curricula: Iterable[Curriculum]) ->
         ready: dict[Place, Table] = {(place,): one for place, one in enumerate(prepare(tables))}
         mixed = [mixture([tables[one] for one in place]) for place in drawn]
         ready |= zip(drawn, prepare(mixed) if mixed else (), strict=True)
-        return _Prepared(positions, _Tables(ready, tables[: len(family)]))
+        return _Prepared(positions, Tables(ready, tables[: len(family)]))
     if tables or len({id(one.program) for one in placed}) > 1:
         raise InvalidArgument("a family is in one program, or has a table of each member")
     if drawn:
@@ -354,16 +246,11 @@ def _prepare(family: Sequence[FamilyMember], curricula: Iterable[Curriculum]) ->
         )
     program = placed[0].program
     program.functions("learn")  # compiled before threads ask for it
-    return _Prepared(positions, _Programs(program, tuple(one.member for one in placed)))
+    return _Prepared(positions, Programs(program, tuple(one.member for one in placed)))
 
 
 def _places(curriculum: Curriculum, positions: dict[str, int]) -> tuple[Place, ...]:
     return tuple(tuple(positions[name] for name in names) for names in curriculum.members)
-
-
-def _several(stages: Sequence[Place]) -> Place:
-    """The environments that a schedule chooses from."""
-    return next(place for place in stages if len(place) > 1)
 
 
 _Task = tuple[_Prepared, Curriculum, TrainingSettings, int, Backend]
@@ -374,7 +261,7 @@ def _run_all(tasks: Sequence[_Task], workers: int, backend: Backend) -> Iterator
     if workers == 1:
         yield from (_run_result(*task) for task in tasks)
         return
-    threads = backend == "numba" or (tasks and isinstance(tasks[0][0].ready, _Programs))
+    threads = backend == "numba" or (tasks and isinstance(tasks[0][0].ready, Programs))
     parallel = partial(Parallel, n_jobs=workers, prefer="threads" if threads else "processes")
     try:
         pool = parallel(return_as="generator_unordered")
@@ -401,9 +288,19 @@ def _run(
     if curriculum.initial_value is not None:
         settings = replace(settings, initial_value=curriculum.initial_value)
     steps = [share * settings.steps_per_environment for share in curriculum.shares]
-    outcome: _Outcome[Training] | _Outcome[ProgramTraining]
-    outcome = prepared.ready.run(stages, steps, settings, seed, backend, curriculum.schedule)
-    training, before, found = outcome
+    agent: TableAgent | ProgramAgent = prepared.ready.agent(settings, backend)
+    before: list[Evaluation] = []
+
+    def begins(stage: int) -> None:
+        if stage == len(stages) - 1:
+            before.append(agent.evaluated(_generator(seed, BEFORE, stages)))
+
+    several = next((place for place in stages if len(place) > 1), ())
+    schedule = agent.teacher(curriculum.schedule, several) if curriculum.schedule else None
+    turn = partial(agent.turn, _generator(seed, TRAINING, stages))
+    parts, choosing = list(zip(steps, stages, strict=True)), _generator(seed, CHOOSING, stages)
+    training = agent.trained(*take_turns(turn, settings, parts, begins, schedule, choosing))
+    found = agent.evaluated(_generator(seed, EVALUATION, stages))
     alone = stages[-1] == (len(prepared.positions) - 1,)
     result = RunResult(
         kind=curriculum.kind,
@@ -415,7 +312,7 @@ def _run(
         mean_return=found.mean_return,
         mean_length=found.mean_length,
         steps_before=sum(steps[:-1]) if alone else sum(steps),
-        success_before=before.success_rate,
+        success_before=before[0].success_rate,
         curve=training.curve,
     )
     return result, training

@@ -30,7 +30,7 @@ from envgraph.solve.learning._training import (
     train,
     train_curriculum,
 )
-from envgraph.solve.learning._turns import take_turns
+from envgraph.solve.learning._turns import Place, take_turns
 
 __all__ = [
     "Backend",
@@ -40,6 +40,7 @@ __all__ = [
     "Judgement",
     "Learners",
     "LevelTables",
+    "Place",
     "Played",
     "PolicyLearner",
     "PolicySettings",

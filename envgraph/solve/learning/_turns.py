@@ -1,8 +1,8 @@
-"""Training on members that a schedule chooses, turn by turn."""
+"""Training stage by stage, and in turns on members that a schedule chooses."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -12,54 +12,67 @@ from envgraph.solve.learning._settings import TrainingSettings
 from envgraph.solve.learning._stage import Stage, StageOutcome
 from envgraph.solve.learning._training import Curve, joined
 
-Turn = Callable[[int, Stage], StageOutcome]
-"""Trains on a member for a stage."""
+Place = tuple[int, ...]
+"""Numbers of the members that a stage is in: one, or several from which episodes or turns are drawn."""
+
+Turn = Callable[[Place, Stage], StageOutcome]
+"""Trains in a place for a stage."""
 
 
 def take_turns(
     turn: Turn,
-    schedule: Schedule,
     settings: TrainingSettings,
+    stages: Sequence[tuple[int, Place]],
+    begins: Callable[[int], None],
+    schedule: Schedule | None,
     rng: np.random.Generator,
-    stages: Sequence[tuple[int, Sequence[int]]],
-    begins: Callable[[int], None] = lambda stage: None,
 ) -> tuple[Curve, float]:
-    """Train for some stages, in turns: on a member that the schedule chooses for each.
+    """Train for some stages; a schedule chooses a member for each turn of those that have several.
 
     A turn has as many steps as an episode may have, so that at least one ends in it; the last turn of a stage is cut.
     The schedule is told what came of the episodes of a turn. A stage of one member is a single turn that it does not
-    know of. Exploration begins anew as `settings.epsilon` says.
+    know of, and so is any stage without a schedule. Exploration begins anew as `settings.epsilon` says.
 
     Args:
-        turn: trains on a member.
-        schedule: chooses, as numbers of the places in a stage of several members, which are the same in all of these.
+        turn: trains in a place.
         settings: how to train.
+        stages: steps of each, and its place.
+        begins: called with the number of each stage before it.
+        schedule: chooses places in a stage of several members, which are the same in all of these.
         rng: what the schedule draws from; no training does.
-        stages: steps of each, and its members.
-        begins: called with the place of each stage before it.
 
     Returns:
         The curve, and exploration at the end.
     """
     epsilon, outcomes = settings.epsilon.start, list[tuple[Stage, StageOutcome]]()
-    single = replace(settings, checkpoint=settings.limit)
-    for place, (length, members) in enumerate(stages):
-        begins(place)
+    for number, (length, place) in enumerate(stages):
+        begins(number)
         if settings.epsilon.reset == "stage":
             epsilon = settings.epsilon.start
-        if len(members) == 1:
+        if schedule is None or len(place) == 1:
             stage = Stage(length, epsilon, settings)
-            outcomes.append((stage, turn(members[0], stage)))
-            epsilon = outcomes[-1][1].epsilon
-            continue
-        for done in range(0, length, settings.limit):
-            batch = schedule.ask(1, rng)
-            stage = Stage(min(settings.limit, length - done), epsilon, single, batch.learn)
-            outcome = turn(members[int(batch.members[0])], stage)
-            schedule.tell(_told(batch.members, stage.steps, outcome))
-            epsilon = outcome.epsilon if batch.learn else epsilon
-            outcomes.append((stage, outcome))
-    return _thinned(joined(outcomes), settings.checkpoint), epsilon
+            outcomes.append((stage, turn(place, stage)))
+        else:
+            outcomes += _chosen(turn, Stage(length, epsilon, settings), place, schedule, rng)
+        epsilon = outcomes[-1][1].epsilon
+    curve = joined(outcomes)
+    return curve if schedule is None else _thinned(curve, settings.checkpoint), epsilon
+
+
+def _chosen(
+    turn: Turn, whole: Stage, place: Place, schedule: Schedule, rng: np.random.Generator
+) -> Iterator[tuple[Stage, StageOutcome]]:
+    """The turns of a stage."""
+    limit, epsilon = whole.settings.limit, whole.epsilon
+    settings = replace(whole.settings, checkpoint=limit)
+    for done in range(0, whole.steps, limit):
+        batch = schedule.ask(1, rng)
+        stage = Stage(min(limit, whole.steps - done), epsilon, settings, batch.learn)
+        outcome = turn((place[int(batch.members[0])],), stage)
+        schedule.tell(_told(batch.members, stage.steps, outcome))
+        if batch.learn:
+            epsilon = outcome.epsilon
+        yield stage, replace(outcome, epsilon=epsilon)
 
 
 def _told(members: np.ndarray[tuple[int], np.dtype[np.int64]], steps: int, outcome: StageOutcome) -> Outcomes:

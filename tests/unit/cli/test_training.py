@@ -184,8 +184,7 @@ def test_controls_are_chosen_or_left_out(run: Path, command: Callable[..., tuple
     code, _, messages = command(*short, "--controls", "nothing")
     assert (
         code == 1
-        and "there are direct, optimistic, reversed, shuffled, randomised, random, uniform, "
-        in messages
+        and "there are direct, optimistic, reversed, shuffled, randomised, random, uniform, " in messages
     )
     code, out, _ = command(*short[:-3], "--curricula", "direct", "--force", "--format", "json")
     assert [one["kind"] for one in json.loads(out)["results"]] == ["baseline"]
