@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.random import Generator
@@ -54,6 +54,7 @@ Score = Callable[[Outcomes], Floats]
 """What members that were played are worth; the higher, the more there is to be learned on them."""
 
 
+@runtime_checkable
 class Schedule(Protocol):
     """Chooses members, and learns from what comes of them.
 

@@ -26,6 +26,9 @@ class Seats:
     """
 
     def __init__(self, schedule: Schedule, count: int, members: int) -> None:
+        if not isinstance(schedule, Schedule):
+            hint = "a schedule has `ask` and `tell`; `envgraph.env.schedules.named_schedule` makes those with names"
+            raise InvalidArgument(f"{schedule!r} is no schedule", hint)
         self.schedule, self._members = schedule, members
         self.member = np.zeros(count, np.int64)
         self.learn = np.ones(count, np.bool_)

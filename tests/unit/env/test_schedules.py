@@ -186,6 +186,8 @@ def test_what_is_no_member_is_refused(members: list[int]) -> None:
 
 
 def test_names_are_suggested() -> None:
+    with pytest.raises(InvalidArgument, match="'plr' is no schedule"):
+        Seats("plr", 1, 3)  # type: ignore[arg-type]
     with pytest.raises(InvalidArgument, match="unknown schedule `prl`") as caught:
         named_schedule("prl", 3)
     assert caught.value.hint == "did you mean `plr`?"
