@@ -13,7 +13,7 @@ from envgraph.behaviour import Behaviour
 from envgraph.code import dataclass
 from envgraph.env._keys import KeyIndex
 from envgraph.env._simulator import GOES_ON, Simulator
-from envgraph.env._tabular import Tabular
+from envgraph.env._tabular import Tabular, allowed_or_all
 from envgraph.env._too_many import TooManyStates, check_entries
 from envgraph.env.scene._scene import Painter, Scene
 from envgraph.rewrite import Engine
@@ -108,6 +108,7 @@ class _Search:
         most: how many outcomes there may be.
         number: of each state, in the order of the walk.
         rows: outcomes of every state; None while it has not been left.
+        did: of every state whether each action did something in one of its outcomes.
     """
 
     simulator: Simulator
@@ -117,6 +118,7 @@ class _Search:
     progress: Progress | None = None
     number: dict[tuple[int, int, bool], int] = field(default_factory=dict)
     rows: list[Row | None] = field(default_factory=list)
+    did: list[bytearray] = field(default_factory=list)
     observations: list[int] = field(default_factory=list)
     turns: list[int] = field(default_factory=list)
     scenes: list[Scene] = field(default_factory=list)
@@ -135,6 +137,7 @@ class _Search:
                     stack.pop()
                     continue
                 probability, action, reward, terminated = move
+                did = self.simulator.did
                 found, fresh = self._enter(over=terminated != GOES_ON)
                 if action < 0:
                     self.starts.append((probability, found))
@@ -142,6 +145,7 @@ class _Search:
                     row = self.rows[state]
                     assert row is not None
                     row[action].append((probability, found, reward, terminated))
+                    self.did[state][action] |= did
                     self._count()
                 if fresh and terminated == GOES_ON:
                     self.rows[found] = [[] for _ in self.simulator.action_names]
@@ -171,6 +175,7 @@ class _Search:
             raise TooManyStates(self.simulator.behaviour, self.limit)
         self.number[key] = len(self.rows)
         self.rows.append(None)
+        self.did.append(bytearray(len(self.simulator.action_names)))
         self.observations.append(self.simulator.observe())
         self.turns.append(self.simulator.turn)
         if self.painter is not None:
@@ -219,8 +224,13 @@ class _Search:
             action_names=simulator.action_names,
             agent_names=simulator.agent_names,
             turn=self._turns(order) if simulator.agent_names else None,
+            allowed=allowed_or_all(self._did(order)),
         )
         return Explored(tabular, tuple(self.scenes[state] for state in order) if self.scenes else ())
+
+    def _did(self, order: list[int]) -> NDArray[np.bool_]:
+        did = np.frombuffer(b"".join(self.did[state] for state in order), dtype=np.bool_)
+        return did.reshape(len(order), -1)
 
     def _turns(self, order: list[int]) -> NDArray[np.int32]:
         return np.array([self.turns[state] for state in order], dtype=np.int32)

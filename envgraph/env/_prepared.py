@@ -7,7 +7,7 @@ from typing import Protocol
 
 from envgraph.behaviour import RuleCall
 from envgraph.code import dataclass
-from envgraph.errors import Span
+from envgraph.errors import EvaluationError, Span
 from envgraph.graph import Model
 from envgraph.match import Row
 from envgraph.metamodel import Value
@@ -29,6 +29,9 @@ class Choices(Protocol):
 Perform = Callable[[Sequence[Value | None], Choices, Model], Sequence[Value | None] | None]
 """Applies a rule or runs a unit with values for its parameters; the values of its outputs, None if nothing was done."""
 
+Possible = Callable[[Sequence[Value | None]], bool]
+"""Whether the rule has a match with values for its parameters, or a run of the unit can succeed."""
+
 
 @dataclass(frozen=True, slots=True)
 class PreparedCall:
@@ -36,6 +39,7 @@ class PreparedCall:
 
     Attributes:
         perform: applies the rule, or runs the unit, for the values of the arguments.
+        possible: says whether that would do something.
         arguments: the argument expressions of the bound parameters, as functions of the scope.
         objects: which of the arguments are objects.
         outputs: the names that get the outputs.
@@ -44,6 +48,7 @@ class PreparedCall:
     """
 
     perform: Perform
+    possible: Possible
     arguments: tuple[Callable[[Scope], Value | None], ...]
     objects: tuple[bool, ...]
     outputs: tuple[str, ...]
@@ -56,15 +61,27 @@ class PreparedCall:
         Returns:
             The scope, with the outputs.
         """
-        values = [argument(scope) for argument in self.arguments]
-        for value, is_object in zip(values, self.objects, strict=True):
-            if value is None or (is_object and not model.alive(value)):  # type: ignore[arg-type]
-                return None
+        values = self._values(scope, model)
+        if values is None:
+            return None
         result = self.perform(values, choices, model)
         if result is None:
             return None
         self.done.append(self.call)
         return {**scope, **dict(zip(self.outputs, result, strict=True))} if self.outputs else scope
+
+    def can_run(self, scope: Scope, model: Model) -> bool:
+        """Whether `run` would do something."""
+        values = self._values(scope, model)
+        return values is not None and self.possible(values)
+
+    def _values(self, scope: Scope, model: Model) -> list[Value | None] | None:
+        """The values of the arguments; None where one has none, or its object is gone."""
+        values = [argument(scope) for argument in self.arguments]
+        for value, is_object in zip(values, self.objects, strict=True):
+            if value is None or (is_object and not model.alive(value)):  # type: ignore[arg-type]
+                return None
+        return values
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,6 +98,16 @@ class Alternatives:
             return None
         call = self.calls[position]
         return scope if call is None else call.run(scope, choices, model)
+
+    def can_run(self, scope: Scope, model: Model) -> bool:
+        """Whether one of the branches would do something; also where it would be an error, for `run` to raise."""
+        try:
+            branches = zip(self.probabilities(scope), self.calls, strict=True)
+            return any(
+                chance > 0.0 and (call is None or call.can_run(scope, model)) for chance, call in branches
+            )
+        except EvaluationError:
+            return True
 
 
 Reward = Callable[[Scope], float]

@@ -205,7 +205,7 @@ class Program:
         }
         names = [taken.name for _, taken in bound]
         return PreparedCall(
-            applying(self.engine, call.rule, names, tuple(outputs)),
+            *applying(self.engine, call.rule, names, tuple(outputs)),
             tuple(self._argument(argument, taken.type is Scalar.FLOAT) for argument, taken in bound),
             tuple(isinstance(taken.type, ObjectType) for _, taken in bound),
             tuple(outputs.values()),

@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import islice
 from math import fsum
 
-from envgraph.env._prepared import Choices, Perform
+from envgraph.env._prepared import Choices, Perform, Possible
+from envgraph.env._sampling import MOST_OUTCOMES, all_choices
+from envgraph.errors import RuleError
 from envgraph.graph import Model, Node
 from envgraph.metamodel import Value
 from envgraph.rewrite import Branches, Engine, RuleRunner
 
 
-def applying(engine: Engine, name: str, bound: Sequence[str], outputs: Sequence[str]) -> Perform:
-    """Applies a rule at one of its matches, or runs a unit, whose choices are equally likely or go by weight.
+def applying(
+    engine: Engine, name: str, bound: Sequence[str], outputs: Sequence[str]
+) -> tuple[Perform, Possible]:
+    """Applies a rule at one of its matches, or runs a unit, whose choices are equally likely or go by weight; and asks
+    whether that can be done.
 
     Args:
         engine: that has it.
@@ -22,10 +28,13 @@ def applying(engine: Engine, name: str, bound: Sequence[str], outputs: Sequence[
     """
     if engine.signature(name).kind == "rule":
         return _applying_rule(engine.prepare(name), bound, outputs)
-    return _running_unit(engine, name, bound, outputs)
+    perform = _running_unit(engine, name, bound, outputs)
+    return perform, _succeeding(perform, engine.model)
 
 
-def _applying_rule(runner: RuleRunner, bound: Sequence[str], outputs: Sequence[str]) -> Perform:
+def _applying_rule(
+    runner: RuleRunner, bound: Sequence[str], outputs: Sequence[str]
+) -> tuple[Perform, Possible]:
     find = runner.prepare(tuple(bound))
 
     def perform(
@@ -42,7 +51,7 @@ def _applying_rule(runner: RuleRunner, bound: Sequence[str], outputs: Sequence[s
         found = runner.application(row, result).outputs
         return [_value(found[name]) for name in outputs]
 
-    return perform
+    return perform, lambda values: bool(find(*values))
 
 
 def _running_unit(engine: Engine, name: str, bound: Sequence[str], outputs: Sequence[str]) -> Perform:
@@ -65,6 +74,25 @@ def _running_unit(engine: Engine, name: str, bound: Sequence[str], outputs: Sequ
         return [_value(result.outputs.get(output)) for output in outputs]
 
     return perform
+
+
+def _succeeding(perform: Perform, model: Model) -> Possible:
+    """Whether a unit can succeed: it is run with all choices, and what it did is rolled back."""
+
+    def possible(values: Sequence[Value | None]) -> bool:
+        for choices in islice(all_choices(), MOST_OUTCOMES):
+            savepoint = model.savepoint()
+            try:
+                done = perform(values, choices, model) is not None
+            except RuleError:  # for those who do it
+                done = True
+            finally:
+                model.rollback(savepoint)
+            if done:
+                return True
+        return False
+
+    return possible
 
 
 class _Drawn(Branches):

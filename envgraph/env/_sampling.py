@@ -8,10 +8,13 @@ choices, and the live engine that makes the choices themselves, do the same for 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+
+MOST_OUTCOMES = 10_000
+"""Of one action in one state, equal ones included: some seconds. Units that make many choices have millions."""
 
 
 class Draw:
@@ -65,6 +68,57 @@ def lacking(probabilities: Sequence[float]) -> float:
     for probability in probabilities:
         total += probability
     return 1.0 - total
+
+
+class Recorded:
+    """Choices made by a script: the first ones given, the others the first alternative.
+
+    Attributes:
+        places: number of the alternative taken at each choice, among those that are possible.
+        counts: how many alternatives each choice had.
+        probability: of all the choices together.
+    """
+
+    def __init__(self, script: Sequence[int]) -> None:
+        self._script = script
+        self.places: list[int] = []
+        self.counts: list[int] = []
+        self.probability = 1.0
+
+    def choose(self, probabilities: Sequence[float]) -> int | None:
+        """See `Choices`."""
+        possible: list[tuple[int | None, float]] = [(i, p) for i, p in enumerate(probabilities) if p > 0.0]
+        missing = lacking(probabilities)
+        if missing > 1e-12:
+            possible.append((None, missing))
+        position, probability = possible[self._take(len(possible))]
+        self.probability *= probability
+        return position
+
+    def pick(self, count: int) -> int:
+        """See `Choices`."""
+        self.probability /= count
+        return self._take(count)
+
+    def _take(self, count: int) -> int:
+        number = len(self.places)
+        self.places.append(self._script[number] if number < len(self._script) else 0)
+        self.counts.append(count)
+        return self.places[-1]
+
+
+def all_choices() -> Iterator[Recorded]:
+    """Every way to make the choices, in lexicographic order; each must be used before the next is asked for."""
+    script: list[int] = []
+    while True:
+        choices = Recorded(script)
+        yield choices
+        script = choices.places
+        while script and script[-1] + 1 == choices.counts[len(script) - 1]:
+            script.pop()
+        if not script:
+            return
+        script[-1] += 1
 
 
 def cumulative(probability: NDArray[np.float64]) -> NDArray[np.float64]:

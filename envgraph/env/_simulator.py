@@ -6,6 +6,7 @@ from collections.abc import Callable, Generator, Iterator, Sequence
 from math import prod
 
 import numpy as np
+from numpy.typing import NDArray
 
 from envgraph.behaviour import Behaviour, check_behaviour, is_gone, readings
 from envgraph.code import dataclass
@@ -13,7 +14,8 @@ from envgraph.env._agents import Agents
 from envgraph.env._keys import KeyIndex, indexed_classes
 from envgraph.env._prepared import Choices, PreparedAction, PreparedClause, PreparedEach, Scope
 from envgraph.env._program import Program
-from envgraph.env._sampling import Draw, lacking
+from envgraph.env._sampling import MOST_OUTCOMES, Draw, all_choices
+from envgraph.env._tabular import allowed_or_all
 from envgraph.env._together import Together
 from envgraph.env._too_many import TooManyOutcomes
 from envgraph.env.scene._scene import DRAW_HINT, Painter
@@ -23,9 +25,6 @@ from envgraph.match import Row
 from envgraph.rewrite import Engine
 
 GOES_ON, SUCCESS, FAILURE = 0, 1, 2
-
-MOST_OUTCOMES = 10_000
-"""Of one action in one state, equal ones included: some seconds. Units that make many choices have millions."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,6 +80,7 @@ class Simulator:
         agent_names: the same, () also for agents that act together.
         turn: number of the agent that acts next; 0 where they act together.
         action_names, observation_shape, n_observations: of a step.
+        did: whether the action of the last step did something: a rule was applied, or the branch `nothing()` drawn.
     """
 
     def __init__(self, engine: Engine, behaviour: Behaviour, keys: KeyIndex | None = None) -> None:
@@ -96,6 +96,7 @@ class Simulator:
         self._start: Savepoint | None = None
         self._needed = [one for one in readings(behaviour) if one.always and one.callers]
         self.turn = self._first = self._agents.after(-1)
+        self.did = False
         self._together: Together | None = None
         if behaviour.together:
             self._together = Together(behaviour, self._agents, self._model, self.keys)
@@ -176,6 +177,20 @@ class Simulator:
             return self._together.observation()
         return self._agents.observation(self.turn)
 
+    def allowed(self) -> NDArray[np.bool_]:
+        """Whether each action would do something in the present state [actions]; where none would, all are True.
+
+        That is: a branch of it is `nothing()`, a rule that has a match, or a unit that can succeed. Of agents that act
+        together all actions are True: what one can do may depend on what those before it did.
+        """
+        if self._together is not None:
+            return np.ones(self._together.n_actions, dtype=np.bool_)
+        return allowed_or_all(np.array([self._can(one) for one in self._agents.seats[self.turn].actions]))
+
+    def _can(self, action: PreparedAction) -> bool:
+        scope = action.scope(self._agents.seats[self.turn].program.bound)
+        return action.branches.can_run(scope, self._model)
+
     def state_key(self) -> tuple[int, int]:
         """What tells states apart: the model, and whose turn it is."""
         return self._model.state_hash(), self.turn
@@ -205,7 +220,7 @@ class Simulator:
 
     def starts(self) -> Generator[float]:
         """The probability of each start, as often as the choices can be made; meanwhile the model is in that state."""
-        for choices in _all_choices():
+        for choices in all_choices():
             savepoint = self._model.savepoint()
             try:
                 self._begin(choices)
@@ -237,7 +252,7 @@ class Simulator:
             TooManyOutcomes: there are more than 10,000 of them.
         """
         turn = self.turn
-        for number, choices in enumerate(_all_choices()):
+        for number, choices in enumerate(all_choices()):
             if number >= MOST_OUTCOMES:
                 raise TooManyOutcomes(self.behaviour, self.action_names[action], MOST_OUTCOMES)
             self.turn = turn
@@ -274,6 +289,7 @@ class Simulator:
         program.done.clear()
         scope = action.scope(program.bound)
         done = action.branches.run(scope, choices, model)
+        self.did = done is not None
         for effect in program.effects:
             if isinstance(effect, PreparedEach) and effect.apply is not None:
                 effect.apply.run(program.bound, choices, model)
@@ -288,6 +304,7 @@ class Simulator:
         if not 0 <= number < together.n_actions:
             raise InvalidArgument(f"action {number} is not in 0..{together.n_actions - 1}")
         reward, terminated = together.step(number, choices)
+        self.did = True
         for seat in self._agents.seats:
             if terminated == GOES_ON and seat.program.done:
                 self._check_needed(seat.program)
@@ -330,54 +347,3 @@ class Simulator:
             assert clause.apply is not None
             if position == 0 or clause.holds(row):  # nothing can have changed before the first
                 clause.apply.run(clause.scope(program.bound, row), choices, self._model)
-
-
-class _Recorded:
-    """Choices made by a script: the first ones given, the others the first alternative.
-
-    Attributes:
-        places: number of the alternative taken at each choice, among those that are possible.
-        counts: how many alternatives each choice had.
-        probability: of all the choices together.
-    """
-
-    def __init__(self, script: Sequence[int]) -> None:
-        self._script = script
-        self.places: list[int] = []
-        self.counts: list[int] = []
-        self.probability = 1.0
-
-    def choose(self, probabilities: Sequence[float]) -> int | None:
-        """See `Choices`."""
-        possible: list[tuple[int | None, float]] = [(i, p) for i, p in enumerate(probabilities) if p > 0.0]
-        missing = lacking(probabilities)
-        if missing > 1e-12:
-            possible.append((None, missing))
-        position, probability = possible[self._take(len(possible))]
-        self.probability *= probability
-        return position
-
-    def pick(self, count: int) -> int:
-        """See `Choices`."""
-        self.probability /= count
-        return self._take(count)
-
-    def _take(self, count: int) -> int:
-        number = len(self.places)
-        self.places.append(self._script[number] if number < len(self._script) else 0)
-        self.counts.append(count)
-        return self.places[-1]
-
-
-def _all_choices() -> Iterator[_Recorded]:
-    """Every way to make the choices, in lexicographic order; each must be used before the next is asked for."""
-    script: list[int] = []
-    while True:
-        choices = _Recorded(script)
-        yield choices
-        script = choices.places
-        while script and script[-1] + 1 == choices.counts[len(script) - 1]:
-            script.pop()
-        if not script:
-            return
-        script[-1] += 1

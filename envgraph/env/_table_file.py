@@ -31,6 +31,7 @@ _ARRAYS = {
     "start_states": np.int32,
     "start_probability": np.float64,
 }
+_OPTIONAL = {"turn": np.int32, "allowed": np.bool_}
 _NAMES = ("n_observations", "observation_shape", "action_names", "agent_names")
 _DATA = {cls.__name__: cls for cls in (GridScene, GraphScene, Mark, Edge, Glyph)}
 _DAMAGED = (
@@ -49,8 +50,9 @@ def write_explored(explored: Explored, file: IO[bytes]) -> None:
     """Write an environment to a file that is open for writing."""
     tabular = explored.tabular
     arrays: dict[str, Any] = {name: getattr(tabular, name) for name in _ARRAYS}
-    if tabular.turn is not None:
-        arrays["turn"] = tabular.turn
+    for name in _OPTIONAL:
+        if getattr(tabular, name) is not None:
+            arrays[name] = getattr(tabular, name)
     numbers: dict[Scene, int] = {}
     scene = [numbers.setdefault(picture, len(numbers)) for picture in explored.pictures]
     facts = {name: getattr(tabular, name) for name in _NAMES}
@@ -81,8 +83,10 @@ def _explored(found: Mapping[str, NDArray[Any]]) -> Explored:
     facts = json.loads(found["facts"].tobytes())
     arrays: dict[str, Any] = {name: found[name].astype(kind, copy=False) for name, kind in _ARRAYS.items()}
     names: dict[str, Any] = {name: _made(facts[name]) for name in _NAMES}
-    turn = found["turn"].astype(np.int32, copy=False) if "turn" in found else None
-    tabular = Tabular(**arrays, **names, turn=turn)
+    for name, kind in _OPTIONAL.items():
+        if name in found:
+            arrays[name] = found[name].astype(kind, copy=False)
+    tabular = Tabular(**arrays, **names)
     tabular.check()
     scenes = _made(facts["scenes"])
     return Explored(tabular, tuple(scenes[number] for number in found["scene"].tolist()))

@@ -36,6 +36,7 @@ class Tabular:
         action_names: one name an action, in the order of the indices.
         agent_names: of the agents that take turns, in the order in which they act; () where there is only one.
         turn: int32 [S], which of them acts in a state; None where there is only one.
+        allowed: bool [S, A], the actions that do something in a state, or all where none does; None for all.
     """
 
     next_state: NDArray[np.int32]
@@ -50,6 +51,7 @@ class Tabular:
     action_names: tuple[str, ...]
     agent_names: tuple[str, ...] = ()
     turn: NDArray[np.int32] | None = None
+    allowed: NDArray[np.bool_] | None = None
 
     @property
     def n_states(self) -> int:
@@ -115,6 +117,9 @@ class Tabular:
         _require((self.turn is None) == (not self.agent_names), "`turn` is there if there are agents")
         if self.turn is not None:
             _require(self.turn.shape == (self.n_states,), "`turn` needs one agent a state")
+        if self.allowed is not None:
+            _require(self.allowed.shape == self.next_state.shape[:2], "`allowed` needs states and actions")
+            _require(bool(self.allowed.any(axis=1).all()), "`allowed` has a state without an action")
 
     def _check_indices(self) -> None:
         _require(_within(self.next_state, self.n_states), "`next_state` names a state that is not there")
@@ -132,6 +137,11 @@ class Tabular:
         _require(bool((values >= 0.0).all()), f"`{name}` has negative values")
         close = np.abs(values.sum(axis=-1) - 1.0) <= PROBABILITY_TOLERANCE
         _require(bool(close.all()), f"`{name}` does not sum to 1")
+
+
+def allowed_or_all(allowed: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """The actions that do something [.., actions]; all where none does: one of them has to be chosen."""
+    return allowed | ~allowed.any(axis=-1, keepdims=True)
 
 
 def _within(values: NDArray[np.int32] | NDArray[np.int64] | NDArray[np.int8], size: int) -> bool:

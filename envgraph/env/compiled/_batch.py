@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from envgraph.env._simulator import Simulator
+from envgraph.env._tabular import allowed_or_all
 from envgraph.env.compiled._growth import carried, grown
 from envgraph.env.compiled._kernels import BEYOND, CAPACITY, FULL, OVERFLOW
 from envgraph.env.compiled._program import Program
@@ -84,6 +85,15 @@ class Batch:
             other[...] = mine
             memo[id(mine)] = other
         return twin
+
+    def allowed(self) -> NDArray[np.bool_]:
+        """Whether each action would do something [n, actions], as `Simulator.allowed`."""
+        actions = len(self.program.action_names)
+        found = np.zeros((len(self.members), actions), dtype=np.int64)
+        masks = self.program.functions("mask")["masks"]
+        for part, world in self._parts:
+            world.call(masks, found[part].reshape(-1), actions)
+        return allowed_or_all(found > 0)
 
     def close(self) -> None:
         """End the threads."""

@@ -54,7 +54,7 @@ from envgraph.env.compiled._refused import NotCompiled, standing
 from envgraph.env.compiled._tables import Bound, IndexOf, Keyed, Seats
 from envgraph.env.compiled._terms import Term, named
 from envgraph.env.compiled._tidying import tidied
-from envgraph.env.compiled._turn import END, NOTHING, TOTAL, Turn, Writer
+from envgraph.env.compiled._turn import ACTED, END, NOTHING, TOTAL, Turn, Writer
 from envgraph.errors import Span
 from envgraph.match.plan import CallGraph, LiveSizes, Planner
 from envgraph.metamodel import Attribute, EnumType, Scalar
@@ -62,7 +62,7 @@ from envgraph.pattern import ObjectType, StaticType, check_expression
 from envgraph.rewrite import Engine
 from envgraph.rewrite.plans import Increase, RulePlan, SetValue
 
-ENTRIES: Final = ("begin", "step_one", "look", "places")
+ENTRIES: Final = ("begin", "step_one", "may_one", "look", "places")
 """The functions of a program that `_kernels` calls."""
 SELF, ACTION = code.Local("self", "object"), code.Local("a", "int")
 SEEN, NEXT, INDEX = code.Local("C"), code.Local("j", "int"), code.Local("index", "int")
@@ -165,11 +165,13 @@ class _Program:
         weights = [prod(shape[:place]) for place in range(len(shape))]
         self._facts_of_observations = self._layout.offset(Constants("components", (len(shape), *weights)))
         turns = [self._turn(number, block, numbered[number], names) for number, block in enumerate(blocks)]
+        may = [self._may(number, block, numbered[number], names) for number, block in enumerate(blocks)]
         looks = [self._look(number, block, len(blocks)) for number, block in enumerate(blocks)]
         if self._changes.growing is not None:
             self._define("tidy", (), tidied(self._facts, self._changes.growing))
         self._define("begin", (), self._begin())
         self._define("step_one", (ACTION,), self._dispatched(turns, (ACTION,), NOTHING))
+        self._define("may_one", (ACTION,), self._dispatched(may, (ACTION,), code.Return(ZERO)))
         self._define("look", (SEEN,), self._dispatched(looks, (SEEN,), code.Return(ZERO)))
         self._module.functions.append(code.Function("places", (L,), self._layout.places()))
         levels = max(self._module.levels.values())
@@ -286,34 +288,65 @@ class _Program:
         effects = together(own_effects, own, self._behaviour.effects, shared)
         with self._module.writing():
             writer = Writer(self._matching, self._engine, self._behaviour.name, NOTHING)
-            width = 1 + max((len(one.values) for one in numbered), default=0)
-            by_name = {one.name: one for one in numbered}
-            entries: list[int] = []
-            for name in names:
-                one = by_name.get(name)
-                row = [-1] if one is None else [one.clause, *one.values]
-                entries += [*row, *[0] * (width - len(row))]
-            place = self._layout.offset(Constants(("actions", number), tuple(entries)))
-            first, clause = writer.module.fresh("first"), writer.module.fresh("clause")
-            writer.assign(first, plus(place, code.Operation("*", (ACTION, code.Constant(width)))))
-            writer.assign(clause, entry(L, first))
-            parameters: list[Mapping[str, Term]] = []
-            for clause_number, (action, _) in enumerate(actions):
-                inside = writer.collected(
-                    lambda action=action: parameters.append(self._parameters(writer, action, first))  # type: ignore[misc]
-                )
-                for statement in inside:
-                    if isinstance(statement, code.Assign) and isinstance(statement.target, code.Local):
-                        writer.assign(statement.target, ZERO)
-                if inside:
-                    writer.add(code.If(code.equal(clause, code.Constant(clause_number)), inside))
+            clause, parameters = self._chosen(writer, number, actions, numbered, names)
             turn = Turn(writer, scope, effects)
             turn.write(actions, clause, parameters)
             self._check_needed(writer, scope, turn.did)
             self._advance(writer)
             self._tidy(writer)
-            writer.add(code.Return(code.tuple_of(TOTAL, END)))
+            writer.add(code.Return(code.tuple_of(TOTAL, END, ACTED)))
             return self._module.add("turn", (SELF, ACTION), writer.written())
+
+    def _may(
+        self, number: int, block: Agent | None, numbered: Sequence[_Numbered], names: Sequence[str]
+    ) -> str:
+        """The function that says whether an action would do something."""
+        actions, scope = self._clauses(block)
+        can = code.Local("can", "int")
+        with self._module.writing():
+            writer = Writer(self._matching, self._engine, self._behaviour.name, code.Return(ONE))
+            clause, parameters = self._chosen(writer, number, actions, numbered, names)
+            writer.assign(can, ZERO)
+            for clause_number, (action, _) in enumerate(actions):
+
+                def write(action: Action = action, place: int = clause_number) -> None:
+                    writer.can_run(action.branches, {**scope, **parameters[place]}, can)
+
+                writer.when(code.equal(clause, code.Constant(clause_number)), write)
+            writer.add(code.Return(can))
+            return self._module.add("may", (SELF, ACTION), writer.written())
+
+    def _chosen(
+        self,
+        writer: Writer,
+        number: int,
+        actions: Sequence[tuple[Action, Types]],
+        numbered: Sequence[_Numbered],
+        names: Sequence[str],
+    ) -> tuple[code.Local, list[Mapping[str, Term]]]:
+        """Writes which clause an action is of, -1 for none; that, and what the parameters of each clause stand for."""
+        width = 1 + max((len(one.values) for one in numbered), default=0)
+        by_name = {one.name: one for one in numbered}
+        entries: list[int] = []
+        for name in names:
+            one = by_name.get(name)
+            row = [-1] if one is None else [one.clause, *one.values]
+            entries += [*row, *[0] * (width - len(row))]
+        place = self._layout.offset(Constants(("actions", number), tuple(entries)))
+        first, clause = writer.module.fresh("first"), writer.module.fresh("clause")
+        writer.assign(first, plus(place, code.Operation("*", (ACTION, code.Constant(width)))))
+        writer.assign(clause, entry(L, first))
+        parameters: list[Mapping[str, Term]] = []
+        for clause_number, (action, _) in enumerate(actions):
+            inside = writer.collected(
+                lambda action=action: parameters.append(self._parameters(writer, action, first))  # type: ignore[misc]
+            )
+            for statement in inside:
+                if isinstance(statement, code.Assign) and isinstance(statement.target, code.Local):
+                    writer.assign(statement.target, ZERO)
+            if inside:
+                writer.add(code.If(code.equal(clause, code.Constant(clause_number)), inside))
+        return clause, parameters
 
     def _advance(self, writer: Writer) -> None:
         agents = self._behaviour.agents

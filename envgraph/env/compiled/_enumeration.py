@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from envgraph.behaviour import Behaviour
 from envgraph.env._explore import DEFAULT_LIMIT, OUTCOMES, Explored, Progress, explore
 from envgraph.env._keys import KeyIndex
-from envgraph.env._simulator import MOST_OUTCOMES
-from envgraph.env._tabular import Tabular
+from envgraph.env._sampling import MOST_OUTCOMES
+from envgraph.env._tabular import Tabular, allowed_or_all
 from envgraph.env._too_many import TooManyStates, check_entries
 from envgraph.env.compiled._batch import longer
 from envgraph.env.compiled._kernels import CAPACITY
@@ -122,6 +122,7 @@ class Visit:
         observations: of each state.
         starts: where the outcomes of each state and action begin.
         to, chance, reward, ended: of each outcome.
+        did: whether each action of a state did something in one of its outcomes, 0 or 1.
     """
 
     def __init__(self, program: Program, member: int, limit: int, progress: Progress | None) -> None:
@@ -138,6 +139,7 @@ class Visit:
         self.components = np.zeros((FIRST, len(program.observation_shape)), dtype=np.int64)
         self.observations = np.zeros(FIRST, dtype=np.int64)
         self.starts = np.zeros(FIRST * self._actions + 1, dtype=np.int64)
+        self.did = np.zeros(FIRST * self._actions, dtype=np.int64)
         self.hashed = np.full(4 * FIRST, -1, dtype=np.int64)
         self.to, self.ended = np.zeros(FIRST, dtype=np.int64), np.zeros(FIRST, dtype=np.int64)
         self.chance, self.reward = np.zeros(FIRST), np.zeros(FIRST)
@@ -167,6 +169,7 @@ class Visit:
                 self.chance,
                 self.reward,
                 self.ended,
+                self.did,
             )
             if states > self._limit:
                 raise TooManyStates(self._program.behaviour, self._limit)
@@ -225,6 +228,7 @@ class Visit:
             for name in ("states", "floats", "components", "observations"):
                 setattr(self, name, longer(getattr(self, name), size))
             self.starts = longer(self.starts, size * self._actions + 1)
+            self.did = longer(self.did, size * self._actions)
             self.hashed = np.full(4 * size, -1, dtype=np.int64)
             self._kernels["hash_all"](self.states, self.floats.view(np.int64), self.hashed, 0, states)
         else:
@@ -287,4 +291,5 @@ class Visit:
             action_names=program.action_names,
             agent_names=names,
             turn=self.states[:states, TURN].astype(np.int32) if names else None,
+            allowed=allowed_or_all(self.did[: states * actions].reshape(states, actions) > 0),
         )

@@ -1,8 +1,8 @@
 """What every program has: drawing, sorting, sets, and the loops over environments.
 
 The text of these functions becomes part of each program, which `_program` compiles, with numba where that is
-installed. They know arrays alone. Names of the program's own functions: `begin`, `step_one`, `look`, `places`; names of
-`_arrays` and `_plain`: what arrays are, and operations on bits.
+installed. They know arrays alone. Names of the program's own functions: `begin`, `step_one`, `may_one`, `look`,
+`places`; names of `_arrays` and `_plain`: what arrays are, and operations on bits.
 """
 
 # ruff: noqa: F821, SIM110
@@ -248,7 +248,7 @@ def advance(W, WHICH, STARTS, A, UNIFORM, LIMIT):
                 B[0, column] = S[e, column]
             for column in range(width(F)):
                 BF[0, column] = F[e, column]
-            REWARD[e], end = step_one(T[m], G[m], L, K, S[e], F[e], RI, RF, D, 0, A[e])
+            REWARD[e], end, _ = step_one(T[m], G[m], L, K, S[e], F[e], RI, RF, D, 0, A[e])
             END[e] = end
             STEPS[e] += 1
             cut = end == 0 and LIMIT > 0 and STEPS[e] >= LIMIT

@@ -103,7 +103,7 @@ def learn(
             Q[COUNTS[8], COUNTS[9]] = old + RATE * (LEVELS[2] + DISCOUNT * Q[key, action] - old)
             COUNTS[8] = -1
         D[0] = v
-        reward, ended = step_one(T[m], G[m], L, K, S[0], F[0], RI, RF, D, 0, action)
+        reward, ended, _ = step_one(T[m], G[m], L, K, S[0], F[0], RI, RF, D, 0, action)
         following = -1
         if S[0, 0] == 0 and ended == 0:
             following = present_key(
@@ -184,7 +184,7 @@ def follow(
                 action = greedy(Q, key)
             draw = uniform(R, 0)
             D[0] = draw
-            reward, ended = step_one(T[m], G[m], L, K, S[0], F[0], RI, RF, D, 0, action)
+            reward, ended, _ = step_one(T[m], G[m], L, K, S[0], F[0], RI, RF, D, 0, action)
             drawn = drawn or D[0] != draw
             if S[0, 0] != 0:
                 return WRONG, successes, total, steps

@@ -116,11 +116,12 @@ def visit_starts(T, G, L, S, F, RI, RF, D, m, S0, F0, BITS, HASHED, C, OBS, TO, 
 
 def visit(
     T, G, L, S, F, RI, RF, D, m, BITS, HASHED, C, OBS, head, count, used, made, ACTIONS, MOST, LIMIT, WANTED,
-    STARTS, TO, P, REWARD, END,
+    STARTS, TO, P, REWARD, END, DID,
 ):  # fmt: skip
     """Leave states in the order of their numbers, by every action; new ones get the next numbers.
 
-    Returns how it ended, the state that is left next, how many states there are, how many outcomes, how many times one
+    `DID` gets whether each action did something. Returns how it ended, the state that is left next, how many states
+    there are, how many outcomes, how many times one
     was made before equal ones were put together, and the action.
     """
     space = len(S)
@@ -145,7 +146,8 @@ def visit(
                 for column in range(width(F)):
                     F[count, column] = F[head, column]
                 begin_outcome(D)
-                reward, end = step_one(T[m], G[m], L, K, S[count], F[count], RI, RF, D, 0, action)
+                reward, end, did = step_one(T[m], G[m], L, K, S[count], F[count], RI, RF, D, 0, action)
+                DID[head * ACTIONS + action] |= did
                 number += 1
                 if number > MOST or crowded(D):
                     return MANY, head, count, first, before, action
@@ -202,7 +204,7 @@ def expand(
                 for column in range(width(F)):
                     F[count, column] = F[head, column]
                 begin_outcome(D)
-                _, end = step_one(T[m], G[m], L, K, S[count], F[count], RI, RF, D, 0, action)
+                _, end, _ = step_one(T[m], G[m], L, K, S[count], F[count], RI, RF, D, 0, action)
                 number += 1
                 if number > MOST or crowded(D):
                     return MANY, head, count, before, action

@@ -14,7 +14,8 @@ from envgraph.behaviour import Behaviour, ObserveFind, OnFind
 from envgraph.code import dataclass
 from envgraph.env._explore import Progress
 from envgraph.env._keys import KeyIndex, indexed_classes
-from envgraph.env._simulator import MOST_OUTCOMES, Simulator
+from envgraph.env._sampling import MOST_OUTCOMES
+from envgraph.env._simulator import Simulator
 from envgraph.env._too_many import TooManyStates
 from envgraph.env.compiled._batch import longer
 from envgraph.env.compiled._enumeration import FEW, FEW_OUTCOMES, FIRST, TOLD, Visit

@@ -16,7 +16,7 @@ from envgraph.code import dataclass
 from envgraph.env._agents import named_agents
 from envgraph.env._keys import KeyIndex, indexed_classes
 from envgraph.env._simulator import Simulator
-from envgraph.env.compiled import _kernels, _learning, _listing
+from envgraph.env.compiled import _kernels, _learning, _listing, _masking
 from envgraph.env.compiled._behaviour import Text, written
 from envgraph.env.compiled._layout import Layout
 from envgraph.env.compiled._member import SPARE, Borrowed, Member
@@ -26,10 +26,11 @@ from envgraph.env.compiled._twin import Twin
 from envgraph.env.compiled._world import Arrays
 from envgraph.rewrite import Engine
 
-Purpose = Literal["step", "list", "learn"]
+Purpose = Literal["step", "mask", "list", "learn"]
 
 PURPOSES: Final[Mapping[Purpose, tuple[tuple[ModuleType, ...], tuple[str, ...]]]] = {
     "step": ((_kernels,), ("advance",)),
+    "mask": ((_kernels, _masking), ("masks",)),
     "list": ((_kernels, _listing), ("visit_starts", "visit", "expand", "forget_last", "hash_all")),
     "learn": ((_kernels, _learning), ("learn", "follow", "hash_all")),
 }

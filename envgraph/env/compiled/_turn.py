@@ -30,11 +30,19 @@ from envgraph.env.compiled._statements import Statements
 from envgraph.env.compiled._terms import Term, Terms, as_float, named
 from envgraph.match.plan import ViewKey
 from envgraph.metamodel import Scalar
-from envgraph.pattern import Expression, Negation, ObjectType, StaticType, Variable, variables_in
+from envgraph.pattern import (
+    Expression,
+    Negation,
+    ObjectType,
+    StaticType,
+    Variable,
+    variables_in,
+)
 from envgraph.rewrite import Engine
 
 TOTAL, END = code.Local("total", "float"), code.Local("end", "int")
-NOTHING = code.Return(code.tuple_of(code.Constant(0.0), ZERO))
+ACTED = code.Local("acted", "int")
+NOTHING = code.Return(code.tuple_of(code.Constant(0.0), ZERO, ZERO))
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,11 +121,51 @@ class Writer(Statements):
         if rule.rule is None:
             self.assign(done, ONE)
             return Called(done, {})
+        given, tests = self._given(rule, scope)
         parameters = self.engine.signature(rule.rule).parameters
-        pairs = list(zip(rule.arguments, parameters, strict=True))
-        values: list[code.Expression] = []
+        wanted = {
+            taken.name: argument.name
+            for argument, taken in zip(rule.arguments, parameters, strict=True)
+            if taken.output and isinstance(argument, Variable) and not argument.anonymous
+        }
+        applied = self._applying(rule, tuple(given), tuple(wanted))
+        types = self._output_types(rule, tuple(wanted))
+        outputs = [self.facts.local(type_) for type_ in types]
+        for local, type_ in zip(outputs, types, strict=True):
+            self.assign(local, _zero(type_))
+        found = self.call(applied, *given.values())
+        target = code.tuple_of(done, *outputs) if outputs else done
+        self.add(code.If(code.joined("and", tests, True), (code.Assign(target, found),)))
+        self.add(code.If(code.Operation("<", (done, ZERO)), (self.leave,)))
+        terms = [named(local, type_) for local, type_ in zip(outputs, types, strict=True)]
+        return Called(done, dict(zip(wanted.values(), terms, strict=True)))
+
+    def can_run(self, branches: Sequence[Branch], scope: Mapping[str, Term], can: code.Local) -> None:
+        """Make a variable 1 if one of the branches would do something."""
+        for chance, branch in zip(self._chances(branches, scope)[0], branches, strict=True):
+            possible = code.Operation(">", (chance, code.Constant(0.0)))
+            self.when(possible, lambda call=branch.call: self._can_call(call, scope, can))  # type: ignore[misc]
+
+    def _can_call(self, rule: RuleCall, scope: Mapping[str, Term], can: code.Local) -> None:
+        if rule.rule is None:
+            self.assign(can, ONE)
+            return
+        given, tests = self._given(rule, scope)
+        plan = plan_of(self.engine, rule)
+        places = {plan.variables.index(name): value for name, value in given.items()}
+        exists = self.matching.exists(ViewKey(plan.body.pattern, tuple(sorted(places)), ()))
+        found = self.call(exists, *(places[position] for position in sorted(places)))
+        self.add(code.If(code.joined("and", [*tests, found], True), (code.Assign(can, ONE),)))
+
+    def _given(
+        self, rule: RuleCall, scope: Mapping[str, Term]
+    ) -> tuple[dict[str, code.Expression], list[code.Expression]]:
+        """The values of a rule's parameters that are no outputs, and tests that they are there."""
+        assert rule.rule is not None
+        parameters = self.engine.signature(rule.rule).parameters
+        given: dict[str, code.Expression] = {}
         tests: list[code.Expression] = []
-        for argument, taken in pairs:
+        for argument, taken in zip(rule.arguments, parameters, strict=True):
             if not taken.output:
                 term = self.value(argument, scope, taken.type)
                 if term.valid:
@@ -129,24 +177,8 @@ class Writer(Statements):
                 elif term.beyond is not None and taken.type is not Scalar.FLOAT:
                     wrong = code.joined("and", [*term.tests, term.beyond], True)
                     self.fail_if(wrong, "BEYOND")
-                values.append(as_float(term) if taken.type is Scalar.FLOAT else term.number)
-        names = [taken.name for _, taken in pairs if not taken.output]
-        wanted = {
-            taken.name: argument.name
-            for argument, taken in pairs
-            if taken.output and isinstance(argument, Variable) and not argument.anonymous
-        }
-        applied = self._applying(rule, tuple(names), tuple(wanted))
-        types = self._output_types(rule, tuple(wanted))
-        outputs = [self.facts.local(type_) for type_ in types]
-        for local, type_ in zip(outputs, types, strict=True):
-            self.assign(local, _zero(type_))
-        found = self.call(applied, *values)
-        target = code.tuple_of(done, *outputs) if outputs else done
-        self.add(code.If(code.joined("and", tests, True), (code.Assign(target, found),)))
-        self.add(code.If(code.Operation("<", (done, ZERO)), (self.leave,)))
-        terms = [named(local, type_) for local, type_ in zip(outputs, types, strict=True)]
-        return Called(done, dict(zip(wanted.values(), terms, strict=True)))
+                given[taken.name] = as_float(term) if taken.type is Scalar.FLOAT else term.number
+        return given, tests
 
     def _of_class(self, term: Term, taken: StaticType | None) -> list[code.Expression]:
         """Tests that an object is of the class of a parameter, where that is not sure."""
@@ -208,7 +240,8 @@ class Writer(Statements):
             return self.run(branches[0].call, scope)
         done, drawn = self.module.fresh("done"), self.module.fresh("b")
         self.assign(done, ZERO)
-        self.assign(drawn, code.call("choose", D, *self._chances(branches, scope)))
+        chances, left = self._chances(branches, scope)
+        self.assign(drawn, code.call("choose", D, code.tuple_of(*chances), left))
         outputs: dict[str, Term] = {}
         for number, branch in enumerate(branches):
 
@@ -225,12 +258,14 @@ class Writer(Statements):
             self.when(code.equal(drawn, code.Constant(number)), write)
         return Called(done, outputs)
 
-    def _chances(self, branches: Sequence[Branch], scope: Mapping[str, Term]) -> Sequence[code.Expression]:
+    def _chances(
+        self, branches: Sequence[Branch], scope: Mapping[str, Term]
+    ) -> tuple[list[code.Expression], code.Expression]:
         """Code for the probabilities of branches, and for what they lack to 1."""
         given = [branch.probability for branch in branches]
         fixed = [float(one) for one in given if isinstance(one, int | float)]
         if len(fixed) == len(given):
-            return code.tuple_of(*map(code.Constant, fixed)), code.Constant(lacking(fixed))
+            return [code.Constant(one) for one in fixed], code.Constant(lacking(fixed))
         chances = [self._chance(one, scope) for one in given]
         left = self.module.fresh("left", "float")
         self.assign(left, code.Constant(0.0))
@@ -238,7 +273,7 @@ class Writer(Statements):
             self.add(code.Assign(left, chance, "+="))
         self.assign(left, code.Operation("-", (code.Constant(1.0), left)))
         self.fail_if(code.Operation("<", (left, code.Constant(-1e-9))))
-        return code.tuple_of(*chances), left
+        return chances, left
 
     def _chance(self, given: float | Expression, scope: Mapping[str, Term]) -> code.Expression:
         """Code for a probability, which is 0 where it has no value because an object is gone."""
@@ -345,7 +380,7 @@ class Turn:
             top = writer.module.fresh("t")
             writer.assign(top, plus(TOP, code.Operation("*", (CAPACITY, code.Constant(waiting)))))
             writer.top = top
-        for local, value in ((TOTAL, code.Constant(0.0)), (END, ZERO), (self.did, ZERO)):
+        for local, value in ((TOTAL, code.Constant(0.0)), (END, ZERO), (ACTED, ZERO), (self.did, ZERO)):
             writer.assign(local, value)
         called = [
             self._act(number, action, clause, parameters[number])
@@ -383,6 +418,7 @@ class Turn:
         def write() -> None:
             called = writer.alternatives(action.branches, {**self.scope, **parameters})
             writer.assign(done, called.done)
+            writer.assign(ACTED, called.done)
             outputs.update(called.outputs)
 
         body = writer.collected(write)

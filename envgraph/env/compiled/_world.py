@@ -104,6 +104,10 @@ class World:
         """Begin episodes, or do steps; the last environment in which something went wrong, or -1."""
         return self._function(self._given, *arguments)
 
+    def call(self, function: Callable[..., Any], *arguments: Any) -> Any:
+        """Another function of the program that takes the environments."""
+        return function(self._given, *arguments)
+
 
 def _addresses(arrays: Sequence[NDArray[Any]]) -> NDArray[np.int64]:
     """Where arrays are, and their shapes; they have to outlive that."""

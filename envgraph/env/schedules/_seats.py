@@ -25,7 +25,7 @@ class Seats:
         learn: bool [count], whether the schedule gives it to be learned on.
     """
 
-    def __init__(self, schedule: Schedule, count: int, members: int) -> None:
+    def __init__(self, schedule: object, count: int, members: int) -> None:
         if not isinstance(schedule, Schedule):
             hint = "a schedule has `ask` and `tell`; `envgraph.env.schedules.named_schedule` makes those with names"
             raise InvalidArgument(f"{schedule!r} is no schedule", hint)

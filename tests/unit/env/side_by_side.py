@@ -95,6 +95,9 @@ def step_side_by_side(
             for number, wanted in begun.items():
                 assert batch.observation[number] == wanted, f"before step {step}, member {number}"
         actions = chosen.integers(len(program.action_names), size=len(engines))
+        allowed = np.array([simulator.allowed() for simulator in live])
+        if not native:  # numba has to compile what asks
+            assert batch.allowed().tolist() == allowed.tolist(), f"before step {step}"
         expected = [
             _tried(simulator.step, int(action), stream)
             for simulator, action, stream in zip(live, actions, streams, strict=True)
@@ -107,6 +110,7 @@ def step_side_by_side(
             if isinstance(outcome, Exception):
                 again[number] = True
                 continue
+            assert allowed[number, actions[number]] or not live[number].did, f"{said}, member {number}"
             found = (batch.reward[number], batch.ended[number], batch.observation[number])
             wanted = (outcome.reward, outcome.terminated, outcome.observation)
             assert found == wanted, f"{said}, member {number}"
