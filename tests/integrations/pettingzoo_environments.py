@@ -12,8 +12,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from pettingzoo.test import api_test, parallel_api_test, parallel_seed_test, seed_test
-from pettingzoo.utils import parallel_to_aec
 
 import envgraph
 from envgraph.cli._new import copy_domain
@@ -23,6 +21,11 @@ from envgraph.errors import InvalidArgument
 from tests.unit.env.coins import RULES, loaded
 from tests.unit.env.test_agents import HALLS, opened
 from tests.unit.test_docs import ROOT, blocks, run_python, run_shell
+
+pytest.importorskip("pettingzoo")  # modules are imported in `make test`, too, for their doctests
+
+from pettingzoo.test import api_test, parallel_api_test, parallel_seed_test, seed_test
+from pettingzoo.utils import parallel_to_aec
 
 CHASE = """
     {how}
