@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from envgraph.metamodel import Metamodel
     from envgraph.pattern import Derivation
     from envgraph.rewrite import Engine
-    from envgraph.search import make, make_aec, make_parallel, make_vec, optimise
+    from envgraph.search import make, make_aec, make_parallel, make_vec, optimise, register
 
 __version__ = "0.1.0"
 
@@ -38,6 +38,7 @@ _HOME = {
     "make_vec": "envgraph.search",
     "optimise": "envgraph.search",
     "open": "envgraph.lang",
+    "register": "envgraph.search",
 }
 
 __all__ = [
@@ -59,6 +60,7 @@ __all__ = [
     "make_vec",
     "open",
     "optimise",
+    "register",
 ]
 
 

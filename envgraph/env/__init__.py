@@ -40,6 +40,7 @@ from envgraph.env._explore import DEFAULT_LIMIT, Explored, enumerate_states, exp
 from envgraph.env._frozen_lake import frozen_lake
 from envgraph.env._gymnasium import EnvgraphEnv, EnvgraphLiveEnv, check_render_mode
 from envgraph.env._keys import KeyIndex, SameKey, indexed_classes, key_reader
+from envgraph.env._members import About, Members, Variants
 from envgraph.env._reaching import can_end
 from envgraph.env._simulator import Outcome, Simulator
 from envgraph.env._table_file import read_explored, write_explored
@@ -63,6 +64,7 @@ from envgraph.errors import shorten
 
 __all__ = [
     "DEFAULT_LIMIT",
+    "About",
     "Action",
     "Adopted",
     "Agent",
@@ -87,6 +89,7 @@ __all__ = [
     "Key",
     "KeyIndex",
     "Mark",
+    "Members",
     "Observation",
     "ObserveAttribute",
     "ObserveFind",
@@ -102,6 +105,7 @@ __all__ = [
     "Tabular",
     "Token",
     "TooManyStates",
+    "Variants",
     "VectorEnvironment",
     "adopt",
     "can_end",

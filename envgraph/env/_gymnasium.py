@@ -16,6 +16,8 @@ from gymnasium import spaces
 from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
+from envgraph.env._explore import Explored
+from envgraph.env._members import About, Members
 from envgraph.env._sampling import cumulative
 from envgraph.env._simulator import Simulator
 from envgraph.env._tabular import Tabular
@@ -89,12 +91,15 @@ def known_options(options: dict[str, Any] | None, known: Sequence[str] = ()) -> 
 
 
 class SingleEnvironment(gymnasium.Env[Any, Any]):
-    """What environments over a table and over a live engine share."""
+    """What environments over a table, over a live engine and over a compiled program share.
+
+    Attributes:
+        members: the family, for `reset(options={"variant": ..})`; None where there is none.
+    """
 
     metadata: dict[str, Any] = {"render_modes": [*RENDER_MODES], "render_fps": 4}  # noqa: RUF012
 
-    about: dict[str, Any] = {}  # noqa: RUF012
-    """Told in the info of every `reset`: of a member of a family its name, and what was verified of it."""
+    members: Members | None = None
 
     def __init__(
         self,
@@ -104,6 +109,7 @@ class SingleEnvironment(gymnasium.Env[Any, Any]):
         render_mode: str | None,
         observation: ObservationKind,
         cell: int,
+        action_masks: bool,
     ) -> None:
         self.render_mode = render_mode
         self.action_names = tuple(action_names)
@@ -114,6 +120,63 @@ class SingleEnvironment(gymnasium.Env[Any, Any]):
         self._cell = cell
         self._running = False
         self._steps = 0
+        self._about: About | None = None
+        self._masked = action_masks
+        self._more = action_masks  # whether infos have more than all have
+
+    def of_family(self, members: Members, place: int) -> None:
+        """Be of a member of a family, and go over to others when `reset` is asked to."""
+        self.members, self._about, self._more = members, members.about(place), True
+
+    def _options(self, options: dict[str, Any] | None, known: Sequence[str] = ()) -> dict[str, Any]:
+        """The options of a reset; goes over to the variant that they name.
+
+        Raises:
+            InvalidArgument: one of them means nothing, or there is no such variant.
+        """
+        if self.members is None:
+            return known_options(options, known)
+        found = known_options(options, (*known, "variant"))
+        variant = found.get("variant")
+        if variant is not None:
+            place = self.members.place(variant)
+            about = self.members.about(place)
+            if about != self._about:
+                self._enter(self.members.entered(place))
+                self._about = about
+        return found
+
+    @abstractmethod
+    def _enter(self, found: Any) -> None:
+        """Step from now on what `members` gives."""
+
+    def action_masks(self) -> NDArray[np.bool_]:
+        """Whether each action does something in the present state [actions]; all do where none does, or it is over.
+
+        An action does something if one of its branches is `nothing()`, or calls a rule that has a match, or a unit that
+        can succeed. With `action_masks=True` the infos have the same as `action_mask`, int8.
+        """
+        return self._allowed() if self._running else np.ones(len(self.action_names), dtype=np.bool_)
+
+    @abstractmethod
+    def _allowed(self) -> NDArray[np.bool_]:
+        """`action_masks` within an episode."""
+
+    def _told(self, info: dict[str, Any], agent: str | None) -> dict[str, Any]:
+        """An info with what not all have."""
+        if agent is not None:
+            info["agent"] = agent
+        if self._about is not None:
+            info["variant"] = self._about["variant"]
+        if self._masked:
+            info["action_mask"] = self.action_masks().view(np.int8)
+        return info
+
+    def _first(self, info: dict[str, Any]) -> dict[str, Any]:
+        """An info of a reset."""
+        return (
+            info if self._about is None else {**info, "certificates": deepcopy(self._about["certificates"])}
+        )
 
     def _begin(self) -> None:
         self._running = True
@@ -150,11 +213,13 @@ class EnvgraphEnv(SingleEnvironment):
     """An environment that steps through a table of its states.
 
     Observations are indices (`Discrete`), or with `observation="multi"` their components (`MultiDiscrete`). The info
-    has `state` (number of the state), `step` (steps since the reset), `success`, and where several agents take turns
-    `agent`, the one that acts next. Time limits are Gymnasium's own: registered, or `gymnasium.wrappers.TimeLimit`.
+    has `state` (number of the state), `step` (steps since the reset), `success`, the same as `is_success`, the name of
+    the `variant` if there is a family, and where several agents take turns `agent`, the one that acts next. Time limits
+    are Gymnasium's own: registered, or `gymnasium.wrappers.TimeLimit`.
     Stepping on after the end of an episode is an error.
 
-    `reset(options={"state": s})` begins in state s; other options are refused.
+    `reset(options={"state": s})` begins in state s, `{"variant": v}` goes over to another member of the family, for
+    this episode and those that follow; other options are refused.
 
     Args:
         tabular: the states.
@@ -162,6 +227,7 @@ class EnvgraphEnv(SingleEnvironment):
         render_mode: None, "ansi" or "rgb_array".
         observation: "index" or "multi".
         cell: side of a cell in pixels.
+        action_masks: whether the infos have `action_mask`.
 
     Raises:
         InvalidArgument: a wrong mode, or a mode without pictures.
@@ -175,6 +241,7 @@ class EnvgraphEnv(SingleEnvironment):
         render_mode: str | None = None,
         observation: ObservationKind = "index",
         cell: int = 32,
+        action_masks: bool = False,
     ) -> None:
         check_render_mode(render_mode, drawn=len(pictures) == tabular.n_states)
         super().__init__(
@@ -184,22 +251,29 @@ class EnvgraphEnv(SingleEnvironment):
             render_mode,
             observation,
             cell,
+            action_masks,
         )
-        self.tabular = tabular
-        self._pictures = pictures
         self._state = 0
-        self._flat = _Flat(tabular)
+        self._enter(Explored(tabular, tuple(pictures)))
+
+    def _enter(self, found: Explored) -> None:
+        self.tabular, self._pictures = found.tabular, found.pictures
+        self._flat = _Flat(found.tabular)
+        self._more = self._more or found.tabular.turn is not None
+
+    def _allowed(self) -> NDArray[np.bool_]:
+        found: NDArray[np.bool_] = self.tabular.masks[self._state].copy()
+        return found
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observed, dict[str, Any]]:
         """Begin an episode in one of the start states."""
-        wanted = known_options(options, ("state",)).get("state")
+        wanted = self._options(options, ("state",)).get("state")
         super().reset(seed=seed)
         self._state = self._start(wanted)
         self._begin()
-        info = self._info(success=False) | deepcopy(self.about)
-        return self._observed(self._flat.observation[self._state]), info
+        return self._observed(self._flat.observation[self._state]), self._first(self._info(success=False))
 
     def _start(self, wanted: Any) -> int:
         if wanted is None:
@@ -225,9 +299,11 @@ class EnvgraphEnv(SingleEnvironment):
         return observed, flat.reward[place], ended > 0, False, self._info(success=ended == SUCCESS)
 
     def _info(self, success: bool) -> dict[str, Any]:
-        info = {"state": self._state, "step": self._steps, "success": success}
-        turn, names = self.tabular.turn, self.tabular.agent_names
-        return info if turn is None else {**info, "agent": names[turn[self._state]]}
+        info = {"state": self._state, "step": self._steps, "success": success, "is_success": success}
+        if not self._more:
+            return info
+        turn = self.tabular.turn
+        return self._told(info, None if turn is None else self.tabular.agent_names[turn[self._state]])
 
     def _scene(self) -> Scene:
         return self._pictures[self._state]
@@ -271,6 +347,7 @@ class EnvgraphLiveEnv(SingleEnvironment):
         render_mode: None, "ansi" or "rgb_array".
         observation: "index" or "multi".
         cell: side of a cell in pixels.
+        action_masks: whether the infos have `action_mask`.
     """
 
     def __init__(
@@ -280,24 +357,37 @@ class EnvgraphLiveEnv(SingleEnvironment):
         render_mode: str | None = None,
         observation: ObservationKind = "index",
         cell: int = 32,
+        action_masks: bool = False,
     ) -> None:
         check_render_mode(render_mode, drawn=True)
         shape = simulator.observation_shape
         super().__init__(
-            simulator.action_names, simulator.n_observations, shape, render_mode, observation, cell
+            simulator.action_names,
+            simulator.n_observations,
+            shape,
+            render_mode,
+            observation,
+            cell,
+            action_masks,
         )
-        self.simulator = simulator
-        self._painter = simulator.painter() if render_mode is not None else None
+        self._enter(simulator)
+
+    def _enter(self, found: Simulator) -> None:
+        self.simulator = found
+        self._painter = found.painter() if self.render_mode is not None else None
+
+    def _allowed(self) -> NDArray[np.bool_]:
+        return self.simulator.allowed()
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observed, dict[str, Any]]:
         """Begin an episode in one of the start states."""
-        known_options(options)
+        self._options(options)
         super().reset(seed=seed)
         index = self.simulator.reset(self.np_random)
         self._begin()
-        return self._observed(index), self._info(success=False) | deepcopy(self.about)
+        return self._observed(index), self._first(self._info(success=False))
 
     def step(self, action: Any) -> tuple[Observed, float, bool, bool, dict[str, Any]]:
         """Do one action; the last but one value (truncated) is always False."""
@@ -309,9 +399,9 @@ class EnvgraphLiveEnv(SingleEnvironment):
         return observed, outcome.reward, outcome.terminated > 0, False, info
 
     def _info(self, success: bool) -> dict[str, Any]:
-        info: dict[str, Any] = {"step": self._steps, "success": success}
+        info = {"step": self._steps, "success": success, "is_success": success}
         names = self.simulator.agent_names
-        return {**info, "agent": names[self.simulator.turn]} if names else info
+        return self._told(info, names[self.simulator.turn] if names else None)
 
     def _scene(self) -> Scene:
         assert self._painter is not None

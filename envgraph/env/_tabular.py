@@ -68,6 +68,11 @@ class Tabular:
         """Whether every action has one outcome (K is 1); the start may still be drawn."""
         return int(self.next_state.shape[2]) == 1
 
+    @property
+    def masks(self) -> NDArray[np.bool_]:
+        """`allowed`, or that all are [S, A]."""
+        return np.ones((self.n_states, self.n_actions), np.bool_) if self.allowed is None else self.allowed
+
     def __repr__(self) -> str:
         return f"<Tabular: {', '.join(f'{number:,} {what}' for what, number in self._facts().items())}>"
 

@@ -14,6 +14,7 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from envgraph.env._gymnasium import SUCCESS, ObservationKind, components, known_options, observation_space
+from envgraph.env._members import Variants
 from envgraph.env._sampling import cumulative
 from envgraph.env._tabular import Tabular
 from envgraph.env.scene._pixels import scene_rgb
@@ -39,10 +40,16 @@ class VectorEnvironmentBase(VectorEnv[Any, Any, Any]):
         autoreset_mode: one of `gymnasium.vector.AutoresetMode`, or its value.
         members: how many members the environments are over.
         schedule: says of which member each episode is; None: each environment stays with its own.
+        action_masks: whether the infos have `action_mask`.
 
     Raises:
         InvalidArgument: a count below 1, or an unknown mode.
+
+    Attributes:
+        variants: the members that it is over, for `reset(options={"variant": ..})`; None where there is no family.
     """
+
+    variants: Variants | None = None
 
     metadata: dict[str, Any] = {  # noqa: RUF012
         "render_modes": ["rgb_array"],
@@ -63,6 +70,7 @@ class VectorEnvironmentBase(VectorEnv[Any, Any, Any]):
         autoreset_mode: AutoresetMode | str,
         members: int,
         schedule: Schedule | None,
+        action_masks: bool,
     ) -> None:
         if num_envs < 1:
             raise InvalidArgument(f"`num_envs` is {num_envs}, it must be at least 1")
@@ -80,6 +88,8 @@ class VectorEnvironmentBase(VectorEnv[Any, Any, Any]):
         self._split = observation == "multi"
         self._n_actions = n_actions
         self._begun = False
+        self._masked = action_masks
+        self._which: Ints = np.arange(num_envs) % members
         self._seats = None if schedule is None else Seats(schedule, num_envs, members)
         self._steps: Ints = np.zeros(num_envs, dtype=np.int64)
         self._done: Bools = np.zeros(num_envs, dtype=np.bool_)
@@ -88,6 +98,10 @@ class VectorEnvironmentBase(VectorEnv[Any, Any, Any]):
     def schedule(self) -> Schedule | None:
         """What says of which member each episode is."""
         return self._seats.schedule if self._seats else None
+
+    @abstractmethod
+    def action_masks(self) -> Bools:
+        """Whether each action does something in each environment [environments, actions]; see `EnvgraphEnv`."""
 
     @abstractmethod
     def _enter(self, mask: Bools, members: Ints) -> None:
@@ -112,21 +126,33 @@ class VectorEnvironmentBase(VectorEnv[Any, Any, Any]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Ints, dict[str, Any]]:
-        """Begin an episode in every environment, or in those of `options={"reset_mask": mask}`."""
-        mask = self._mask(known_options(options, ("reset_mask",)).get("reset_mask"))
+        """Begin an episode in every environment, or in those of `options={"reset_mask": mask}`.
+
+        `options={"variant": v}` goes over to another member, of those that there are, or to one for each environment.
+        """
+        variants = None if self._seats else self.variants  # else the schedule chooses
+        wanted = known_options(options, ("reset_mask", "variant") if variants else ("reset_mask",))
+        mask, variant = self._mask(wanted.get("reset_mask")), wanted.get("variant")
+        members = None if variants is None or variant is None else variants.numbers(variant, self.num_envs)
         super().reset(seed=seed)
+        if members is not None:
+            self._go_over(mask, members)
         if self._seats and (seed is not None or not self._begun):
             self._seats.seed(self.np_random.spawn(1)[0])
         self._begun = True
         self._choose(mask)
         self._begin(mask)
-        return self._observed(), self._info(np.zeros(self.num_envs, dtype=np.bool_), mask)
+        return self._observed(), self._info(np.zeros(self.num_envs, dtype=np.bool_), mask, mask)
+
+    def _go_over(self, mask: Bools, members: Ints) -> None:
+        self._which = np.where(mask, members, self._which)
+        self._enter(mask, members)
 
     def _choose(self, mask: Bools) -> None:
         """Ask the schedule which members come next."""
         if self._seats:
             self._seats.begin(mask)
-            self._enter(mask, self._seats.member)
+            self._go_over(mask, self._seats.member)
 
     def _mask(self, wanted: Any) -> Bools:
         """Which environments to reset."""
@@ -155,23 +181,19 @@ class VectorEnvironmentBase(VectorEnv[Any, Any, Any]):
             )
         if self.autoreset_mode is AutoresetMode.NEXT_STEP:
             self._choose(self._done)
+        begun = self._done.copy()
         reward, ended, truncated = self._advance(chosen)
         terminated = ended > 0
         success = ended == SUCCESS
         if self._seats:
             self._seats.step(reward, terminated | truncated, success, self._steps)
         if self.autoreset_mode is not AutoresetMode.SAME_STEP or not self._done.any():
-            return self._observed(), reward, terminated, truncated, self._info(success)
-        final = self._final(success)
-        self._choose(self._done)
-        self._begin(self._done)
-        return (
-            self._observed(),
-            reward,
-            terminated,
-            truncated,
-            {**final, **self._info(success & ~final["_final_obs"])},
-        )
+            return self._observed(), reward, terminated, truncated, self._info(success, None, begun)
+        final, begun = self._final(success), self._done.copy()
+        self._choose(begun)
+        self._begin(begun)
+        infos = {**final, **self._info(success & ~begun, None, begun)}
+        return self._observed(), reward, terminated, truncated, infos
 
     def _final(self, success: Bools) -> dict[str, Any]:
         """What there is to see of the episodes that are over."""
@@ -186,29 +208,38 @@ class VectorEnvironmentBase(VectorEnv[Any, Any, Any]):
             "_final_info": over.copy(),
         }
 
-    def _info(self, success: Bools, mask: Bools | None = None) -> dict[str, Any]:
-        """Infos of the environments of the mask, of all for None."""
+    def _info(self, success: Bools, mask: Bools | None = None, begun: Bools | None = None) -> dict[str, Any]:
+        """Infos of the environments of the mask, of all for None; some have just begun."""
         values: dict[str, NDArray[Any]] = {
             **self._facts(),
             "step": self._steps.copy(),
             "success": success.copy(),
+            "is_success": success.copy(),
         }
+        if self.variants is not None:
+            values["variant"] = self.variants.names[self._which]
+        if self._masked:
+            values["action_mask"] = self.action_masks().view(np.int8)
         if self._seats:
             values |= {"member": self._seats.member.copy(), "learn": self._seats.learn.copy()}
         if mask is None:
             mask = np.ones(self.num_envs, dtype=np.bool_)
         else:
             for name, value in values.items():
-                value[~mask] = None if name == "agent" else 0
-        return {**values, **{f"_{name}": mask.copy() for name in values}}
+                value[~mask] = None if name in ("agent", "variant") else 0
+        infos = {**values, **{f"_{name}": mask.copy() for name in values}}
+        if self.variants is not None and begun is not None and begun.any():
+            infos |= self.variants.certificates(self._which, begun)
+        return infos
 
 
 class EnvgraphVectorEnv(VectorEnvironmentBase):
     """Copies of one environment, or members of a family side by side, stepped by NumPy indexing.
 
     Environment i is table i modulo the number of tables; all tables need the same actions and observations, as the
-    members of a family have. Infos are arrays: `state`, `step`, `success`, and where several agents take turns `agent`,
-    the names of those that act next; `_state` and so on say for which environments.
+    members of a family have. Infos are arrays: `state`, `step`, `success`, the same as `is_success`, names of the
+    `variant` if there is a family, and where several agents take turns `agent`, the names of those that act next;
+    `_state` and so on say for which environments.
 
     The autoreset mode says what happens after the end of an episode, as Gymnasium has it. NEXT_STEP: the next step
     ignores the action of that environment, and begins anew. SAME_STEP: the step that ends an episode also begins the
@@ -228,6 +259,7 @@ class EnvgraphVectorEnv(VectorEnvironmentBase):
         observation: "index" or "multi".
         autoreset_mode: one of `gymnasium.vector.AutoresetMode`, or its value.
         schedule: says of which table each episode is.
+        action_masks: whether the infos have `action_mask`.
 
     Raises:
         InvalidArgument: no table, tables that differ in actions or observations, or a count below 1.
@@ -244,6 +276,7 @@ class EnvgraphVectorEnv(VectorEnvironmentBase):
         observation: ObservationKind = "index",
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         schedule: Schedule | None = None,
+        action_masks: bool = False,
     ) -> None:
         tables = (tabulars,) if isinstance(tabulars, Tabular) else tuple(tabulars)
         _check(tables)
@@ -263,10 +296,10 @@ class EnvgraphVectorEnv(VectorEnvironmentBase):
             autoreset_mode=autoreset_mode,
             members=len(tables),
             schedule=schedule,
+            action_masks=action_masks,
         )
         self._shape = first.observation_shape
         self._pictures = pictures
-        self._which = np.arange(self.num_envs) % len(tables)
         self._join(tables)
         self._state: Ints = np.zeros(self.num_envs, dtype=np.int64)
 
@@ -284,6 +317,7 @@ class EnvgraphVectorEnv(VectorEnvironmentBase):
         self._ended = np.concatenate([_pad(table.terminated, outcomes) for table in tables])
         self._sums = np.concatenate([cumulative(_pad(table.probability, outcomes)) for table in tables])
         self._observation = np.concatenate([table.observation for table in tables]).astype(np.int64)
+        self._allowed = np.concatenate([table.masks for table in tables])
         self._agent = np.concatenate([_acting(table) for table in tables]) if tables[0].agent_names else None
         width = max(len(table.start_states) for table in tables)
         self._starts = np.zeros((len(tables), width), dtype=np.int64)
@@ -294,7 +328,11 @@ class EnvgraphVectorEnv(VectorEnvironmentBase):
         self._start_sums = cumulative(chances)
 
     def _enter(self, mask: Bools, members: Ints) -> None:
-        self._which = np.where(mask, members, self._which)
+        """The tables are joined, and `_which` says where the states of each begin."""
+
+    def action_masks(self) -> Bools:
+        """Whether each action does something in each environment [environments, actions]; see `EnvgraphEnv`."""
+        return np.asarray(self._allowed[self._state])
 
     def _begin(self, mask: Bools) -> None:
         uniform = self.np_random.random(self.num_envs)

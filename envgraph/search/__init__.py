@@ -23,6 +23,7 @@ from envgraph.search._environment import (
     make_parallel,
     make_vec,
     make_vector_environment,
+    register,
 )
 from envgraph.search._evolution import Evolution, Settings
 from envgraph.search._family import Family, Member, family_of, run_file
@@ -167,6 +168,7 @@ __all__ = [
     "random_families",
     "read_family",
     "read_ga4cl",
+    "register",
     "resume",
     "retype_grid",
     "reward_schedule",

@@ -11,6 +11,7 @@ from typing import Any, Final, Literal, get_args
 from warnings import warn
 
 from envgraph.env import (
+    About,
     EnvgraphEnv,
     EnvgraphLiveEnv,
     EnvgraphVectorEnv,
@@ -19,11 +20,13 @@ from envgraph.env import (
     Explored,
     Simulator,
     TooManyStates,
+    Variants,
     VectorEnvironment,
     check_render_mode,
     environment_spec,
     make_vec_spec,
 )
+from envgraph.env import register as register_name
 from envgraph.env.compiled import (
     CompiledEnv,
     CompiledVectorEnv,
@@ -32,6 +35,7 @@ from envgraph.env.compiled import (
     Streams,
     has_numba,
 )
+from envgraph.env.registration import MAKE_VECTOR_ENVIRONMENT
 from envgraph.env.schedules import Schedule, named_schedule
 from envgraph.errors import EvaluationError, InvalidArgument
 from envgraph.files import telling
@@ -160,17 +164,59 @@ def _several(
     return Simulator(engine, read.behaviour, read.keys), read.limit if limit == -1 else limit
 
 
+def register(
+    family: Location | None = None,
+    *,
+    domain: Location | None = None,
+    name: str | None = None,
+    **options: Any,
+) -> str:
+    """Register a family, so that `gymnasium.make(id, variant="E2")` and `gymnasium.make_vec(id, 8)` make its members.
+
+    The same again changes nothing. An id holds in this process: one that Gymnasium's workers import registers it there.
+
+    Args:
+        family, domain: as for `make`.
+        name: of the environment, which becomes `envgraph/<name>-v0`: letters, digits, `_`, `.` and `-`; that of the
+            family or domain if None.
+        options: of `make_environment` and `make_vector_environment`, for all that is made so.
+
+    Returns:
+        The id.
+
+    Raises:
+        InvalidArgument: as for `make`; also a malformed name, or an id that stands for something else already.
+        LoadError: the files have errors.
+
+    >>> import gymnasium
+    >>> gymnasium.make(register(domain="keydoor", name="Doors"), observation="multi").spec.id
+    'envgraph/Doors-v0'
+    """
+    given, record = _located(family, domain)
+    return register_name(
+        name or record.family,
+        vector_entry_point=MAKE_VECTOR_ENVIRONMENT,
+        limit=record.limit,
+        **given,
+        **options,
+    )
+
+
 def _spec(family: Location | None, domain: Location | None) -> EnvSpec:
-    """What Gymnasium has to know; places are absolute, so that other processes make the same."""
+    """What Gymnasium has to know."""
+    given, record = _located(family, domain)
+    return environment_spec(record.behaviour, limit=record.limit, **given)
+
+
+def _located(family: Location | None, domain: Location | None) -> tuple[dict[str, Any], Record]:
+    """Where a family is; places are absolute, so that other processes make the same."""
     if family is not None and domain is not None:
         raise InvalidArgument("give a `family` or a `domain`, not both")
     place = None if domain is None else str(domain)
     if family is not None:
         path = Path(family)
         family = str((path if path.suffix == ".json" else run_file(path)).resolve())
-    opened = _opened(place, family)
-    record = opened.record
-    return environment_spec(record.behaviour, limit=record.limit, **_given(domain=place, family=family))
+    return _given(domain=place, family=family), _opened(place, family).record
 
 
 def _given(**values: object) -> dict[str, Any]:
@@ -187,6 +233,7 @@ def make_environment(
     cell: int = 32,
     engine: EngineKind | None = None,
     live: bool = False,
+    action_masks: bool = False,
 ) -> EnvgraphEnv | EnvgraphLiveEnv | CompiledEnv:
     """What `gymnasium.make` calls: one member of a family, without a time limit.
 
@@ -202,6 +249,7 @@ def make_environment(
             made of the behaviour; "live", the engine of the model. None: the first of these that can. Episodes are the
             same.
         live: the same as `engine="live"`.
+        action_masks: whether infos have `action_mask`, int8 [actions]; the method `action_masks` is there in any case.
 
     Raises:
         InvalidArgument: no such family, member or engine, or neither a domain nor a family is given, or the family is
@@ -215,22 +263,28 @@ def make_environment(
     opened = _opened(domain, family, () if variant is None else (variant,))
     check_render_mode(render_mode, drawn=opened.record.drawn)  # before all states are visited
     place = opened.place(variant)
-    shown: dict[str, Any] = {"render_mode": render_mode, "observation": observation, "cell": cell}
+    shown: dict[str, Any] = {
+        "render_mode": render_mode,
+        "observation": observation,
+        "cell": cell,
+        "action_masks": action_masks,
+    }
     environment: EnvgraphEnv | EnvgraphLiveEnv | CompiledEnv
-    found = opened.stepping([place], wanted, pictures=render_mode is not None)
+    pictures = render_mode is not None
+    found = opened.stepping([place], wanted, pictures=pictures)
     if isinstance(found, Program):
+        steps_in: EngineKind = "compiled"
         environment = CompiledEnv(found, **shown)
     elif found is None:
         if wanted is None:
             warn(f"{opened.refused().message}; it steps on the live engine", stacklevel=2)
-        read = opened.family
-        live_engine = read.domain.engine(read.model(read.members[place]))
-        environment = EnvgraphLiveEnv(Simulator(live_engine, read.behaviour, read.keys), **shown)
+        steps_in = "live"
+        environment = EnvgraphLiveEnv(opened.simulator(place), **shown)
     else:
+        steps_in = "table"
         environment = EnvgraphEnv(found[0].tabular, pictures=found[0].pictures, **shown)
     if family is not None:
-        name = [*opened.record.tables][place]
-        environment.about = {"variant": name, "certificates": dict(opened.record.certificates[name])}
+        environment.of_family(_Members(domain, family, steps_in, pictures), place)
     if not opened.record.drawn:
         environment.metadata = {**environment.metadata, "render_modes": []}
     return environment
@@ -250,6 +304,7 @@ def make_vector_environment(
     streams: Streams | None = None,
     threads: int | None = None,
     schedule: Schedule | str | None = None,
+    action_masks: bool = False,
 ) -> EnvgraphVectorEnv | CompiledVectorEnv:
     """What `gymnasium.make_vec` calls: `num_envs` environments, stepped by arrays.
 
@@ -282,15 +337,23 @@ def make_vector_environment(
         "render_mode": render_mode,
         "observation": observation,
         "max_episode_steps": max_episode_steps,
+        "action_masks": action_masks,
         **_given(autoreset_mode=autoreset_mode, schedule=schedule),
     }
     found = opened.stepping(places, wanted, pictures=render_mode is not None)
     if found is None:
         raise opened.refused()
+    environment: EnvgraphVectorEnv | CompiledVectorEnv
     if isinstance(found, Program):
-        return CompiledVectorEnv(found, num_envs, **options, **own)
-    pictures = [one.pictures for one in found]
-    return EnvgraphVectorEnv([one.tabular for one in found], num_envs, pictures=pictures, **options)
+        environment = CompiledVectorEnv(found, num_envs, **options, **own)
+    else:
+        pictures = [one.pictures for one in found]
+        environment = EnvgraphVectorEnv(
+            [one.tabular for one in found], num_envs, pictures=pictures, **options
+        )
+    if family is not None:
+        environment.variants = Variants(_Members(domain, family, "table", pictures=False), places)
+    return environment
 
 
 def _engine_of(engine: EngineKind | None, live: bool) -> EngineKind | None:
@@ -360,6 +423,17 @@ class _Opened:
         """The program over some members; raises `NotCompiled`."""
         return self.family.program([self.family.members[place] for place in places])
 
+    def simulator(self, place: int) -> Simulator:
+        """The live engine of a member."""
+        read = self.family
+        engine = read.domain.engine(read.model(read.members[place]))
+        return Simulator(engine, read.behaviour, read.keys)
+
+    def about(self, place: int) -> About:
+        """What infos tell of a member."""
+        name = [*self.record.tables][place]
+        return {"variant": name, "certificates": dict(self.record.certificates[name])}
+
     def refused(self) -> EvaluationError:
         """The error of a behaviour that is not compiled."""
         assert self._refused is not None
@@ -378,6 +452,41 @@ class _Opened:
         with telling() as tell:
             tell(told and f"{told}, {name}")
             return self.family.explored(self.family.members[place], pictures=pictures)
+
+
+class _Members:
+    """The members of a family that one environment goes over to; each is read once. See `Members`."""
+
+    def __init__(
+        self, domain: str | None, family: Location | Family, engine: EngineKind, pictures: bool
+    ) -> None:
+        self._given = domain, family, engine, pictures
+        self._entered: dict[int, Any] = {}
+
+    @cached_property
+    def _opened(self) -> _Opened:
+        return _opened(*self._given[:2])
+
+    def place(self, variant: int | str) -> int:
+        return self._opened.place(variant)
+
+    def about(self, place: int) -> About:
+        return self._opened.about(place)
+
+    def entered(self, place: int) -> Any:
+        if place not in self._entered:
+            engine, pictures = self._given[2:]
+            found = self._opened.stepping([place], engine, pictures=pictures)
+            if found is None:
+                return self._opened.simulator(place)  # has a state: it is of one environment
+            self._entered[place] = found[0] if isinstance(found, list) else found
+        return self._entered[place]
+
+    def __deepcopy__(self, _: object) -> _Members:
+        return self
+
+    def __reduce__(self) -> tuple[type[_Members], tuple[Any, ...]]:
+        return _Members, self._given
 
 
 def _opened(

@@ -54,4 +54,5 @@ def mixture(tabulars: Sequence[Tabular]) -> Tabular:
         turn=None
         if first.turn is None
         else np.concatenate([one.turn for one in tabulars if one.turn is not None]),
+        allowed=np.concatenate([one.masks for one in tabulars]),
     )

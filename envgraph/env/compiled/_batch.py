@@ -104,6 +104,10 @@ class Batch:
         """Draw from now on as these generators would, one for each environment; they stay as they are."""
         self._streams[:] = streams(generators)
 
+    def go_on(self, other: Batch) -> None:
+        """Draw from now on as another batch of as many environments would."""
+        self._streams[:] = other._streams
+
     def reset(self, which: NDArray[np.bool_], uniforms: NDArray[np.float64] = NO_NUMBERS) -> None:
         """Begin episodes.
 

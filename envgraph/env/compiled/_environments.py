@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from copy import deepcopy
+from math import prod
 from typing import Any, Literal
 
 import numpy as np
@@ -16,7 +16,6 @@ from envgraph.env._gymnasium import (
     Observed,
     SingleEnvironment,
     check_render_mode,
-    known_options,
 )
 from envgraph.env._vector import Bools, Floats, Ints, VectorEnvironmentBase
 from envgraph.env.compiled._batch import Batch
@@ -43,6 +42,7 @@ class CompiledEnv(SingleEnvironment):
         render_mode: None, "ansi" or "rgb_array".
         observation: "index" or "multi".
         cell: side of a cell in pixels.
+        action_masks: whether the infos have `action_mask`.
     """
 
     def __init__(
@@ -53,31 +53,50 @@ class CompiledEnv(SingleEnvironment):
         render_mode: str | None = None,
         observation: ObservationKind = "index",
         cell: int = 32,
+        action_masks: bool = False,
     ) -> None:
         check_render_mode(render_mode, drawn=program.behaviour.draw is not None)
-        self._batch = Batch(program, [member])
-        shape = program.observation_shape
         super().__init__(
-            program.action_names, self._batch.n_observations, shape, render_mode, observation, cell
+            program.action_names,
+            prod(program.observation_shape),
+            program.observation_shape,
+            render_mode,
+            observation,
+            cell,
+            action_masks,
         )
-        self.program = program
-        self._names = program.agent_names(member)
         self._action = np.zeros(1, dtype=np.int64)
         self._source: np.random.Generator | None = None
         self._one = np.ones(1, dtype=np.bool_)
+        self._batch = Batch(program, [member])
+        self._names = program.agent_names(member)
+
+    @property
+    def program(self) -> Program:
+        """The compiled behaviour."""
+        return self._batch.program
+
+    def _enter(self, found: Program) -> None:
+        batch = Batch(found, [0])
+        batch.go_on(self._batch)
+        self._batch, self._names = batch, found.agent_names(0)
+
+    def _allowed(self) -> NDArray[np.bool_]:
+        found: NDArray[np.bool_] = self._batch.allowed()[0]
+        return found
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observed, dict[str, Any]]:
         """Begin an episode in one of the start states."""
-        known_options(options)
+        self._options(options)
         super().reset(seed=seed)
         if seed is not None or self.np_random is not self._source:
             self._source = self.np_random
             self._batch.seed([self._source])
         self._batch.reset(self._one)
         self._begin()
-        return self._seen(), self._info(success=False) | deepcopy(self.about)
+        return self._seen(), self._first(self._info(success=False))
 
     def step(self, action: Any) -> tuple[Observed, float, bool, bool, dict[str, Any]]:
         """Do one action; the last but one value (truncated) is always False."""
@@ -96,9 +115,9 @@ class CompiledEnv(SingleEnvironment):
         return index
 
     def _info(self, success: bool) -> dict[str, Any]:
-        info: dict[str, Any] = {"step": self._steps, "success": success}
+        info = {"step": self._steps, "success": success, "is_success": success}
         names = self._names
-        return {**info, "agent": names[int(self._batch.states[0, TURN])]} if names else info
+        return self._told(info, names[int(self._batch.states[0, TURN])] if names else None)
 
     def _scene(self) -> Scene:
         with self._batch.model_of(0) as simulator:
@@ -125,6 +144,7 @@ class CompiledVectorEnv(VectorEnvironmentBase):
         threads: how many step the environments at a time; changes no result. Handing out the work takes some ten
             microseconds, so it pays for thousands of environments. `close` ends them.
         schedule: as in `EnvgraphVectorEnv`; its members are the places in `members`.
+        action_masks: whether the infos have `action_mask`.
 
     Raises:
         InvalidArgument: a wrong count, mode or member.
@@ -143,6 +163,7 @@ class CompiledVectorEnv(VectorEnvironmentBase):
         streams: Streams = "shared",
         threads: int = 1,
         schedule: Schedule | None = None,
+        action_masks: bool = False,
     ) -> None:
         check_render_mode(render_mode, ("rgb_array",), drawn=program.behaviour.draw is not None)
         chosen = np.arange(len(program.members)) if members is None else np.asarray(members, dtype=np.int64)
@@ -166,6 +187,7 @@ class CompiledVectorEnv(VectorEnvironmentBase):
             autoreset_mode=autoreset_mode,
             members=len(chosen),
             schedule=schedule,
+            action_masks=action_masks,
         )
         self.program = program
         self._members = chosen
@@ -181,6 +203,10 @@ class CompiledVectorEnv(VectorEnvironmentBase):
             seeds: list[Any] = [None if seed is None else seed + number for number in range(self.num_envs)]
             self._batch.seed([np.random.Generator(np.random.PCG64(each)) for each in seeds])
         return super().reset(seed=seed, options=options)
+
+    def action_masks(self) -> Bools:
+        """As `EnvgraphVectorEnv.action_masks`."""
+        return np.asarray(self._batch.allowed() | (self._batch.ended > 0)[:, None])
 
     def close_extras(self, **kwargs: Any) -> None:
         """End the threads; what `close` calls."""

@@ -79,10 +79,10 @@ def test_the_limit_can_be_overridden() -> None:
 def test_info_tells_state_step_and_success() -> None:
     env = EnvgraphEnv(explore(forest.engine(["SG"]), forest.behaviour()).tabular)
     _, info = env.reset()
-    assert info == {"state": 0, "step": 0, "success": False}
+    assert info == {"state": 0, "step": 0, "success": False, "is_success": False}
     observation, reward, terminated, truncated, info = env.step(2)
     assert (int(observation), reward, terminated, truncated) == (1, 10.0, True, False)
-    assert info == {"state": 1, "step": 1, "success": True}
+    assert info == {"state": 1, "step": 1, "success": True, "is_success": True}
     assert type(reward) is float
     assert type(terminated) is bool
 

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import json
+import pickle
 import shutil
 import subprocess
 import sys
 import warnings
+from dataclasses import replace
 from pathlib import Path
 
 import gymnasium
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
+from gymnasium.vector import AutoresetMode
 
 import envgraph
 import envgraph.env
@@ -22,9 +25,11 @@ from envgraph.errors import InvalidArgument, Source
 from envgraph.lang import bundled_domain
 from envgraph.learn import FamilyMember, TrainingSettings, optimal_return, run_experiment, sequences
 from envgraph.search import Family, import_ga4cl, write_family
+from tests.unit.env.test_vector import same
 from tests.unit.learn.forest_tables import forest
 
 ID = "envgraph/BurningForest-v0"
+KNOWN = {"random_success": 0.5, "optimal_return": 10.0, "limit": 200.0}
 
 
 @pytest.fixture(scope="module")
@@ -45,6 +50,18 @@ def test_what_pettingzoo_has_is_not_made_without_it(monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(multiagent, "_PETTINGZOO", None)
     with pytest.raises(InvalidArgument, match=r"pip install 'envgraph\[multiagent\]'"):
         envgraph.make_aec(domain="warehouse")
+
+
+@pytest.fixture(scope="module")
+def verified_file(imported: Family, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The same, with certificates; E6 has no plan that is short enough."""
+    members = [
+        replace(one, certificates={**KNOWN, "shortest_plan": None if one.name == "E6" else float(number)})
+        for number, one in enumerate(imported.members, start=3)
+    ]
+    path = tmp_path_factory.mktemp("v") / "verified.json"
+    path.write_text(write_family(replace(imported, members=tuple(members))))
+    return path
 
 
 def test_every_published_map_steps_as_published(imported: Family, published: Path) -> None:
@@ -313,3 +330,94 @@ def test_how_to_render_is_checked_before_the_states_are_visited(
             make(domain=str(tmp_path), render_mode="rgb_array")
         with pytest.raises(InvalidArgument, match=r"unknown render mode 'text': there is .*`rgb_array`"):
             make(domain=str(tmp_path), render_mode="text")
+
+
+@pytest.mark.parametrize("engine", ["table", "compiled", "live"])
+def test_a_reset_goes_over_to_another_member_and_stays_there(family_file: Path, engine: str) -> None:
+    env = envgraph.make(family_file, "E2", engine=engine, render_mode="ansi")
+    assert env.reset(seed=1)[1]["variant"] == "E2"
+    assert env.reset(seed=1, options={"variant": "E5"})[1]["variant"] == "E5"
+    copied = pickle.loads(pickle.dumps(env)) if engine == "table" else env
+    assert copied.reset(options={"variant": 3})[1]["variant"] == "E3"
+    for wanted in ("E5", "E6"):
+        env.reset(seed=4, options={"variant": wanted} if wanted == "E6" else None)
+        alone = envgraph.make(family_file, env.reset(seed=4)[1]["variant"], engine=engine, render_mode="ansi")
+        assert alone.reset(seed=4) == env.reset(seed=4)
+        for action in (2, 2, 1, 1, 2):
+            assert alone.render() == env.render()
+            step = env.step(action)
+            assert step == alone.step(action)
+            assert step[4]["variant"] == alone.reset(seed=4)[1]["variant"] if step[2] else True
+            if step[2]:
+                break
+    before = env.reset(seed=0)
+    with pytest.raises(InvalidArgument, match="has no environment `E9`"):
+        env.reset(options={"variant": "E9"})
+    with pytest.raises(
+        InvalidArgument, match=r"unknown option `varian` of a reset: there (is|are) .*`variant`"
+    ):
+        env.reset(options={"varian": "E9"})
+    assert env.reset(seed=0) == before
+
+
+def test_a_vector_goes_over_to_members_that_it_was_made_with(family_file: Path) -> None:
+    many = envgraph.make_vec(family_file, 3, ["E1", "E6"])
+    assert many.reset(seed=0)[1]["variant"].tolist() == ["E1", "E6", "E1"]
+    assert many.reset(options={"variant": "E6"})[1]["variant"].tolist() == ["E6"] * 3
+    mask = np.array([True, False, True])
+    _, infos = many.reset(options={"variant": ["E1", "E1", 6], "reset_mask": mask})
+    assert infos["variant"].tolist() == ["E1", None, "E6"]
+    assert many.step(np.full(3, 1))[4]["variant"].tolist() == ["E1", "E6", "E6"]
+    with pytest.raises(InvalidArgument, match="of `E1`, `E6`, not of `E2`; make it with a list"):
+        many.reset(options={"variant": "E2"})
+    with pytest.raises(InvalidArgument, match="2 members for 3 environments"):
+        many.reset(options={"variant": ["E1", "E6"]})
+    with pytest.raises(InvalidArgument, match="no environment `E9`"):
+        many.reset(options={"variant": "E9"})
+
+
+@pytest.mark.parametrize("engine", ["table", "compiled"])
+@pytest.mark.parametrize("mode", AutoresetMode)
+def test_a_vector_of_a_family_is_gymnasiums_of_its_members(
+    verified_file: Path, mode: AutoresetMode, engine: str
+) -> None:
+    """Step by step the same as Gymnasium's own vector, infos with certificates included."""
+    streams = {"streams": "each"} if engine == "compiled" else {}
+    shared = {"autoreset_mode": mode, "max_episode_steps": 9, "action_masks": True, "engine": engine}
+    ours = envgraph.make_vec(verified_file, 4, ["E6", "E1", "E3"], **shared, **streams)
+    theirs = envgraph.make_vec(verified_file, 4, ["E6", "E1", "E3"], vectorization_mode="sync", **shared)
+    assert same(ours.reset(seed=1), theirs.reset(seed=1))
+    rng, ends = np.random.default_rng(2), 0
+    for number in range(30):
+        actions = rng.integers(4, size=4)
+        found, (seen, rewards, ended, late, infos) = ours.step(actions), theirs.step(actions)
+        assert same(found, (seen, rewards, ended, late & ~ended, infos)), number
+        over = found[2] | found[3]
+        ends += int(over.sum())
+        if number % 10 == 9 or (mode is AutoresetMode.DISABLED and over.any()):
+            mask = (
+                over if mode is AutoresetMode.DISABLED and over.any() else np.array([True, False, True, True])
+            )
+            options = {"reset_mask": mask, "variant": f"E{(3, 6)[number % 2]}"}
+            assert same(ours.reset(options=dict(options)), theirs.reset(options=dict(options)))
+    assert ends > 8
+
+
+def test_a_saved_family_is_registered_by_name(family_file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(family_file.parent)
+    name = envgraph.register(family_file.name, name="Saved", observation="multi")
+    assert name == envgraph.register(family_file, name="Saved", observation="multi") == "envgraph/Saved-v0"
+    monkeypatch.chdir("/")
+    env = gymnasium.make(name, variant="E2")
+    assert env.reset(seed=0)[1]["variant"] == "E2"
+    assert env.spec is not None and env.spec.max_episode_steps == 200
+    many = gymnasium.make_vec(name, 2, vectorization_mode="vector_entry_point", variant=["E1", "E2"])
+    assert many.reset(seed=0)[0].shape == (2, 2)
+    with pytest.raises(
+        InvalidArgument, match="`envgraph/Saved-v0` is registered already, for something else"
+    ):
+        envgraph.register(family_file, name="Saved")
+    with pytest.raises(InvalidArgument, match="`a b` cannot name an environment"):
+        envgraph.register(family_file, name="a b")
+    with pytest.raises(InvalidArgument, match=f"`{ID}` is registered already"):
+        envgraph.register(family_file)  # that is its name, too

@@ -1,0 +1,116 @@
+"""Action masks: which actions do something, from tables, on the live engine, and in compiled programs."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from gymnasium.vector import AutoresetMode, SyncVectorEnv
+
+from envgraph.env import EnvgraphEnv, EnvgraphLiveEnv, EnvgraphVectorEnv, Simulator, explore
+from envgraph.env.compiled import CompiledEnv, CompiledVectorEnv, enumerated, program_of
+from envgraph.env.compiled._native import has_numba
+from tests.unit.env.coins import RULES, loaded
+
+MIXED = """
+action over(coin : Coin) = turnOver(coin)
+action back(coin : Coin) = turnBack(coin) else reward -1
+action maybe = 0.5: drop(hand) | 0.2: turn()
+action never = 0.0: turn() | 0.5: drop(hand)
+action wait = 0.1: nothing() | 0.9: drop(hand)
+on neg find up(_) terminate failure
+observe coin.side for coin : Coin
+"""
+NAMES = ("maybe", "never", "wait")
+UNITS = """
+unit late(hand : Hand) { turn; drop(hand); }
+unit some(coin : Coin) { turn; turnOver(coin); }
+"""
+
+
+def test_an_action_is_allowed_where_one_of_its_branches_does_something() -> None:
+    env = EnvgraphEnv(explore(*loaded(MIXED)).tabular, action_masks=True)
+    assert env.action_names == (*(f"{name}({coin})" for name in ("over", "back") for coin in "abc"), *NAMES)
+    _, info = env.reset()
+    assert info["action_mask"].tolist() == [1, 1, 0, 0, 0, 1, 1, 0, 1], "c shows tails; nothing is held"
+    assert info["action_mask"].dtype == np.int8
+    assert env.action_masks().dtype == np.bool_
+    assert {int(env.action_space.sample(info["action_mask"])) for _ in range(50)} <= {0, 1, 5, 6, 8}
+    _, _, _, _, info = env.step(0)
+    assert info["action_mask"].tolist() == [0, 1, 0, 1, 0, 1, 1, 0, 1]
+    assert env.step(1)[2]
+    assert env.action_masks().all(), "the episode is over"
+
+
+def test_where_no_action_does_anything_all_are_allowed() -> None:
+    env = EnvgraphLiveEnv(Simulator(*loaded("action over(coin : Coin) = turnOver(coin)")))
+    env.reset()
+    assert env.action_masks().tolist() == [True, True, False]
+    env.step(1)
+    assert env.action_masks().tolist() == [True, False, False]
+    env.step(0)
+    assert env.action_masks().tolist() == [True, True, True]
+
+
+def test_a_unit_is_allowed_if_it_can_succeed_and_asking_changes_nothing() -> None:
+    engine, behaviour = loaded(
+        "action late = late(hand)\naction some(coin : Coin) = some(coin)",
+        texts={"coins.rules": RULES + UNITS},
+    )
+    simulator = Simulator(engine, behaviour)
+    before = simulator.state_key()
+    assert simulator.allowed().tolist() == [False, True, True, False], "b is turned first, or a"
+    assert simulator.state_key() == before
+
+
+def test_what_cannot_be_computed_is_for_the_step_to_tell() -> None:
+    clauses = "action burst = spend(hand, 1 / hand.moves)\naction wait = nothing()"
+    spend = "lhs { check hand.moves < much; } modify { set hand.moves = much; }"
+    rules = f"{RULES}\nrule spend(hand : Hand, much : int) {{ {spend} }}"
+    engine, behaviour = loaded(clauses, texts={"coins.rules": rules})
+    assert Simulator(engine, behaviour).allowed().all()
+    env = CompiledEnv(program_of(engine, behaviour, native=False))
+    env.reset(seed=0)
+    assert env.action_masks().all()
+    env.step(1)
+    assert env.action_masks().all()
+
+
+def test_a_compiled_program_finds_the_same_masks_in_all_states() -> None:
+    engine, behaviour = loaded(MIXED)
+    mine, other = explore(engine, behaviour).tabular, enumerated(program_of(engine, behaviour, native=False))
+    assert mine.allowed is not None and other.allowed is not None
+    assert mine.allowed.tolist() == other.allowed.tolist()
+    assert 0.2 < mine.allowed.mean() < 1.0
+
+
+@pytest.mark.parametrize(
+    ("mode", "native"), [*((mode, False) for mode in AutoresetMode), (AutoresetMode.NEXT_STEP, has_numba())]
+)
+def test_vectors_have_the_masks_of_single_environments(mode: AutoresetMode, native: bool) -> None:
+    engine, behaviour = loaded(MIXED)
+    program, table = program_of(engine, behaviour, native=native), explore(engine, behaviour).tabular
+    shared = {"num_envs": 3, "autoreset_mode": mode, "action_masks": True}
+    ours = [
+        EnvgraphVectorEnv(table, **shared),  # type: ignore[arg-type]
+        CompiledVectorEnv(program, **shared),  # type: ignore[arg-type]
+    ]
+    each = CompiledVectorEnv(program, streams="each", **shared)  # type: ignore[arg-type]
+    singles = [lambda: CompiledEnv(program, action_masks=True) for _ in range(3)]
+    theirs = SyncVectorEnv(singles, autoreset_mode=mode)
+    infos = [env.reset(seed=1)[1] for env in (*ours, each, theirs)]
+    rng = np.random.default_rng(0)
+    for _ in range(12):
+        one, two, three, four = (info["action_mask"] for info in infos)
+        assert one.dtype == four.dtype == np.int8
+        assert one.tolist() == two.tolist()
+        assert three.tolist() == four.tolist()
+        assert (ours[0].action_masks() == one).all()
+        actions = np.array([rng.choice(np.flatnonzero(row)) for row in four])
+        steps = [env.step(actions) for env in (*ours, each, theirs)]
+        infos = [step[4] for step in steps]
+        over = steps[2][2]
+        if mode is AutoresetMode.DISABLED and (over.any() or steps[0][2].any()):
+            break
+        if "final_info" in infos[2]:
+            final = (info["final_info"]["action_mask"].tolist() for info in infos[2:])
+            assert len({str(one) for one in final}) == 1
