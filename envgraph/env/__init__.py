@@ -41,12 +41,14 @@ from envgraph.env._frozen_lake import frozen_lake
 from envgraph.env._gymnasium import EnvgraphEnv, EnvgraphLiveEnv, check_render_mode
 from envgraph.env._keys import KeyIndex, SameKey, indexed_classes, key_reader
 from envgraph.env._members import About, Members, Variants
+from envgraph.env._model_views import GraphView, ImageView, ModelView, model_view
 from envgraph.env._reaching import can_end
 from envgraph.env._simulator import Outcome, Simulator
 from envgraph.env._table_file import read_explored, write_explored
 from envgraph.env._tabular import Tabular
 from envgraph.env._too_many import TooManyStates
 from envgraph.env._vector import EnvgraphVectorEnv
+from envgraph.env._views import OF_MODEL, ObservationKind, View, check_kind
 from envgraph.env.registration import (
     Environment,
     VectorEnvironment,
@@ -64,6 +66,7 @@ from envgraph.errors import shorten
 
 __all__ = [
     "DEFAULT_LIMIT",
+    "OF_MODEL",
     "About",
     "Action",
     "Adopted",
@@ -85,12 +88,16 @@ __all__ = [
     "Environment",
     "Explored",
     "GraphScene",
+    "GraphView",
     "GridScene",
+    "ImageView",
     "Key",
     "KeyIndex",
     "Mark",
     "Members",
+    "ModelView",
     "Observation",
+    "ObservationKind",
     "ObserveAttribute",
     "ObserveFind",
     "ObserveObject",
@@ -107,9 +114,11 @@ __all__ = [
     "TooManyStates",
     "Variants",
     "VectorEnvironment",
+    "View",
     "adopt",
     "can_end",
     "check_behaviour",
+    "check_kind",
     "check_render_mode",
     "enumerate_states",
     "environment_spec",
@@ -119,6 +128,7 @@ __all__ = [
     "key_reader",
     "legend",
     "make_vec_spec",
+    "model_view",
     "read_explored",
     "register",
     "register_entry_point",

@@ -225,6 +225,7 @@ class _Search:
             agent_names=simulator.agent_names,
             turn=self._turns(order) if simulator.agent_names else None,
             allowed=allowed_or_all(self._did(order)),
+            observation_names=simulator.observation_names,
         )
         return Explored(tabular, tuple(self.scenes[state] for state in order) if self.scenes else ())
 

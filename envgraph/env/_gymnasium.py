@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from copy import deepcopy
 from numbers import Integral
 from operator import index
-from typing import Any, Final, Literal
+from typing import Any, Final
 
 import gymnasium
 import numpy as np
@@ -18,18 +18,15 @@ from numpy.typing import NDArray
 
 from envgraph.env._explore import Explored
 from envgraph.env._members import About, Members
+from envgraph.env._model_views import ModelView, model_view
 from envgraph.env._sampling import cumulative
 from envgraph.env._simulator import Simulator
 from envgraph.env._tabular import Tabular
+from envgraph.env._views import OF_MODEL, Memory, ObservationKind, View, check_kind
 from envgraph.env.scene._pixels import scene_rgb
 from envgraph.env.scene._scene import DRAW_HINT, Scene
 from envgraph.env.scene._text import scene_text
 from envgraph.errors import InvalidArgument, listed
-
-ObservationKind = Literal["index", "multi"]
-
-Observed = np.int64 | NDArray[np.int64]
-"""An index, or the components of an observation."""
 
 RENDER_MODES: Final = ("ansi", "rgb_array")
 """Text, and pixels."""
@@ -37,19 +34,28 @@ RENDER_MODES: Final = ("ansi", "rgb_array")
 SUCCESS = 1
 
 
-def observation_space(
-    kind: ObservationKind, n_observations: int, shape: Sequence[int]
-) -> spaces.Discrete | spaces.MultiDiscrete:
-    """The space of observations as indices, or as their components.
+def view_of_table(tabular: Tabular, kind: ObservationKind) -> View:
+    """How observations of a table are seen.
 
     Raises:
-        InvalidArgument: another word than "index" or "multi".
+        InvalidArgument: a table cannot be seen so.
     """
-    if kind == "index":
-        return spaces.Discrete(n_observations)
-    if kind == "multi":
-        return spaces.MultiDiscrete(list(shape) or [1])
-    raise InvalidArgument(f'`observation` is "index" or "multi", not {kind!r}')
+    shape = tabular.observation_shape or (1,)
+    return View(kind, shape, tabular.observation_names or [str(place) for place in range(1, len(shape) + 1)])
+
+
+def view_of(observation: ObservationKind | ModelView, simulator: Simulator) -> View | ModelView:
+    """How observations of an engine are seen; of the model, if the view is not given, as if it were all of a family.
+
+    Raises:
+        InvalidArgument: there is no such view, or it cannot be seen so.
+    """
+    if isinstance(observation, ModelView):
+        return observation
+    check_kind(observation)
+    if observation in OF_MODEL:
+        return model_view(observation, simulator.behaviour, [simulator.engine.model])
+    return View(observation, simulator.observation_shape or (1,), simulator.observation_names)
 
 
 def check_render_mode(render_mode: str | None, modes: Sequence[str] = RENDER_MODES, *, drawn: bool) -> None:
@@ -68,12 +74,6 @@ def check_render_mode(render_mode: str | None, modes: Sequence[str] = RENDER_MOD
         raise InvalidArgument(f"unknown render mode {render_mode!r}: there is {known}")
     if render_mode is not None and not drawn:
         raise InvalidArgument(f"this environment has no pictures: its behaviour has no `draw`; {DRAW_HINT}")
-
-
-def components(observation: NDArray[np.int64] | int, shape: Sequence[int]) -> NDArray[np.int64]:
-    """The components of observations given by index, on a new last axis; the first component varies fastest."""
-    parts = np.unravel_index(observation, tuple(shape) or (1,), order="F")
-    return np.stack([np.asarray(part, dtype=np.int64) for part in parts], axis=-1)
 
 
 def known_options(options: dict[str, Any] | None, known: Sequence[str] = ()) -> dict[str, Any]:
@@ -104,29 +104,27 @@ class SingleEnvironment(gymnasium.Env[Any, Any]):
     def __init__(
         self,
         action_names: Sequence[str],
-        n_observations: int,
-        shape: Sequence[int],
+        view: View | ModelView,
         render_mode: str | None,
-        observation: ObservationKind,
         cell: int,
         action_masks: bool,
     ) -> None:
         self.render_mode = render_mode
         self.action_names = tuple(action_names)
         self.action_space = spaces.Discrete(len(self.action_names))
-        self.observation_space = observation_space(observation, n_observations, shape)
-        self._shape = tuple(shape)
-        self._split = observation == "multi"
+        self.view = view
+        self.observation_space = view.space
         self._cell = cell
         self._running = False
         self._steps = 0
         self._about: About | None = None
+        self._variant: str | None = None
         self._masked = action_masks
-        self._more = action_masks  # whether infos have more than all have
 
     def of_family(self, members: Members, place: int) -> None:
         """Be of a member of a family, and go over to others when `reset` is asked to."""
-        self.members, self._about, self._more = members, members.about(place), True
+        self.members, self._about = members, members.about(place)
+        self._variant = self._about["variant"]
 
     def _options(self, options: dict[str, Any] | None, known: Sequence[str] = ()) -> dict[str, Any]:
         """The options of a reset; goes over to the variant that they name.
@@ -140,10 +138,9 @@ class SingleEnvironment(gymnasium.Env[Any, Any]):
         variant = found.get("variant")
         if variant is not None:
             place = self.members.place(variant)
-            about = self.members.about(place)
-            if about != self._about:
+            if self.members.about(place)["variant"] != self._variant:
                 self._enter(self.members.entered(place))
-                self._about = about
+                self.of_family(self.members, place)
         return found
 
     @abstractmethod
@@ -166,8 +163,8 @@ class SingleEnvironment(gymnasium.Env[Any, Any]):
         """An info with what not all have."""
         if agent is not None:
             info["agent"] = agent
-        if self._about is not None:
-            info["variant"] = self._about["variant"]
+        if self._variant is not None:
+            info["variant"] = self._variant
         if self._masked:
             info["action_mask"] = self.action_masks().view(np.int8)
         return info
@@ -193,9 +190,6 @@ class SingleEnvironment(gymnasium.Env[Any, Any]):
             hint = "an action is a number: the place of its name in `action_names`"
             raise InvalidArgument(f"action {action!r} is not in 0..{len(self.action_names) - 1}", hint)
         return number
-
-    def _observed(self, index: int) -> Observed:
-        return components(index, self._shape) if self._split else np.int64(index)
 
     def render(self) -> str | NDArray[np.uint8] | None:
         """The current state as text ("ansi") or as pixels [height, width, 3] ("rgb_array"); None without a mode."""
@@ -225,7 +219,7 @@ class EnvgraphEnv(SingleEnvironment):
         tabular: the states.
         pictures: one scene a state; needed for rendering alone.
         render_mode: None, "ansi" or "rgb_array".
-        observation: "index" or "multi".
+        observation: "index", "multi", "flat" or "dict".
         cell: side of a cell in pixels.
         action_masks: whether the infos have `action_mask`.
 
@@ -244,12 +238,12 @@ class EnvgraphEnv(SingleEnvironment):
         action_masks: bool = False,
     ) -> None:
         check_render_mode(render_mode, drawn=len(pictures) == tabular.n_states)
+        view = view_of_table(tabular, observation)
+        self._see = np.int64 if view.kind == "index" else view.of_index
         super().__init__(
             tabular.action_names,
-            tabular.n_observations,
-            tabular.observation_shape,
+            view,
             render_mode,
-            observation,
             cell,
             action_masks,
         )
@@ -259,7 +253,7 @@ class EnvgraphEnv(SingleEnvironment):
     def _enter(self, found: Explored) -> None:
         self.tabular, self._pictures = found.tabular, found.pictures
         self._flat = _Flat(found.tabular)
-        self._more = self._more or found.tabular.turn is not None
+        self._plain = found.tabular.turn is None and not self._masked
 
     def _allowed(self) -> NDArray[np.bool_]:
         found: NDArray[np.bool_] = self.tabular.masks[self._state].copy()
@@ -267,13 +261,13 @@ class EnvgraphEnv(SingleEnvironment):
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Observed, dict[str, Any]]:
+    ) -> tuple[Any, dict[str, Any]]:
         """Begin an episode in one of the start states."""
         wanted = self._options(options, ("state",)).get("state")
         super().reset(seed=seed)
         self._state = self._start(wanted)
         self._begin()
-        return self._observed(self._flat.observation[self._state]), self._first(self._info(success=False))
+        return self._see(self._flat.observation[self._state]), self._first(self._info(success=False))
 
     def _start(self, wanted: Any) -> int:
         if wanted is None:
@@ -283,7 +277,7 @@ class EnvgraphEnv(SingleEnvironment):
             raise InvalidArgument(f"there is no state {wanted!r}, but 0..{self.tabular.n_states - 1}")
         return int(wanted)
 
-    def step(self, action: Any) -> tuple[Observed, float, bool, bool, dict[str, Any]]:
+    def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """Do one action; the last but one value (truncated) is always False."""
         number = self._check_step(action)
         flat, outcomes = self._flat, self._flat.outcomes
@@ -295,12 +289,19 @@ class EnvgraphEnv(SingleEnvironment):
         self._steps += 1
         ended = flat.terminated[place]
         self._running = not ended
-        observed = self._observed(flat.observation[self._state])
+        observed = self._see(flat.observation[self._state])
         return observed, flat.reward[place], ended > 0, False, self._info(success=ended == SUCCESS)
 
     def _info(self, success: bool) -> dict[str, Any]:
-        info = {"state": self._state, "step": self._steps, "success": success, "is_success": success}
-        if not self._more:
+        info: dict[str, Any] = {
+            "state": self._state,
+            "step": self._steps,
+            "success": success,
+            "is_success": success,
+        }
+        if self._plain:  # the usual case, without a call
+            if self._variant is not None:
+                info["variant"] = self._variant
             return info
         turn = self.tabular.turn
         return self._told(info, None if turn is None else self.tabular.agent_names[turn[self._state]])
@@ -345,7 +346,7 @@ class EnvgraphLiveEnv(SingleEnvironment):
     Args:
         simulator: the engine and its behaviour; nothing else may change its model in the meantime.
         render_mode: None, "ansi" or "rgb_array".
-        observation: "index" or "multi".
+        observation: "index", "multi", "flat", "dict", "image" or "graph"; or a view over more members than this.
         cell: side of a cell in pixels.
         action_masks: whether the infos have `action_mask`.
     """
@@ -355,33 +356,32 @@ class EnvgraphLiveEnv(SingleEnvironment):
         simulator: Simulator,
         *,
         render_mode: str | None = None,
-        observation: ObservationKind = "index",
+        observation: ObservationKind | ModelView = "index",
         cell: int = 32,
         action_masks: bool = False,
     ) -> None:
         check_render_mode(render_mode, drawn=True)
-        shape = simulator.observation_shape
-        super().__init__(
-            simulator.action_names,
-            simulator.n_observations,
-            shape,
-            render_mode,
-            observation,
-            cell,
-            action_masks,
-        )
+        view = view_of(observation, simulator)
+        super().__init__(simulator.action_names, view, render_mode, cell, action_masks)
         self._enter(simulator)
 
     def _enter(self, found: Simulator) -> None:
         self.simulator = found
         self._painter = found.painter() if self.render_mode is not None else None
+        self._memory = Memory()
+
+    def _observed(self, index: int) -> Any:
+        view, simulator = self.view, self.simulator
+        if isinstance(view, View):
+            return view.of_index(index)
+        return self._memory.get(simulator.state_key(), lambda: view.of(simulator))
 
     def _allowed(self) -> NDArray[np.bool_]:
         return self.simulator.allowed()
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Observed, dict[str, Any]]:
+    ) -> tuple[Any, dict[str, Any]]:
         """Begin an episode in one of the start states."""
         self._options(options)
         super().reset(seed=seed)
@@ -389,7 +389,7 @@ class EnvgraphLiveEnv(SingleEnvironment):
         self._begin()
         return self._observed(index), self._first(self._info(success=False))
 
-    def step(self, action: Any) -> tuple[Observed, float, bool, bool, dict[str, Any]]:
+    def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """Do one action; the last but one value (truncated) is always False."""
         outcome = self.simulator.step(self._check_step(action), self.np_random)
         self._steps += 1

@@ -51,6 +51,12 @@ class Variants:
         self._abouts = [members.about(place) for place in places]
         self.names = np.array([about["variant"] for about in self._abouts], dtype=object)
 
+    def of(self, which: NDArray[np.int64]) -> NDArray[Any]:
+        """The name of the member of each environment: one array for many infos, so nothing may write into it."""
+        found = self.names[which]
+        found.flags.writeable = False
+        return found
+
     def numbers(self, wanted: object, count: int) -> NDArray[np.int64]:
         """The number of the member of each environment: the same for all of them, or one for each.
 

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from itertools import count as count_from
+from itertools import zip_longest
 
+from envgraph.behaviour import Behaviour, Observation, ObserveFind
 from envgraph.env._binding import Reader, follow
 from envgraph.env._keys import KeyIndex, key_reader
-from envgraph.env._prepared import Scope
+from envgraph.env._prepared import Scope, together
 from envgraph.errors import EvaluationError
 from envgraph.graph import Model
 from envgraph.metamodel import Value
-from envgraph.pattern import Expression, Navigation
+from envgraph.pattern import Constant, EnumLiteral, Expression, Navigation, PatternCall, Variable
 
 
 class KeyedObjects:
@@ -84,6 +87,80 @@ def observer(
             raise EvaluationError(f"{error.message}{where}", path.span, error.hint) from None
 
     return observe
+
+
+def leading_to(
+    path: Expression, owner: tuple[str, Callable[[], Value | None]], bound: Scope, read: Reader
+) -> Callable[[], int | None]:
+    """The object that a path leads to now, from an object that may be missing; None if there is none."""
+    name, value = owner
+
+    def at() -> int | None:
+        node = value()
+        if node is None:
+            return None
+        try:
+            found = follow(path, {**bound, name: node}, read)
+        except EvaluationError:  # an object on the way is gone
+            return None
+        return found if type(found) is int else None
+
+    return at
+
+
+def clauses_of(behaviour: Behaviour) -> list[Observation]:
+    """All different `observe` clauses: those of agents, then those that are shared."""
+    own = (one for agent in behaviour.agents for one in agent.observations)
+    return [*dict.fromkeys([*own, *behaviour.observations])]
+
+
+def clause_name(observation: Observation) -> str:
+    """What a clause observes, as it is written but for dots, which PyTorch takes in no name of a module: `hero at`."""
+    if isinstance(observation, ObserveFind):
+        what = _written(observation.call)
+        return what if observation.up_to is None else f"count {what}"
+    return _written(observation.path)
+
+
+def component_names(behaviour: Behaviour, keys: KeyIndex, count: int) -> tuple[str, ...]:
+    """Different names for the components of an observation, of which there are so many."""
+    rows = [
+        [name for one, _ in together(own, {}, behaviour.observations, {}) for name in _names(one, keys)]
+        for own in ([agent.observations for agent in behaviour.agents] or [()])
+    ]
+    columns = [dict.fromkeys(name for name in column if name) for column in zip_longest(*rows)]
+    lead = ["agent"] if len(rows) > 1 else []
+    found: dict[str, None] = {}
+    for name in [*lead, *(" or ".join(column) for column in columns)][:count]:
+        copies = (f"{name} {number}" for number in count_from(2))
+        found[name if name not in found else next(one for one in copies if one not in found)] = None
+    return tuple(found)
+
+
+def _names(observation: Observation, keys: KeyIndex) -> list[str]:
+    name = clause_name(observation)
+    each = None if isinstance(observation, ObserveFind) else observation.each
+    if each is None or each.type is None:
+        return [name]
+    rest = name.removeprefix(each.name)
+    texts = (", ".join(map(str, key)).replace(".", "_") for key in keys.of_class(each.type))
+    return [f"{each.name}[{text}]{rest}" for text in texts]
+
+
+def _written(one: object) -> str:
+    match one:
+        case Navigation(object=owner, feature=feature):
+            return f"{_written(owner)} {feature}"
+        case PatternCall(pattern=pattern, arguments=arguments, closure=closure):
+            return f"{pattern.rpartition('.')[2]}{closure}({', '.join(map(_written, arguments))})"
+        case Variable(name=name):
+            return "_" if name.startswith("_") else name
+        case EnumLiteral(literal=literal):
+            return f"::{literal}"
+        case Constant(value=value):
+            return str(value).replace(".", "_")
+        case _:
+            return ".."
 
 
 def _gap(model: Model, path: Expression, scope: Scope, read: Reader) -> str:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Protocol
+from typing import Protocol, TypeVar
 
-from envgraph.behaviour import RuleCall
+from envgraph.behaviour import Action, Effect, Observation, ObserveRange, RuleCall
 from envgraph.code import dataclass
 from envgraph.errors import EvaluationError, Span
 from envgraph.graph import Model
@@ -166,9 +166,43 @@ class PreparedEach:
 
 @dataclass(frozen=True, slots=True)
 class Component:
-    """One component of an observation: its size, its present value, its clause, and whether it is `in` a range."""
+    """One component of an observation.
+
+    Attributes:
+        size: how many values there are.
+        read: the present value, from 0.
+        observation: its clause.
+        at: the object that a path leads to, or whose attribute it reads, if there is one now; None of `find`.
+    """
 
     size: int
     read: Callable[[], int]
-    clause: Span | None
-    number: bool = False
+    observation: Observation
+    at: Callable[[], int | None] | None = None
+
+    @property
+    def clause(self) -> Span | None:
+        """Where it is written."""
+        return self.observation.span
+
+    @property
+    def number(self) -> bool:
+        """Whether it is `in` a range."""
+        return isinstance(self.observation, ObserveRange)
+
+
+Clause = TypeVar("Clause", bound=Action | Effect | Observation)
+
+Types = Mapping[str, str]
+"""Names that a clause knows, and the classes of their objects."""
+
+
+def together(
+    own: Sequence[Clause], own_types: Types, shared: Sequence[Clause], shared_types: Types
+) -> list[tuple[Clause, Types]]:
+    """Clauses with the names that they know, in the order of the text; an agent's own first where there is no text."""
+    both = [*((clause, own_types) for clause in own), *((clause, shared_types) for clause in shared)]
+    starts = [clause.span.start for clause, _ in both if clause.span is not None]
+    if len(starts) < len(both):
+        return both
+    return [both[place] for place in sorted(range(len(both)), key=starts.__getitem__)]

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from itertools import product
-from typing import TypeVar
 
 from envgraph.behaviour import (
     Action,
@@ -32,7 +31,14 @@ from envgraph.behaviour import (
 )
 from envgraph.env._binding import Reader, bind_parameters, reader
 from envgraph.env._keys import KeyIndex
-from envgraph.env._observing import KeyedObjects, literal_index, object_index, observer, range_index
+from envgraph.env._observing import (
+    KeyedObjects,
+    leading_to,
+    literal_index,
+    object_index,
+    observer,
+    range_index,
+)
 from envgraph.env._prepared import (
     Alternatives,
     Component,
@@ -42,6 +48,8 @@ from envgraph.env._prepared import (
     PreparedEach,
     Reward,
     Scope,
+    Types,
+    together,
 )
 from envgraph.env._rulebook import applying
 from envgraph.env._sampling import lacking
@@ -51,6 +59,7 @@ from envgraph.match import Row
 from envgraph.metamodel import EnumType, Scalar, Value
 from envgraph.pattern import (
     Expression,
+    Navigation,
     Negation,
     ObjectType,
     Parameter,
@@ -62,11 +71,6 @@ from envgraph.pattern import (
     variables_in,
 )
 from envgraph.rewrite import Engine
-
-Clause = TypeVar("Clause", bound=Action | Effect | Observation)
-
-Types = Mapping[str, str]
-"""Names that a clause knows, and the classes of their objects."""
 
 ENDS = {None: 0, "success": 1, "failure": 2}
 
@@ -334,9 +338,10 @@ class Program:
         size, index, padding = self._meaning(observation, types)
         path, read = observation.path, self._read
         for value in self._owners(observation.each) if observation.each else [self._owner(path, types)]:
-            number = isinstance(observation, ObserveRange)
             seen = observer(path, value, self.model, read, index, padding, self.bound)
-            yield Component(size, seen, observation.span, number)
+            owned = isinstance(path, Navigation) and not isinstance(observation, ObserveObject)
+            shown = path.object if owned else path  # type: ignore[union-attr]
+            yield Component(size, seen, observation, leading_to(shown, value, self.bound, read))
 
     def _owner(self, path: Expression, types: Types) -> tuple[str, Callable[[], Value | None]]:
         """The name that a path begins with, and its object, None when that is gone."""
@@ -377,9 +382,9 @@ class Program:
     def _found(self, observation: ObserveFind, types: Types) -> Component:
         if observation.up_to is None:
             matches, _ = self._matches(self._ask(observation.call, types))
-            return Component(2, lambda: 1 if matches() else 0, observation.span)
+            return Component(2, lambda: 1 if matches() else 0, observation)
         count, limit = self._counting(observation.call, types), observation.up_to
-        return Component(limit + 1, lambda: min(count(), limit), observation.span)
+        return Component(limit + 1, lambda: min(count(), limit), observation)
 
     def _counting(self, call: PatternCall, types: Types) -> Callable[[], int]:
         counted, _ = self._matches(self._added(lambda name: count_question(name, call, types)))
@@ -435,17 +440,6 @@ def _unvalued(
 ) -> EvaluationError:
     found = explained(error, expression, scope, read, None, "write `{} ? .. : ..` around it")
     return EvaluationError(f"{what} has no value: {found.message}", found.span, found.hint)
-
-
-def together(
-    own: Sequence[Clause], own_types: Types, shared: Sequence[Clause], shared_types: Types
-) -> list[tuple[Clause, Types]]:
-    """Clauses with the names that they know, in the order of the text; an agent's own first where there is no text."""
-    both = [*((clause, own_types) for clause in own), *((clause, shared_types) for clause in shared)]
-    starts = [clause.span.start for clause, _ in both if clause.span is not None]
-    if len(starts) < len(both):
-        return both
-    return [both[place] for place in sorted(range(len(both)), key=starts.__getitem__)]
 
 
 def stands_before(effect: Effect, action: Action) -> bool:

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from envgraph.behaviour import Behaviour, check_behaviour, is_gone, readings
 from envgraph.code import dataclass
-from envgraph.env._agents import Agents
+from envgraph.env._agents import Agents, Seat
 from envgraph.env._keys import KeyIndex, indexed_classes
+from envgraph.env._observing import component_names
 from envgraph.env._prepared import Choices, PreparedAction, PreparedClause, PreparedEach, Scope
 from envgraph.env._program import Program
 from envgraph.env._sampling import MOST_OUTCOMES, Draw, all_choices
@@ -97,6 +98,7 @@ class Simulator:
         self._needed = [one for one in readings(behaviour) if one.always and one.callers]
         self.turn = self._first = self._agents.after(-1)
         self.did = False
+        self._painter: Painter | None = None
         self._together: Together | None = None
         if behaviour.together:
             self._together = Together(behaviour, self._agents, self._model, self.keys)
@@ -127,6 +129,13 @@ class Simulator:
     def n_observations(self) -> int:
         """How many observations of a step there are."""
         return prod(self.observation_shape)
+
+    @property
+    def observation_names(self) -> tuple[str, ...]:
+        """Different names for the components of the observation of a step."""
+        if self._together is not None:
+            return self._together.observation_names
+        return component_names(self.behaviour, self.keys, len(self.observation_shape))
 
     # --- live
 
@@ -214,7 +223,14 @@ class Simulator:
         draw = self.behaviour.draw
         if draw is None:
             raise InvalidArgument(f"environment `{self.behaviour.name}` has no `draw`; {DRAW_HINT}")
-        return Painter(self._model, draw, self.behaviour.parameters)
+        if self._painter is None:
+            self._painter = Painter(self._model, draw, self.behaviour.parameters)
+        return self._painter
+
+    @property
+    def seat(self) -> Seat:
+        """The agent that acts next; that from outside where a behaviour has no agents."""
+        return self._agents.seats[self.turn]
 
     # --- all outcomes
 

@@ -32,7 +32,7 @@ _ARRAYS = {
     "start_probability": np.float64,
 }
 _OPTIONAL = {"turn": np.int32, "allowed": np.bool_}
-_NAMES = ("n_observations", "observation_shape", "action_names", "agent_names")
+_NAMES = ("n_observations", "observation_shape", "observation_names", "action_names", "agent_names")
 _DATA = {cls.__name__: cls for cls in (GridScene, GraphScene, Mark, Edge, Glyph)}
 _DAMAGED = (
     OSError,

@@ -36,6 +36,7 @@ class Tabular:
         action_names: one name an action, in the order of the indices.
         agent_names: of the agents that take turns, in the order in which they act; () where there is only one.
         turn: int32 [S], which of them acts in a state; None where there is only one.
+        observation_names: of the components of an observation; () for numbers from 1.
         allowed: bool [S, A], the actions that do something in a state, or all where none does; None for all.
     """
 
@@ -52,6 +53,7 @@ class Tabular:
     agent_names: tuple[str, ...] = ()
     turn: NDArray[np.int32] | None = None
     allowed: NDArray[np.bool_] | None = None
+    observation_names: tuple[str, ...] = ()
 
     @property
     def n_states(self) -> int:
@@ -119,6 +121,8 @@ class Tabular:
         _require(len(set(self.action_names)) == self.n_actions, "`action_names` has a name twice")
         size = prod(self.observation_shape)
         _require(size == self.n_observations, f"`observation_shape` spans {size}, not {self.n_observations}")
+        names, count = self.observation_names, len(self.observation_shape)
+        _require(not names or len(set(names)) == count, "`observation_names` needs different names")
         _require((self.turn is None) == (not self.agent_names), "`turn` is there if there are agents")
         if self.turn is not None:
             _require(self.turn.shape == (self.n_states,), "`turn` needs one agent a state")

@@ -66,6 +66,7 @@ class Together:
     Attributes:
         rewards: of the last step, by agent; 0.0 of those that were not there.
         shape: sizes of the components of what an observer of all sees: those of each agent's own, then the shared ones.
+        observation_names: of these: "left 1", "left 2", "right 1", .. "shared 1", in the order of the file.
     """
 
     def __init__(self, behaviour: Behaviour, agents: Agents, model: Model, keys: KeyIndex) -> None:
@@ -74,9 +75,10 @@ class Together:
         self._seats: Sequence[Seat] = agents.seats
         self._clauses = _in_order(agents.seats)
         self.rewards = (0.0,) * len(agents.seats)
-        parts = [part for seat in agents.seats for part in _parts(seat.program, shared=False)] + _parts(
-            agents.seats[0].program, shared=True
-        )
+        owned = [(seat.name, _parts(seat.program, shared=False)) for seat in agents.seats]
+        owned.append(("shared", _parts(agents.seats[0].program, shared=True)))
+        parts = [part for _, own in owned for part in own]
+        self.observation_names = tuple(f"{who} {n}" for who, own in owned for n in range(1, len(own) + 1))
         self.shape = tuple(part.size for part in parts)
         self._reads = [(part.read, prod(self.shape[:place])) for place, part in enumerate(parts)]
 

@@ -13,10 +13,12 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from envgraph.env._gymnasium import SUCCESS, ObservationKind, components, known_options, observation_space
+from envgraph.env._gymnasium import SUCCESS, known_options, view_of_table
 from envgraph.env._members import Variants
+from envgraph.env._model_views import ModelView
 from envgraph.env._sampling import cumulative
 from envgraph.env._tabular import Tabular
+from envgraph.env._views import ObservationKind, View, components
 from envgraph.env.scene._pixels import scene_rgb
 from envgraph.env.scene._scene import Scene
 from envgraph.env.schedules import Schedule, Seats
@@ -33,10 +35,9 @@ class VectorEnvironmentBase(VectorEnv[Any, Any, Any]):
     Args:
         num_envs: how many environments.
         n_actions: of each.
-        n_observations, shape: how many observations there are, and sizes of their components.
+        view: how observations are seen.
         max_episode_steps: after so many steps an episode is truncated; None for no limit.
         render_mode: None or "rgb_array".
-        observation: "index" or "multi".
         autoreset_mode: one of `gymnasium.vector.AutoresetMode`, or its value.
         members: how many members the environments are over.
         schedule: says of which member each episode is; None: each environment stays with its own.
@@ -50,6 +51,11 @@ class VectorEnvironmentBase(VectorEnv[Any, Any, Any]):
     """
 
     variants: Variants | None = None
+    _named: NDArray[Any]
+
+    def of_family(self, variants: Variants) -> None:
+        """Tell in infos of which members the environments are, and go over to others when `reset` is asked to."""
+        self.variants, self._named = variants, variants.of(self._which)
 
     metadata: dict[str, Any] = {  # noqa: RUF012
         "render_modes": ["rgb_array"],
@@ -61,12 +67,10 @@ class VectorEnvironmentBase(VectorEnv[Any, Any, Any]):
         self,
         num_envs: int,
         n_actions: int,
-        n_observations: int,
-        shape: Sequence[int],
+        view: View | ModelView,
         *,
         max_episode_steps: int | None,
         render_mode: str | None,
-        observation: ObservationKind,
         autoreset_mode: AutoresetMode | str,
         members: int,
         schedule: Schedule | None,
@@ -82,10 +86,10 @@ class VectorEnvironmentBase(VectorEnv[Any, Any, Any]):
         self.render_mode = render_mode
         self.max_episode_steps = max_episode_steps
         self.single_action_space = spaces.Discrete(n_actions)
-        self.single_observation_space = observation_space(observation, n_observations, shape)
+        self.single_observation_space = view.space
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
-        self._split = observation == "multi"
+        self.view = view
         self._n_actions = n_actions
         self._begun = False
         self._masked = action_masks
@@ -116,7 +120,7 @@ class VectorEnvironmentBase(VectorEnv[Any, Any, Any]):
         """A step: rewards, ends (0, 1, 2), and what was truncated; those that were over may begin anew."""
 
     @abstractmethod
-    def _observed(self) -> Ints:
+    def _observed(self) -> Any:
         """What is seen now."""
 
     @abstractmethod
@@ -125,7 +129,7 @@ class VectorEnvironmentBase(VectorEnv[Any, Any, Any]):
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Ints, dict[str, Any]]:
+    ) -> tuple[Any, dict[str, Any]]:
         """Begin an episode in every environment, or in those of `options={"reset_mask": mask}`.
 
         `options={"variant": v}` goes over to another member, of those that there are, or to one for each environment.
@@ -147,6 +151,8 @@ class VectorEnvironmentBase(VectorEnv[Any, Any, Any]):
     def _go_over(self, mask: Bools, members: Ints) -> None:
         self._which = np.where(mask, members, self._which)
         self._enter(mask, members)
+        if self.variants is not None:
+            self._named = self.variants.of(self._which)
 
     def _choose(self, mask: Bools) -> None:
         """Ask the schedule which members come next."""
@@ -167,7 +173,7 @@ class VectorEnvironmentBase(VectorEnv[Any, Any, Any]):
             raise ResetNeeded("the first `reset` is one of all environments")
         return mask
 
-    def step(self, actions: Any) -> tuple[Ints, Floats, Bools, Bools, dict[str, Any]]:
+    def step(self, actions: Any) -> tuple[Any, Floats, Bools, Bools, dict[str, Any]]:
         """Do one action in every environment; what happens to those that have ended says the autoreset mode."""
         if not self._begun:
             raise ResetNeeded("call `reset` before `step`")
@@ -199,8 +205,8 @@ class VectorEnvironmentBase(VectorEnv[Any, Any, Any]):
         """What there is to see of the episodes that are over."""
         over, observed = self._done.copy(), self._observed()
         seen = np.full(self.num_envs, None, dtype=object)
-        for place in np.flatnonzero(over):
-            seen[place] = observed[place]
+        for place in np.flatnonzero(over).tolist():
+            seen[place] = _one(observed, place)
         return {
             "final_obs": seen,
             "_final_obs": over,
@@ -217,7 +223,7 @@ class VectorEnvironmentBase(VectorEnv[Any, Any, Any]):
             "is_success": success.copy(),
         }
         if self.variants is not None:
-            values["variant"] = self.variants.names[self._which]
+            values["variant"] = self._named if mask is None else self._named.copy()
         if self._masked:
             values["action_mask"] = self.action_masks().view(np.int8)
         if self._seats:
@@ -256,7 +262,7 @@ class EnvgraphVectorEnv(VectorEnvironmentBase):
         max_episode_steps: after so many steps an episode is truncated; None for no limit.
         pictures: scenes of every state of each table; needed for rendering alone.
         render_mode: None or "rgb_array".
-        observation: "index" or "multi".
+        observation: "index", "multi", "flat" or "dict".
         autoreset_mode: one of `gymnasium.vector.AutoresetMode`, or its value.
         schedule: says of which table each episode is.
         action_masks: whether the infos have `action_mask`.
@@ -288,17 +294,15 @@ class EnvgraphVectorEnv(VectorEnvironmentBase):
         super().__init__(
             len(tables) if num_envs is None else num_envs,
             first.n_actions,
-            first.n_observations,
-            first.observation_shape,
+            view_of_table(first, observation),
             max_episode_steps=max_episode_steps,
             render_mode=render_mode,
-            observation=observation,
             autoreset_mode=autoreset_mode,
             members=len(tables),
             schedule=schedule,
             action_masks=action_masks,
         )
-        self._shape = first.observation_shape
+        self._shape = first.observation_shape or (1,)
         self._pictures = pictures
         self._join(tables)
         self._state: Ints = np.zeros(self.num_envs, dtype=np.int64)
@@ -360,9 +364,10 @@ class EnvgraphVectorEnv(VectorEnvironmentBase):
             return np.zeros(self.num_envs, dtype=np.bool_)
         return np.asarray(self._steps >= self.max_episode_steps)
 
-    def _observed(self) -> Ints:
+    def _observed(self) -> Any:
         index = self._observation[self._state]
-        return np.asarray(components(index, self._shape) if self._split else index)
+        assert isinstance(self.view, View)
+        return index if self.view.kind == "index" else self.view.of_components(components(index, self._shape))
 
     def _facts(self) -> dict[str, NDArray[Any]]:
         facts: dict[str, NDArray[Any]] = {"state": self._state - self._first[self._which]}
@@ -377,6 +382,13 @@ class EnvgraphVectorEnv(VectorEnvironmentBase):
         states = self._state - self._first[self._which]
         places = zip(self._which.tolist(), states.tolist(), strict=True)
         return tuple(scene_rgb(self._pictures[table][state]) for table, state in places)
+
+
+def _one(observed: Any, place: int) -> Any:
+    """The observation of one environment."""
+    if isinstance(observed, dict):
+        return {name: values[place] for name, values in observed.items()}
+    return observed[place]
 
 
 def autoreset_of(wanted: AutoresetMode | str) -> AutoresetMode:

@@ -17,16 +17,10 @@ from gymnasium.error import ResetNeeded
 from gymnasium.utils import seeding
 from numpy.typing import NDArray
 
-from envgraph.env._gymnasium import (
-    RENDER_MODES,
-    SUCCESS,
-    ObservationKind,
-    Observed,
-    check_render_mode,
-    components,
-    observation_space,
-)
+from envgraph.env._gymnasium import RENDER_MODES, SUCCESS, check_render_mode
+from envgraph.env._observing import component_names
 from envgraph.env._simulator import Simulator
+from envgraph.env._views import ObservationKind, View, components
 from envgraph.env.scene._pixels import scene_rgb
 from envgraph.env.scene._text import scene_text
 from envgraph.errors import InvalidArgument
@@ -48,7 +42,7 @@ class _Several:
         simulator: the engine and its behaviour; nothing else may change its model in the meantime.
         limit: steps (turns, where agents take turns) after which an episode is truncated; None for no limit.
         render_mode: None, "ansi" or "rgb_array".
-        observation: "index" or "multi".
+        observation: "index", "multi", "flat" or "dict".
         cell: side of a cell in pixels.
     """
 
@@ -77,13 +71,12 @@ class _Several:
         self.possible_agents = [*simulator.players]
         self.agents: list[str] = []
         self.action_names = simulator.agents.action_names
-        self._shape, self._split, self._cell = simulator.agents.shape, observation == "multi", cell
-        size = int(np.prod(self._shape))
+        self._shape, self._cell = simulator.agents.shape, cell
+        names = component_names(simulator.behaviour, simulator.keys, len(self._shape))
+        self._view = View(observation, self._shape, names)
         actions = len(self.action_names)
         self._number = {name: number for number, name in enumerate(simulator.players)}
-        self.observation_spaces = {
-            name: observation_space(observation, size, self._shape) for name in simulator.players
-        }
+        self.observation_spaces = dict.fromkeys(simulator.players, self._view.space)
         self.action_spaces = {name: spaces.Discrete(actions) for name in simulator.players}
         parts = [*self._shape] or [1]
         self.state_space = spaces.MultiDiscrete(parts * len(simulator.players))
@@ -91,7 +84,7 @@ class _Several:
         self._limit, self._steps = limit, 0
         self._random: np.random.Generator | None = None
 
-    def observation_space(self, agent: str) -> spaces.Discrete | spaces.MultiDiscrete:
+    def observation_space(self, agent: str) -> spaces.Space[Any]:
         """The space of what an agent sees."""
         return self.observation_spaces[agent]
 
@@ -99,10 +92,9 @@ class _Several:
         """The space of what an agent can do: places in `action_names`."""
         return self.action_spaces[agent]
 
-    def observe(self, agent: str) -> Observed:
+    def observe(self, agent: str) -> Any:
         """What an agent sees of the present state, whoever is next."""
-        index = self.simulator.agents.observation(self._number[agent])
-        return components(index, self._shape) if self._split else np.int64(index)
+        return self._view.of_index(self.simulator.agents.observation(self._number[agent]))
 
     def state(self) -> NDArray[np.int64]:
         """What all agents see of the present state, as components, one after the other."""
@@ -205,7 +197,7 @@ class TogetherEnv(_Several, _PARALLEL):  # type: ignore[misc]
 
     def reset(
         self, seed: int | None = None, options: Mapping[str, Any] | None = None
-    ) -> tuple[dict[str, Observed], dict[str, dict[str, Any]]]:
+    ) -> tuple[dict[str, Any], dict[str, dict[str, Any]]]:
         """Begin an episode: observations and infos."""
         self._begin(seed)
         return self._seen(), self._infos(success=False)
@@ -213,7 +205,7 @@ class TogetherEnv(_Several, _PARALLEL):  # type: ignore[misc]
     def step(
         self, actions: Mapping[str, Any]
     ) -> tuple[
-        dict[str, Observed],
+        dict[str, Any],
         dict[str, float],
         dict[str, bool],
         dict[str, bool],
@@ -239,7 +231,7 @@ class TogetherEnv(_Several, _PARALLEL):  # type: ignore[misc]
         self.agents = [name for name in self.agents if not (over[name] or cut)]
         return seen, rewards, over, truncations, infos
 
-    def _seen(self) -> dict[str, Observed]:
+    def _seen(self) -> dict[str, Any]:
         return {name: self.observe(name) for name in self.agents}
 
     def _infos(self, success: bool) -> dict[str, dict[str, Any]]:

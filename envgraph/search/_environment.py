@@ -11,6 +11,7 @@ from typing import Any, Final, Literal, get_args
 from warnings import warn
 
 from envgraph.env import (
+    OF_MODEL,
     About,
     EnvgraphEnv,
     EnvgraphLiveEnv,
@@ -18,13 +19,17 @@ from envgraph.env import (
     Environment,
     EnvSpec,
     Explored,
+    ModelView,
+    ObservationKind,
     Simulator,
     TooManyStates,
     Variants,
     VectorEnvironment,
+    check_kind,
     check_render_mode,
     environment_spec,
     make_vec_spec,
+    model_view,
 )
 from envgraph.env import register as register_name
 from envgraph.env.compiled import (
@@ -229,7 +234,7 @@ def make_environment(
     variant: int | str | None = None,
     *,
     render_mode: str | None = None,
-    observation: Literal["index", "multi"] = "index",
+    observation: ObservationKind = "index",
     cell: int = 32,
     engine: EngineKind | None = None,
     live: bool = False,
@@ -243,7 +248,9 @@ def make_environment(
         family: a family file (`envgraph export`), a run, or its run store.
         variant: name of a member ("E6") or its number from 1; the target, which is the last one, by default.
         render_mode: None, "ansi" or "rgb_array".
-        observation: "index" for one number, "multi" for its components.
+        observation: "index" for one number, "multi" for its components, "flat" for them as one-hot vectors, "dict" for
+            them by name, "image" for planes over the grid, "graph" for the model. The last two are made of the model,
+            so the environment is compiled or live; see `ImageView` and `GraphView`.
         cell: side of a cell in pixels.
         engine: what steps: "table", the table of all states, of which there must not be too many; "compiled", a program
             made of the behaviour; "live", the engine of the model. None: the first of these that can. Episodes are the
@@ -258,6 +265,7 @@ def make_environment(
         EvaluationError: as for `make`.
     """
     wanted = _engine_of(engine, live)
+    _check_observation(observation, wanted)
     if not isinstance(variant, int | str | None):
         raise InvalidArgument("one environment is of one variant", "`envgraph.make_vec` takes a list of them")
     opened = _opened(domain, family, () if variant is None else (variant,))
@@ -271,7 +279,9 @@ def make_environment(
     }
     environment: EnvgraphEnv | EnvgraphLiveEnv | CompiledEnv
     pictures = render_mode is not None
-    found = opened.stepping([place], wanted, pictures=pictures)
+    found = opened.stepping([place], wanted, pictures=pictures, of_model=observation in OF_MODEL)
+    if observation in OF_MODEL:
+        shown["observation"] = opened.view(observation)
     if isinstance(found, Program):
         steps_in: EngineKind = "compiled"
         environment = CompiledEnv(found, **shown)
@@ -297,7 +307,7 @@ def make_vector_environment(
     variant: int | str | Sequence[int | str] | None = None,
     *,
     render_mode: str | None = None,
-    observation: Literal["index", "multi"] = "index",
+    observation: ObservationKind = "index",
     max_episode_steps: int | None = None,
     autoreset_mode: str | None = None,
     engine: EngineKind | None = None,
@@ -318,6 +328,7 @@ def make_vector_environment(
             vector environment: `make_vec` makes single ones of it.
     """
     wanted = _engine_of(engine, live=False)
+    _check_observation(observation, wanted)
     own = _given(streams=streams, threads=threads)
     if own:
         if wanted not in (None, "compiled"):
@@ -340,9 +351,13 @@ def make_vector_environment(
         "action_masks": action_masks,
         **_given(autoreset_mode=autoreset_mode, schedule=schedule),
     }
-    found = opened.stepping(places, wanted, pictures=render_mode is not None)
+    found = opened.stepping(
+        places, wanted, pictures=render_mode is not None, of_model=observation in OF_MODEL
+    )
     if found is None:
         raise opened.refused()
+    if observation in OF_MODEL:
+        options["observation"] = opened.view(observation)
     environment: EnvgraphVectorEnv | CompiledVectorEnv
     if isinstance(found, Program):
         environment = CompiledVectorEnv(found, num_envs, **options, **own)
@@ -352,7 +367,7 @@ def make_vector_environment(
             [one.tabular for one in found], num_envs, pictures=pictures, **options
         )
     if family is not None:
-        environment.variants = Variants(_Members(domain, family, "table", pictures=False), places)
+        environment.of_family(Variants(_Members(domain, family, "table", pictures=False), places))
     return environment
 
 
@@ -364,6 +379,14 @@ def _engine_of(engine: EngineKind | None, live: bool) -> EngineKind | None:
     if live and engine not in (None, "live"):
         raise InvalidArgument(f"`live=True` and `engine={engine!r}` are two engines: give one")
     return "live" if live else engine
+
+
+def _check_observation(kind: ObservationKind, engine: EngineKind | None) -> None:
+    """See that there are such observations, before all states are visited."""
+    check_kind(kind)
+    if kind in OF_MODEL and engine == "table":
+        hint = 'leave `engine` out, or give "compiled" or "live"'
+        raise InvalidArgument(f'an observation "{kind}" is made of the model, which a table has not', hint)
 
 
 class _Opened:
@@ -392,16 +415,16 @@ class _Opened:
         return place_of(variant, [*self.record.tables], self.record.family)
 
     def stepping(
-        self, places: Sequence[int], engine: EngineKind | None, *, pictures: bool
+        self, places: Sequence[int], engine: EngineKind | None, *, pictures: bool, of_model: bool = False
     ) -> list[Explored] | Program | None:
-        """What steps some members: their tables, a program, or None for the live engine."""
+        """What steps some members: their tables, if no models are wanted, a program, or None for the live engine."""
         if engine == "live":
             return None
         many = engine is None and len(places) > MANY and has_numba() and not pictures
         if many:
             with suppress(NotCompiled):
                 return self.program(places)
-        if engine != "compiled":
+        if engine == "table" or (engine is None and not of_model):
             try:
                 shown = [f"environments: {number} of {len(places)}" for number in range(len(places))]
                 return [
@@ -428,6 +451,11 @@ class _Opened:
         read = self.family
         engine = read.domain.engine(read.model(read.members[place]))
         return Simulator(engine, read.behaviour, read.keys)
+
+    def view(self, kind: ObservationKind) -> ModelView:
+        """How the models of the family are seen."""
+        read = self.family
+        return model_view(kind, read.behaviour, [read.model(member) for member in read.members])
 
     def about(self, place: int) -> About:
         """What infos tell of a member."""

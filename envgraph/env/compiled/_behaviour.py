@@ -28,7 +28,8 @@ from envgraph.behaviour import (
 )
 from envgraph.code import dataclass
 from envgraph.env._keys import KeyIndex, indexed_classes, key_attributes
-from envgraph.env._program import Types, added, together
+from envgraph.env._prepared import Types, together
+from envgraph.env._program import added
 from envgraph.env.compiled._changes import Changes, StaticPatterns, blocks_of, calls_of, plan_of
 from envgraph.env.compiled._facts import Facts, Module
 from envgraph.env.compiled._inlining import inlined

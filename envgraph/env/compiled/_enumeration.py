@@ -292,4 +292,5 @@ class Visit:
             agent_names=names,
             turn=self.states[:states, TURN].astype(np.int32) if names else None,
             allowed=allowed_or_all(self.did[: states * actions].reshape(states, actions) > 0),
+            observation_names=program.observation_names,
         )

@@ -3,21 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import prod
 from typing import Any, Literal
 
 import numpy as np
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
-from envgraph.env._gymnasium import (
-    SUCCESS,
-    ObservationKind,
-    Observed,
-    SingleEnvironment,
-    check_render_mode,
-)
+from envgraph.env._gymnasium import SUCCESS, SingleEnvironment, check_render_mode
+from envgraph.env._model_views import ModelView, model_view
 from envgraph.env._vector import Bools, Floats, Ints, VectorEnvironmentBase
+from envgraph.env._views import OF_MODEL, Memory, ObservationKind, View, check_kind
 from envgraph.env.compiled._batch import Batch
 from envgraph.env.compiled._layout import TURN
 from envgraph.env.compiled._program import Program
@@ -40,7 +35,7 @@ class CompiledEnv(SingleEnvironment):
         program: the compiled behaviour.
         member: number of the member of the family.
         render_mode: None, "ansi" or "rgb_array".
-        observation: "index" or "multi".
+        observation: "index", "multi", "flat", "dict", "image" or "graph"; or a view over more members than these.
         cell: side of a cell in pixels.
         action_masks: whether the infos have `action_mask`.
     """
@@ -51,23 +46,17 @@ class CompiledEnv(SingleEnvironment):
         member: int = 0,
         *,
         render_mode: str | None = None,
-        observation: ObservationKind = "index",
+        observation: ObservationKind | ModelView = "index",
         cell: int = 32,
         action_masks: bool = False,
     ) -> None:
         check_render_mode(render_mode, drawn=program.behaviour.draw is not None)
-        super().__init__(
-            program.action_names,
-            prod(program.observation_shape),
-            program.observation_shape,
-            render_mode,
-            observation,
-            cell,
-            action_masks,
-        )
+        view = _view_of(observation, program)
+        super().__init__(program.action_names, view, render_mode, cell, action_masks)
         self._action = np.zeros(1, dtype=np.int64)
         self._source: np.random.Generator | None = None
         self._one = np.ones(1, dtype=np.bool_)
+        self._memory = Memory()
         self._batch = Batch(program, [member])
         self._names = program.agent_names(member)
 
@@ -79,7 +68,7 @@ class CompiledEnv(SingleEnvironment):
     def _enter(self, found: Program) -> None:
         batch = Batch(found, [0])
         batch.go_on(self._batch)
-        self._batch, self._names = batch, found.agent_names(0)
+        self._batch, self._names, self._memory = batch, found.agent_names(0), Memory()
 
     def _allowed(self) -> NDArray[np.bool_]:
         found: NDArray[np.bool_] = self._batch.allowed()[0]
@@ -87,7 +76,7 @@ class CompiledEnv(SingleEnvironment):
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Observed, dict[str, Any]]:
+    ) -> tuple[Any, dict[str, Any]]:
         """Begin an episode in one of the start states."""
         self._options(options)
         super().reset(seed=seed)
@@ -98,7 +87,7 @@ class CompiledEnv(SingleEnvironment):
         self._begin()
         return self._seen(), self._first(self._info(success=False))
 
-    def step(self, action: Any) -> tuple[Observed, float, bool, bool, dict[str, Any]]:
+    def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """Do one action; the last but one value (truncated) is always False."""
         self._action[0] = self._check_step(action)
         batch = self._batch
@@ -108,11 +97,11 @@ class CompiledEnv(SingleEnvironment):
         self._running = not ended
         return self._seen(), batch.reward.item(), ended > 0, False, self._info(success=ended == SUCCESS)
 
-    def _seen(self) -> Observed:
-        if self._split:
-            return np.array(self._batch.components[0])
-        index: np.int64 = self._batch.observation[0]
-        return index
+    def _seen(self) -> Any:
+        view = self.view
+        if isinstance(view, View):
+            return view.of_index(int(self._batch.observation[0]))
+        return _remembered(self._memory, view, self._batch, 0)
 
     def _info(self, success: bool) -> dict[str, Any]:
         info = {"step": self._steps, "success": success, "is_success": success}
@@ -136,7 +125,7 @@ class CompiledVectorEnv(VectorEnvironmentBase):
         members: numbers of members; all of them if None.
         max_episode_steps: after so many steps an episode is truncated; None for no limit.
         render_mode: None or "rgb_array".
-        observation: "index" or "multi".
+        observation: "index", "multi", "flat", "dict", "image" or "graph"; or a view over more members than these.
         autoreset_mode: one of `gymnasium.vector.AutoresetMode`, or its value.
         streams: "shared": all draw from one generator, as in `EnvgraphVectorEnv`, and do what it does. "each": each
             from its own, seeded with `seed + i`, as in Gymnasium's `SyncVectorEnv`, and does what the single
@@ -158,7 +147,7 @@ class CompiledVectorEnv(VectorEnvironmentBase):
         members: Sequence[int] | None = None,
         max_episode_steps: int | None = None,
         render_mode: str | None = None,
-        observation: ObservationKind = "index",
+        observation: ObservationKind | ModelView = "index",
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         streams: Streams = "shared",
         threads: int = 1,
@@ -179,11 +168,9 @@ class CompiledVectorEnv(VectorEnvironmentBase):
         super().__init__(
             count,
             len(program.action_names),
-            self._batch.n_observations,
-            program.observation_shape,
+            _view_of(observation, program),
             max_episode_steps=max_episode_steps,
             render_mode=render_mode,
-            observation=observation,
             autoreset_mode=autoreset_mode,
             members=len(chosen),
             schedule=schedule,
@@ -191,13 +178,14 @@ class CompiledVectorEnv(VectorEnvironmentBase):
         )
         self.program = program
         self._members = chosen
+        self._memory = Memory()
         self._each = streams == "each"
         self._steps, self._done = self._batch.steps, self._batch.over
         self._names = {one: np.array(program.agent_names(one), dtype=object) for one in chosen.tolist()}
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Ints, dict[str, Any]]:
+    ) -> tuple[Any, dict[str, Any]]:
         """Begin an episode in every environment, or in those of `options={"reset_mask": mask}`."""
         if self._each and (seed is not None or not self._begun):
             seeds: list[Any] = [None if seed is None else seed + number for number in range(self.num_envs)]
@@ -237,8 +225,13 @@ class CompiledVectorEnv(VectorEnvironmentBase):
         self._steps, self._done = batch.steps, batch.over
         return batch.reward.copy(), batch.ended.copy(), batch.cut.copy()
 
-    def _observed(self) -> Ints:
-        return (self._batch.components if self._split else self._batch.observation).copy()
+    def _observed(self) -> Any:
+        view, batch = self.view, self._batch
+        if isinstance(view, View):
+            index, parts = batch.observation.copy(), batch.components.copy()
+            return index if view.kind == "index" else view.of_components(parts)
+        seen = [_remembered(self._memory, view, batch, place) for place in range(self.num_envs)]
+        return np.stack(seen) if isinstance(seen[0], np.ndarray) else tuple(seen)
 
     def _facts(self) -> dict[str, NDArray[Any]]:
         if not self.program.behaviour.agents:
@@ -257,3 +250,28 @@ class CompiledVectorEnv(VectorEnvironmentBase):
             with self._batch.model_of(number) as simulator:
                 pictures.append(scene_rgb(simulator.painter().scene()))
         return tuple(pictures)
+
+
+def _view_of(observation: ObservationKind | ModelView, program: Program) -> View | ModelView:
+    """How observations of a program are seen; of the model over all its members, if the view is not given.
+
+    Raises:
+        InvalidArgument: there is no such view, or it cannot be seen so.
+    """
+    if isinstance(observation, ModelView):
+        return observation
+    check_kind(observation)
+    if observation in OF_MODEL:
+        return model_view(observation, program.behaviour, [member.model for member in program.members])
+    return View(observation, program.observation_shape or (1,), program.observation_names)
+
+
+def _remembered(memory: Memory, view: ModelView, batch: Batch, row: int) -> Any:
+    """What is seen of the model of an environment: the live engine is put into states that are not known."""
+
+    def make() -> Any:
+        with batch.model_of(row) as simulator:
+            return view.of(simulator)
+
+    key = int(batch.members[row]), batch.states[row].tobytes(), batch.float_states[row].tobytes()
+    return memory.get(key, make)

@@ -15,6 +15,7 @@ from envgraph.behaviour import Behaviour
 from envgraph.code import dataclass
 from envgraph.env._agents import named_agents
 from envgraph.env._keys import KeyIndex, indexed_classes
+from envgraph.env._observing import component_names
 from envgraph.env._simulator import Simulator
 from envgraph.env.compiled import _kernels, _learning, _listing, _masking
 from envgraph.env.compiled._behaviour import Text, written
@@ -80,6 +81,11 @@ class Program:
     def space(self) -> tuple[int, int]:
         """How many rows the program's questions may have, and how many columns."""
         return _kernels.CAPACITY * self.levels, self.width
+
+    @property
+    def observation_names(self) -> tuple[str, ...]:
+        """Of the components of an observation."""
+        return component_names(self.behaviour, self.keys, len(self.observation_shape))
 
     def __deepcopy__(self, _: object) -> Program:
         return self

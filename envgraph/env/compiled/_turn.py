@@ -18,7 +18,8 @@ from envgraph.behaviour import (
     roots,
 )
 from envgraph.code import dataclass
-from envgraph.env._program import ENDS, Types, added, stands_before
+from envgraph.env._prepared import Types
+from envgraph.env._program import ENDS, added, stands_before
 from envgraph.env._sampling import lacking
 from envgraph.env.compiled._bodies import CAPACITY
 from envgraph.env.compiled._changes import plan_of

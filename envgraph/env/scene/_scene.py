@@ -159,6 +159,19 @@ class Painter:
         """The scene of the model as it is now."""
         return self._scene()
 
+    def places(self) -> tuple[int, int, dict[int, tuple[int, int]]]:
+        """Of a grid the width and height in cells, and (column, row) of each cell and each token that stands on one."""
+        width, height, _, place_of = self._grid.cells()
+        return (
+            width,
+            height,
+            {**place_of, **{node: place_of[at] for _, _, node, at in self._standing(place_of)}},
+        )
+
+    def drawn(self) -> list[str]:
+        """The classes of what is drawn on a grid: of cells, and of tokens as they are now."""
+        return [self._grid.cls, *self._token_classes()]
+
     def _grid_scene(self) -> GridScene:
         grid = self._grid
         width, height, cells, place_of = grid.cells()
@@ -201,18 +214,24 @@ class Painter:
     def _marks(self, place_of: Mapping[int, tuple[int, int]]) -> Iterator[Mark]:
         """Every token that stands on what is drawn."""
         model = self._model
+        for position, token, node, at in self._standing(place_of):
+            cls = model.class_of(node)
+            declared = model.metamodel.classes[cls].glyph
+            look = self._looks.of(node, declared or Glyph(cls[:1].upper(), token_colour(position)))
+            bound = self._tokens[position][1]
+            name = token.variable if bound is not None else _label(model, node, None, self._read)
+            yield self._mark(name, cls, look, place_of[at])
+
+    def _standing(self, place_of: Mapping[int, object]) -> Iterator[tuple[int, Token, int, int]]:
+        """Every token that stands on what is drawn: place of its clause, the clause, its object, and what it is on."""
+        model = self._model
         for position, (token, bound) in enumerate(self._tokens):
             nodes = ordered_objects(model, token.cls) if bound is None and token.cls else [bound]
             for node in nodes:
-                if node is None or not model.alive(node):
-                    continue
-                at = follow(token.path, {token.variable: node}, self._read)
-                if type(at) is int and at in place_of and at != node:  # cells show what they are
-                    cls = model.class_of(node)
-                    declared = model.metamodel.classes[cls].glyph
-                    look = self._looks.of(node, declared or Glyph(cls[:1].upper(), token_colour(position)))
-                    name = token.variable if bound is not None else _label(model, node, None, self._read)
-                    yield self._mark(name, cls, look, place_of[at])
+                if node is not None and model.alive(node):
+                    at = follow(token.path, {token.variable: node}, self._read)
+                    if type(at) is int and at in place_of and at != node:  # cells show what they are
+                        yield position, token, node, at
 
     def _edges(self, draw: DrawGraph, number: Mapping[int, int]) -> Iterator[Edge]:
         """Edges between the drawn nodes: references among them, and objects with two single references to them.

@@ -118,7 +118,7 @@ def test_wrong_arguments_are_refused() -> None:
         EnvgraphVectorEnv(TABLES, render_mode="rgb_array")
 
 
-@pytest.mark.parametrize("observation", ["index", "multi"])
+@pytest.mark.parametrize("observation", ["index", "multi", "flat", "dict"])
 @pytest.mark.parametrize("mode", AutoresetMode)
 def test_every_autoreset_mode_is_gymnasiums(mode: AutoresetMode, observation: str) -> None:
     """Step by step the same as Gymnasium's own vector of the single environments, infos included."""

@@ -1,0 +1,192 @@
+"""What an agent sees of the whole model: an image of its grid, or its graph.
+
+The spaces are those of a family: an image has the size of its largest member, and what a number means is the same in
+all of them.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from envgraph.behaviour import Behaviour, DrawGrid, ObserveObject
+from envgraph.env._observing import clause_name, clauses_of
+from envgraph.env._prepared import Component
+from envgraph.env._simulator import Simulator
+from envgraph.env._views import ObservationKind
+from envgraph.env.scene._scene import Painter
+from envgraph.errors import InvalidArgument
+from envgraph.graph import Model
+from envgraph.metamodel import Attribute, EnumType, Metamodel, Scalar, Value
+
+FULL = 255
+
+
+class ModelView(ABC):
+    """An observation that is made of a model.
+
+    Attributes:
+        space: of the observations.
+    """
+
+    space: spaces.Space[Any]
+
+    @abstractmethod
+    def of(self, simulator: Simulator) -> Any:
+        """The observation of the present state, of the agent that acts next."""
+
+
+def model_view(kind: ObservationKind, behaviour: Behaviour, models: Sequence[Model]) -> ModelView:
+    """The view "image" or "graph" over the members of a family.
+
+    Raises:
+        InvalidArgument: an image of what is not drawn as a grid.
+    """
+    return ImageView(behaviour, models) if kind == "image" else GraphView(behaviour, models[0].metamodel)
+
+
+class ImageView(ModelView):
+    """Planes over the grid of the `draw` clause, uint8 [height, width, channels], padded with 0.
+
+    A channel for each class that is drawn, as cell or token: 255 where an object of it is. A channel for each clause
+    of an observation: of an attribute or a number, `255 * (index + 1) // size` at the place of its object, so that 0 is
+    for no object; of an object, 255 at its place. What has no place fills the channel; so does `find`, with
+    `255 * index // (size - 1)`. With agents, a channel is 255 at the place of the one that acts next.
+
+    Args:
+        behaviour: what is drawn and observed.
+        models: of all members of the family.
+
+    Raises:
+        InvalidArgument: the behaviour draws no grid.
+
+    Attributes:
+        channels: what each channel shows: a class, the text of an observation, or "agent".
+    """
+
+    def __init__(self, behaviour: Behaviour, models: Sequence[Model]) -> None:
+        draw = behaviour.draw
+        if not isinstance(draw, DrawGrid):
+            hint = 'write `draw grid Class at (x, y)`, or take `observation="graph"`'
+            raise InvalidArgument(f"environment `{behaviour.name}` has no image: it draws no grid", hint)
+        painters = [Painter(model, draw, behaviour.parameters) for model in models]
+        sizes = [painter.places()[:2] for painter in painters]
+        width, height = (max(extents, default=0) for extents in zip(*sizes, strict=True))
+        metamodel = models[0].metamodel
+        drawn = dict.fromkeys(cls for painter in painters for cls in painter.drawn())
+        shown = {cls for root in drawn for cls in metamodel.concrete(root)}
+        self._classes = [one.name for one in metamodel.class_list if one.name in shown]
+        clauses, agent = clauses_of(behaviour), ["agent"] if behaviour.agents else []
+        self.channels = (*self._classes, *map(clause_name, clauses), *agent)
+        self._channel = {clause: place for place, clause in enumerate(clauses, start=len(self._classes))}
+        self._agents = bool(behaviour.agents)
+        self.space = spaces.Box(0, FULL, (height, width, len(self.channels)), np.uint8)
+
+    def of(self, simulator: Simulator) -> NDArray[np.uint8]:
+        """See `ModelView`."""
+        shape = self.space.shape
+        assert shape is not None
+        image = np.zeros(shape, dtype=np.uint8)
+        model, seat = simulator.engine.model, simulator.seat
+        _, _, places = simulator.painter().places()
+        places = {node: (y, x) for node, (x, y) in places.items() if y < shape[0] and x < shape[1]}
+        channel = {cls: number for number, cls in enumerate(self._classes)}
+        for node, place in places.items():
+            number = channel.get(model.class_of(node))
+            if number is not None:
+                image[(*place, number)] = FULL
+        for component in seat.program.components:
+            _show(image[..., self._channel[component.observation]], component, places)
+        if self._agents and seat.node in places:
+            image[(*places[seat.node], -1)] = FULL
+        return image
+
+
+def _show(plane: NDArray[np.uint8], component: Component, places: dict[int, tuple[int, int]]) -> None:
+    """One component of an observation on its channel."""
+    if component.at is None:
+        plane[...] = FULL * component.read() // max(component.size - 1, 1)
+        return
+    node = component.at()
+    if node is not None:
+        value = FULL * (component.read() + 1) // component.size
+        where = places.get(node, ...)
+        plane[where] = FULL if isinstance(component.observation, ObserveObject) and node in places else value
+
+
+class GraphView(ModelView):
+    """The model as `gymnasium.spaces.GraphInstance`: its objects in the order of their creation, and their links.
+
+    `nodes`, float32 [objects, features]: of each class 1 for its objects; of each attribute with one value whether
+    there is one, and the value: a number, 0 or 1 for a bool, a column for each literal of an enum; no strings. Then of
+    each parameter of the environment 1 for its object, and of `agent` 1 for that which acts next. `edges`, int64
+    [links], the number of the reference; `edge_links`, int64 [links, 2], numbers of objects: from, to.
+
+    Args:
+        behaviour: its parameters are features.
+        metamodel: its classes, attributes and references are features.
+
+    Attributes:
+        features: what each column of `nodes` is: "Tile", "Tile.x?" for whether there is a value, "Tile.x",
+            "Tile.kind=road".
+        references: what each number in `edges` is.
+    """
+
+    def __init__(self, behaviour: Behaviour, metamodel: Metamodel) -> None:
+        self._metamodel = metamodel
+        self._classes = [one.name for one in metamodel.class_list if not one.abstract]
+        self._attributes = [
+            one for one in metamodel.attributes if not one.many and one.type is not Scalar.STRING
+        ]
+        self._parameters = [parameter.name for parameter in behaviour.parameters]
+        self._has_agents = bool(behaviour.agents)
+        columns = [name for one in self._attributes for name in _columns(one)]
+        agent = ["agent"] if behaviour.agents else []
+        self.features = (*self._classes, *columns, *self._parameters, *agent)
+        self.references = tuple(f"{one.owner}.{one.name}" for one in metamodel.references)
+        features = spaces.Box(-np.inf, np.inf, (len(self.features),), np.float32)
+        self.space = spaces.Graph(features, spaces.Discrete(max(len(self.references), 1)))
+
+    def of(self, simulator: Simulator) -> spaces.GraphInstance:
+        """See `ModelView`."""
+        model, seat = simulator.engine.model, simulator.seat
+        nodes = sorted(node for cls in self._classes for node in model.exact_extent(cls))
+        number = {node: place for place, node in enumerate(nodes)}
+        marked = [*(seat.program.bound[name] for name in self._parameters), *[seat.node] * self._has_agents]
+        rows = [[*self._row(model, node), *(float(node == one) for one in marked)] for node in nodes]
+        edges = [edge for one in self._metamodel.references for edge in self._links(model, one.index, number)]
+        table = np.array(edges, dtype=np.int64).reshape(len(edges), 3)
+        features = np.array(rows, dtype=np.float32).reshape(len(nodes), len(self.features))
+        return spaces.GraphInstance(features, table[:, 0].copy(), table[:, 1:].copy())
+
+    def _row(self, model: Model, node: int) -> Iterator[float]:
+        cls = model.class_of(node)
+        yield from (float(cls == one) for one in self._classes)
+        for attribute in self._attributes:
+            owned = self._metamodel.is_a(cls, attribute.owner)
+            yield from _values(attribute, model.value(node, attribute) if owned else None)
+
+    def _links(self, model: Model, index: int, number: dict[int, int]) -> Iterable[tuple[int, int, int]]:
+        reference = self._metamodel.references[index]
+        for source in sorted(model.extent(reference.owner)):
+            for target in model.targets(source, reference):
+                yield index, number[source], number[target]
+
+
+def _columns(attribute: Attribute) -> list[str]:
+    name = f"{attribute.owner}.{attribute.name}"
+    if isinstance(attribute.type, EnumType):
+        return [f"{name}?", *(f"{name}={literal}" for literal in attribute.type.literals)]
+    return [f"{name}?", name]
+
+
+def _values(attribute: Attribute, value: Value | None) -> list[float]:
+    there = float(value is not None)
+    if isinstance(attribute.type, EnumType):
+        return [there, *(float(value == literal) for literal in attribute.type.literals)]
+    return [there, 0.0 if value is None else float(value)]

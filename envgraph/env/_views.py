@@ -1,0 +1,128 @@
+"""What an agent sees, in Gymnasium's spaces: made of the components of an observation.
+
+`observation="index"` is one number, "multi" its components, "flat" the same as one-hot vectors side by side, "dict" the
+same by name. What is made of the whole model instead is in `_model_views`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable, Sequence
+from typing import Any, Final, Literal
+
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from envgraph.errors import InvalidArgument, did_you_mean, listed
+
+ObservationKind = Literal["index", "multi", "flat", "dict", "image", "graph"]
+
+KINDS: Final = ("index", "multi", "flat", "dict", "image", "graph")
+OF_MODEL: Final = ("image", "graph")
+"""The kinds that are made of the model, which tables do not have."""
+
+MOST_KNOWN: Final = 2**14
+"""Observations that are remembered; then they are made anew, each in some microseconds."""
+
+
+def check_kind(kind: object) -> None:
+    """See that there are observations of this kind.
+
+    Raises:
+        InvalidArgument: there are none.
+    """
+    if kind not in KINDS:
+        hint = did_you_mean(str(kind), KINDS) or f"there are {listed(KINDS)}"
+        raise InvalidArgument(f"unknown kind of observation {kind!r}", hint)
+
+
+class Memory:
+    """Observations that were made before, by what they depend on."""
+
+    def __init__(self) -> None:
+        self._known: dict[Hashable, Any] = {}
+
+    def get(self, key: Hashable, make: Callable[[], Any]) -> Any:
+        """The observation for a key, as an object of its own."""
+        found = self._known.get(key)
+        if found is None:
+            if len(self._known) >= MOST_KNOWN:
+                self._known.clear()
+            found = self._known[key] = make()
+        if isinstance(found, spaces.GraphInstance):
+            parts: Any = found
+            return spaces.GraphInstance(*(part.copy() for part in parts))
+        return found.copy()
+
+
+class View:
+    """An observation in a space, made of its components.
+
+    Args:
+        kind: "index", "multi", "flat" or "dict".
+        shape: sizes of the components; the first varies fastest in an index.
+        names: of the components.
+
+    Raises:
+        InvalidArgument: another kind.
+
+    Attributes:
+        space: of the observations.
+    """
+
+    def __init__(self, kind: ObservationKind, shape: Sequence[int], names: Sequence[str]) -> None:
+        check_kind(kind)
+        if kind in OF_MODEL:
+            hint = 'make it with `engine="compiled"` or `"live"`'
+            raise InvalidArgument(f'a table has no models, of which an observation "{kind}" is made', hint)
+        self.kind: ObservationKind = kind
+        self._shape = tuple(shape) or (1,)
+        self._names = tuple(names)
+        self._first = np.cumsum([0, *self._shape[:-1]])
+        self._memory = Memory()
+        self.space = self._space()
+
+    def _space(self) -> spaces.Space[Any]:
+        match self.kind:
+            case "index":
+                return spaces.Discrete(int(np.prod(self._shape, dtype=object)))
+            case "multi":
+                return spaces.MultiDiscrete(list(self._shape))
+            case "flat":
+                return spaces.Box(0.0, 1.0, (sum(self._shape),), np.float32)
+            case _:
+                sizes = zip(self._names, self._shape, strict=True)
+                return spaces.Dict({name: spaces.Discrete(size) for name, size in sizes})
+
+    def of_index(self, index: int) -> Any:
+        """The observation that has an index."""
+        if self.kind == "index":
+            return np.int64(index)
+        return self._memory.get(index, lambda: self.of_components(components(index, self._shape)))
+
+    def of_components(self, parts: NDArray[np.int64]) -> Any:
+        """Observations given by their components, on the last axis; of a dictionary each value has the other axes."""
+        match self.kind:
+            case "index":
+                return np.ravel_multi_index(tuple(np.moveaxis(parts, -1, 0)), self._shape, order="F")
+            case "multi":
+                return parts
+            case "flat":
+                found = np.zeros((*parts.shape[:-1], sum(self._shape)), dtype=np.float32)
+                np.put_along_axis(found, parts + self._first, 1.0, axis=-1)
+                return found
+            case _:
+                columns = np.moveaxis(parts, -1, 0)
+                return {name: columns[place] for place, name in enumerate(self._names)}
+
+    def __deepcopy__(self, _: object) -> View:
+        return self
+
+    def __reduce__(self) -> tuple[type[View], tuple[Any, ...]]:
+        return View, (self.kind, self._shape, self._names)
+
+
+def components(observation: NDArray[np.int64] | int, shape: Sequence[int]) -> NDArray[np.int64]:
+    """The components of observations given by index, on a new last axis; the first component varies fastest."""
+    parts = np.unravel_index(observation, tuple(shape) or (1,), order="F")
+    return np.stack([np.asarray(part, dtype=np.int64) for part in parts], axis=-1)

@@ -1,0 +1,189 @@
+"""Observations as vectors, dictionaries, images and graphs."""
+
+from __future__ import annotations
+
+import copy
+import pickle
+from typing import Any
+
+import numpy as np
+import pytest
+from gymnasium import spaces
+from gymnasium.spaces.utils import flatten
+from gymnasium.utils.env_checker import check_env
+
+import envgraph
+from envgraph.env import (
+    EnvgraphEnv,
+    EnvgraphLiveEnv,
+    EnvgraphVectorEnv,
+    GraphView,
+    ImageView,
+    ObservationKind,
+    Simulator,
+    explore,
+)
+from envgraph.env.compiled import CompiledEnv, CompiledVectorEnv, program_of
+from envgraph.errors import InvalidArgument
+from envgraph.lang import load_workspace
+from envgraph.rewrite import Engine
+from tests.unit.env.coins import loaded
+
+SEEN = """
+action turn = 0.5: turn()
+action grab(coin : Coin) = grab(hand, coin, _)
+on reset apply turn()
+observe hand.holds among Coin or none
+observe coin.side for coin : Coin
+observe count find up(_) up to 2
+"""
+PLAIN = ("flat", "dict")
+NAMES = ("hand holds", "coin[a] side", "coin[b] side", "coin[c] side", "count up(_)")
+
+
+def maze(model: str | None = None) -> tuple[Engine, Any]:
+    workspace = load_workspace(["keydoor"])
+    return workspace.engine(model or workspace.models[0].model.name), workspace.behaviour()
+
+
+def test_flat_is_one_hot_and_a_dictionary_has_names() -> None:
+    engine, behaviour = loaded(SEEN)
+    table = explore(engine, behaviour).tabular
+    assert table.observation_names == NAMES
+    multi, flat, named = (EnvgraphEnv(table, observation=kind) for kind in ("multi", "flat", "dict"))  # type: ignore[arg-type]
+    assert named.observation_space == spaces.Dict(
+        {name: spaces.Discrete(size) for name, size in zip(NAMES, (4, 2, 2, 2, 3), strict=True)}
+    )
+    first = [env.reset(seed=3)[0] for env in (multi, flat, named)]
+    for seen in (first, [env.step(2)[0] for env in (multi, flat, named)]):
+        assert seen[1].tolist() == flatten(multi.observation_space, seen[0]).tolist()
+        assert seen[1].dtype == np.float32
+        assert [*seen[2].values()] == seen[0].tolist()
+    first[1][:] = 7.0
+    first[2]["hand holds"] = 9
+    assert flat.reset(seed=3)[0].max() == 1.0, "each observation is an object of its own"
+    assert named.reset(seed=3)[0]["hand holds"] == 3
+
+
+@pytest.mark.parametrize("kind", PLAIN)
+def test_it_is_the_same_from_tables_programs_and_the_live_engine(kind: ObservationKind) -> None:
+    engine, behaviour = loaded(SEEN)
+    program = program_of(engine, behaviour, native=False)
+    table = explore(engine, behaviour).tabular
+    envs = [
+        EnvgraphEnv(table, observation=kind),
+        CompiledEnv(program, observation=kind),
+        EnvgraphLiveEnv(Simulator(engine, behaviour), observation=kind),
+    ]
+    for env in envs:
+        check_env(env, skip_render_check=True)
+    many = [
+        EnvgraphVectorEnv(table, 3, observation=kind),
+        CompiledVectorEnv(program, 3, observation=kind),
+    ]
+    assert_same([env.reset(seed=1)[0] for env in envs])
+    assert_same([env.reset(seed=1)[0] for env in many])
+    for action in (0, 2, 0, 3):
+        assert_same([env.step(action)[0] for env in envs])
+        seen = [env.step(np.full(3, action))[0] for env in many]
+        assert_same(seen)
+        assert seen[0] in many[0].observation_space
+    assert copy.deepcopy(envs[0]).step(1)[4] == pickle.loads(pickle.dumps(envs[0])).step(1)[4]
+
+
+def assert_same(seen: list[Any]) -> None:
+    for other in seen[1:]:
+        parts = (one.items() if isinstance(one, dict) else enumerate(one) for one in (seen[0], other))
+        for (name, mine), (other_name, theirs) in zip(*parts, strict=True):
+            assert name == other_name
+            assert np.array_equal(mine, theirs)
+            assert np.asarray(mine).dtype == np.asarray(theirs).dtype
+
+
+def test_an_image_has_a_plane_for_each_class_and_each_clause() -> None:
+    engine, behaviour = maze()
+    view = ImageView(behaviour, [engine.model])
+    channels = ("Wall", "Floor", "Exit", "Door", "Key", "Hero", "hero at", "holds(hero, ::red)")
+    assert view.channels == (*channels, "count holds(hero, _)", "door open")
+    assert view.space == spaces.Box(0, 255, (5, 7, 10), np.uint8)
+    simulator = Simulator(engine, behaviour)
+    planes = dict(zip(view.channels, np.moveaxis(view.of(simulator), -1, 0), strict=True))
+    door = engine.model.nodes("Door")[0]
+    assert np.argwhere(planes["Hero"]).tolist() == np.argwhere(planes["hero at"]).tolist() == [[1, 1]]
+    assert (planes["Wall"][[0, -1]] == 255).all()
+    assert np.argwhere(planes["door open"]).tolist() == [[door.y, door.x]]
+    assert planes["door open"][door.y, door.x] == 127, "closed, not absent"
+    assert not planes["count holds(hero, _)"].any()
+    with engine.transaction():
+        door.open = True
+        key = engine.model.nodes("Key")[0]
+        key.cell = None
+        engine.model.nodes("Hero")[0].inventory.append(key)
+    planes = dict(zip(view.channels, np.moveaxis(view.of(simulator), -1, 0), strict=True))
+    assert planes["door open"][door.y, door.x] == 255
+    assert (planes["count holds(hero, _)"] == 127).all()
+    assert not planes["Key"].any()
+
+
+def test_an_image_has_the_size_of_the_largest_member() -> None:
+    (small, behaviour), (large, _) = maze(), maze()
+    with large.transaction():
+        large.model.create("Wall", x=9, y=3)
+    view = ImageView(behaviour, [small.model, large.model])
+    assert view.space.shape == (5, 10, 10)
+    image = view.of(Simulator(small, behaviour))
+    assert not image[:, 7:].any()
+    assert image in view.space
+    with pytest.raises(InvalidArgument, match="has no image: it draws no grid; write `draw grid"):
+        ImageView(load_workspace(["network"]).behaviour(), [small.model])
+
+
+def test_a_graph_has_the_objects_and_links_of_the_model() -> None:
+    engine, behaviour = maze()
+    view, model = GraphView(behaviour, engine.model.metamodel), engine.model
+    graph = view.of(Simulator(engine, behaviour))
+    assert graph in view.space
+    columns = dict(zip(view.features, graph.nodes.T, strict=True))
+    assert columns["Door"].sum() == 1
+    assert columns["hero"].tolist() == columns["Hero"].tolist()
+    door = int(np.argmax(columns["Door"]))
+    assert (columns["Door.open?"][door], columns["Door.open"][door]) == (1.0, 0.0)
+    assert columns["Door.open?"].sum() == 1, "others have none"
+    assert columns["Cell.x"][door] == model.nodes("Door")[0].x
+    links = graph.edge_links[graph.edges == view.references.index("Hero.at")]
+    assert columns["Hero"][links[:, 0]].tolist() == [1.0]
+    assert (columns["Cell.x"][links[0, 1]], columns["Cell.y"][links[0, 1]]) == (1.0, 1.0)
+
+
+@pytest.mark.parametrize("kind", ["image", "graph"])
+def test_images_and_graphs_are_the_same_from_programs_and_the_live_engine(kind: ObservationKind) -> None:
+    engine, behaviour = maze()
+    program = program_of(*maze(), native=False)
+    envs = [
+        CompiledEnv(program, observation=kind),
+        EnvgraphLiveEnv(Simulator(engine, behaviour), observation=kind),
+    ]
+    many = CompiledVectorEnv(program, 2, observation=kind, streams="each")
+    seen = [env.reset(seed=0)[0] for env in envs]
+    both = many.reset(seed=0)[0]
+    for action in (1, 2, 3, 0, 1, 1, 4, 1):
+        for other in (seen[1], both[0], both[1]):
+            assert_same([[*seen[0]], [*other]])
+        assert seen[0] in envs[0].observation_space
+        assert both in many.observation_space
+        seen = [env.step(action % len(program.action_names))[0] for env in envs]
+        both = many.step(np.full(2, action % len(program.action_names)))[0]
+
+
+def test_kinds_of_observations_are_checked() -> None:
+    with pytest.raises(InvalidArgument, match="unknown kind of observation 'imag'; did you mean `image`"):
+        envgraph.make(domain="keydoor", observation="imag")
+    with pytest.raises(InvalidArgument, match='"graph" is made of the model, which a table has not; leave'):
+        envgraph.make_vec(domain="keydoor", observation="graph", engine="table")
+    with pytest.raises(InvalidArgument, match='of which an observation "image" is made'):
+        EnvgraphEnv(explore(*loaded(SEEN)).tabular, observation="image")
+    assert envgraph.make(domain="keydoor", observation="image", engine="live").reset(seed=0)[0].shape == (
+        5,
+        7,
+        10,
+    )
