@@ -5,7 +5,6 @@ from __future__ import annotations
 from abc import abstractmethod
 from bisect import bisect_right
 from collections.abc import Sequence
-from copy import deepcopy
 from numbers import Integral
 from operator import index
 from typing import Any, Final
@@ -111,7 +110,8 @@ class SingleEnvironment(gymnasium.Env[Any, Any]):
     ) -> None:
         self.render_mode = render_mode
         self.action_names = tuple(action_names)
-        self.action_space = spaces.Discrete(len(self.action_names))
+        self._count = len(self.action_names)
+        self.action_space = spaces.Discrete(self._count)
         self.view = view
         self.observation_space = view.space
         self._cell = cell
@@ -171,9 +171,7 @@ class SingleEnvironment(gymnasium.Env[Any, Any]):
 
     def _first(self, info: dict[str, Any]) -> dict[str, Any]:
         """An info of a reset."""
-        return (
-            info if self._about is None else {**info, "certificates": deepcopy(self._about["certificates"])}
-        )
+        return info if self._about is None else {**info, "certificates": dict(self._about["certificates"])}
 
     def _begin(self) -> None:
         self._running = True
@@ -186,9 +184,9 @@ class SingleEnvironment(gymnasium.Env[Any, Any]):
             number = index(action)
         except TypeError:
             number = -1
-        if not 0 <= number < len(self.action_names):
+        if not 0 <= number < self._count:
             hint = "an action is a number: the place of its name in `action_names`"
-            raise InvalidArgument(f"action {action!r} is not in 0..{len(self.action_names) - 1}", hint)
+            raise InvalidArgument(f"action {action!r} is not in 0..{self._count - 1}", hint)
         return number
 
     def render(self) -> str | NDArray[np.uint8] | None:
@@ -265,13 +263,13 @@ class EnvgraphEnv(SingleEnvironment):
         """Begin an episode in one of the start states."""
         wanted = self._options(options, ("state",)).get("state")
         super().reset(seed=seed)
-        self._state = self._start(wanted)
+        self._state = self._start(wanted, self.np_random)
         self._begin()
         return self._see(self._flat.observation[self._state]), self._first(self._info(success=False))
 
-    def _start(self, wanted: Any) -> int:
+    def _start(self, wanted: Any, generator: np.random.Generator) -> int:
         if wanted is None:
-            place = bisect_right(self._flat.start_sums, self.np_random.random())
+            place = bisect_right(self._flat.start_sums, generator.random())
             return int(self.tabular.start_states[place])
         if not isinstance(wanted, Integral) or not 0 <= int(wanted) < self.tabular.n_states:
             raise InvalidArgument(f"there is no state {wanted!r}, but 0..{self.tabular.n_states - 1}")
@@ -279,10 +277,13 @@ class EnvgraphEnv(SingleEnvironment):
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """Do one action; the last but one value (truncated) is always False."""
-        number = self._check_step(action)
-        flat, outcomes = self._flat, self._flat.outcomes
-        place = self._state * flat.row + number * outcomes
-        uniform = self.np_random.random()  # drawn even where nothing is random, as the live environment does
+        if type(action) is not int or not self._running or not 0 <= action < self._count:
+            action = self._check_step(action)
+        flat, generator = self._flat, self._np_random
+        assert generator is not None, "an episode has begun"
+        outcomes = flat.outcomes
+        place = self._state * flat.row + action * outcomes
+        uniform = generator.random()  # drawn even where nothing is random, as the live environment does
         if outcomes > 1:
             place = bisect_right(flat.sums, uniform, place, place + outcomes)
         self._state = flat.next_state[place]
