@@ -25,10 +25,11 @@ from envgraph.env._views import OF_MODEL, Memory, ObservationKind, View, check_k
 from envgraph.env.scene._pixels import scene_rgb
 from envgraph.env.scene._scene import DRAW_HINT, Scene
 from envgraph.env.scene._text import scene_text
+from envgraph.env.scene._window import Window, check_window, has_window
 from envgraph.errors import InvalidArgument, listed
 
-RENDER_MODES: Final = ("ansi", "rgb_array")
-"""Text, and pixels."""
+RENDER_MODES: Final = ("ansi", "rgb_array", "human")
+"""Text, pixels, and a window."""
 
 SUCCESS = 1
 
@@ -69,10 +70,11 @@ def check_render_mode(render_mode: str | None, modes: Sequence[str] = RENDER_MOD
         InvalidArgument: there is none.
     """
     if render_mode is not None and render_mode not in modes:
-        known = " and ".join(f"`{mode}`" for mode in modes)
-        raise InvalidArgument(f"unknown render mode {render_mode!r}: there is {known}")
+        raise InvalidArgument(f"unknown render mode {render_mode!r}: there is {listed(modes)}")
     if render_mode is not None and not drawn:
         raise InvalidArgument(f"this environment has no pictures: its behaviour has no `draw`; {DRAW_HINT}")
+    if render_mode == "human":
+        check_window()
 
 
 def known_options(options: dict[str, Any] | None, known: Sequence[str] = ()) -> dict[str, Any]:
@@ -96,7 +98,10 @@ class SingleEnvironment(gymnasium.Env[Any, Any]):
         members: the family, for `reset(options={"variant": ..})`; None where there is none.
     """
 
-    metadata: dict[str, Any] = {"render_modes": [*RENDER_MODES], "render_fps": 4}  # noqa: RUF012
+    metadata: dict[str, Any] = {  # noqa: RUF012
+        "render_modes": [mode for mode in RENDER_MODES if mode != "human" or has_window()],
+        "render_fps": 4,
+    }
 
     members: Members | None = None
 
@@ -115,6 +120,7 @@ class SingleEnvironment(gymnasium.Env[Any, Any]):
         self.view = view
         self.observation_space = view.space
         self._cell = cell
+        self._window = Window("envgraph", self.metadata["render_fps"]) if render_mode == "human" else None
         self._running = False
         self._steps = 0
         self._about: About | None = None
@@ -160,13 +166,15 @@ class SingleEnvironment(gymnasium.Env[Any, Any]):
         """`action_masks` within an episode."""
 
     def _told(self, info: dict[str, Any], agent: str | None) -> dict[str, Any]:
-        """An info with what not all have."""
+        """An info with what not all have; where there is a window, it shows the state."""
         if agent is not None:
             info["agent"] = agent
         if self._variant is not None:
             info["variant"] = self._variant
         if self._masked:
             info["action_mask"] = self.action_masks().view(np.int8)
+        if self._window is not None:
+            self._window.show(scene_rgb(self._scene(), self._cell))
         return info
 
     def _first(self, info: dict[str, Any]) -> dict[str, Any]:
@@ -190,11 +198,19 @@ class SingleEnvironment(gymnasium.Env[Any, Any]):
         return number
 
     def render(self) -> str | NDArray[np.uint8] | None:
-        """The current state as text ("ansi") or as pixels [height, width, 3] ("rgb_array"); None without a mode."""
-        if self.render_mode is None:
+        """The current state as text ("ansi") or as pixels [height, width, 3] ("rgb_array"); None without a mode.
+
+        With "human" each reset and step shows it in a window, and this gives None.
+        """
+        if self.render_mode is None or self._window is not None:
             return None
         scene = self._scene()
         return scene_text(scene) if self.render_mode == "ansi" else scene_rgb(scene, self._cell)
+
+    def close(self) -> None:
+        """Close the window, if there is one."""
+        if self._window is not None:
+            self._window.close()
 
     @abstractmethod
     def _scene(self) -> Scene:
@@ -216,7 +232,7 @@ class EnvgraphEnv(SingleEnvironment):
     Args:
         tabular: the states.
         pictures: one scene a state; needed for rendering alone.
-        render_mode: None, "ansi" or "rgb_array".
+        render_mode: None, "ansi", "rgb_array" or "human".
         observation: "index", "multi", "flat" or "dict".
         cell: side of a cell in pixels.
         action_masks: whether the infos have `action_mask`.
@@ -251,7 +267,7 @@ class EnvgraphEnv(SingleEnvironment):
     def _enter(self, found: Explored) -> None:
         self.tabular, self._pictures = found.tabular, found.pictures
         self._flat = _Flat(found.tabular)
-        self._plain = found.tabular.turn is None and not self._masked
+        self._plain = found.tabular.turn is None and not self._masked and self._window is None
 
     def _allowed(self) -> NDArray[np.bool_]:
         found: NDArray[np.bool_] = self.tabular.masks[self._state].copy()
@@ -346,7 +362,7 @@ class EnvgraphLiveEnv(SingleEnvironment):
 
     Args:
         simulator: the engine and its behaviour; nothing else may change its model in the meantime.
-        render_mode: None, "ansi" or "rgb_array".
+        render_mode: None, "ansi", "rgb_array" or "human".
         observation: "index", "multi", "flat", "dict", "image" or "graph"; or a view over more members than this.
         cell: side of a cell in pixels.
         action_masks: whether the infos have `action_mask`.

@@ -247,7 +247,7 @@ def make_environment(
             directory, or the name of a bundled domain.
         family: a family file (`envgraph export`), a run, or its run store.
         variant: name of a member ("E6") or its number from 1; the target, which is the last one, by default.
-        render_mode: None, "ansi" or "rgb_array".
+        render_mode: None, "ansi", "rgb_array" or "human".
         observation: "index" for one number, "multi" for its components, "flat" for them as one-hot vectors, "dict" for
             them by name, "image" for planes over the grid, "graph" for the model. The last two are made of the model,
             so the environment is compiled or live; see `ImageView` and `GraphView`.

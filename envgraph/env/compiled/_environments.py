@@ -34,7 +34,7 @@ class CompiledEnv(SingleEnvironment):
     Args:
         program: the compiled behaviour.
         member: number of the member of the family.
-        render_mode: None, "ansi" or "rgb_array".
+        render_mode: None, "ansi", "rgb_array" or "human".
         observation: "index", "multi", "flat", "dict", "image" or "graph"; or a view over more members than these.
         cell: side of a cell in pixels.
         action_masks: whether the infos have `action_mask`.

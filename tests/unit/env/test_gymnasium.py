@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from envgraph.env import EnvgraphEnv, EnvgraphLiveEnv, Explored, Simulator, explore, register
 from envgraph.env.registration import register_entry_point
+from envgraph.env.scene import _window
 from envgraph.errors import InvalidArgument
 from tests.unit.env import forest
 from tests.unit.env.coins import loaded
@@ -183,14 +184,20 @@ def test_pixels_have_the_size_of_the_grid() -> None:
     assert (picture.shape, picture.dtype) == ((160, 160, 3), np.uint8)
 
 
-def test_rendering_without_a_mode_gives_nothing_and_without_pictures_is_refused() -> None:
+def test_rendering_without_a_mode_gives_nothing_and_without_pictures_is_refused(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     env = EnvgraphEnv(TARGET.tabular)
     env.reset()
     assert env.render() is None
     with pytest.raises(InvalidArgument, match=r"no pictures: .*; write a clause such as `draw graph"):
         EnvgraphEnv(TARGET.tabular, render_mode="ansi")
+    with monkeypatch.context() as without:
+        without.setattr(_window, "find_spec", lambda _: None)
+        with pytest.raises(InvalidArgument, match=r"`human` needs pygame: pip install 'envgraph\[human\]'"):
+            make("forest", render_mode="human")
     with pytest.raises(InvalidArgument, match="unknown render mode"):
-        EnvgraphEnv(TARGET.tabular, render_mode="human")
+        EnvgraphEnv(TARGET.tabular, render_mode="text")
     with pytest.raises(InvalidArgument, match="index"):
         EnvgraphEnv(TARGET.tabular, observation="both")  # type: ignore[arg-type]
 

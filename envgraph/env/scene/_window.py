@@ -1,0 +1,69 @@
+"""A window that shows pictures, for `render_mode="human"`: by pygame, the extra `human`."""
+
+from __future__ import annotations
+
+from importlib.util import find_spec
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from envgraph.errors import InvalidArgument
+
+
+def has_window() -> bool:
+    """Whether pygame is installed."""
+    return find_spec("pygame") is not None
+
+
+def check_window() -> None:
+    """See that there can be a window.
+
+    Raises:
+        InvalidArgument: pygame is not installed.
+    """
+    if not has_window():
+        raise InvalidArgument("render mode `human` needs pygame: pip install 'envgraph[human]'")
+
+
+class Window:
+    """A window, which opens with the first picture.
+
+    Args:
+        title: of the window.
+        fps: pictures a second: `show` waits as long as that takes.
+    """
+
+    def __init__(self, title: str, fps: int) -> None:
+        self._given = title, fps
+        self._surface: Any = None
+        self._clock: Any = None
+
+    def show(self, pixels: NDArray[np.uint8]) -> None:
+        """Show a picture [height, width, 3]; the window gets its size."""
+        import pygame
+
+        title, fps = self._given
+        height, width = pixels.shape[:2]
+        if self._surface is None or self._surface.get_size() != (width, height):
+            pygame.display.init()
+            self._surface, self._clock = pygame.display.set_mode((width, height)), pygame.time.Clock()
+            pygame.display.set_caption(title)
+        self._surface.blit(pygame.surfarray.make_surface(pixels.swapaxes(0, 1)), (0, 0))
+        pygame.event.pump()
+        pygame.display.flip()
+        self._clock.tick(fps)
+
+    def close(self) -> None:
+        """Close the window, if it is open."""
+        if self._surface is not None:
+            import pygame
+
+            pygame.display.quit()
+            self._surface = None
+
+    def __deepcopy__(self, _: object) -> Window:
+        return Window(*self._given)
+
+    def __reduce__(self) -> tuple[type[Window], tuple[str, int]]:
+        return Window, self._given
