@@ -14,9 +14,13 @@ from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import SyncVectorEnv
 
 from envgraph.env import EnvgraphEnv, EnvgraphLiveEnv, EnvgraphVectorEnv, Simulator, explore, scene_rgb
+from envgraph.errors import Source
 from envgraph.lang import bundled_domain, load_workspace
+from envgraph.report import reproduction
+from envgraph.search import import_ga4cl, make, make_vec, write_family
 
 STEPS = 50_000
+PUBLISHED = Path(reproduction.__file__).parent / "data" / "environment-config.json"
 
 SIX_KEYS = """
 import "keydoor.metamodel"
@@ -73,10 +77,42 @@ def main() -> None:
         print(
             f"{f'EnvgraphVectorEnv of {count}':34} {many:12,.0f} steps/s  {many / sync:6.2f} x SyncVectorEnv"
         )
+    _family(lake)
     scene = explored.pictures[0]
     print(f"{'picture of 256 x 256 pixels':34} {_best(lambda: scene_rgb(scene)) * 1e3:12.2f} ms")
     with TemporaryDirectory() as directory:
         _large(Path(directory))
+
+
+def _family(lake: float) -> None:
+    """Members of a family: making one, stepping with masks, and as vectors, dictionaries and images."""
+    with TemporaryDirectory() as directory:
+        os.environ["ENVGRAPH_CACHE"] = str(Path(directory) / "cache")
+        path = Path(directory) / "family.json"
+        run = import_ga4cl(
+            Source("family.json", PUBLISHED.read_text("utf-8")),
+            "burning_forest",
+            Path(directory) / "run.sqlite",
+        )
+        path.write_text(write_family(run[0]), "utf-8")
+        make(path)
+        print(f"{'make of a stored family':34} {_best(lambda: make(path)) * 1e3:12.1f} ms")
+        options: tuple[dict[str, object], ...] = (
+            {},
+            {"action_masks": True},
+            *({"observation": kind} for kind in ("multi", "flat", "dict")),
+            {"observation": "image", "engine": "live"},
+        )
+        for given in options:
+            steps = _steps(make(path, **given).unwrapped, STEPS // 5)  # type: ignore[arg-type]
+            name = (
+                ", ".join(map(str, given.values())) if given.get("action_masks") is None else "action masks"
+            )
+            print(f"{f'one of a family {name}':34} {steps:12,.0f} steps/s  {steps / lake:6.2f} x FrozenLake")
+        for masked in (False, True):
+            many = make_vec(path, 1024, action_masks=masked)
+            name = f"1024 of a family{', action masks' * masked}"
+            print(f"{name:34} {_vector_steps(many, 1024):12,.0f} steps/s")
 
 
 def _large(directory: Path) -> None:
