@@ -12,17 +12,20 @@ from typing import Any
 import gymnasium
 import numpy as np
 import pytest
-import torch
 from gymnasium import wrappers
 from gymnasium.vector import AutoresetMode
+
+import envgraph
+
+pytest.importorskip("sb3_contrib")  # modules are imported in `make test`, too, for their doctests
+
+import torch
 from sb3_contrib import MaskablePPO
 from sb3_contrib.common.maskable.utils import get_action_masks, is_masking_supported
 from stable_baselines3 import DQN, PPO
 from stable_baselines3.common.env_checker import check_env
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv
-
-import envgraph
 
 pytestmark = pytest.mark.filterwarnings("default")  # theirs, not ours to fix
 
