@@ -54,7 +54,7 @@ def evaluate(
         raise InvalidArgument(f"`q` is {q.shape}, not {(tabular.n_observations, tabular.n_actions)}")
     if episodes < 1 or limit < 1:
         raise InvalidArgument("`episodes` and `limit` must be positive")
-    policy = np.argmax(q, axis=1)[tabular.observation]
+    policy = np.argmax(q[tabular.observation], axis=1)
     if tabular.deterministic:
         return _follow(tabular, policy, limit)
     return _sample(tabular, policy, episodes, limit, rng)
@@ -81,7 +81,7 @@ def _sample(
 ) -> Evaluation:
     """All episodes side by side, one step at a time."""
     states = np.arange(tabular.n_states)
-    chances = accumulate(tabular.probability)[states, policy]
+    chances = accumulate(tabular.probability[states, policy])
     starts = np.searchsorted(accumulate(tabular.start_probability), rng.random(episodes), "right")
     state = tabular.start_states[starts]
     running = np.arange(episodes)

@@ -52,9 +52,18 @@ def learn(arrays, values, rows, epsilons, factors, limit, points, curve):
         points: int64, steps at which the curve is read; the last one is the end.
         curve: of each learner and point the total reward, finished episodes and successes among them; written.
     """
-    next_state, following, rewards, terminated, cumulative, starts, start_seen, start_cumulative, shape = (
-        arrays
-    )
+    (
+        offset,
+        next_state,
+        following,
+        rewards,
+        terminated,
+        cumulative,
+        starts,
+        start_seen,
+        start_cumulative,
+        shape,
+    ) = arrays
     agent, rate, discount, step_decay, episode_decay, minimum = factors
     n_actions, n_outcomes = shape
     several = len(starts) > 1
@@ -76,7 +85,7 @@ def learn(arrays, values, rows, epsilons, factors, limit, points, curve):
                 old = q[pending, chosen]
                 q[pending, chosen] = old + rate * (earned + discount * q[seen, action] - old)
                 pending = -1
-            at = (state * n_actions + action) * n_outcomes
+            at = offset[state * n_actions + action]
             if n_outcomes > 1:
                 at += drawn_place(cumulative, at, v)
             reward, state, after, ended = rewards[at], next_state[at], following[at], terminated[at]
@@ -111,7 +120,9 @@ def learn(arrays, values, rows, epsilons, factors, limit, points, curve):
 
 def play(arrays, values, rows, distance, limit, episodes, scores, successes):
     """Episodes of each learner's greedy policy; arguments as in `learn`, results as in `Learners.play`."""
-    next_state, following, _, terminated, cumulative, starts, start_seen, start_cumulative, shape = arrays
+    offset, next_state, following, _, terminated, cumulative, starts, start_seen, start_cumulative, shape = (
+        arrays
+    )
     n_actions, n_outcomes = shape
     for learner in range(len(values)):
         q, total, reached = values[learner], 0.0, 0
@@ -120,7 +131,7 @@ def play(arrays, values, rows, distance, limit, episodes, scores, successes):
             state, seen, ended, left = starts[start], start_seen[start], 0, limit
             first = nearest = distance[state]
             while ended == 0 and left > 0:
-                at = (state * n_actions + greedy_action(q, seen)) * n_outcomes
+                at = offset[state * n_actions + greedy_action(q, seen)]
                 if n_outcomes > 1:
                     at += drawn_place(cumulative, at, uniform(rows, learner))
                 state, seen, ended = next_state[at], following[at], terminated[at]

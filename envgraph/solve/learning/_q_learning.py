@@ -5,7 +5,6 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Iterable, Iterator
 from itertools import pairwise, repeat
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,20 +13,17 @@ from envgraph.solve.learning._stage import Stage, StageOutcome, Table
 
 BLOCK = 16_384
 
-# Reward, next state, its observation, how the episode ends (0: it goes on).
-Outcome = tuple[float, int, int, int]
-
 
 def run_stage(table: Table, stage: Stage, q: NDArray[np.float64], rng: np.random.Generator) -> StageOutcome:
     """Train on a table; `q` [observations, actions] is changed in place."""
     _, rate, discount, step_decay, episode_decay, minimum = stage.factors
     each_step, stochastic, n_actions = step_decay != 1.0, table.n_outcomes > 1, table.n_actions
-    transitions, chances = transitions_of(table), table.cumulative.reshape(-1, table.n_outcomes).tolist()
-    starts = list(zip(table.start_states.tolist(), table.start_observations.tolist(), strict=True))
+    known = table.known
+    starts = starts_of(table)
     start_chances = table.start_cumulative.tolist()
 
     # The greedy action of each observation and its value are kept, which spares two passes over a row each step.
-    rows: list[list[float]] = q.tolist()
+    rows: list[list[float]] = q[table.seen].tolist()
     best = [max(row) for row in rows]
     greedy = [row.index(top) for row, top in zip(rows, best, strict=True)]
 
@@ -39,9 +35,8 @@ def run_stage(table: Table, stage: Stage, q: NDArray[np.float64], rng: np.random
         for u, v, w in draws_of(table, after - before, rng):
             action = int(u / epsilon * n_actions) if u < epsilon else greedy[seen]
             at = state * n_actions + action
-            choice = transitions[at]
-            outcome = choice[bisect_right(chances[at], v)] if stochastic else choice[0]
-            reward, state, following, ended = outcome
+            chances, choice = known[at] or table.outcomes(at)
+            reward, state, following, ended = choice[bisect_right(chances, v)] if stochastic else choice[0]
             total += reward
             row = rows[seen]
             old = row[action]
@@ -66,20 +61,13 @@ def run_stage(table: Table, stage: Stage, q: NDArray[np.float64], rng: np.random
                 left = limit
                 state, seen = starts[bisect_right(start_chances, w)]
         curve.append((total, episodes, successes))
-    q[:] = rows
+    q[table.seen] = rows
     return StageOutcome(epsilon, curve)
 
 
-def transitions_of(table: Table) -> list[list[Outcome]]:
-    """The outcomes of each action of each state."""
-    columns: tuple[list[Any], ...] = (
-        table.reward.tolist(),
-        table.next_state.tolist(),
-        table.next_observation.tolist(),
-        table.terminated.tolist(),
-    )
-    flat = list(zip(*columns, strict=True))
-    return [flat[start : start + table.n_outcomes] for start in range(0, len(flat), table.n_outcomes)]
+def starts_of(table: Table) -> list[tuple[int, int]]:
+    """The states in which an episode begins, and the places of their observations in `table.seen`."""
+    return list(zip(table.start_states.tolist(), table.place[table.start_states].tolist(), strict=True))
 
 
 def draws_of(table: Table, steps: int, rng: np.random.Generator) -> Iterator[tuple[float, float, float]]:

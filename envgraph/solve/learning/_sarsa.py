@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from envgraph.solve.learning._q_learning import draws_of, transitions_of
+from envgraph.solve.learning._q_learning import draws_of, starts_of
 from envgraph.solve.learning._stage import Stage, StageOutcome, Table
 
 
@@ -16,10 +16,10 @@ def run_stage(table: Table, stage: Stage, q: NDArray[np.float64], rng: np.random
     """Train on a table; `q` [observations, actions] is changed in place."""
     settings = stage.settings
     _, rate, discount, step_decay, episode_decay, minimum = stage.factors
-    transitions, chances = transitions_of(table), table.cumulative.reshape(-1, table.n_outcomes).tolist()
-    starts = list(zip(table.start_states.tolist(), table.start_observations.tolist(), strict=True))
+    known = table.known
+    starts = starts_of(table)
     start_chances = table.start_cumulative.tolist()
-    rows: list[list[float]] = q.tolist()
+    rows: list[list[float]] = q[table.seen].tolist()
 
     epsilon, limit, total, episodes, successes = stage.epsilon, settings.limit, 0.0, 0, 0
     left, steps = limit, stage.steps
@@ -34,11 +34,11 @@ def run_stage(table: Table, stage: Stage, q: NDArray[np.float64], rng: np.random
                 earlier, chosen, earned = pending
                 earlier[chosen] += rate * (earned + discount * row[action] - earlier[chosen])
                 pending = None
-            choice = transitions[state * len(row) + action]
-            outcome = (
-                choice[bisect_right(chances[state * len(row) + action], v)] if len(choice) > 1 else choice[0]
+            at = state * len(row) + action
+            chances, choice = known[at] or table.outcomes(at)
+            reward, state, following, ended = (
+                choice[bisect_right(chances, v)] if len(choice) > 1 else choice[0]
             )
-            reward, state, following, ended = outcome
             total += reward
             left, steps = left - 1, steps - 1
             if settings.agent == "sarsa" and not ended and left and steps:
@@ -55,7 +55,7 @@ def run_stage(table: Table, stage: Stage, q: NDArray[np.float64], rng: np.random
                 left = limit
                 state, seen = starts[bisect_right(start_chances, w)]
         curve.append((total, episodes, successes))
-    q[:] = rows
+    q[table.seen] = rows
     return StageOutcome(epsilon, curve)
 
 

@@ -13,6 +13,7 @@ Rows are drawn in blocks; the numbers do not depend on the size of the blocks.
 
 from __future__ import annotations
 
+from dataclasses import field
 from typing import Any
 
 import numpy as np
@@ -23,14 +24,24 @@ from envgraph.env import Tabular
 from envgraph.solve._evaluation import accumulate
 from envgraph.solve.learning._settings import AGENTS, TrainingSettings
 
+Outcome = tuple[float, int, int, int]
+"""Reward, next state, its place in `Table.seen`, how the episode ends (0: it goes on)."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Table:
-    """A `Tabular` for a loop that samples: outcome k of action a in state s stands at (s * A + a) * K + k.
+    """A `Tabular` for a loop that samples, with the outcomes that can happen alone.
+
+    Those of action a in state s stand from `offset[s * A + a]` up to the next number there: where steps have many
+    outcomes most of a `Tabular` is padding.
 
     Attributes:
-        cumulative: an outcome is the first whose value is above v. The last one that can happen has infinity, so
-            that rounding never leads into the padding.
+        n_outcomes: the most that an action of the `Tabular` has room for.
+        cumulative: an outcome is the first whose value is above v. The last one of an action has infinity, so that
+            rounding never leads beyond it.
+        seen: the observations of the states, ascending, each once: no other is met.
+        place: of each state, that of its observation in `seen`.
+        known: what `outcomes` gave, for a loop that needs it often; None where nobody asked.
         next_observation: observation of the next state.
         start_cumulative: like `cumulative`, for the start states.
     """
@@ -38,24 +49,41 @@ class Table:
     n_observations: int
     n_actions: int
     n_outcomes: int
+    offset: NDArray[np.int64]
     next_state: NDArray[np.int64]
     next_observation: NDArray[np.int64]
     reward: NDArray[np.float64]
     terminated: NDArray[np.int64]
     cumulative: NDArray[np.float64]
+    seen: NDArray[np.int64]
+    place: NDArray[np.int64]
     start_states: NDArray[np.int64]
     start_observations: NDArray[np.int64]
     start_cumulative: NDArray[np.float64]
+    known: list[tuple[list[float], list[Outcome]] | None] = field(repr=False)
 
     @property
     def draws(self) -> int:
         """How many random numbers a step takes."""
         return 1 + int(self.n_outcomes > 1) + int(len(self.start_states) > 1)
 
+    def outcomes(self, at: int) -> tuple[list[float], list[Outcome]]:
+        """Cumulative chances and outcomes of action a in state s at s * A + a, as lists.
+
+        An agent comes to few of the states of a large table, so each is read when it is first needed.
+        """
+        here = slice(self.offset[at], self.offset[at + 1])
+        following = self.next_state[here]
+        columns: Any = self.reward[here], following, self.place[following], self.terminated[here]
+        read = [column.tolist() for column in columns]
+        found = self.known[at] = self.cumulative[here].tolist(), list(zip(*read, strict=True))
+        return found
+
     @property
     def arrays(self) -> tuple[Any, ...]:
         """What the compiled loop takes: all but the number of observations."""
         return (
+            self.offset,
             self.next_state,
             self.next_observation,
             self.reward,
@@ -114,19 +142,25 @@ class StageOutcome:
 
 def flatten(tabular: Tabular) -> Table:
     """The table of an environment for the training loops."""
-    next_state = tabular.next_state.astype(np.int64).ravel()
+    possible = tabular.probability > 0.0
+    next_state = tabular.next_state[possible].astype(np.int64)
     observation = tabular.observation.astype(np.int64)
+    seen, place = np.unique(observation, return_inverse=True)
     starts = tabular.start_states.astype(np.int64)
     return Table(
         n_observations=tabular.n_observations,
         n_actions=tabular.n_actions,
         n_outcomes=int(tabular.next_state.shape[2]),
+        offset=np.concatenate([[0], np.cumsum(possible.sum(axis=2))]),
         next_state=next_state,
         next_observation=observation[next_state],
-        reward=tabular.reward.astype(np.float64).ravel(),
-        terminated=tabular.terminated.astype(np.int64).ravel(),
-        cumulative=accumulate(tabular.probability).ravel(),
+        reward=tabular.reward[possible],
+        terminated=tabular.terminated[possible].astype(np.int64),
+        cumulative=accumulate(tabular.probability)[possible],
+        seen=seen,
+        place=place,
         start_states=starts,
         start_observations=observation[starts],
         start_cumulative=accumulate(tabular.start_probability),
+        known=[None] * (tabular.n_states * tabular.n_actions),
     )

@@ -8,7 +8,7 @@ import pytest
 from envgraph.errors import InvalidArgument
 from envgraph.learn import Epsilon, TrainingSettings, available_backends, train_curriculum
 from envgraph.solve.learning._stage import accumulate
-from envgraph.solve.learning._training import Backend
+from envgraph.solve.learning._training import Backend, initial_values, prepare, train
 from tests.unit.learn.small_tables import random_table, table
 
 HALVES = TrainingSettings(
@@ -186,3 +186,14 @@ def test_arguments_that_do_not_fit_are_refused(arguments: dict[str, object], mes
     call = {"tabulars": [table([[[(1.0, 0, 0.0, 0)]]])], "settings": HALVES, "rng": rng()} | arguments
     with pytest.raises(InvalidArgument, match=message):
         train_curriculum(**call)  # type: ignore[arg-type]
+
+
+def test_padding_and_states_that_nobody_comes_to_cost_a_loop_nothing() -> None:
+    row = [[(0.5, 1, 0.0, 0), (0.5, 0, 0.0, 0)], [(1.0, 0, 0.0, 0)]]
+    wide = table([row] * 500, observation=[state * 10 for state in range(500)])
+    (ready,) = prepare([wide])
+    assert len(ready.next_state) == 500 * 3 < wide.next_state.size
+    settings = TrainingSettings(steps_per_environment=1_000)
+    values = initial_values(ready, settings)
+    train([ready], settings, np.random.default_rng(0), [1_000], values, "python")
+    assert {place for place, read in enumerate(ready.known) if read} == {0, 1, 2, 3}  # of states 0 and 1
