@@ -81,6 +81,10 @@ class Comparison:
                 return f"neither {self.curriculum} nor {self.called} succeeds {numbers}"
             case "as much":
                 return f"{self.curriculum} and {self.called} reach as much {numbers}"
+            case "undecided" if (
+                2.0 ** (1 - self.seeds) >= SIGNIFICANT
+            ):  # the smallest p that so many pairs can have
+                return f"too few seeds to tell {self.curriculum} from {self.called} {numbers}"
             case "undecided":
                 return f"{self.curriculum} and {self.called} cannot be told apart {numbers}"
             case verdict:
