@@ -194,11 +194,10 @@ class Simulator:
         """
         if self._together is not None:
             return np.ones(self._together.n_actions, dtype=np.bool_)
-        return allowed_or_all(np.array([self._can(one) for one in self._agents.seats[self.turn].actions]))
-
-    def _can(self, action: PreparedAction) -> bool:
-        scope = action.scope(self._agents.seats[self.turn].program.bound)
-        return action.branches.can_run(scope, self._model)
+        seat, model = self._agents.seats[self.turn], self._model
+        bound = seat.program.bound
+        can = [one.branches.can_run(one.scope(bound), model) for one in seat.actions]
+        return allowed_or_all(np.array(can))
 
     def state_key(self) -> tuple[int, int]:
         """What tells states apart: the model, and whose turn it is."""

@@ -553,7 +553,7 @@ class _Program:
                 )
                 writer.assign(local, code.Operation("-", (clipped, code.Constant(low))))
             case _:
-                writer.assign(local, self._literal_index(term))
+                writer.assign(local, _literal_index(term, self._layout))
 
     def _indexable(self, cls: str) -> tuple[str, ...]:
         """The classes of the objects that have the key of a class."""
@@ -566,15 +566,17 @@ class _Program:
             or (key and all(self._metamodel.is_a(one, attribute.owner) for attribute in key))
         )
 
-    def _literal_index(self, term: Term) -> code.Expression:
-        if not isinstance(term.type, EnumType):
-            return term.number
-        literals = term.type.literals
-        if list(literals) == sorted(literals):
-            return term.value
-        places = tuple(literals.index(literal) for literal in sorted(literals))
-        offset = self._layout.offset(Constants(("places", term.type.name), places))
-        return entry(L, plus(offset, term.value))
+
+def _literal_index(term: Term, layout: Layout) -> code.Expression:
+    """Code for the place of a literal in its enum; those of other types are what they are."""
+    if not isinstance(term.type, EnumType):
+        return term.number
+    literals = term.type.literals
+    if list(literals) == sorted(literals):
+        return term.value
+    places = tuple(literals.index(literal) for literal in sorted(literals))
+    offset = layout.offset(Constants(("places", term.type.name), places))
+    return entry(L, plus(offset, term.value))
 
 
 def _set_at(plans: Sequence[RulePlan], attribute: Attribute) -> Span | None:
