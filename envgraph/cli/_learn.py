@@ -95,14 +95,18 @@ def train_agents(
     wanted: dict[str, Any] = dict(zip(_OPTIONS, (steps, seeds, curricula, controls), strict=True))
     journal = None
     if resume:
-        if force or any(value is not None for value in wanted.values()):
-            raise InvalidArgument(
-                "a resumed training keeps its steps, seeds, curricula and controls: leave the options out"
-            )
+        if force:
+            raise InvalidArgument("`--resume` goes on and `--force` begins anew: give one of them")
         if not (base / UNFINISHED).exists():
             raise InvalidArgument(f"no training of `{run}` was interrupted: there is nothing to go on with")
         journal = Journal.open(base / UNFINISHED)
-        wanted = _begun(journal)
+        begun = _begun(journal)
+        for name, value in wanted.items():
+            if value not in (None, begun[name]):
+                was = "the usual ones" if begun[name] is None else f"`{begun[name]}`"
+                message = f"this training was begun with other {name}: {was}, not `{value}`"
+                raise InvalidArgument(message, f"leave `--{name}` out, or begin anew with `--force`")
+        wanted = begun
     elif (base / UNFINISHED).exists() and not force:
         raise InvalidArgument(
             f"{base / UNFINISHED} holds the {len(Journal.open(base / UNFINISHED))} agents of a training that was "

@@ -84,7 +84,7 @@ class Comparison:
             case "undecided" if (
                 2.0 ** (1 - self.seeds) >= SIGNIFICANT
             ):  # the smallest p that so many pairs can have
-                return f"too few seeds to tell {self.curriculum} from {self.called} {numbers}"
+                return f"{self.curriculum} and {self.called} cannot be told apart by so few seeds {numbers}"
             case "undecided":
                 return f"{self.curriculum} and {self.called} cannot be told apart {numbers}"
             case verdict:

@@ -89,7 +89,7 @@ def test_a_resumed_training_has_the_same_results_byte_for_byte(
     monkeypatch.undo()
     monkeypatch.chdir(run.parents[1])
     trained = interrupted_after(AGENTS, monkeypatch)
-    assert command("train", "forest", "--resume")[0] == 0  # type: ignore[operator]
+    assert command(*TRAIN, "--resume")[0] == 0  # type: ignore[operator]
     assert len(trained) == AGENTS - count
     assert results(run) == whole
 
@@ -104,7 +104,7 @@ def test_an_interrupted_training_is_not_lost_by_beginning_another(
     assert code == 1 and "interrupted: go on with --resume, or replace it with --force" in messages
     assert "holds the 3 agents of a training" in messages
     code, _, messages = command("train", "forest", "--resume", "--seeds", "3")  # type: ignore[operator]
-    assert code == 1 and "leave the options out" in messages
+    assert code == 1 and "was begun with other seeds: `2`, not `3`; leave `--seeds` out" in messages
     assert results(run) == before
     file = run / "training" / "unfinished.jsonl"
     text = file.read_text(encoding="utf-8")
@@ -141,7 +141,7 @@ def test_results_are_replaced_only_by_force(
     assert code == 1
     assert messages == f"error: `{place}` exists already: replace it with --force, or choose other --steps\n"
     code, _, messages = command("train", "forest", "--resume", "--force")
-    assert code == 1 and "leave the options out" in messages
+    assert code == 1 and "give one of them" in messages
     assert results(run) == before
     with monkeypatch.context() as patch:
         interrupted_after(1, patch)
