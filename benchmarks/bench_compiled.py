@@ -144,7 +144,7 @@ def ratios(slow: Sequence[float], fast: Sequence[float], digits: int = 0) -> str
 def _by_hand() -> None:
     """KeyDoor written by hand: the same streams, observations and rewards, then the speed."""
     from benchmarks._keydoor import HandWritten
-    from envgraph.env.compiled._program import streams
+    from envgraph.env.compiled._world import streams
 
     engine, behaviour = opened("keydoor")
     program = program_of(engine, behaviour)

@@ -167,9 +167,9 @@ class Batch:
         limit: int,
     ) -> int:
         """What `advance` does, in several threads; the last environment in which something went wrong, or -1."""
-        (_, first), *others = self._parts
         if self._pool is None:
-            return first.advance(which, starts, actions, uniforms, limit)
+            return self._parts[0][1].advance(which, starts, actions, uniforms, limit)
+        (_, first), *others = self._parts
         given = [(which[part], starts[part], actions[part], uniforms[part], limit) for part, _ in self._parts]
         waiting = [
             self._pool.submit(world.advance, *each)

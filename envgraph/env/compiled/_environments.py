@@ -99,9 +99,10 @@ class CompiledEnv(SingleEnvironment):
 
     def _seen(self) -> Any:
         view = self.view
-        if isinstance(view, View):
-            return view.of_index(int(self._batch.observation[0]))
-        return _remembered(self._memory, view, self._batch, 0)
+        if not isinstance(view, View):
+            return _remembered(self._memory, view, self._batch, 0)
+        index = self._batch.observation[0]
+        return index if view.kind == "index" else view.of_index(int(index))
 
     def _info(self, success: bool) -> dict[str, Any]:
         info = {"step": self._steps, "success": success, "is_success": success}

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -79,6 +80,7 @@ class World:
 
     Attributes:
         before: in the second row of each the state before the step in which something went wrong last.
+        advance: begins episodes, or does steps; the last environment in which something went wrong, or -1.
     """
 
     def __init__(
@@ -98,11 +100,7 @@ class World:
         work = *space_of(space), np.zeros(1)
         self._arrays = (*fixed, ints, floats, *work, members, *arrays[3:], *others, *self.before)
         self._given: Any = _addresses(self._arrays) if native else self._arrays
-        self._function = function
-
-    def advance(self, *arguments: Any) -> int:
-        """Begin episodes, or do steps; the last environment in which something went wrong, or -1."""
-        return self._function(self._given, *arguments)
+        self.advance: Callable[..., int] = partial(function, self._given)
 
     def call(self, function: Callable[..., Any], *arguments: Any) -> Any:
         """Another function of the program that takes the environments."""
