@@ -121,17 +121,18 @@ def optimise(
 
 @app.command("verify")
 @run_argument
+@click.option("--resume", is_flag=True, help="Leave out what was verified before, as after an interruption.")
 @directory_option
 @format_option
-def verify_(run: str, directory: Path, format: OutputFormat) -> None:
+def verify_(run: str, resume: bool, directory: Path, format: OutputFormat) -> None:
     """Print what is certain of each environment of a family, computed twice by different means.
 
     The fewest steps to success, how likely a random walk succeeds, and the optimal return. Exit code 1 where the two
-    differ.
+    differ. A run keeps what was verified, environment by environment.
     """
     from envgraph.cli._verify import verify_family
 
-    verify_family(run, directory, format)
+    verify_family(run, directory, format, resume=resume)
 
 
 @app.command("runs")

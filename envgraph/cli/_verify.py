@@ -2,60 +2,124 @@
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Sequence
 from dataclasses import asdict
 from math import isfinite
 from pathlib import Path
 from typing import Any
 
-from envgraph.cli._output import OutputFormat, print_json, print_table, progress_bar
-from envgraph.errors import EnvgraphError, listed
-from envgraph.search import RunStore, Verification, keep_certificates, open_family, run_file, verify
+from envgraph.cli._output import OutputFormat, print_json, print_line, print_table, progress_bar
+from envgraph.env.compiled import Plan
+from envgraph.errors import EnvgraphError, InvalidArgument, listed
+from envgraph.search import (
+    Member,
+    RunStore,
+    Searched,
+    Verification,
+    keep_certificates,
+    open_family,
+    run_file,
+    verify,
+)
 
 
-def verify_family(run: str, directory: Path, format: OutputFormat) -> None:
+def verify_family(run: str, directory: Path, format: OutputFormat, *, resume: bool) -> None:
     """Print what is certain of the members of a family, and whether it is the same when computed again.
 
-    A run has it from then on.
+    A run has it from then on, member by member; `resume` leaves out those that have it.
 
     Raises:
+        InvalidArgument: there is no such run, or it is a file, and `resume` is given.
         EnvgraphError: something is not the same.
     """
-    family = open_family(run, directory)
-    found: list[Verification] = []
-    with progress_bar("environments", len(family.members)) as advance:
-        for one in verify(family):
-            found.append(one)
-            advance(len(found), one.member.name)
+    family, file = open_family(run, directory), Path(run).suffix == ".json"
+    if resume and file:
+        raise InvalidArgument(f"`{run}` keeps nothing to go on with", "`--resume` is for runs")
+    kept = [one for one in family.members if resume and one.certificates]
+    found: list[Verification | Searched] = []
+    wanted = [one for one in family.members if one not in kept]
+    try:
+        with progress_bar("environments", len(wanted)) as advance:
+            for one in verify(family, wanted):
+                found.append(one)
+                if not file and isinstance(one, Verification) and not one.differences:
+                    with RunStore.open(run_file(run, directory)) as store:
+                        keep_certificates(store, one)
+                advance(len(found), one.member.name)
+    except KeyboardInterrupt:
+        if not file:
+            again = f"envgraph verify {run} --directory {directory} --resume"
+            sys.stderr.write(f"{len(kept) + len(found)} environments are verified: `{again}` goes on\n")
+        raise
     if format is OutputFormat.JSON:
-        print_json({"name": family.name, "members": [_data(one) for one in found]})
+        print_json({"name": family.name, "members": [*map(_kept_data, kept), *map(_data, found)]})
     else:
-        limit = found[0].certificates.limit
-        columns = ("environment", "states", "shortest plan", "random walk", "optimal return", "again")
-        print_table(
-            f"{family.name}: within {limit} steps", columns, [_row(one) for one in found], range(1, 5)
-        )
-    wrong = [one for one in found if one.differences]
-    if wrong:
-        names = listed(f"{one.member.name} ({', '.join(one.differences)})" for one in wrong)
+        _print(family.name, kept, found)
+    differing = [one for one in found if isinstance(one, Verification) and one.differences]
+    if differing:
+        names = listed(f"{one.member.name} ({', '.join(one.differences)})" for one in differing)
         raise EnvgraphError(f"not the same when computed again: {names}")
-    if Path(run).suffix != ".json":
-        with RunStore.open(run_file(run, directory)) as store:
-            keep_certificates(store, found)
 
 
-def _row(one: Verification) -> tuple[str, ...]:
+def _print(name: str, kept: Sequence[Member], found: Sequence[Verification | Searched]) -> None:
+    limits = [one.certificates.limit for one in found if isinstance(one, Verification)]
+    limits += [int(one.certificates["limit"] or 0) for one in kept]
+    title = f"{name}: within {limits[0]} steps" if limits else name
+    columns = ("environment", "states", "shortest plan", "random walk", "optimal return", "again")
+    print_table(title, columns, [*map(_kept_row, kept), *map(_row, found)], range(1, 5))
+    for reason in dict.fromkeys(one.reason for one in found if isinstance(one, Searched)):
+        names = listed(one.member.name for one in found if isinstance(one, Searched) and one.reason == reason)
+        print_line(f"{names}: {reason}; what needs a table is not computed")
+
+
+def _row(one: Verification | Searched) -> tuple[str, ...]:
+    if isinstance(one, Searched):
+        return one.member.name, "too many", _planned(one.plan), "not computed", "not computed", ""
     known = one.certificates
-    plan = f"{known.shortest_plan:.0f} steps" if isfinite(known.shortest_plan) else "none"
     same = "differs" if one.differences else "same"
     numbers = f"{known.random_success:.3g}", f"{known.optimal_return:.3f}"
-    return one.member.name, f"{one.states:,}", plan, *numbers, same
+    return one.member.name, f"{one.states:,}", _steps(known.shortest_plan), *numbers, same
 
 
-def _data(one: Verification) -> dict[str, Any]:
-    known = {name: value if isfinite(value) else None for name, value in asdict(one.certificates).items()}
+def _kept_row(member: Member) -> tuple[str, ...]:
+    said = member.certificates
+    plan = said["shortest_plan"]
+    numbers = f"{said['random_success']:.3g}", f"{said['optimal_return']:.3f}"
+    return member.name, "", "none" if plan is None else _steps(plan), *numbers, "same, before"
+
+
+def _steps(plan: float) -> str:
+    return f"{plan:.0f} steps" if isfinite(plan) else "none"
+
+
+def _planned(plan: Plan | None) -> str:
+    if plan is None:
+        return "not computed"
+    if not isfinite(plan.steps):
+        return "none" if plan.exact else "none found"
+    return _steps(plan.steps) if plan.exact else f"at most {_steps(plan.steps)}"
+
+
+def _data(one: Verification | Searched) -> dict[str, Any]:
+    if isinstance(one, Searched):
+        plan = None if one.plan is None else {**_finite(asdict(one.plan)), "exact": one.plan.exact}
+        return {"name": one.member.name, "certificates": None, "reason": one.reason, "plan": plan}
     return {
         "name": one.member.name,
         "states": one.states,
-        "certificates": known,
+        "certificates": _finite(asdict(one.certificates)),
         "differences": [*one.differences],
+    }
+
+
+def _kept_data(member: Member) -> dict[str, Any]:
+    return {"name": member.name, "certificates": dict(member.certificates), "differences": []}
+
+
+def _finite(values: dict[str, Any]) -> dict[str, Any]:
+    """Values for JSON, which has no infinity."""
+    return {
+        name: None if isinstance(value, float) and not isfinite(value) else value
+        for name, value in values.items()
     }

@@ -7,6 +7,7 @@
 from envgraph.errors import shorten
 from envgraph.search._archive import Archive
 from envgraph.search._certified import (
+    Searched,
     Verification,
     certificate_texts,
     certificates,
@@ -122,6 +123,7 @@ __all__ = [
     "SampleSettings",
     "Sampler",
     "Sampling",
+    "Searched",
     "Settings",
     "ShortestPath",
     "ShortestPlan",

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from dataclasses import fields
 from math import isclose, isfinite
 
 from envgraph.code import dataclass
-from envgraph.env import explore
+from envgraph.env import TooManyStates, explore
+from envgraph.env.compiled import NotCompiled, Plan, Plans
 from envgraph.search._family import Family, Member
 from envgraph.search._measures import LIMIT
 from envgraph.search._store import CERTIFICATES, RunStore
@@ -74,9 +76,25 @@ def certificate_texts(member: Member) -> list[tuple[str, str]]:
     ]
 
 
-def keep_certificates(store: RunStore, found: Iterable[Verification]) -> None:
-    """Add what was verified to a run: its members have it from then on."""
-    store.set(CERTIFICATES, {str(one.member.individual): facts(one.certificates) for one in found})
+@dataclass(frozen=True, slots=True)
+class Searched:
+    """What is known of a member that has too many states for a table.
+
+    Attributes:
+        member: of the family.
+        reason: what there is too much of.
+        plan: what a search for a way to success has found; None where the behaviour is not compiled.
+    """
+
+    member: Member
+    reason: str
+    plan: Plan | None
+
+
+def keep_certificates(store: RunStore, one: Verification) -> None:
+    """Add what was verified of a member to a run: it has that from then on."""
+    known = {str(number): said for number, said in store.certificates.items()}
+    store.set(CERTIFICATES, {**known, str(one.member.individual): facts(one.certificates)})
 
 
 def certificates(family: Family, member: Member) -> Certificates:
@@ -89,15 +107,26 @@ def certificates(family: Family, member: Member) -> Certificates:
     return certify(family.explored(member).tabular, limit=family.limit or LIMIT)
 
 
-def verify(family: Family) -> Iterator[Verification]:
-    """Compute the certificates of each member again: states by the live engine, numbers by other recurrences.
+def verify(family: Family, members: Iterable[Member] | None = None) -> Iterator[Verification | Searched]:
+    """Compute the certificates of members again: states by the live engine, numbers by other recurrences.
+
+    The live engine makes some ten thousand outcomes a second, so a chance for each of several objects makes this
+    take minutes. Of members with too many states for a table a plan is searched for, and nothing is computed again.
+
+    Args:
+        family: with an environment.
+        members: of the family; all if None.
 
     Raises:
         InvalidArgument, EvaluationError: as `certificates`.
     """
     limit = family.limit or LIMIT
-    for member in family.members:
-        known = family.explored(member).tabular
+    for member in family.members if members is None else members:
+        try:
+            known = family.explored(member).tabular
+        except TooManyStates as error:
+            yield Searched(member, error.message, _plan(family, member))
+            continue
         engine = family.domain.engine(family.model(member))
         live = explore(engine, family.behaviour, family.keys).tabular
         yield Verification(
@@ -107,3 +136,9 @@ def verify(family: Family) -> Iterator[Verification]:
             recomputed(live, limit=limit),
             known.n_states == live.n_states,
         )
+
+
+def _plan(family: Family, member: Member) -> Plan | None:
+    with suppress(NotCompiled):
+        return Plans(family.behaviour).plan(family.domain.engine(family.model(member)))
+    return None

@@ -21,6 +21,7 @@ import pytest
 
 import envgraph as package
 from envgraph.cli import main
+from envgraph.env import TooManyStates
 from envgraph.env.compiled import NotCompiled
 from envgraph.lang import bundled_domain
 from envgraph.search import Family, open_family
@@ -840,3 +841,46 @@ def test_certificates_are_computed_twice(envgraph: Envgraph, monkeypatch: pytest
     failed = envgraph("verify", "run")
     assert failed.code == 1
     assert "not the same when computed again: `E1 (optimal_return, policy_return)`" in failed.err
+
+
+def test_an_interrupted_verification_goes_on(envgraph: Envgraph, monkeypatch: pytest.MonkeyPatch) -> None:
+    ok(envgraph("generate", "keydoor", "--name", "run", "--generations", "2", "--population", "3"))
+    whole, asked = Family.explored, list[str]()
+
+    def interrupted(family: Family, member: Any) -> Any:
+        asked.append(member.name)
+        if len(asked) == 2:
+            raise KeyboardInterrupt
+        return whole(family, member)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Family, "explored", interrupted)
+        failed = envgraph("verify", "run")
+        assert failed.code == 130 and "1 environments are verified: `envgraph verify run" in failed.err
+        asked[:] = ["E1", "", ""]
+        rows = ok(envgraph("verify", "run", "--resume")).out.splitlines()[2:]
+        assert asked[3:] == ["E2", "E3"]
+    assert [row.split()[0] for row in rows] == ["E1", "E2", "E3"]
+    assert rows[0].endswith("same, before") and rows[1].endswith("same")
+    found = ok(envgraph("verify", "run", "--resume", "--format", "json")).json
+    assert isinstance(found, dict) and len(found["members"]) == 3
+    ok(envgraph("export", "run", "-o", "family.json"))
+    refused = envgraph("verify", "family.json", "--resume")
+    assert refused.code == 1 and "`--resume` is for runs" in refused.err
+
+
+def test_what_has_too_many_states_for_a_table_has_a_plan(
+    envgraph: Envgraph, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ok(envgraph("generate", "keydoor", "--name", "run", "--generations", "2", "--population", "2"))
+
+    def too_many(family: Family, _: object) -> None:
+        raise TooManyStates(family.behaviour, 3)
+
+    monkeypatch.setattr(Family, "explored", too_many)
+    shown = ok(envgraph("verify", "run")).out
+    assert "too many" in shown and "not computed" in shown and "what needs a table is not computed" in shown
+    found = ok(envgraph("verify", "run", "--format", "json")).json
+    assert isinstance(found, dict)
+    assert [(one["certificates"], one["plan"]["exact"]) for one in found["members"]] == [(None, True)] * 2
+    assert all(one["plan"]["steps"] == len(one["plan"]["actions"]) > 5 for one in found["members"])
