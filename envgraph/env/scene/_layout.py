@@ -13,6 +13,8 @@ from envgraph.errors import visible
 
 NODE_RADIUS = 0.42
 _SPACING = 2.4
+_LEAST_RADIUS = 1.6
+"""Of the circle of nodes; the picture of one node alone has room for it, so that members of a family are as large."""
 _EDGE_LABELS = 3.4
 """At least so far apart are nodes with labels between them."""
 
@@ -61,11 +63,12 @@ def graph_layout(scene: GraphScene, letter_width: float) -> GraphLayout:
     names = tuple(shortened(visible(label), _LONGEST) for label in scene.labels)
     longest = max(map(len, names), default=0) * letter_width
     spacing = max(_SPACING, longest + 0.3, *(_EDGE_LABELS * bool(edge.label) for edge in scene.edges))
-    radius = 0.0 if count < 2 else max(1.6, spacing / (2 * sin(pi / count)))
+    radius = _LEAST_RADIUS if count < 2 else max(_LEAST_RADIUS, spacing / (2 * sin(pi / count)))
     side = _LABEL_GAP + longest + 0.1
     rise = _LABEL_GAP + 0.3
     width, height = 2 * (radius + side), 2 * (radius + rise)
     angles = [2 * pi * number / max(count, 1) - pi / 2 for number in range(count)]
+    radius = 0.0 if count < 2 else radius
     nodes = tuple((width / 2 + radius * cos(a), height / 2 + radius * sin(a)) for a in angles)
     labels = tuple(
         (

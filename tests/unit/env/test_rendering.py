@@ -460,3 +460,14 @@ def test_text_can_be_read_on_every_colour(strength: float) -> None:
 def test_lines_and_marks_can_be_seen_on_paper() -> None:
     for line in (LINE_COLOUR, MARK, colour_text(INK)):
         assert contrast(PAPER, parse_colour(line)) >= 4.5
+
+
+def test_a_graph_of_one_node_is_as_large_as_one_of_two() -> None:
+    sizes = []
+    for count in (1, 2):
+        labels, glyphs = ("r",) * count, (Glyph("", "#a5d8ff"),) * count
+        layout = graph_layout(GraphScene(labels, glyphs, (), ()), 0.2)
+        sizes.append((layout.width, layout.height))
+    assert sizes[0] == sizes[1]
+    (node,) = graph_layout(GraphScene(("r",), (Glyph("", "#a5d8ff"),), (), ()), 0.2).nodes
+    assert node == (sizes[0][0] / 2, sizes[0][1] / 2)
