@@ -3,13 +3,8 @@
 from envgraph.errors import shorten
 from envgraph.pattern._analysis import Entry, UnknownNames
 from envgraph.pattern._bodies import children, navigations, terms_in, terms_of, variables_in, with_children
-from envgraph.pattern._compile import CompiledExpression, compile_expression
 from envgraph.pattern._conformance import conformance_patterns, key_patterns
-from envgraph.pattern._evaluate import Reader, evaluate, holds, value_of
-from envgraph.pattern._expressions import check_expression, is_method
-from envgraph.pattern._failure import explained
 from envgraph.pattern._functions import DeclaredFunction, FunctionDeclaration
-from envgraph.pattern._implied import implied_classes, is_implied
 from envgraph.pattern._library import PATHS, VALUES, Library
 from envgraph.pattern._lowered import (
     Absence,
@@ -37,7 +32,6 @@ from envgraph.pattern._lowered import (
     renumbered_relation,
     variables,
 )
-from envgraph.pattern._operations import EXPRESSION_NAMESPACE, FUNCTIONS, Function
 from envgraph.pattern._paths import target_type
 from envgraph.pattern._queries import (
     Aggregate,
@@ -102,6 +96,12 @@ from envgraph.pattern._terms import (
     Variable,
 )
 from envgraph.pattern._types import assignable, data_type_hint, static_type, type_hint, type_text, value_hint
+from envgraph.pattern.expressions._compile import CompiledExpression, compile_expression
+from envgraph.pattern.expressions._evaluate import Reader, evaluate, holds, value_of
+from envgraph.pattern.expressions._expressions import check_expression, is_method
+from envgraph.pattern.expressions._failure import explained
+from envgraph.pattern.expressions._operations import EXPRESSION_NAMESPACE, FUNCTIONS, Function
+from envgraph.pattern.lowering._implied import implied_classes, is_implied
 
 __all__ = [
     "EXPRESSION_NAMESPACE",

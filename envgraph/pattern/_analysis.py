@@ -16,14 +16,14 @@ from envgraph.pattern._bodies import (
     positive_relations,
     rewritten,
 )
-from envgraph.pattern._expressions import ExpressionChecker, is_method
-from envgraph.pattern._header import too_long
 from envgraph.pattern._inference import BodyTypes, Callee, Signature
 from envgraph.pattern._lowered import StaticType
-from envgraph.pattern._operations import FUNCTIONS
 from envgraph.pattern._queries import Body, Closure, Pattern, PatternCall
 from envgraph.pattern._terms import Expression, FunctionCall, Navigation
 from envgraph.pattern._types import joins, static_type
+from envgraph.pattern.check._header import too_long
+from envgraph.pattern.expressions._expressions import ExpressionChecker, is_method
+from envgraph.pattern.expressions._operations import FUNCTIONS
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,10 +13,10 @@ from envgraph.errors import Diagnostic, FunctionError, Note, Span
 from envgraph.metamodel import AttributeType, Metamodel, Value, accepts
 from envgraph.pattern._bodies import Data, rewritten
 from envgraph.pattern._lowered import ObjectType
-from envgraph.pattern._operations import FUNCTIONS, MOST_CHARACTERS
 from envgraph.pattern._queries import Parameter
 from envgraph.pattern._terms import Expression, FunctionCall
 from envgraph.pattern._types import coerced, static_type, type_hint, type_text
+from envgraph.pattern.expressions._operations import FUNCTIONS, MOST_CHARACTERS
 
 
 @dataclass(frozen=True, slots=True)

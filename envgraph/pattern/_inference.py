@@ -8,7 +8,6 @@ from envgraph.code import dataclass
 from envgraph.errors import Span
 from envgraph.metamodel import Metamodel, Scalar
 from envgraph.pattern._bodies import Reading, grouped_relations, terms_of, variables_in
-from envgraph.pattern._expressions import ExpressionChecker
 from envgraph.pattern._lowered import ObjectType, StaticType
 from envgraph.pattern._paths import ResolvedPath, closure_target, resolve_path
 from envgraph.pattern._queries import (
@@ -27,6 +26,7 @@ from envgraph.pattern._queries import (
 )
 from envgraph.pattern._terms import Constant, EnumLiteral, Variable
 from envgraph.pattern._types import comparable, meet, static_type, value_type
+from envgraph.pattern.expressions._expressions import ExpressionChecker
 
 
 @dataclass(frozen=True, slots=True)

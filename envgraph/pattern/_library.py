@@ -11,15 +11,15 @@ from envgraph.metamodel import AttributeType, Metamodel, type_name
 from envgraph.pattern._analysis import Analysis, Entry, Names, UnknownNames
 from envgraph.pattern._binding import bound_by_type
 from envgraph.pattern._bodies import Data, Reading
-from envgraph.pattern._check import check_patterns
 from envgraph.pattern._functions import FunctionDeclaration, Functions, declared, resolved
 from envgraph.pattern._inference import BodyTypes, Signature
 from envgraph.pattern._lowered import LoweredPattern, StaticType
-from envgraph.pattern._normal import lower_body
 from envgraph.pattern._paths import ResolvedPath
 from envgraph.pattern._queries import Body, Parameter, PathConstraint, Pattern, Relation
 from envgraph.pattern._terms import Variable
 from envgraph.pattern._types import type_text
+from envgraph.pattern.check._check import check_patterns
+from envgraph.pattern.lowering._normal import lower_body
 
 PATHS = "#path"
 """Package of the patterns that are generated for paths; no text spells it."""

@@ -18,7 +18,7 @@ from envgraph.pattern import (
     _library,
     conformance_patterns,
 )
-from envgraph.pattern._check import check_patterns
+from envgraph.pattern.check._check import check_patterns
 from tests.unit.pattern.building import METAMODEL, agg, eq, find, isa, library, neg, path, pattern
 
 WALLS = pattern("walls", "a : Wall", [isa("Wall", "a")])

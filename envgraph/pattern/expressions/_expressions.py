@@ -24,9 +24,7 @@ from typing import Final
 from envgraph.errors import MOST_NESTED, Diagnostic, Span, did_you_mean, name_hint, with_article
 from envgraph.metamodel import Attribute, EnumType, Metamodel, Reference, Scalar
 from envgraph.pattern._bodies import children, depth, none_test, size
-from envgraph.pattern._function_calls import call_type
 from envgraph.pattern._lowered import ObjectType, StaticType
-from envgraph.pattern._operations import FUNCTIONS
 from envgraph.pattern._terms import (
     Binary,
     Conditional,
@@ -49,6 +47,8 @@ from envgraph.pattern._types import (
     value_type,
     wrong_type,
 )
+from envgraph.pattern.expressions._function_calls import call_type
+from envgraph.pattern.expressions._operations import FUNCTIONS
 
 MOST_PARTS: Final = 50_000
 """How many operands and operators an expression may have: ints in it are exact, and grow with every product."""

@@ -8,8 +8,6 @@ from envgraph.errors import Span
 from envgraph.metamodel import Attribute, AttributeType, Feature, Metamodel, Scalar
 from envgraph.pattern._binding import bound_by_type
 from envgraph.pattern._bodies import base_of, children, none_test, terms_of, with_children
-from envgraph.pattern._evaluate import holds, value_of
-from envgraph.pattern._expressions import ExpressionChecker
 from envgraph.pattern._inference import BodyTypes
 from envgraph.pattern._lowered import (
     Absence,
@@ -45,7 +43,6 @@ from envgraph.pattern._queries import (
     Term,
     TypeConstraint,
 )
-from envgraph.pattern._slots import Slots, Unsatisfiable
 from envgraph.pattern._terms import (
     Binary,
     Constant,
@@ -55,6 +52,9 @@ from envgraph.pattern._terms import (
     Variable,
 )
 from envgraph.pattern._types import coerced, comparable, static_type, value_type
+from envgraph.pattern.expressions._evaluate import holds, value_of
+from envgraph.pattern.expressions._expressions import ExpressionChecker
+from envgraph.pattern.lowering._slots import Slots, Unsatisfiable
 
 Generate = Callable[[ResolvedPath | AttributeType], str]
 """Registers the generated pattern of a path, or of the values of an enum, and gives its qualified name."""

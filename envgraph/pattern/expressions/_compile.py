@@ -11,10 +11,7 @@ from envgraph.code import dataclass
 from envgraph.errors import InvalidArgument
 from envgraph.metamodel import EnumType, Metamodel, Scalar
 from envgraph.pattern._bodies import LONGEST_NESTED, children
-from envgraph.pattern._evaluate import computes
-from envgraph.pattern._expressions import ExpressionChecker
 from envgraph.pattern._lowered import StaticType
-from envgraph.pattern._operations import FUNCTIONS
 from envgraph.pattern._terms import (
     Binary,
     Conditional,
@@ -26,6 +23,9 @@ from envgraph.pattern._terms import (
     Unary,
     Variable,
 )
+from envgraph.pattern.expressions._evaluate import computes
+from envgraph.pattern.expressions._expressions import ExpressionChecker
+from envgraph.pattern.expressions._operations import FUNCTIONS
 
 
 @dataclass(frozen=True, slots=True)

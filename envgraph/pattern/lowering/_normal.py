@@ -8,7 +8,6 @@ from dataclasses import replace
 from envgraph.errors import Span, spelling
 from envgraph.metamodel import Metamodel, Value
 from envgraph.pattern._bodies import children, with_children
-from envgraph.pattern._implied import Types, implied_classes, is_implied
 from envgraph.pattern._inference import BodyTypes
 from envgraph.pattern._lowered import (
     Condition,
@@ -21,10 +20,11 @@ from envgraph.pattern._lowered import (
     mentioned,
     renumbered,
 )
-from envgraph.pattern._lowering import BodyLowering, Generate
 from envgraph.pattern._queries import Parameter
-from envgraph.pattern._slots import Slots, Unsatisfiable
 from envgraph.pattern._terms import Expression, Variable
+from envgraph.pattern.lowering._implied import Types, implied_classes, is_implied
+from envgraph.pattern.lowering._lowering import BodyLowering, Generate
+from envgraph.pattern.lowering._slots import Slots, Unsatisfiable
 
 
 def lower_body(

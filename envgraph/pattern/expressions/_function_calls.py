@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Final
 
 from envgraph.errors import did_you_mean
 from envgraph.pattern._lowered import ObjectType, StaticType
-from envgraph.pattern._operations import FUNCTIONS
 from envgraph.pattern._terms import FunctionCall, Navigation, Variable
 from envgraph.pattern._types import assignable, common_number, type_text, wrong_type
+from envgraph.pattern.expressions._operations import FUNCTIONS
 
 if TYPE_CHECKING:
-    from envgraph.pattern._expressions import ExpressionChecker
     from envgraph.pattern._functions import DeclaredFunction
+    from envgraph.pattern.expressions._expressions import ExpressionChecker
 
 
 _OF_JAVA: Final[Mapping[str, str]] = {

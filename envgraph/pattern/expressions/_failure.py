@@ -8,8 +8,8 @@ from typing import Any
 from envgraph.errors import EvaluationError, Span
 from envgraph.metamodel import Value
 from envgraph.pattern._bodies import children
-from envgraph.pattern._evaluate import STRICT, Reader, evaluate, raw_value
 from envgraph.pattern._terms import Binary, Conditional, Constant, Expression, FunctionCall, Navigation
+from envgraph.pattern.expressions._evaluate import STRICT, Reader, evaluate, raw_value
 
 _LONGEST = 40
 """A longer text is not repeated in a hint."""

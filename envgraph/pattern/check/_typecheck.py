@@ -8,11 +8,9 @@ from typing import Final
 from envgraph.errors import Diagnostic, Note, Severity, Span, with_article
 from envgraph.metamodel import EnumType, Scalar
 from envgraph.pattern._bodies import terms_of
-from envgraph.pattern._expressions import ExpressionChecker
 from envgraph.pattern._inference import BodyTypes, Fact, relation_text
 from envgraph.pattern._lowered import ObjectType, StaticType
 from envgraph.pattern._queries import Aggregate, Comparison, Evaluation, Term
-from envgraph.pattern._relations import Place
 from envgraph.pattern._terms import Constant, EnumLiteral, Variable
 from envgraph.pattern._types import (
     assignable,
@@ -27,6 +25,8 @@ from envgraph.pattern._types import (
     value_hint,
     value_type,
 )
+from envgraph.pattern.check._relations import Place
+from envgraph.pattern.expressions._expressions import ExpressionChecker
 
 _EMPTY: Final = {
     "": "the negation always holds: leave it out",

@@ -12,9 +12,9 @@ from envgraph.pattern._bodies import Reading, Use, names_read, positive_relation
 from envgraph.pattern._inference import BodyTypes, relation_text
 from envgraph.pattern._lowered import ObjectType, StaticType
 from envgraph.pattern._queries import Comparison, Evaluation, Hash, Parameter, Pattern, Relation, Term
-from envgraph.pattern._relations import Place
 from envgraph.pattern._terms import Constant, Variable
 from envgraph.pattern._types import type_text
+from envgraph.pattern.check._relations import Place
 
 _MOST_COMPARED: Final = 200
 """Variables of a body beyond which nobody looks for one of a similar name."""

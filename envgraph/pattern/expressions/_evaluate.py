@@ -8,7 +8,6 @@ from typing import Any, Final
 from envgraph.errors import EvaluationError, InvalidArgument
 from envgraph.metamodel import Scalar, Value
 from envgraph.pattern._bodies import children, navigations
-from envgraph.pattern._operations import FUNCTIONS, add, bounded, divide, multiply, remainder, subtract
 from envgraph.pattern._terms import (
     Binary,
     Conditional,
@@ -19,6 +18,15 @@ from envgraph.pattern._terms import (
     Navigation,
     Unary,
     Variable,
+)
+from envgraph.pattern.expressions._operations import (
+    FUNCTIONS,
+    add,
+    bounded,
+    divide,
+    multiply,
+    remainder,
+    subtract,
 )
 
 Reader = Callable[[int, str], Value | int | None]

@@ -11,7 +11,6 @@ from envgraph.errors import Diagnostic, Severity, Span, did_you_mean, has_errors
 from envgraph.metamodel import Metamodel, Reference, Scalar
 from envgraph.pattern._analysis import Names
 from envgraph.pattern._bodies import Reading, terms_of
-from envgraph.pattern._expressions import subclass_hint
 from envgraph.pattern._inference import BodyTypes, Signature
 from envgraph.pattern._lowered import ObjectType, StaticType
 from envgraph.pattern._paths import (
@@ -35,6 +34,7 @@ from envgraph.pattern._queries import (
 )
 from envgraph.pattern._terms import Constant, Variable
 from envgraph.pattern._types import NUMBERS, compatible, static_type, type_hint, type_text
+from envgraph.pattern.expressions._expressions import subclass_hint
 
 _ONCE: Final = {"count": "counted", "sum": "added", "avg": "taken"}
 """The aggregates for which it matters that a set has each element once, and what they do with it."""

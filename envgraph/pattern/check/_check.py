@@ -1,4 +1,4 @@
-"""Everything that can be wrong with patterns."""
+"""Checks of patterns: those of one after the other, in the order that hides what follows from an earlier mistake."""
 
 from __future__ import annotations
 
@@ -29,11 +29,8 @@ from envgraph.pattern._bodies import (
     terms_of,
     variables_read,
 )
-from envgraph.pattern._expressions import check_expression
-from envgraph.pattern._header import check_duplicates, check_header, too_long
 from envgraph.pattern._inference import BodyTypes
 from envgraph.pattern._lowered import ObjectType, StaticType
-from envgraph.pattern._partitions import check_connected
 from envgraph.pattern._paths import ResolvedPath, derived, derived_feature, resolve_path
 from envgraph.pattern._queries import (
     Body,
@@ -45,12 +42,15 @@ from envgraph.pattern._queries import (
     PatternCall,
     Relation,
 )
-from envgraph.pattern._recursion import check_recursion
-from envgraph.pattern._relations import Place, RelationCheck
 from envgraph.pattern._terms import Constant, EnumLiteral, Expression, Navigation, Variable
-from envgraph.pattern._typecheck import TypeCheck, shared_classes
 from envgraph.pattern._types import is_subtype, joins, static_type, type_text
-from envgraph.pattern._usage import UsageCheck, unreferenced
+from envgraph.pattern.check._header import check_duplicates, check_header, too_long
+from envgraph.pattern.check._partitions import check_connected
+from envgraph.pattern.check._recursion import check_recursion
+from envgraph.pattern.check._relations import Place, RelationCheck
+from envgraph.pattern.check._typecheck import TypeCheck, shared_classes
+from envgraph.pattern.check._usage import UsageCheck, unreferenced
+from envgraph.pattern.expressions._expressions import check_expression
 
 
 def check_patterns(analysis: Analysis) -> tuple[list[Diagnostic], frozenset[str]]:

@@ -1,0 +1,1 @@
+"""From bodies as they are written to the resolved goals that matchers compile."""
