@@ -58,7 +58,7 @@ class Partitions:
 
     def __init__(self, reading: Reading, pattern: Pattern) -> None:
         self._reading = reading
-        constants = set(_constants(reading))
+        constants = _constants(reading)
         roots = dict.fromkeys(
             reading.root(name) for name in reading.names if reading.quantified(name) is None
         )
@@ -136,18 +136,26 @@ def equations(expression: Expression) -> Iterator[tuple[Expression, Expression]]
             yield sides
 
 
-def _constants(reading: Reading) -> Iterator[str]:
-    for constraint in reading.body.constraints:
-        if isinstance(constraint, Comparison) and constraint.operator == "==":
-            for term, other in ((constraint.left, constraint.right), (constraint.right, constraint.left)):
-                if isinstance(term, Variable) and not term.anonymous and _fixed(other, reading):
-                    yield reading.root(term.name)
+def _constants(reading: Reading) -> set[str]:
+    """The variables that have one value, whatever the others: equal to what is fixed, or computed from such."""
+    equal = [
+        (reading.root(term.name), other)
+        for constraint in reading.body.constraints
+        if isinstance(constraint, Comparison) and constraint.operator == "=="
+        for term, other in ((constraint.left, constraint.right), (constraint.right, constraint.left))
+        if isinstance(term, Variable) and not term.anonymous
+    ]
+    fixed: set[str] = set()
+    before = -1
+    while before != (before := len(fixed)):
+        fixed |= {name for name, other in equal if _fixed(other, reading, fixed)}
+    return fixed
 
 
-def _fixed(term: Term, reading: Reading) -> bool:
-    """Whether a term has one value, whatever the variables: a literal, or an aggregate over everything."""
+def _fixed(term: Term, reading: Reading, fixed: Collection[str]) -> bool:
+    """Whether a term has one value: a literal, an aggregate over everything, or computed from what is fixed."""
     if isinstance(term, Evaluation):
-        return not names_read(term.expression)
+        return all(reading.root(name) in fixed for name in names_read(term.expression))
     if isinstance(term, Aggregate):
         numbers = {
             id(relation): number for number, (relation, _) in enumerate(grouped_relations(reading.body))

@@ -197,6 +197,18 @@ CASES = [
     ("`_` on both sides", ["not-enumerable"], [one("a : Cell", isa("Cell", "a"), eq("_", "_"))]),
     # --- shape of the body
     (
+        "a number that is computed from one aggregate over everything",
+        [],
+        [
+            one(
+                "a : Cell, m : int",
+                isa("Cell", "a"),
+                eq("n", agg("count", path("World.cells", "_", "_"))),
+                eq("m", ev(op("n", "-", 1))),
+            )
+        ],
+    ),
+    (
         "unconnected parts",
         ["W:cartesian-product"],
         [one("a : Cell, k : Key", isa("Cell", "a"), isa("Key", "k"))],
