@@ -357,8 +357,9 @@ def _with_controls(
     if kinds is None:
         every = [*CONTROLS, *schedules]
         kinds = every if any(curriculum.kind == "curriculum" for curriculum in chosen) else []
-        if not isinstance(target, Tabular):
-            kinds = [kind for kind in kinds if kind not in _OF_TABLES]
+        if not isinstance(target, Tabular) and (missing := [kind for kind in kinds if kind in _OF_TABLES]):
+            kinds = [kind for kind in kinds if kind not in missing]
+            sys.stderr.write(f"without tables these controls are left out: {', '.join(missing)}\n")
     if isinstance(target, Tabular):
         optimism = optimistic_value(target, settings) if "optimistic" in kinds else None
     elif needed := [kind for kind in kinds if kind in _OF_TABLES]:

@@ -221,6 +221,7 @@ def test_environments_with_too_many_states_are_trained_in_a_program(
     code, out, told = command("train", "forest", "--steps", "300", "--seeds", "2", "--curricula", "full")  # type: ignore[operator]
     assert code == 0 and "curriculum E1-E2" in out
     assert "`BurningForest` has more than 1 states: agents learn in the compiled program" in told
+    assert "without tables these controls are left out: optimistic, randomised" in told
     assert "control" not in out and "baseline E2" in out  # of two members there is no other order
     assert (run / "training" / "300" / "runs.csv").is_file()
     code, _, messages = command("train", "forest", "--steps", "400", "--controls", "direct,randomised")  # type: ignore[operator]
