@@ -134,7 +134,13 @@ def occurring(tabulars: Sequence[Tabular]) -> Sequence[Tabular]:
     ends = np.cumsum([one.n_states for one in tabulars])[:-1]
     size = len(seen)
     return [
-        replace(one, observation=found.astype(np.int64), n_observations=size, observation_shape=(size,))
+        replace(
+            one,
+            observation=found.astype(np.int64),
+            n_observations=size,
+            observation_shape=(size,),
+            observation_names=(),
+        )
         for one, found in zip(tabulars, np.split(rows, ends), strict=True)
     ]
 

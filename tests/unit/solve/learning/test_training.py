@@ -7,6 +7,7 @@ import pytest
 
 from envgraph.errors import InvalidArgument
 from envgraph.learn import Epsilon, TrainingSettings, available_backends, train_curriculum
+from envgraph.solve.learning import occurring
 from envgraph.solve.learning._stage import accumulate
 from envgraph.solve.learning._training import Backend, initial_values, prepare, train
 from tests.unit.learn.small_tables import random_table, table
@@ -197,3 +198,19 @@ def test_padding_and_states_that_nobody_comes_to_cost_a_loop_nothing() -> None:
     values = initial_values(ready, settings)
     train([ready], settings, np.random.default_rng(0), [1_000], values, "python")
     assert {place for place, read in enumerate(ready.known) if read} == {0, 1, 2, 3}  # of states 0 and 1
+
+
+def test_of_too_many_observations_those_that_occur_are_numbered() -> None:
+    small = random_table(1)
+    rare = replace(
+        small,
+        observation=small.observation.astype(np.int64) * 10**8,
+        n_observations=10**9,
+        observation_shape=(10, 10**8),
+        observation_names=("here", "there"),
+    )
+    [found] = occurring([rare])
+    found.check()
+    assert found.n_observations == len(set(small.observation.tolist()))
+    learnt = [train_curriculum([one], RANDOM, rng(), steps=[200]).q for one in (small, found)]
+    assert learnt[0][np.unique(small.observation)].tolist() == learnt[1].tolist()
