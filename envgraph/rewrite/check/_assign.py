@@ -140,7 +140,12 @@ class AssignmentReader:
         if operator != "=" and not reference.many:
             message = f"`{reference}` has at most one target, so `{operator}` does not apply"
             self.scope.error("wrong-type", message, span, "write `=`, or `= none` to clear it")
-        elif operator == "=" and _is_none(value):
+        elif operator == "=" and (_is_none(value) or value == ()):
+            if reference.lower:
+                message = (
+                    f"`{name}` gets no `{reference.name}`, and `{reference}` needs {reference.multiplicity}"
+                )
+                self.scope.warn("missing-required", message, span, "give it what it needs")
             self.sets.append(SetTargets(object_, reference, (), span))
         else:
             values = self._targets(reference, value, span)
