@@ -27,7 +27,7 @@ TEMPLATES: Final = Path(__file__).parent / "templates"
 TABLES, PROGRAM = "tables.npz", "program"
 """Empty files of templates that stand for what the environments step by: tables, or else a package."""
 
-_OF_FAMILY: Final = ("package", "name", "version", "limit", "members")
+_OF_FAMILY: Final = ("package", "name", "version", "limit", "members", "facts")
 _OF_STEPS: Final = ("environment", "actions", "observation_shape", "observed", "agents", "tables", "episodes")
 
 _EPISODE: Final = 40
@@ -58,11 +58,13 @@ def write_package(family: Family, folder: Path, templates: Path | None = None) -
     if "package" in read.used:
         check_package(folder.name)
     check_free(folder)
+    members = [Shown(family, member) for member in family.members]
     values: dict[str, Any] = {
         "package": folder.name,
         "name": family.name,
         "version": __version__,
-        "members": [Shown(family, member) for member in family.members],
+        "members": members,
+        "facts": [*dict.fromkeys(fact for member in members for fact in member.facts)],
     }
     if "limit" in read.used:
         values["limit"] = family.limit
