@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from difflib import get_close_matches
-from heapq import nsmallest
 from unicodedata import normalize
 
 _MANY = 1000
@@ -85,14 +84,15 @@ def _latin(name: str) -> str:
 
 
 def listed(names: Iterable[str]) -> str:
-    """Names in backquotes, in order; of many only the first five.
+    """Names in backquotes, in order; of more than six only the first five.
 
     >>> listed("b") + "; " + listed("gfedcba")
     '`b`; `a`, `b`, `c`, `d`, `e` and 2 more'
     """
-    known = set(names)
-    shown = quoted(nsmallest(_SHOWN, known))
-    return f"{shown} and {len(known) - _SHOWN} more" if len(known) > _SHOWN else shown
+    known = sorted(set(names))
+    if len(known) <= _SHOWN + 1:
+        return quoted(known)
+    return f"{quoted(known[:_SHOWN])} and {len(known) - _SHOWN} more"
 
 
 def quoted(names: Iterable[object]) -> str:

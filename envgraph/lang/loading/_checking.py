@@ -48,7 +48,7 @@ def conformance(text: ModelText) -> list[Diagnostic]:
             "conformance",
             violation.message,
             text.spans.get(violation.node, text.span),
-            _completion(violation, text.span.source.text.lstrip()[:1]),
+            _completion(violation, text.model, text.span.source.text.lstrip()[:1]),
             Severity.WARNING,
         )
         for violation in violations[:MOST_ERRORS]
@@ -59,11 +59,17 @@ def conformance(text: ModelText) -> list[Diagnostic]:
     return found
 
 
-def _completion(violation: Violation, start: str) -> str:
+def _completion(violation: Violation, model: Model, start: str) -> str:
     """What to write so that an object has what it lacks, in a text that starts so."""
     feature = violation.feature
     if violation.kind == "too-many":
         return f"leave some of `{feature.name}` out"
+    if (
+        violation.kind == "too-few"
+        and isinstance(feature, Reference)
+        and model.targets(violation.node, feature)
+    ):
+        return f"add more to its `{feature.name}`"
     many = isinstance(feature, Reference) and feature.many
     if start == "{":
         return f'add `"{feature.name}": {"[..]" if many else ".."}` to its features'
