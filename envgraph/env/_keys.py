@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from itertools import product
 from typing import Any, Self
 
-from envgraph.behaviour import Agent, Behaviour, ObserveFind, ObserveObject, domain_type
+from envgraph.behaviour import Action, Agent, Behaviour, Domain, ObserveFind, ObserveObject, domain_type
 from envgraph.code import dataclass
 from envgraph.errors import EvaluationError, InvalidArgument
 from envgraph.graph import Model
@@ -143,6 +144,28 @@ def ordered_objects(model: Model, cls: str) -> list[int]:
     except EvaluationError:
         return sorted(model.extent(cls))
     return sorted(keys, key=lambda node: (keys[node], node))
+
+
+def expanded(
+    action: Action, keys: KeyIndex, metamodel: Metamodel
+) -> Iterator[tuple[str, tuple[int | Value, ...]]]:
+    """Every action of a clause: its name, and the values of its parameters, which are indices of objects."""
+    domains = [list(_values(domain, keys, metamodel)) for _, domain in action.parameters]
+    for values in product(*domains):
+        shown = ", ".join(text for text, _ in values)
+        yield f"{action.name}({shown})" if values else action.name, tuple(value for _, value in values)
+
+
+def _values(domain: Domain, keys: KeyIndex, metamodel: Metamodel) -> Iterator[tuple[str, int | Value]]:
+    """Every value of a domain, and how it reads."""
+    match domain_type(domain, metamodel):
+        case ObjectType(cls):
+            for index, key in enumerate(keys.of_class(cls)):
+                yield ", ".join(map(str, key)), index
+        case EnumType(literals=literals):
+            yield from ((literal, literal) for literal in literals)
+        case _:
+            yield from ((str(number), number) for number in range(domain.low, domain.high + 1))
 
 
 def key_reader(model: Model, cls: str) -> Callable[[int], Key]:

@@ -6,14 +6,31 @@ from collections.abc import Callable, Sequence
 from itertools import count as count_from
 from itertools import zip_longest
 
-from envgraph.behaviour import Behaviour, Observation, ObserveFind
+from envgraph.behaviour import (
+    Behaviour,
+    Observation,
+    ObserveAttribute,
+    ObserveFind,
+    ObserveObject,
+    ObserveRange,
+)
 from envgraph.env._binding import Reader, follow
 from envgraph.env._keys import KeyIndex, key_reader
-from envgraph.env._prepared import Scope, together
+from envgraph.env._prepared import Scope, Types, together
 from envgraph.errors import EvaluationError
 from envgraph.graph import Model
-from envgraph.metamodel import Value
-from envgraph.pattern import Constant, EnumLiteral, Expression, Navigation, PatternCall, Variable
+from envgraph.metamodel import EnumType, Metamodel, Value
+from envgraph.pattern import (
+    Constant,
+    EnumLiteral,
+    Expression,
+    Navigation,
+    ObjectType,
+    PatternCall,
+    StaticType,
+    Variable,
+    check_expression,
+)
 
 
 class KeyedObjects:
@@ -25,10 +42,6 @@ class KeyedObjects:
         self._key_of = key_reader(model, cls)
         self._found = keys.objects(model, cls)
         self._revision = model.revision
-
-    def text(self, position: int) -> str:
-        """How an object reads in the name of an action."""
-        return ", ".join(str(value) for value in self.keys[position])
 
     def get(self, position: int) -> int | None:
         """The object that has the index in the present state, or None."""
@@ -45,6 +58,30 @@ class KeyedObjects:
         if not model.alive(node) or not model.metamodel.is_a(model.class_of(node), self._cls):
             return False
         return self._key_of(node) == self.keys[position]
+
+
+def size_of(observation: Observation, types: Types, keys: KeyIndex, metamodel: Metamodel) -> int:
+    """How many values each component of a clause has."""
+    match observation:
+        case ObserveFind(up_to=up_to):
+            return 2 if up_to is None else up_to + 1
+        case ObserveObject(among=among, or_none=or_none):
+            return keys.size(among) + or_none
+        case ObserveRange(low=low, high=high):
+            return high - low + 1
+        case _:
+            type_ = path_type(observation, types, metamodel)
+            return len(type_.literals) if isinstance(type_, EnumType) else 2
+
+
+def path_type(
+    observation: ObserveObject | ObserveRange | ObserveAttribute, types: Types, metamodel: Metamodel
+) -> StaticType | None:
+    """The type of what a path leads to."""
+    scope: dict[str, StaticType | None] = {name: ObjectType(cls) for name, cls in types.items()}
+    if observation.each is not None:
+        scope[observation.each.name] = ObjectType(observation.each.type or "")
+    return check_expression(observation.path, scope, metamodel)[0]
 
 
 def observer(

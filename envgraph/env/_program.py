@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from itertools import product
+from functools import partial
+from typing import Any
 
 from envgraph.behaviour import (
     Action,
@@ -30,14 +31,16 @@ from envgraph.behaviour import (
     roots,
 )
 from envgraph.env._binding import Reader, bind_parameters, reader
-from envgraph.env._keys import KeyIndex
+from envgraph.env._keys import KeyIndex, expanded
 from envgraph.env._observing import (
     KeyedObjects,
     leading_to,
     literal_index,
     object_index,
     observer,
+    path_type,
     range_index,
+    size_of,
 )
 from envgraph.env._prepared import (
     Alternatives,
@@ -65,7 +68,6 @@ from envgraph.pattern import (
     Parameter,
     PatternCall,
     Variable,
-    check_expression,
     evaluate,
     explained,
     variables_in,
@@ -139,26 +141,18 @@ class Program:
         types = {**types, **{name: domain.cls for name, domain in action.parameters if domain.cls}}
         reward, else_reward = self._reward(action.reward, types), self._reward(action.else_reward, types)
         before = sum(1 for effect, _ in effects if stands_before(effect, action))
-        domains = [self._values(domain) for _, domain in action.parameters]
-        for values in product(*domains):
-            shown = ", ".join(text for text, _ in values)
-            name = f"{action.name}({shown})" if values else action.name
+        takes = [self._taking(domain) for _, domain in action.parameters]
+        for name, values in expanded(action, self._keys, self.model.metamodel):
             named = tuple(
-                (parameter, value)
-                for (parameter, _), (_, value) in zip(action.parameters, values, strict=True)
+                (parameter, take(value))
+                for (parameter, _), take, value in zip(action.parameters, takes, values, strict=True)
             )
             yield PreparedAction(name, named, branches, reward, else_reward, before)
 
-    def _values(self, domain: Domain) -> list[tuple[str, Callable[[], Value | None]]]:
-        """Every value of a domain: how it reads, and a function that gives it."""
-        match domain_type(domain, self.model.metamodel):
-            case ObjectType(cls):
-                objects = self._keyed(cls)
-                return [(objects.text(i), _item(objects, i)) for i in range(len(objects.keys))]
-            case EnumType(literals=literals):
-                return [(literal, _constant(literal)) for literal in literals]
-            case _:
-                return [(str(n), _constant(n)) for n in range(domain.low, domain.high + 1)]
+    def _taking(self, domain: Domain) -> Callable[[Any], Callable[[], Value | None]]:
+        """What makes a function that gives a value of a domain: of objects that which has an index."""
+        type_ = domain_type(domain, self.model.metamodel)
+        return partial(_item, self._keyed(type_.cls)) if isinstance(type_, ObjectType) else _constant
 
     def _keyed(self, cls: str) -> KeyedObjects:
         if cls not in self._objects:
@@ -359,32 +353,29 @@ class Program:
         self, observation: ObserveObject | ObserveRange | ObserveAttribute, types: Types
     ) -> tuple[int, Callable[[Value | None], int], int]:
         """Number of values, the index of what a path leads to, and the index where an object is missing."""
+        metamodel = self.model.metamodel
+        size = size_of(observation, types, self._keys, metamodel)
+        type_ = path_type(observation, types, metamodel)
         match observation:
             case ObserveObject(among=among, or_none=or_none):
-                size, indexer = self._keys.size(among), self._keys.indexer(self.model, among)
-                missing, type_ = size if or_none else None, self._static_type(observation, types)
+                indexer = self._keys.indexer(self.model, among)
+                missing = size - 1 if or_none else None
                 assert isinstance(type_, ObjectType), "the behaviour was checked"
                 index = object_index(self.model, indexer, missing, among, type_.cls)
-                return size + or_none, index, size if or_none else 0
+                return size, index, missing or 0
             case ObserveRange(low=low, high=high):
-                return high - low + 1, range_index(low, high), 0
-            case ObserveAttribute():
-                type_ = self._static_type(observation, types)
+                return size, range_index(low, high), 0
+            case _:
                 literals = type_.literals if isinstance(type_, EnumType) else (False, True)
-                return len(literals), literal_index(literals), 0
-
-    def _static_type(self, observation: ObserveAttribute | ObserveObject, types: Types) -> object:
-        scope = {name: ObjectType(cls) for name, cls in types.items()}
-        if observation.each is not None and observation.each.type is not None:
-            scope[observation.each.name] = ObjectType(observation.each.type)
-        return check_expression(observation.path, scope, self.model.metamodel)[0]
+                return size, literal_index(literals), 0
 
     def _found(self, observation: ObserveFind, types: Types) -> Component:
+        size = size_of(observation, types, self._keys, self.model.metamodel)
         if observation.up_to is None:
             matches, _ = self._matches(self._ask(observation.call, types))
-            return Component(2, lambda: 1 if matches() else 0, observation)
-        count, limit = self._counting(observation.call, types), observation.up_to
-        return Component(limit + 1, lambda: min(count(), limit), observation)
+            return Component(size, lambda: 1 if matches() else 0, observation)
+        count = self._counting(observation.call, types)
+        return Component(size, lambda: min(count(), size - 1), observation)
 
     def _counting(self, call: PatternCall, types: Types) -> Callable[[], int]:
         counted, _ = self._matches(self._added(lambda name: count_question(name, call, types)))

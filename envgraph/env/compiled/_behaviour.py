@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from itertools import product
 from math import prod
 from typing import Final
 
@@ -14,29 +13,21 @@ from envgraph.behaviour import (
     Action,
     Agent,
     Behaviour,
-    Domain,
     Observation,
-    ObserveAttribute,
     ObserveFind,
-    ObserveObject,
-    ObserveRange,
-    condition_question,
-    count_question,
     domain_type,
     readings,
-    root_of,
 )
 from envgraph.code import dataclass
-from envgraph.env._keys import KeyIndex, indexed_classes, key_attributes
+from envgraph.env._keys import KeyIndex, expanded, indexed_classes, key_attributes
+from envgraph.env._observing import size_of
 from envgraph.env._prepared import Types, together
-from envgraph.env._program import added
 from envgraph.env.compiled._changes import Changes, StaticPatterns, blocks_of, calls_of, plan_of
 from envgraph.env.compiled._facts import Facts, Module
 from envgraph.env.compiled._inlining import inlined
 from envgraph.env.compiled._layout import (
     NOBODY,
     ONE,
-    RI,
     STATE,
     TURN,
     ZERO,
@@ -51,23 +42,23 @@ from envgraph.env.compiled._layout import (
 )
 from envgraph.env.compiled._matching import Matching
 from envgraph.env.compiled._member import ranks
-from envgraph.env.compiled._refused import NotCompiled, standing
-from envgraph.env.compiled._tables import Bound, IndexOf, Keyed, Seats
+from envgraph.env.compiled._observations import SEEN, Observations
+from envgraph.env.compiled._refused import NotCompiled
+from envgraph.env.compiled._tables import Bound, Seats, indexable
 from envgraph.env.compiled._terms import Term, named
 from envgraph.env.compiled._tidying import tidied
-from envgraph.env.compiled._turn import ACTED, END, NOTHING, TOTAL, Turn, Writer
+from envgraph.env.compiled._turn import ACTED, END, NOTHING, TOTAL, Turn
+from envgraph.env.compiled._writer import Writer
 from envgraph.errors import Span
 from envgraph.match.plan import CallGraph, LiveSizes, Planner
 from envgraph.metamodel import Attribute, EnumType, Scalar
-from envgraph.pattern import ObjectType, StaticType, check_expression
+from envgraph.pattern import ObjectType, StaticType
 from envgraph.rewrite import Engine
 from envgraph.rewrite.plans import Increase, RulePlan, SetValue
 
 ENTRIES: Final = ("begin", "step_one", "may_one", "look", "places")
 """The functions of a program that `_kernels` calls."""
 SELF, ACTION = code.Local("self", "object"), code.Local("a", "int")
-SEEN, NEXT, INDEX = code.Local("C"), code.Local("j", "int"), code.Local("index", "int")
-"""What is seen, by component; the number of the next one; and the index that they make."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,7 +129,7 @@ class _Program:
         """See that indices of objects and agents stay what they are."""
         for cls in indexed_classes(self._behaviour, self._metamodel):
             key = key_attributes(self._metamodel, cls)
-            if key and not self._changes.created.isdisjoint(self._indexable(cls)):
+            if key and not self._changes.created.isdisjoint(indexable(self._metamodel, cls)):
                 span = next(body.span for plan in plans for body in blocks_of(plan.body) if body.creates)
                 raise NotCompiled(f"objects with a key that a rule creates (`{cls}`)", span)
             for attribute in key:
@@ -163,11 +154,9 @@ class _Program:
         shape = (*lead, *(max(sizes) for sizes in zip(*padded, strict=True)))
         if prod(shape) > MOST_VALUES:
             raise NotCompiled("too many observations")
-        weights = [prod(shape[:place]) for place in range(len(shape))]
-        self._facts_of_observations = self._layout.offset(Constants("components", (len(shape), *weights)))
         turns = [self._turn(number, block, numbered[number], names) for number, block in enumerate(blocks)]
         may = [self._may(number, block, numbered[number], names) for number, block in enumerate(blocks)]
-        looks = [self._look(number, block, len(blocks)) for number, block in enumerate(blocks)]
+        looks = [self._look(number, block, len(blocks), shape) for number, block in enumerate(blocks)]
         if self._changes.growing is not None:
             self._define("tidy", (), tidied(self._facts, self._changes.growing))
         self._define("begin", (), self._begin())
@@ -227,24 +216,14 @@ class _Program:
         """Every action of a block, in order."""
         found = []
         for clause, (action, _) in enumerate(self._clauses(block)[0]):
-            domains = [self._domain(domain) for _, domain in action.parameters]
-            for values in product(*domains):
-                shown = ", ".join(text for text, _ in values)
-                name = f"{action.name}({shown})" if values else action.name
-                found.append(_Numbered(name, clause, tuple(number for _, number in values)))
+            types = [domain_type(domain, self._metamodel) for _, domain in action.parameters]
+            for name, values in expanded(action, self._keys, self._metamodel):
+                numbers = (
+                    ranks(type_)[str(value)] if isinstance(type_, EnumType) else int(value)
+                    for type_, value in zip(types, values, strict=True)
+                )
+                found.append(_Numbered(name, clause, tuple(numbers)))
         return found
-
-    def _domain(self, domain: Domain) -> list[tuple[str, int]]:
-        """How each value of a domain reads, and the number for it: of objects the index."""
-        match domain_type(domain, self._metamodel):
-            case ObjectType(cls):
-                keys = self._keys.of_class(cls)
-                return [(", ".join(map(str, key)), index) for index, key in enumerate(keys)]
-            case EnumType() as enum:
-                rank = ranks(enum)
-                return [(literal, rank[literal]) for literal in enum.literals]
-            case _:
-                return [(str(number), number) for number in range(domain.low, domain.high + 1)]
 
     def _parameters(self, writer: Writer, action: Action, first: code.Expression) -> dict[str, Term]:
         """What the parameters of an action stand for."""
@@ -252,31 +231,15 @@ class _Program:
         for place, (name, domain) in enumerate(action.parameters, 1):
             type_: StaticType = domain_type(domain, self._metamodel) or Scalar.INT
             number: code.Expression = entry(L, plus(first, place))
-            local = writer.facts.local(type_)
             if isinstance(type_, ObjectType):
-                keyed = self._layout.offset(Keyed(type_.cls, self._candidates(type_.cls)))
-                writer.assign(local, table(plus(keyed, number)))
-                self._unless_instance(writer, local, type_.cls)
+                local = writer.keyed(type_.cls, number)
+                present = (code.Operation(">=", (local, ZERO)),)
+                scope[name] = replace(named(local, type_), present=present)
             else:
+                local = writer.facts.local(type_)
                 writer.assign(local, number)
-            present = (code.Operation(">=", (local, ZERO)),) if isinstance(type_, ObjectType) else ()
-            scope[name] = replace(named(local, type_), present=present)
+                scope[name] = named(local, type_)
         return scope
-
-    def _unless_instance(self, writer: Writer, local: code.Local, cls: str) -> None:
-        """An object that is not of a class is none."""
-        if not self._changes.fixed_class(cls):
-            there = code.Operation(">=", (local, ZERO))
-            is_instance = self._facts.is_instance(local, cls)
-            gone = code.Operation("and", (there, code.inverse(is_instance)))
-            writer.add(code.If(gone, (code.Assign(local, NOBODY),)))
-
-    def _candidates(self, cls: str) -> tuple[str, ...]:
-        """The classes of the objects that are of a class, or may become so."""
-        found: dict[str, None] = {}
-        for one in self._metamodel.concrete(cls):
-            found.update(dict.fromkeys(self._changes.group_of(one) or (one,)))
-        return tuple(found)
 
     # --- functions
 
@@ -386,7 +349,7 @@ class _Program:
 
     # --- observations
 
-    def _observations(self, block: Agent | None) -> list[tuple[Observation, Types]]:
+    def _observed(self, block: Agent | None) -> list[tuple[Observation, Types]]:
         _, shared, own = self._scope(block)
         mine = block.observations if block is not None else ()
         return together(mine, own, self._behaviour.observations, shared)
@@ -394,189 +357,21 @@ class _Program:
     def _shape(self, block: Agent | None) -> list[int]:
         """How many values each component of a block has."""
         found: list[int] = []
-        for observation, types in self._observations(block):
-            if isinstance(observation, ObserveFind):
-                found.append(2 if observation.up_to is None else observation.up_to + 1)
-                continue
-            each = observation.each
-            times = 1 if each is None else self._keys.size(each.type or "")
-            found += [self._size(observation, types)] * times
+        for observation, types in self._observed(block):
+            size = size_of(observation, types, self._keys, self._metamodel)
+            each = None if isinstance(observation, ObserveFind) else observation.each
+            found += [size] * (1 if each is None else self._keys.size(each.type or ""))
         return found
 
-    def _size(self, observation: ObserveObject | ObserveRange | ObserveAttribute, types: Types) -> int:
-        match observation:
-            case ObserveObject(among=among, or_none=or_none):
-                return self._keys.size(among) + or_none
-            case ObserveRange(low=low, high=high):
-                return high - low + 1
-            case _:
-                type_ = self._path_type(observation, types)
-                return len(type_.literals) if isinstance(type_, EnumType) else 2
-
-    def _path_type(self, observation: ObserveAttribute, types: Types) -> StaticType | None:
-        scope: dict[str, StaticType | None] = {name: ObjectType(cls) for name, cls in types.items()}
-        if observation.each is not None:
-            scope[observation.each.name] = ObjectType(observation.each.type or "")
-        return check_expression(observation.path, scope, self._metamodel)[0]
-
-    def _look(self, number: int, block: Agent | None, blocks: int) -> str:
-        scope, _, _ = self._scope(block)
+    def _look(self, number: int, block: Agent | None, blocks: int, shape: Sequence[int]) -> str:
         with self._module.writing():
             writer = Writer(self._matching, self._engine, self._behaviour.name, code.Return(ZERO))
-            writer.assign(NEXT, ZERO)
-            writer.assign(INDEX, ZERO)
+            observations = Observations(writer, self._keys, shape)
             if blocks > 1:
-                self._see(writer, code.Constant(number))
-            for observation, types in self._observations(block):
-                with standing(observation.span):
-                    if isinstance(observation, ObserveFind):
-                        self._see_matches(writer, observation, types, scope)
-                    else:
-                        self._see_path(writer, observation, types, scope)
-            padding = writer.module.fresh("i")
-            rest = code.Assign(entry(SEEN, padding), ZERO)
-            last = entry(L, self._facts_of_observations)
-            writer.add(code.For(padding, code.call("range", NEXT, last), (rest,)))
-            writer.add(code.Return(INDEX))
+                observations.see(code.Constant(number))
+            observations.write(self._observed(block), self._scope(block)[0])
+            observations.end()
             return self._module.add("look", (SELF, SEEN), writer.written())
-
-    def _see(self, writer: Writer, value: code.Expression) -> None:
-        weight = entry(L, plus(self._facts_of_observations, 1, NEXT))
-        writer.add(code.Assign(entry(SEEN, NEXT), value))
-        writer.add(code.Assign(INDEX, code.Operation("*", (value, weight)), "+="))
-        writer.add(code.Assign(NEXT, ONE, "+="))
-
-    def _see_matches(
-        self, writer: Writer, observation: ObserveFind, types: Types, scope: Mapping[str, Term]
-    ) -> None:
-        local, name = writer.module.fresh("seen"), self._behaviour.name
-        writer.assign(local, ZERO)
-        if observation.up_to is None:
-            question = added(self._engine, name, lambda n: condition_question(n, observation.call, types))
-            values = [scope[bound].value for bound in question.bound]
-            exists = writer.call(self._matching.exists(writer.key(question, free=False)), *values)
-            found: code.Body = (code.Assign(local, code.Choice(exists, ONE, ZERO)),)
-        else:
-            question = added(self._engine, name, lambda n: count_question(n, observation.call, types))
-            values = [scope[bound].value for bound in question.bound]
-            rows = writer.call(self._matching.rows(writer.key(question)), *values)
-            counted = entry(RI, writer.top, 0)
-            most = code.call("min", counted, code.Constant(observation.up_to))
-            some = code.Operation(">", (rows, ZERO))
-            found = (code.If(some, (code.Assign(local, most),)),)
-        alive = writer.bound_alive(question, scope)
-        writer.add(*([code.If(code.joined("and", alive, True), found)] if alive else found))
-        self._see(writer, local)
-
-    def _see_path(
-        self,
-        writer: Writer,
-        observation: ObserveObject | ObserveRange | ObserveAttribute,
-        types: Types,
-        scope: Mapping[str, Term],
-    ) -> None:
-        each = observation.each
-        if each is None:
-            root = root_of(observation.path).name
-            gone = writer.gone(scope[root], types[root])
-            self._see_value(writer, observation, scope, gone)
-            return
-        cls = each.type or ""
-        index, node = writer.module.fresh("i"), writer.facts.local(ObjectType(cls))
-        keyed = self._layout.offset(Keyed(cls, self._candidates(cls)))
-
-        def write() -> None:
-            writer.assign(node, table(plus(keyed, index)))
-            self._unless_instance(writer, node, cls)
-            gone = code.Operation("<", (node, ZERO))
-            self._see_value(
-                writer, observation, {**scope, each.name: named(node, ObjectType(cls), cls)}, gone
-            )
-
-        count = Constants(("keys", cls), (self._keys.size(cls),))
-        size = entry(L, self._layout.offset(count))
-        writer.add(code.For(index, code.call("range", size), writer.collected(write)))
-
-    def _see_value(
-        self,
-        writer: Writer,
-        observation: ObserveObject | ObserveRange | ObserveAttribute,
-        scope: Mapping[str, Term],
-        gone: code.Expression | None,
-    ) -> None:
-        """The index of what a path leads to, or the padding where it begins nowhere."""
-        local = writer.module.fresh("seen")
-        padding: code.Expression = ZERO
-        missing: code.Body = writer.fail()
-        if isinstance(observation, ObserveObject) and observation.or_none:
-            count = Constants(("keys", observation.among), (self._keys.size(observation.among),))
-            padding = entry(L, self._layout.offset(count))
-            missing = (code.Assign(local, padding),)
-
-        def read() -> None:
-            term = writer.value(observation.path, scope)
-            found = writer.collected(lambda: self._index(writer, observation, term, local, missing))
-            if term.tests:
-                found = (code.If(code.joined("and", term.tests, True), found, missing),)
-            writer.add(*found)
-
-        if gone is None:
-            read()
-        else:
-            writer.add(code.If(gone, (code.Assign(local, padding),), writer.collected(read)))
-        self._see(writer, local)
-
-    def _index(
-        self,
-        writer: Writer,
-        observation: ObserveObject | ObserveRange | ObserveAttribute,
-        term: Term,
-        local: code.Local,
-        missing: code.Body,
-    ) -> None:
-        match observation:
-            case ObserveObject(among=among):
-                assert isinstance(term.type, ObjectType), "the behaviour was checked"
-                node = writer.facts.local(term.type)
-                writer.assign(node, term.value)
-                indices = self._layout.offset(IndexOf(among, self._indexable(among)))
-                found: code.Body = (
-                    code.Assign(local, table(plus(indices, node))),
-                    code.If(code.Operation("<", (local, ZERO)), writer.fail()),
-                )
-                if not self._metamodel.covers(among, term.type.cls):
-                    found = (code.If(self._facts.is_instance(node, among), found, missing),)
-                writer.add(*found)
-            case ObserveRange(low=low, high=high):
-                clipped = code.call(
-                    "min", code.call("max", term.value, code.Constant(low)), code.Constant(high)
-                )
-                writer.assign(local, code.Operation("-", (clipped, code.Constant(low))))
-            case _:
-                writer.assign(local, _literal_index(term, self._layout))
-
-    def _indexable(self, cls: str) -> tuple[str, ...]:
-        """The classes of the objects that have the key of a class."""
-        key = key_attributes(self._metamodel, cls)
-        concrete = [one.name for one in self._metamodel.class_list if not one.abstract]
-        return tuple(
-            one
-            for one in concrete
-            if self._metamodel.is_a(one, cls)
-            or (key and all(self._metamodel.is_a(one, attribute.owner) for attribute in key))
-        )
-
-
-def _literal_index(term: Term, layout: Layout) -> code.Expression:
-    """Code for the place of a literal in its enum; those of other types are what they are."""
-    if not isinstance(term.type, EnumType):
-        return term.number
-    literals = term.type.literals
-    if list(literals) == sorted(literals):
-        return term.value
-    places = tuple(literals.index(literal) for literal in sorted(literals))
-    offset = layout.offset(Constants(("places", term.type.name), places))
-    return entry(L, plus(offset, term.value))
 
 
 def _set_at(plans: Sequence[RulePlan], attribute: Attribute) -> Span | None:

@@ -135,6 +135,11 @@ class Changes:
         """The group that a concrete class belongs to, if it belongs to one."""
         return next((group for group in self.groups if cls in group), None)
 
+    def becoming(self, cls: str) -> tuple[str, ...]:
+        """The concrete classes of the objects that are of a class, or may become so."""
+        own = self.metamodel.concrete(cls)
+        return tuple(dict.fromkeys(each for one in own for each in self.group_of(one) or (one,)))
+
     @property
     def growing(self) -> tuple[str, ...] | None:
         """The group of the objects that rules create, if they do."""

@@ -261,8 +261,8 @@ class Facts:
         sets = self.sets(cls, exact)
         if sets is not None:
             return self.each_in(block, self.words(block, sets))
-        wider = dict.fromkeys(each for one in classes for each in self.changes.group_of(one) or (one,))
-        node, _ = self.each(block, tuple(wider))
+        wider = self.changes.becoming(cls) if not exact else self.changes.group_of(cls) or (cls,)
+        node, _ = self.each(block, wider)
         block.test(self.is_instance(node, cls, exact))
         return node
 

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from envgraph.code import dataclass
 from envgraph.env._binding import bind_parameter
-from envgraph.env._keys import key_reader
+from envgraph.env._keys import key_attributes, key_reader
 from envgraph.env.compiled._member import NO_OBJECT, Cell, Member, Row, missing, width
 from envgraph.env.compiled._refused import Misfit, NotCompiled
-from envgraph.metamodel import Attribute, Reference, Scalar
+from envgraph.metamodel import Attribute, Metamodel, Reference, Scalar
 from envgraph.pattern import Library, ObjectType, Parameter, StaticType
 
 WORD: Final = 32
@@ -445,6 +445,20 @@ class IndexOf(Whole):
         for number, index in _indexed(member, self.cls, self.candidates):
             found[number] = index
         return found
+
+
+def indexable(metamodel: Metamodel, cls: str) -> tuple[str, ...]:
+    """The concrete classes of the objects that have the key of a class."""
+    key = key_attributes(metamodel, cls)
+    return tuple(
+        one.name
+        for one in metamodel.class_list
+        if not one.abstract
+        and (
+            metamodel.is_a(one.name, cls)
+            or (key and all(metamodel.is_a(one.name, attribute.owner) for attribute in key))
+        )
+    )
 
 
 def _indexed(member: Member, cls: str, classes: Sequence[str]) -> Iterator[tuple[int, int]]:

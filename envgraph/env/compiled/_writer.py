@@ -1,0 +1,317 @@
+"""What the clauses of a behaviour say, as statements: values, calls of rules, questions."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+from envgraph import code
+from envgraph.behaviour import Branch, Question, RuleCall, condition_question, roots
+from envgraph.code import dataclass
+from envgraph.env._prepared import Types
+from envgraph.env._program import added
+from envgraph.env._sampling import lacking
+from envgraph.env.compiled._changes import plan_of
+from envgraph.env.compiled._effects import Effects
+from envgraph.env.compiled._layout import NOBODY, ONE, TOP, ZERO, D, call, plus, table
+from envgraph.env.compiled._matching import Matching
+from envgraph.env.compiled._refused import standing
+from envgraph.env.compiled._statements import Statements
+from envgraph.env.compiled._tables import Keyed
+from envgraph.env.compiled._terms import Term, Terms, as_float, named
+from envgraph.match.plan import ViewKey
+from envgraph.metamodel import Scalar
+from envgraph.pattern import Expression, Negation, ObjectType, StaticType, Variable
+from envgraph.rewrite import Engine
+
+
+@dataclass(frozen=True, slots=True)
+class Called:
+    """A call of a rule that has been written.
+
+    Attributes:
+        done: the variable that is 1 if a rule was applied, or there was nothing to do.
+        outputs: the values of the names that get outputs.
+    """
+
+    done: code.Local
+    outputs: Mapping[str, Term]
+
+
+class Writer(Statements):
+    """Writes the statements of one function of a behaviour.
+
+    Args:
+        matching: finds matches.
+        engine: has the rules.
+        behaviour: name of the behaviour.
+        leave: what is done where the live engine raises an error.
+    """
+
+    def __init__(self, matching: Matching, engine: Engine, behaviour: str, leave: code.Return) -> None:
+        super().__init__(leave)
+        self.matching = matching
+        self.facts = matching.facts
+        self.module = matching.module
+        self.engine = engine
+        self.behaviour = behaviour
+        self.top: code.Expression = TOP
+        self.levels = 0
+
+    def call(self, name: str, *arguments: code.Expression) -> code.Call:
+        """Code for a call of a function."""
+        self.module.uses(name, self.levels)
+        return call(name, *arguments, top=self.top)
+
+    # --- values
+
+    def value(
+        self, expression: Expression, scope: Mapping[str, Term], expected: StaticType | None = None
+    ) -> Term:
+        """Code for an expression."""
+        terms = Terms(self.facts, scope)
+        term = terms.write(expression, expected)
+        self.add(*terms.steps)
+        return term
+
+    def number(self, expression: Expression, scope: Mapping[str, Term]) -> code.Expression:
+        """Code for a reward; where it has no value that is an error."""
+        term = self.value(expression, scope)
+        if term.tests:
+            self.fail_if(code.inverse(code.joined("and", term.tests, True)))
+        return as_float(term)
+
+    def keyed(self, cls: str, index: code.Expression) -> code.Local:
+        """The object that has an index among a class, -1 where there is none."""
+        local, changes = self.facts.local(ObjectType(cls)), self.facts.changes
+        objects = self.facts.layout.offset(Keyed(cls, changes.becoming(cls)))
+        self.assign(local, table(plus(objects, index)))
+        if not changes.fixed_class(cls):
+            there = code.Operation(">=", (local, ZERO))
+            gone = code.Operation("and", (there, code.inverse(self.facts.is_instance(local, cls))))
+            self.add(code.If(gone, (code.Assign(local, NOBODY),)))
+        return local
+
+    def gone(self, term: Term, cls: str) -> code.Expression | None:
+        """Code for whether an object is deleted, or no longer of a class; None if it cannot be."""
+        if self.facts.changes.fixed_class(cls):
+            return None
+        return code.inverse(self.facts.is_instance(term.value, cls))
+
+    def alive(self, term: Term) -> code.Expression | None:
+        """Code for whether an object is not deleted; None if it cannot be."""
+        assert isinstance(term.type, ObjectType)
+        return self.facts.alive(term.value, term.type.cls)
+
+    # --- calls
+
+    def run(self, rule: RuleCall, scope: Mapping[str, Term]) -> Called:
+        """Apply a rule at one of its matches."""
+        done = self.module.fresh("done")
+        self.assign(done, ZERO)
+        if rule.rule is None:
+            self.assign(done, ONE)
+            return Called(done, {})
+        given, tests = self._given(rule, scope)
+        parameters = self.engine.signature(rule.rule).parameters
+        wanted = {
+            taken.name: argument.name
+            for argument, taken in zip(rule.arguments, parameters, strict=True)
+            if taken.output and isinstance(argument, Variable) and not argument.anonymous
+        }
+        applied = self._applying(rule, tuple(given), tuple(wanted))
+        types = self._output_types(rule, tuple(wanted))
+        outputs = [self.facts.local(type_) for type_ in types]
+        for local, type_ in zip(outputs, types, strict=True):
+            self.assign(local, zero_of(type_))
+        found = self.call(applied, *given.values())
+        target = code.tuple_of(done, *outputs) if outputs else done
+        self.add(code.If(code.joined("and", tests, True), (code.Assign(target, found),)))
+        self.add(code.If(code.Operation("<", (done, ZERO)), (self.leave,)))
+        terms = [named(local, type_) for local, type_ in zip(outputs, types, strict=True)]
+        return Called(done, dict(zip(wanted.values(), terms, strict=True)))
+
+    def can_run(self, branches: Sequence[Branch], scope: Mapping[str, Term], can: code.Local) -> None:
+        """Make a variable 1 if one of the branches would do something."""
+        for chance, branch in zip(self._chances(branches, scope)[0], branches, strict=True):
+            possible = code.Operation(">", (chance, code.Constant(0.0)))
+            self.when(possible, lambda call=branch.call: self._can_call(call, scope, can))  # type: ignore[misc]
+
+    def _can_call(self, rule: RuleCall, scope: Mapping[str, Term], can: code.Local) -> None:
+        if rule.rule is None:
+            self.assign(can, ONE)
+            return
+        given, tests = self._given(rule, scope)
+        plan = plan_of(self.engine, rule)
+        places = {plan.variables.index(name): value for name, value in given.items()}
+        exists = self.matching.exists(ViewKey(plan.body.pattern, tuple(sorted(places)), ()))
+        found = self.call(exists, *(places[position] for position in sorted(places)))
+        self.add(code.If(code.joined("and", [*tests, found], True), (code.Assign(can, ONE),)))
+
+    def _given(
+        self, rule: RuleCall, scope: Mapping[str, Term]
+    ) -> tuple[dict[str, code.Expression], list[code.Expression]]:
+        """The values of a rule's parameters that are no outputs, and tests that they are there."""
+        assert rule.rule is not None
+        parameters = self.engine.signature(rule.rule).parameters
+        given: dict[str, code.Expression] = {}
+        tests: list[code.Expression] = []
+        for argument, taken in zip(rule.arguments, parameters, strict=True):
+            if not taken.output:
+                term = self.value(argument, scope, taken.type)
+                if term.valid:
+                    self._check_argument(argument, scope, term)
+                tests += term.tests
+                if isinstance(term.type, ObjectType):
+                    tests += [alive] if (alive := self.alive(term)) is not None else []
+                    tests += self._of_class(term, taken.type)
+                elif term.beyond is not None and taken.type is not Scalar.FLOAT:
+                    wrong = code.joined("and", [*term.tests, term.beyond], True)
+                    self.fail_if(wrong, "BEYOND")
+                given[taken.name] = as_float(term) if taken.type is Scalar.FLOAT else term.number
+        return given, tests
+
+    def _of_class(self, term: Term, taken: StaticType | None) -> list[code.Expression]:
+        """Tests that an object is of the class of a parameter, where that is not sure."""
+        assert isinstance(term.type, ObjectType)
+        assert isinstance(taken, ObjectType)
+        if self.facts.metamodel.is_a(term.type.cls, taken.cls):
+            return []
+        return [self.facts.is_instance(term.value, taken.cls)]
+
+    def _check_argument(self, argument: Expression, scope: Mapping[str, Term], term: Term) -> None:
+        """An argument that fails is an error, unless it reads from an object that is gone."""
+        wrong = code.inverse(code.joined("and", term.valid, True))
+        self.fail_if(code.joined("and", [*self._there(argument, scope), wrong], True))
+
+    def _there(self, expression: Expression, scope: Mapping[str, Term]) -> list[code.Expression]:
+        """Tests that the objects from which an expression reads are not deleted."""
+        there: list[code.Expression] = []
+        for root in roots(expression):
+            there += scope[root.name].present
+            there += [alive] if (alive := self.alive(scope[root.name])) is not None else []
+        return there
+
+    def _applying(self, rule: RuleCall, bound: tuple[str, ...], wanted: tuple[str, ...]) -> str:
+        """The function that applies a rule: 1 and the outputs, 0 without a match, -1 where that is refused."""
+        key = "apply", rule.rule, bound, wanted
+        return self.module.once(key, "apply", lambda: self._application(rule, bound, wanted))
+
+    def _application(
+        self, rule: RuleCall, bound: tuple[str, ...], wanted: tuple[str, ...]
+    ) -> tuple[list[code.Local], code.Body]:
+        plan = plan_of(self.engine, rule)
+        positions = tuple(sorted(plan.variables.index(name) for name in bound))
+        others = tuple(p for p in range(len(plan.variables)) if p not in positions)
+        given = {p: self.facts.local(plan.types[p]) for p in positions}
+        nothing = [zero_of(type_) for type_ in self._output_types(rule, wanted)]
+        refused = code.Return(_listed(NOBODY, nothing))
+        places = dict(plan.outputs)
+
+        def change(found: Sequence[code.Expression]) -> code.Body:
+            slots: dict[int, code.Expression] = {**given, **dict(zip(others, found, strict=True))}
+            effects = Effects(self.matching, plan, [slots[p] for p in range(len(plan.variables))], refused)
+            with standing(plan.body.span or rule.span):
+                changes = effects.write()
+            return (*changes, code.Return(_listed(ONE, [effects.slot(places[name]) for name in wanted])))
+
+        key = ViewKey(plan.body.pattern, positions, others)
+        missing = code.Return(_listed(ZERO, nothing))
+        body = self.matching.chosen(key, [given[p] for p in positions], change, missing)
+        return [given[plan.variables.index(name)] for name in bound], body
+
+    def _output_types(self, rule: RuleCall, wanted: Sequence[str]) -> list[StaticType]:
+        assert rule.rule is not None
+        types = {taken.name: taken.type for taken in self.engine.signature(rule.rule).parameters}
+        return [types[name] or ObjectType("") for name in wanted]
+
+    def alternatives(self, branches: Sequence[Branch], scope: Mapping[str, Term]) -> Called:
+        """Draw a branch and run it."""
+        if [branch.probability for branch in branches] == [1.0]:
+            return self.run(branches[0].call, scope)
+        done, drawn = self.module.fresh("done"), self.module.fresh("b")
+        self.assign(done, ZERO)
+        chances, left = self._chances(branches, scope)
+        self.assign(drawn, code.call("choose", D, code.tuple_of(*chances), left))
+        outputs: dict[str, Term] = {}
+        for number, branch in enumerate(branches):
+
+            def write(branch: Branch = branch) -> None:
+                called = self.run(branch.call, scope)
+                self.assign(done, called.done)
+                for name, term in called.outputs.items():
+                    if name not in outputs:
+                        outputs[name] = replace(term, value=self.facts.local(term.type or ObjectType("")))
+                    local = outputs[name].value
+                    assert isinstance(local, code.Local)
+                    self.assign(local, term.number)
+
+            self.when(code.equal(drawn, code.Constant(number)), write)
+        return Called(done, outputs)
+
+    def _chances(
+        self, branches: Sequence[Branch], scope: Mapping[str, Term]
+    ) -> tuple[list[code.Expression], code.Expression]:
+        """Code for the probabilities of branches, and for what they lack to 1."""
+        given = [branch.probability for branch in branches]
+        fixed = [float(one) for one in given if isinstance(one, int | float)]
+        if len(fixed) == len(given):
+            return [code.Constant(one) for one in fixed], code.Constant(lacking(fixed))
+        chances = [self._chance(one, scope) for one in given]
+        left = self.module.fresh("left", "float")
+        self.assign(left, code.Constant(0.0))
+        for chance in chances:
+            self.add(code.Assign(left, chance, "+="))
+        self.assign(left, code.Operation("-", (code.Constant(1.0), left)))
+        self.fail_if(code.Operation("<", (left, code.Constant(-1e-9))))
+        return chances, left
+
+    def _chance(self, given: float | Expression, scope: Mapping[str, Term]) -> code.Expression:
+        """Code for a probability, which is 0 where it has no value because an object is gone."""
+        if isinstance(given, int | float):
+            return code.Constant(float(given))
+        term = self.value(given, scope)
+        chance = self.facts.local(Scalar.FLOAT)
+        self.assign(chance, code.Constant(0.0))
+        within = [code.Operation("<=", pair) for pair in ((ZERO, chance), (chance, ONE))]
+        valued = (
+            code.Assign(chance, as_float(term)),
+            code.If(code.inverse(code.joined("and", within, True)), self.fail()),
+        )
+        lacking_value = code.If(code.joined("and", self._there(given, scope), True), self.fail())
+        self.add(
+            *(
+                (code.If(code.joined("and", term.tests, True), valued, (lacking_value,)),)
+                if term.tests
+                else valued
+            )
+        )
+        return chance
+
+    # --- questions
+
+    def question(self, condition: Negation | object, types: Types) -> Question:
+        """The helper pattern of a condition."""
+        return added(
+            self.engine,
+            self.behaviour,
+            lambda name: condition_question(name, condition, types),  # type: ignore[arg-type]
+        )
+
+    def key(self, question: Question, free: bool = True) -> ViewKey:
+        """The view that asks for the free variables of a question, or whether there are any."""
+        bound = len(question.bound)
+        outputs = tuple(range(bound, bound + len(question.free))) if free else ()
+        return ViewKey(question.pattern.qualified_name, tuple(range(bound)), outputs)
+
+    def bound_alive(self, question: Question, scope: Mapping[str, Term]) -> list[code.Expression]:
+        """Tests that the objects which a question names are not deleted."""
+        return [test for name in question.bound if (test := self.alive(scope[name])) is not None]
+
+
+def _listed(first: code.Expression, others: Sequence[code.Expression]) -> code.Expression:
+    return code.tuple_of(first, *others) if others else first
+
+
+def zero_of(type_: StaticType | None) -> code.Expression:
+    return code.Constant(0.0) if type_ is Scalar.FLOAT else ZERO
