@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from functools import cached_property, reduce
-from itertools import chain
+from itertools import chain, product
 from math import prod
 from operator import add
 
-from envgraph.behaviour import Behaviour
+from envgraph.behaviour import Behaviour, Effect
 from envgraph.code import dataclass
 from envgraph.env._agents import Agents, Seat
 from envgraph.env._keys import KeyIndex
@@ -70,7 +70,7 @@ class Together:
     """
 
     def __init__(self, behaviour: Behaviour, agents: Agents, model: Model, keys: KeyIndex) -> None:
-        _check_complete(behaviour, model, keys)
+        check_complete(behaviour, model, keys)
         self._agents, self._model = agents, model
         self._seats: Sequence[Seat] = agents.seats
         self._clauses = _in_order(agents.seats)
@@ -78,7 +78,7 @@ class Together:
         owned = [(seat.name, _parts(seat.program, shared=False)) for seat in agents.seats]
         owned.append(("shared", _parts(agents.seats[0].program, shared=True)))
         parts = [part for _, own in owned for part in own]
-        self.observation_names = tuple(f"{who} {n}" for who, own in owned for n in range(1, len(own) + 1))
+        self.observation_names = numbered_names([(who, len(own)) for who, own in owned])
         self.shape = tuple(part.size for part in parts)
         self._reads = [(part.read, prod(self.shape[:place])) for place, part in enumerate(parts)]
 
@@ -94,17 +94,7 @@ class Together:
         Raises:
             EvaluationError: there are too many.
         """
-        if self.n_actions > MOST_JOINT_ACTIONS:
-            message = f"{self.n_actions:,} actions of all agents together, at most {MOST_JOINT_ACTIONS:,} are possible"
-            raise EvaluationError(message, None, "`envgraph.make_parallel` has an action for each agent")
-        names = self._agents.action_names
-        return tuple(
-            ", ".join(
-                f"{seat.name}: {names[digit]}"
-                for seat, digit in zip(self._seats, self.digits(number), strict=True)
-            )
-            for number in range(self.n_actions)
-        )
+        return joint_names([seat.name for seat in self._seats], self._agents.action_names)
 
     def digits(self, number: int) -> list[int]:
         """The actions of the agents that a joint action has."""
@@ -191,16 +181,53 @@ def _of_all(
 
 
 def _in_order(seats: Sequence[Seat]) -> tuple[Clause, ...]:
-    """The effects in the order of the text, one of a block for each of its agents in turn, a shared one once."""
+    """The effects of all agents."""
     found = []
-    for number, seat in enumerate(seats):
-        program = seat.program
-        written = zip(program.asked, program.shared, program.effects, strict=True)
-        for place, ((effect, _), shared, prepared) in enumerate(written):
-            if not (shared and number):
-                start = effect.span.start if effect.span is not None else int(shared)
-                found.append((start, number, place, Clause(number, shared, program, prepared)))
-    return tuple(clause for *_, clause in sorted(found, key=lambda one: one[:3]))
+    written = [
+        [*zip((effect for effect, _ in seat.program.asked), seat.program.shared, strict=True)]
+        for seat in seats
+    ]
+    for number, place in in_order(written):
+        program = seats[number].program
+        found.append(Clause(number, program.shared[place], program, program.effects[place]))
+    return tuple(found)
+
+
+def in_order(written: Sequence[Sequence[tuple[Effect, bool]]]) -> list[tuple[int, int]]:
+    """Effects in the order of the text, one of a block for each of its agents in turn, a shared one once.
+
+    Args:
+        written: of each agent those that it has, and whether they are shared.
+
+    Returns:
+        Numbers of the agents, and which of their effects it is.
+    """
+    found = [
+        (effect.span.start if effect.span is not None else int(shared), number, place)
+        for number, own in enumerate(written)
+        for place, (effect, shared) in enumerate(own)
+        if not (shared and number)
+    ]
+    return [(number, place) for _, number, place in sorted(found)]
+
+
+def joint_names(agents: Sequence[str], actions: Sequence[str]) -> tuple[str, ...]:
+    """The names of all actions of agents that act together; that of the first one varies fastest.
+
+    Raises:
+        EvaluationError: there are too many.
+    """
+    count = len(actions) ** len(agents)
+    if count > MOST_JOINT_ACTIONS:
+        message = f"{count:,} actions of all agents together, at most {MOST_JOINT_ACTIONS:,} are possible"
+        raise EvaluationError(message, None, "`envgraph.make_parallel` has an action for each agent")
+    each = [[f"{agent}: {action}" for action in actions] for agent in reversed(agents)]
+    return tuple(", ".join(reversed(chosen)) for chosen in product(*each))
+
+
+def numbered_names(counts: Sequence[tuple[str, int]]) -> tuple[str, ...]:
+    """Names of components, of which somebody has so many."""
+    return tuple(f"{who} {number}" for who, count in counts for number in range(1, count + 1))
 
 
 def _parts(program: Program, shared: bool) -> list[Component]:
@@ -208,7 +235,7 @@ def _parts(program: Program, shared: bool) -> list[Component]:
     return [part for part, is_shared in flags if is_shared == shared]
 
 
-def _check_complete(behaviour: Behaviour, model: Model, keys: KeyIndex) -> None:
+def check_complete(behaviour: Behaviour, model: Model, keys: KeyIndex) -> None:
     """See that a member has all the agents of its family: else its joint actions would not be those of the others."""
     problems = [
         Diagnostic(

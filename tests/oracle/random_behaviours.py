@@ -197,14 +197,15 @@ class _Builder:
         self._scope = {one.name: ObjectType(one.type or "") for one in found.parameters}
         found = self._clauses(found, dice.number(3, 9))
         if dice.chance(35):
+            together = dice.chance(40)
             for number in range(dice.number(1, 2)):
-                found = self._agent(found, number)
+                found = self._agent(found, number, together)
         for _ in range(dice.one([0, 0, 1, 2])):
             branches, _ = self._branches(self._scope)
             found = self._with(found, resets=(*found.resets, OnReset(branches)))
         return found
 
-    def _agent(self, found: Behaviour, number: int) -> Behaviour:
+    def _agent(self, found: Behaviour, number: int, together: bool) -> Behaviour:
         classes = [
             cls for cls in self._metamodel.classes if all(one.model.extent(cls) for one in self._engines)
         ]
@@ -214,7 +215,7 @@ class _Builder:
         self._scope = {**outer, f"me{number}": ObjectType(cls)}
         rest = Action(f"rest{number}", (Branch(1.0, RuleCall(None)),))
         block = Agent(f"me{number}", cls, (rest,))
-        found = self._with(found, agents=(*found.agents, block))
+        found = self._with(found, agents=(*found.agents, block), together=together)
         if found.agents and found.agents[-1] == block:
             found = self._clauses(found, self._dice.number(1, 4), agent=True)
         self._scope = outer

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import chain, zip_longest
 from math import prod
-from typing import Final
+from typing import Final, Literal
 
 from envgraph import code
 from envgraph.behaviour import (
@@ -13,6 +14,7 @@ from envgraph.behaviour import (
     Action,
     Agent,
     Behaviour,
+    Effect,
     Observation,
     ObserveFind,
     domain_type,
@@ -20,8 +22,10 @@ from envgraph.behaviour import (
 )
 from envgraph.code import dataclass
 from envgraph.env._keys import KeyIndex, expanded, indexed_classes, key_attributes
-from envgraph.env._observing import size_of
+from envgraph.env._observing import component_names, size_of
 from envgraph.env._prepared import Types, together
+from envgraph.env._program import stands_before
+from envgraph.env._together import in_order, joint_names, numbered_names
 from envgraph.env.compiled._changes import Changes, StaticPatterns, blocks_of, calls_of, plan_of
 from envgraph.env.compiled._facts import Facts, Module
 from envgraph.env.compiled._inlining import inlined
@@ -47,7 +51,7 @@ from envgraph.env.compiled._refused import NotCompiled
 from envgraph.env.compiled._tables import Bound, Seats, indexable
 from envgraph.env.compiled._terms import Term, named
 from envgraph.env.compiled._tidying import tidied
-from envgraph.env.compiled._turn import ACTED, END, NOTHING, TOTAL, Turn
+from envgraph.env.compiled._turn import ACTED, END, NOTHING, TOTAL, Clause, Player, Turn
 from envgraph.env.compiled._writer import Writer
 from envgraph.errors import Span
 from envgraph.match.plan import CallGraph, LiveSizes, Planner
@@ -71,6 +75,7 @@ class Text:
         levels, width: how many stretches of rows there are, and how many columns.
         action_names: of the actions.
         shape: sizes of the components of an observation.
+        observation_names: of these.
     """
 
     functions: tuple[code.Function, ...]
@@ -79,9 +84,16 @@ class Text:
     width: int
     action_names: tuple[str, ...]
     shape: tuple[int, ...]
+    observation_names: tuple[str, ...]
 
 
-def written(engine: Engine, behaviour: Behaviour, keys: KeyIndex, layout: Layout) -> Text:
+def written(
+    engine: Engine,
+    behaviour: Behaviour,
+    keys: KeyIndex,
+    layout: Layout,
+    seats: Sequence[tuple[str, int]] = (),
+) -> Text:
     """The program of a behaviour.
 
     Args:
@@ -89,11 +101,13 @@ def written(engine: Engine, behaviour: Behaviour, keys: KeyIndex, layout: Layout
         behaviour: resolved, without errors.
         keys: the indices of objects over the family.
         layout: gets the tables and columns.
+        seats: of agents that act together the names, and the numbers of their blocks.
 
     Raises:
         NotCompiled: something in it is not compiled.
+        EvaluationError: too many actions of agents that act together.
     """
-    return _Program(engine, behaviour, keys, layout).text()
+    return _Program(engine, behaviour, keys, layout, seats).text()
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,9 +119,39 @@ class _Numbered:
     values: tuple[int, ...]
 
 
+@dataclass(frozen=True, slots=True)
+class _Moves:
+    """What the agents of a block can do.
+
+    Attributes:
+        block: its number.
+        own: the actions of the block.
+        names: of everybody's actions.
+    """
+
+    block: int
+    own: Sequence[_Numbered]
+    names: Sequence[str]
+
+    def entries(self) -> tuple[tuple[int, ...], int]:
+        """For each name the clause, -1 for none, and the values of the parameters; and how many numbers that are."""
+        width = 1 + max((len(one.values) for one in self.own), default=0)
+        rows = {one.name: (one.clause, *one.values) for one in self.own}
+        padded = [(*(row := rows.get(name, (-1,))), *[0] * (width - len(row))) for name in self.names]
+        return tuple(chain(*padded)), width
+
+
 class _Program:
-    def __init__(self, engine: Engine, behaviour: Behaviour, keys: KeyIndex, layout: Layout) -> None:
+    def __init__(
+        self,
+        engine: Engine,
+        behaviour: Behaviour,
+        keys: KeyIndex,
+        layout: Layout,
+        seats: Sequence[tuple[str, int]],
+    ) -> None:
         self._engine = engine
+        self._seats = seats
         self._behaviour = behaviour
         self._keys = keys
         self._layout = layout
@@ -135,9 +179,6 @@ class _Program:
             for attribute in key:
                 if attribute.index in self._changes.written:
                     raise NotCompiled(f"keys that change (`{attribute}`)", _set_at(plans, attribute))
-        for agent in self._behaviour.agents:
-            if not self._changes.fixed_class(agent.cls):
-                raise NotCompiled(f"agents that may come or go (`{agent.variable}`)", agent.span)
 
     # --- the program
 
@@ -147,29 +188,39 @@ class _Program:
         blocks: Sequence[Agent | None] = behaviour.agents or (None,)
         numbered = [self._numbered(block) for block in blocks]
         names = _names(numbered)
-        shapes = [self._shape(block) for block in blocks]
-        lead = (len(blocks),) if len(blocks) > 1 else ()
-        length = max(map(len, shapes))
-        padded = [[*shape, *[1] * (length - len(shape))] for shape in shapes]
-        shape = (*lead, *(max(sizes) for sizes in zip(*padded, strict=True)))
+        moves = [_Moves(number, own, names) for number, own in enumerate(numbered)]
+        shape, seen = (self._all_seen if behaviour.together else self._one_sees)(blocks)
         if prod(shape) > MOST_VALUES:
             raise NotCompiled("too many observations")
-        turns = [self._turn(number, block, numbered[number], names) for number, block in enumerate(blocks)]
-        may = [self._may(number, block, numbered[number], names) for number, block in enumerate(blocks)]
-        looks = [self._look(number, block, len(blocks), shape) for number, block in enumerate(blocks)]
+        step, may, look = (self._joint if behaviour.together else self._turns)(blocks, moves, shape)
         if self._changes.growing is not None:
             self._define("tidy", (), tidied(self._facts, self._changes.growing))
         self._define("begin", (), self._begin())
-        self._define("step_one", (ACTION,), self._dispatched(turns, (ACTION,), NOTHING))
-        self._define("may_one", (ACTION,), self._dispatched(may, (ACTION,), code.Return(ZERO)))
-        self._define("look", (SEEN,), self._dispatched(looks, (SEEN,), code.Return(ZERO)))
+        self._define("step_one", (ACTION,), step)
+        self._define("may_one", (ACTION,), may)
+        self._define("look", (SEEN,), look)
         self._module.functions.append(code.Function("places", (L,), self._layout.places()))
         levels = max(self._module.levels.values())
         functions = inlined(self._module.functions, ENTRIES, self._module.fresh)
-        return Text(functions, self._layout, levels, self._module.width, names, shape)
+        if behaviour.together:
+            names = joint_names([name for name, _ in self._seats], names)
+        return Text(functions, self._layout, levels, self._module.width, names, shape, seen)
 
     def _define(self, name: str, parameters: tuple[code.Local, ...], body: code.Body) -> None:
         self._module.functions.append(code.Function(name, (*STATE, *parameters), body))
+
+    def _turns(
+        self, blocks: Sequence[Agent | None], moves: Sequence[_Moves], shape: Sequence[int]
+    ) -> tuple[code.Body, code.Body, code.Body]:
+        """A step, whether an action would do something, and what is seen, where agents take turns."""
+        turns = [self._turn(block, own) for block, own in zip(blocks, moves, strict=True)]
+        may = [self._may(block, own) for block, own in zip(blocks, moves, strict=True)]
+        looks = [self._look(number, block, len(blocks), shape) for number, block in enumerate(blocks)]
+        return (
+            self._dispatched(turns, (ACTION,), NOTHING),
+            self._dispatched(may, (ACTION,), code.Return(ZERO)),
+            self._dispatched(looks, (SEEN,), code.Return(ZERO)),
+        )
 
     def _dispatched(
         self, functions: Sequence[str], arguments: tuple[code.Local, ...], nothing: code.Return
@@ -178,44 +229,57 @@ class _Program:
         agents = self._behaviour.agents
         if not agents:
             return (code.Return(call(functions[0], NOBODY, *arguments)),)
-        classes = tuple(agent.cls for agent in agents)
         turn, block = code.Local("turn", "int"), code.Local("block", "int")
         body: list[code.Statement] = [code.Assign(turn, cell(TURN))]
-        seat = table(plus(self._layout.offset(Seats(classes, "object")), turn))
-        body.append(code.Assign(SELF, seat))
+        body.append(code.Assign(SELF, self._seat("object", turn)))
         if len(agents) == 1:
             return (*body, code.Return(call(functions[0], SELF, *arguments)))
-        body.append(code.Assign(block, table(plus(self._layout.offset(Seats(classes, "block")), turn))))
+        body.append(code.Assign(block, self._seat("block", turn)))
         for number, function in enumerate(functions):
             called = code.Return(call(function, SELF, *arguments))
             body.append(code.If(code.equal(block, code.Constant(number)), (called,)))
         return (*body, nothing)
 
-    def _scope(self, block: Agent | None) -> tuple[dict[str, Term], dict[str, str], dict[str, str]]:
-        """The objects that names stand for, and the classes of names that shared clauses and those of a block know."""
+    def _seat(self, of: Literal["object", "block", "count"], turn: code.Expression = ZERO) -> code.Expression:
+        """Code for an entry of the table of agents."""
+        return table(
+            plus(self._layout.offset(Seats(tuple(one.cls for one in self._behaviour.agents), of)), turn)
+        )
+
+    def _scope(
+        self, block: Agent | None, node: code.Local = SELF
+    ) -> tuple[dict[str, Term], dict[str, str], dict[str, str]]:
+        """The objects that names stand for, and the classes of names that shared clauses and those of a block know.
+
+        Args:
+            block: of an agent.
+            node: its object.
+        """
         scope, shared = {}, {}
         for parameter in self._behaviour.parameters:
             cls = shared[parameter.name] = parameter.type or ""
-            node = table(self._layout.offset(Bound(parameter)))
-            sure = cls if self._changes.fixed_class(cls) else None
-            scope[parameter.name] = named(node, ObjectType(cls), sure)
+            bound = table(self._layout.offset(Bound(parameter)))
+            scope[parameter.name] = self._object(bound, cls)
         own = dict(shared)
         if block is not None:
             own[block.variable] = block.cls
-            scope[block.variable] = named(SELF, ObjectType(block.cls), block.cls)
+            scope[block.variable] = self._object(node, block.cls)
         return scope, shared, own
 
-    def _clauses(self, block: Agent | None) -> tuple[list[tuple[Action, Types]], dict[str, Term]]:
-        scope, shared, own = self._scope(block)
+    def _object(self, node: code.Expression, cls: str) -> Term:
+        return named(node, ObjectType(cls), cls if self._changes.fixed_class(cls) else None)
+
+    def _clauses(self, block: Agent | None) -> list[Action]:
+        _, shared, own = self._scope(block)
         actions = block.actions if block is not None else ()
-        return together(actions, own, self._behaviour.actions, shared), scope
+        return [action for action, _ in together(actions, own, self._behaviour.actions, shared)]
 
     # --- actions
 
     def _numbered(self, block: Agent | None) -> list[_Numbered]:
         """Every action of a block, in order."""
         found = []
-        for clause, (action, _) in enumerate(self._clauses(block)[0]):
+        for clause, action in enumerate(self._clauses(block)):
             types = [domain_type(domain, self._metamodel) for _, domain in action.parameters]
             for name, values in expanded(action, self._keys, self._metamodel):
                 numbers = (
@@ -243,65 +307,71 @@ class _Program:
 
     # --- functions
 
-    def _turn(
-        self, number: int, block: Agent | None, numbered: Sequence[_Numbered], names: Sequence[str]
-    ) -> str:
-        actions, scope = self._clauses(block)
-        _, shared, own = self._scope(block)
-        own_effects = block.effects if block is not None else ()
-        effects = together(own_effects, own, self._behaviour.effects, shared)
+    def _turn(self, block: Agent | None, moves: _Moves) -> str:
         with self._module.writing():
             writer = Writer(self._matching, self._engine, self._behaviour.name, NOTHING)
-            clause, parameters = self._chosen(writer, number, actions, numbered, names)
-            turn = Turn(writer, scope, effects)
-            turn.write(actions, clause, parameters)
+            scope, player = self._scope(block)[0], self._player(writer, block, moves, SELF, ACTION, TOTAL)
+            turn = Turn(writer, [player], [Clause(*each, 0, False) for each in self._effects(block)])
+            turn.write()
             self._check_needed(writer, scope, turn.did)
-            self._advance(writer)
+            if self._behaviour.agents:
+                self._advance(writer, cell(TURN))
             self._tidy(writer)
             writer.add(code.Return(code.tuple_of(TOTAL, END, ACTED)))
             return self._module.add("turn", (SELF, ACTION), writer.written())
 
-    def _may(
-        self, number: int, block: Agent | None, numbered: Sequence[_Numbered], names: Sequence[str]
-    ) -> str:
+    def _effects(self, block: Agent | None) -> list[tuple[Effect, Types]]:
+        _, shared, own = self._scope(block)
+        return together(block.effects if block is not None else (), own, self._behaviour.effects, shared)
+
+    def _player(
+        self,
+        writer: Writer,
+        block: Agent | None,
+        moves: _Moves,
+        node: code.Local,
+        action: code.Local,
+        total: code.Local,
+        there: code.Local | None = None,
+    ) -> Player:
+        actions, effects = self._clauses(block), [effect for effect, _ in self._effects(block)]
+        return Player(
+            self._scope(block, node)[0],
+            actions,
+            [sum(1 for effect in effects if stands_before(effect, one)) for one in actions],
+            lambda: self._chosen(writer, actions, moves, action),
+            there,
+            total,
+        )
+
+    def _may(self, block: Agent | None, moves: _Moves) -> str:
         """The function that says whether an action would do something."""
-        actions, scope = self._clauses(block)
+        actions, scope = self._clauses(block), self._scope(block)[0]
         can = code.Local("can", "int")
         with self._module.writing():
             writer = Writer(self._matching, self._engine, self._behaviour.name, code.Return(ONE))
-            clause, parameters = self._chosen(writer, number, actions, numbered, names)
+            clause, parameters = self._chosen(writer, actions, moves, ACTION)
             writer.assign(can, ZERO)
-            for clause_number, (action, _) in enumerate(actions):
+            for number, action in enumerate(actions):
 
-                def write(action: Action = action, place: int = clause_number) -> None:
+                def write(action: Action = action, place: int = number) -> None:
                     writer.can_run(action.branches, {**scope, **parameters[place]}, can)
 
-                writer.when(code.equal(clause, code.Constant(clause_number)), write)
+                writer.when(code.equal(clause, code.Constant(number)), write)
             writer.add(code.Return(can))
             return self._module.add("may", (SELF, ACTION), writer.written())
 
     def _chosen(
-        self,
-        writer: Writer,
-        number: int,
-        actions: Sequence[tuple[Action, Types]],
-        numbered: Sequence[_Numbered],
-        names: Sequence[str],
+        self, writer: Writer, actions: Sequence[Action], moves: _Moves, chosen: code.Local
     ) -> tuple[code.Local, list[Mapping[str, Term]]]:
         """Writes which clause an action is of, -1 for none; that, and what the parameters of each clause stand for."""
-        width = 1 + max((len(one.values) for one in numbered), default=0)
-        by_name = {one.name: one for one in numbered}
-        entries: list[int] = []
-        for name in names:
-            one = by_name.get(name)
-            row = [-1] if one is None else [one.clause, *one.values]
-            entries += [*row, *[0] * (width - len(row))]
-        place = self._layout.offset(Constants(("actions", number), tuple(entries)))
+        entries, width = moves.entries()
+        place = self._layout.offset(Constants(("actions", moves.block), entries))
         first, clause = writer.module.fresh("first"), writer.module.fresh("clause")
-        writer.assign(first, plus(place, code.Operation("*", (ACTION, code.Constant(width)))))
+        writer.assign(first, plus(place, code.Operation("*", (chosen, code.Constant(width)))))
         writer.assign(clause, entry(L, first))
         parameters: list[Mapping[str, Term]] = []
-        for clause_number, (action, _) in enumerate(actions):
+        for number, action in enumerate(actions):
             inside = writer.collected(
                 lambda action=action: parameters.append(self._parameters(writer, action, first))  # type: ignore[misc]
             )
@@ -309,15 +379,103 @@ class _Program:
                 if isinstance(statement, code.Assign) and isinstance(statement.target, code.Local):
                     writer.assign(statement.target, ZERO)
             if inside:
-                writer.add(code.If(code.equal(clause, code.Constant(clause_number)), inside))
+                writer.add(code.If(code.equal(clause, code.Constant(number)), inside))
         return clause, parameters
 
-    def _advance(self, writer: Writer) -> None:
-        agents = self._behaviour.agents
-        if agents:
-            count = table(self._layout.offset(Seats(tuple(agent.cls for agent in agents), "count")))
-            after = code.Operation("%", (plus(cell(TURN), 1), count))
-            writer.add(code.Assign(cell(TURN), after))
+    # --- turns
+
+    def _advance(self, writer: Writer, turn: code.Expression) -> None:
+        """The next agent after a turn that is there acts next; the turn stays where nobody is."""
+        count, agents = self._seat("count"), self._behaviour.agents
+        if all(self._changes.fixed_class(agent.cls) for agent in agents):
+            writer.add(code.Assign(cell(TURN), code.Operation("%", (plus(turn, 1), count))))
+            return
+        place, node = writer.module.fresh("turn"), writer.module.fresh("v", "object")
+        there = [self._facts.is_instance(node, agent.cls) for agent in agents]
+        blocks = [
+            code.equal(self._seat("block", place), code.Constant(block)) for block in range(len(agents))
+        ]
+        tests = [code.Operation("and", pair) for pair in zip(blocks, there, strict=True)]
+        each = (
+            code.Assign(place, code.Operation("%", (plus(place, 1), count))),
+            code.Assign(node, self._seat("object", place)),
+            code.If(code.joined("or", tests, False), (code.Assign(cell(TURN), place), code.Leave("break"))),
+        )
+        writer.assign(place, turn)
+        writer.add(code.For(writer.module.fresh("_"), code.call("range", count), each))
+
+    # --- all at once
+
+    def _joint(
+        self, blocks: Sequence[Agent | None], moves: Sequence[_Moves], shape: Sequence[int]
+    ) -> tuple[code.Body, code.Body, code.Body]:
+        """A step of one action of each agent, and what all of them see; what an action would do is not asked."""
+        return self._joint_step(blocks, moves), (code.Return(ONE),), self._joint_look(blocks, shape)
+
+    def _joint_step(self, blocks: Sequence[Agent | None], moves: Sequence[_Moves]) -> code.Body:
+        with self._module.writing():
+            writer, fresh = (
+                Writer(self._matching, self._engine, self._behaviour.name, NOTHING),
+                self._module.fresh,
+            )
+            left, names = fresh("left"), code.Constant(len(moves[0].names))
+            writer.assign(left, ACTION)
+            players = []
+            for place, (_, number) in enumerate(self._seats):
+                block, node, digit = blocks[number], fresh("self", "object"), fresh("a")
+                assert block is not None
+                writer.assign(node, self._seat("object", code.Constant(place)))
+                writer.assign(digit, code.Operation("%", (left, names)))
+                writer.assign(left, code.call("quotient", left, names))
+                there = None if self._changes.fixed_class(block.cls) else fresh("there")
+                if there is not None:
+                    is_there = self._facts.is_instance(node, block.cls)
+                    writer.assign(there, code.Choice(is_there, ONE, ZERO))
+                total = fresh("total", "float")
+                players.append(self._player(writer, block, moves[number], node, digit, total, there))
+            turn = Turn(writer, players, list(self._joint_clauses(blocks)))
+            turn.write()
+            self._check_needed(writer, players[0].scope, turn.did)
+            self._tidy(writer)
+            writer.add(code.Return(code.tuple_of(TOTAL, END, ONE)))
+            name = self._module.add("turn", (ACTION,), writer.written())
+        return (code.Return(call(name, ACTION)),)
+
+    def _joint_clauses(self, blocks: Sequence[Agent | None]) -> Iterator[Clause]:
+        effects = [self._effects(blocks[number]) for _, number in self._seats]
+        ours = {id(effect) for effect in self._behaviour.effects}
+        written = [[(effect, id(effect) in ours) for effect, _ in own] for own in effects]
+        for number, place in in_order(written):
+            yield Clause(*effects[number][place], number, written[number][place][1])
+
+    def _joint_look(self, blocks: Sequence[Agent | None], shape: Sequence[int]) -> code.Body:
+        with self._module.writing():
+            writer = Writer(self._matching, self._engine, self._behaviour.name, code.Return(ZERO))
+            observations = Observations(writer, self._keys, shape)
+            for place, (_, number) in enumerate(self._seats):
+                node = self._module.fresh("self", "object")
+                writer.assign(node, self._seat("object", code.Constant(place)))
+                observations.write(
+                    self._seen(blocks[number], shared=False), self._scope(blocks[number], node)[0]
+                )
+            observations.write(self._seen(blocks[0], shared=True), self._scope(None)[0])
+            observations.end()
+            name = self._module.add("look", (SEEN,), writer.written())
+        return (code.Return(call(name, SEEN)),)
+
+    def _seen(self, block: Agent | None, *, shared: bool) -> list[tuple[Observation, Types]]:
+        """The clauses of a block, or the shared ones."""
+        ours = {id(observation) for observation in self._behaviour.observations}
+        return [each for each in self._observed(block) if (id(each[0]) in ours) is shared]
+
+    def _all_seen(self, blocks: Sequence[Agent | None]) -> tuple[tuple[int, ...], tuple[str, ...]]:
+        """Sizes and names of components where one observer sees what all agents do: theirs, then the shared ones."""
+        own = [(name, self._sizes(self._seen(blocks[number], shared=False))) for name, number in self._seats]
+        own.append(("shared", self._sizes(self._seen(blocks[0], shared=True))))
+        names = numbered_names([(who, len(sizes)) for who, sizes in own])
+        return tuple(chain(*(sizes for _, sizes in own))), names
+
+    # --- the beginning
 
     def _tidy(self, writer: Writer) -> None:
         """Between steps new objects have the first numbers there are for them, in the order in which they came."""
@@ -342,6 +500,9 @@ class _Program:
             for reset in self._behaviour.resets:
                 writer.alternatives(reset.apply, scope)
             self._check_needed(writer, scope, None)
+            if self._behaviour.agents and not self._behaviour.together:
+                writer.add(code.Assign(cell(TURN), code.Operation("-", (self._seat("count"), ONE))))
+                self._advance(writer, cell(TURN))
             self._tidy(writer)
             writer.add(code.Return(ZERO))
             name = self._module.add("start", (), writer.written())
@@ -354,10 +515,17 @@ class _Program:
         mine = block.observations if block is not None else ()
         return together(mine, own, self._behaviour.observations, shared)
 
-    def _shape(self, block: Agent | None) -> list[int]:
-        """How many values each component of a block has."""
+    def _one_sees(self, blocks: Sequence[Agent | None]) -> tuple[tuple[int, ...], tuple[str, ...]]:
+        """Sizes and names of components; with several blocks the first says whose turn it is."""
+        sizes = [self._sizes(self._observed(block)) for block in blocks]
+        lead = (len(blocks),) if len(blocks) > 1 else ()
+        shape = (*lead, *(max(each) for each in zip_longest(*sizes, fillvalue=1)))
+        return shape, component_names(self._behaviour, self._keys, len(shape))
+
+    def _sizes(self, observations: Sequence[tuple[Observation, Types]]) -> list[int]:
+        """How many values each component of some clauses has."""
         found: list[int] = []
-        for observation, types in self._observed(block):
+        for observation, types in observations:
             size = size_of(observation, types, self._keys, self._metamodel)
             each = None if isinstance(observation, ObserveFind) else observation.each
             found += [size] * (1 if each is None else self._keys.size(each.type or ""))

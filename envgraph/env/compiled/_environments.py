@@ -235,7 +235,7 @@ class CompiledVectorEnv(VectorEnvironmentBase):
         return np.stack(seen) if isinstance(seen[0], np.ndarray) else tuple(seen)
 
     def _facts(self) -> dict[str, NDArray[Any]]:
-        if not self.program.behaviour.agents:
+        if not self.program.behaviour.agents or self.program.behaviour.together:
             return {}
         turns = self._batch.states[:, TURN]
         members = self._batch.members.tolist()

@@ -80,6 +80,8 @@ class Plan:
 def guided(behaviour: Behaviour, outcome: int = 1, guide: PatternCall | None = None) -> tuple[Behaviour, int]:
     """A behaviour whose observations begin with numbers of matches, and how many of them do.
 
+    Where agents act together they end with these: what all of them share comes last.
+
     Args:
         behaviour: free of errors.
         outcome: 1 for success, 2 for failure.
@@ -94,6 +96,8 @@ def guided(behaviour: Behaviour, outcome: int = 1, guide: PatternCall | None = N
         and isinstance(effect.condition.relation, PatternCall)
     ]
     counts = tuple(ObserveFind(call, MOST_MATCHES) for call in ([guide] if guide is not None else calls))
+    if behaviour.together:
+        return replace(behaviour, observations=(*behaviour.observations, *counts)), len(counts)
     agents = tuple(replace(agent, observations=(*counts, *agent.observations)) for agent in behaviour.agents)
     own = () if agents else counts
     return replace(behaviour, agents=agents, observations=(*own, *behaviour.observations)), len(counts)
@@ -121,7 +125,7 @@ def find_plan(
         program: the compiled behaviour.
         outcome: 1 for success, 2 for failure.
         member: its number.
-        guides: how many of the first observations count matches: see `guided`.
+        guides: how many of the observations count matches: see `guided`.
         limit: how many states may be met before layers are cut.
         width: how many states are kept of a layer.
         most: how many states may be met at all.
@@ -241,9 +245,11 @@ class _Search(Visit):
 
     def plan(self, guides: int) -> Plan:
         """Search layer by layer."""
-        guide = slice(
-            lead := len(self._program.behaviour.agents) > 1, lead + guides
-        )  # behind the number of the block
+        behaviour = self._program.behaviour
+        start = len(self._program.observation_shape) - guides
+        if not behaviour.together:
+            start = int(len(behaviour.agents) > 1)  # behind the number of the block
+        guide = slice(start, start + guides)
         lot = np.random.default_rng(0)
         first, (last, _, _) = 0, self.begin()
         self.before[:last] = -1

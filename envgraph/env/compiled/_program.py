@@ -15,8 +15,8 @@ from envgraph.behaviour import Behaviour
 from envgraph.code import dataclass
 from envgraph.env._agents import named_agents
 from envgraph.env._keys import KeyIndex, indexed_classes
-from envgraph.env._observing import component_names
 from envgraph.env._simulator import Simulator
+from envgraph.env._together import check_complete
 from envgraph.env.compiled import _kernels, _learning, _listing, _masking
 from envgraph.env.compiled._behaviour import Text, written
 from envgraph.env.compiled._layout import Layout
@@ -46,7 +46,7 @@ class Program:
         source: the text of the program, without what all programs have.
         arrays: the data of the members.
         action_names: of the actions.
-        observation_shape: sizes of the components of an observation.
+        observation_shape, observation_names: sizes and names of the components of an observation.
         members: as data.
         layout: what is where.
         levels, width: how many stretches of rows there are, and how many columns.
@@ -58,6 +58,7 @@ class Program:
     arrays: Arrays
     action_names: tuple[str, ...]
     observation_shape: tuple[int, ...]
+    observation_names: tuple[str, ...]
     members: tuple[Member, ...]
     layout: Layout
     behaviour: Behaviour
@@ -82,11 +83,6 @@ class Program:
         """How many rows the program's questions may have, and how many columns."""
         return _kernels.CAPACITY * self.levels, self.width
 
-    @property
-    def observation_names(self) -> tuple[str, ...]:
-        """Of the components of an observation."""
-        return component_names(self.behaviour, self.keys, len(self.observation_shape))
-
     def __deepcopy__(self, _: object) -> Program:
         return self
 
@@ -103,14 +99,16 @@ class Program:
         if keys != self.keys:
             raise Misfit("keys")
         alone = Member(engine, keys, engine.library)
+        if self.behaviour.together:
+            check_complete(self.behaviour, engine.model, keys)
         strings = _numbered(alone.texts, self.layout)
         member = alone.within(strings, self.layout.created, self.spare)
         arrays = self.layout.arrays([member], member.size, strings)
         return replace(self, arrays=arrays, members=(member,))
 
     def agent_names(self, number: int) -> tuple[str, ...]:
-        """The names of a member's agents, in the order of their turns; () for a behaviour without agents."""
-        if not self.behaviour.agents:
+        """The names of a member's agents, in the order of their turns; () where nobody takes turns."""
+        if not self.behaviour.agents or self.behaviour.together:
             return ()
         member = self.members[number].arrive()
         return tuple(name for name, _ in named_agents(self.behaviour, member.model, self.keys))
@@ -149,15 +147,17 @@ def program_of(
     """
     behaviour = engine.library.resolved(behaviour)
     keys = keys or KeyIndex.of(engine.model, indexed_classes(behaviour, engine.model.metamodel))
-    alone = []
+    alone: list[Member] = []
+    seats: tuple[tuple[str, int], ...] = ()
     for home in [engine] if members is None else members:
         alone.append(Member(home, keys, engine.library))
-        _check_agents(behaviour, alone[-1].engine)
+        _check_agents(behaviour, alone[-1].engine, keys)
+        seats = seats or _seats(behaviour, alone[-1].engine, keys)
     known = {text for each in alone for text in each.texts}
     unmet = {*broken}
     while True:
         layout = Layout(unmet)
-        text = written(engine, behaviour, keys, layout)
+        text = written(engine, behaviour, keys, layout, seats)
         strings = _numbered(known, layout)
         data = [each.within(strings, layout.created, spare) for each in alone]
         try:
@@ -192,9 +192,15 @@ def _numbered(texts: Iterable[str], layout: Layout) -> dict[str, int]:
     return {text: number for number, text in enumerate(sorted({*texts, *layout.texts}))}
 
 
-def _check_agents(behaviour: Behaviour, engine: Engine) -> None:
+def _seats(behaviour: Behaviour, engine: Engine, keys: KeyIndex) -> tuple[tuple[str, int], ...]:
+    """The names of agents that act together, and the numbers of their blocks."""
+    named = named_agents(behaviour, engine.model, keys) if behaviour.together else ()
+    return tuple((name, block) for name, (_, block) in named)
+
+
+def _check_agents(behaviour: Behaviour, engine: Engine, keys: KeyIndex) -> None:
     if behaviour.together:
-        raise NotCompiled("agents that act together", behaviour.together_span or behaviour.span)
+        check_complete(behaviour, engine.model, keys)
     for agent in behaviour.agents:
         if not engine.model.extent(agent.cls):
             raise NotCompiled(f"agents that a model has none of (`{agent.cls}`)", agent.span)
@@ -216,6 +222,7 @@ def _compiled(
         arrays,
         text.action_names,
         text.shape,
+        text.observation_names,
         tuple(members),
         text.layout,
         behaviour,

@@ -1,8 +1,8 @@
-"""The turn of an agent as one function: the action, what happens in each step, the judgement, what follows."""
+"""A step as one function: the actions, what happens in each step, the judgement, what follows."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 from envgraph import code
 from envgraph.behaviour import (
@@ -14,9 +14,9 @@ from envgraph.behaviour import (
 )
 from envgraph.code import dataclass
 from envgraph.env._prepared import Types
-from envgraph.env._program import ENDS, stands_before
+from envgraph.env._program import ENDS
 from envgraph.env.compiled._bodies import CAPACITY
-from envgraph.env.compiled._layout import ONE, TOP, ZERO, call, plus
+from envgraph.env.compiled._layout import NOBODY, ONE, TOP, ZERO, call, plus
 from envgraph.env.compiled._refused import standing
 from envgraph.env.compiled._terms import Term, named
 from envgraph.env.compiled._writer import Called, Writer, zero_of
@@ -34,7 +34,44 @@ ACTED = code.Local("acted", "int")
 NOTHING = code.Return(code.tuple_of(code.Constant(0.0), ZERO, ZERO))
 
 
-@dataclass(slots=True)
+@dataclass(frozen=True, slots=True)
+class Player:
+    """Somebody who acts in a step.
+
+    Attributes:
+        scope: the objects of parameters, and of the agent.
+        actions: the `action` clauses.
+        before: for each of them how many effects, shared ones and the agent's own, stand before it.
+        choose: writes which of them it is, -1 for none, and what the parameters of each stand for; on the state before.
+        there: 1 if its object is there when the step begins; None if it always is.
+        total: what it gets.
+    """
+
+    scope: Mapping[str, Term]
+    actions: Sequence[Action]
+    before: Sequence[int]
+    choose: Callable[[], tuple[code.Local, Sequence[Mapping[str, Term]]]]
+    there: code.Local | None
+    total: code.Local
+
+
+@dataclass(frozen=True, slots=True)
+class Clause:
+    """An effect, for one player.
+
+    Attributes:
+        types: names that it knows, with their classes.
+        player: number of the player; 0 for what is shared.
+        shared: whether it stands outside of `agent` blocks.
+    """
+
+    effect: Effect
+    types: Types
+    player: int
+    shared: bool
+
+
+@dataclass(frozen=True, slots=True)
 class Pending:
     """Rows of a clause that wait for their `apply`.
 
@@ -43,88 +80,109 @@ class Pending:
         top: where they begin.
     """
 
-    clause: OnFind
-    types: Types
+    effect: OnFind
+    clause: Clause
     question: Question
     number: code.Local
     top: code.Expression
 
 
 class Turn:
-    """Writes the turn of the agents of one block.
+    """Writes a step: of one player, or of several that act together.
 
     Args:
         writer: of the function.
-        scope: the objects of parameters, and of the agent.
-        effects: the clauses in the order of the file, with the classes of the names that they know.
+        players: in the order in which they act.
+        clauses: the effects in the order of the file.
     """
 
-    def __init__(
-        self, writer: Writer, scope: Mapping[str, Term], effects: Sequence[tuple[Effect, Types]]
-    ) -> None:
+    def __init__(self, writer: Writer, players: Sequence[Player], clauses: Sequence[Clause]) -> None:
         self.writer = writer
-        self.scope = scope
-        self.effects = effects
+        self.players = players
+        self.clauses = clauses
         self.did = code.Local("did", "int")
         self._pending: list[Pending] = []
 
-    def write(
-        self,
-        actions: Sequence[tuple[Action, Types]],
-        clause: code.Expression,
-        parameters: Sequence[Mapping[str, Term]],
-    ) -> None:
-        """All of the turn but what comes after the last `apply`.
-
-        Args:
-            actions: the `action` clauses.
-            clause: code for the number of the one that is done.
-            parameters: what the parameters of each stand for.
-        """
+    def write(self) -> None:
+        """All of the step but what comes after the last `apply`."""
         writer = self.writer
-        waiting = sum(isinstance(one, OnFind) and bool(one.apply) for one, _ in self.effects)
+        waiting = sum(isinstance(one.effect, OnFind) and bool(one.effect.apply) for one in self.clauses)
         writer.levels = waiting
         if waiting:
             top = writer.module.fresh("t")
             writer.assign(top, plus(TOP, code.Operation("*", (CAPACITY, code.Constant(waiting)))))
             writer.top = top
-        for local, value in ((TOTAL, code.Constant(0.0)), (END, ZERO), (ACTED, ZERO), (self.did, ZERO)):
-            writer.assign(local, value)
-        called = [
-            self._act(number, action, clause, parameters[number])
-            for number, (action, _) in enumerate(actions)
-        ]
-        for effect, _ in self.effects:
-            if isinstance(effect, EachStep) and effect.apply:
-                with standing(effect.span):
-                    self._remember(writer.alternatives(effect.apply, self.scope).done)
-        for position in range(len(self.effects) + 1):
-            for number, (action, _) in enumerate(actions):
-                before = sum(1 for effect, _ in self.effects if stands_before(effect, action))
-                if before == position and (action.reward or action.else_reward):
-                    scope = {**self.scope, **parameters[number]}
-                    self._reward_action(
-                        action, code.equal(clause, code.Constant(number)), called[number], scope
-                    )
-            if position < len(self.effects):
-                self._judge(*self.effects[position])
+        for local in (TOTAL, *(player.total for player in self.players)):
+            writer.assign(local, code.Constant(0.0))
+        for local in (END, ACTED, self.did):
+            writer.assign(local, ZERO)
+        rewards = [self._play(player) for player in self.players]
+        for clause in self.clauses:
+            if isinstance(clause.effect, EachStep) and clause.effect.apply:
+                self._if_there(clause, lambda each=clause: self._happen(each, each.effect))  # type: ignore[misc]
+        passed = [0] * len(self.players)
+        for clause in self.clauses:
+            for number, pays in enumerate(rewards):
+                if clause.shared or clause.player == number:
+                    pays(passed[number])
+                    passed[number] += 1
+            self._if_there(clause, lambda each=clause: self._judge(each))  # type: ignore[misc]
+        for pays, number in zip(rewards, passed, strict=True):
+            pays(number)
+        for player in self.players:
+            if player.total is not TOTAL:
+                writer.add(code.Assign(TOTAL, player.total, "+="))
         self._apply_pending()
+
+    def _if_there(self, clause: Clause, write: Callable[[], None]) -> None:
+        """Something that a clause of an agent does if that was there when the step began."""
+        there = None if clause.shared else self.players[clause.player].there
+        with standing(clause.effect.span):
+            if there is None:
+                write()
+                return
+            waiting = len(self._pending)
+            body = self.writer.collected(write)
+            for pending in self._pending[waiting:]:
+                self.writer.assign(pending.number, ZERO)
+            self.writer.add(code.If(code.equal(there, ONE), body))
+
+    def _happen(self, clause: Clause, effect: EachStep) -> None:
+        self._remember(self.writer.alternatives(effect.apply, self.players[clause.player].scope).done)
 
     def _remember(self, done: code.Local) -> None:
         self.writer.add(code.If(code.Operation(">", (done, ZERO)), (code.Assign(self.did, ONE),)))
 
     # --- the action
 
-    def _act(
-        self, number: int, action: Action, clause: code.Expression, parameters: Mapping[str, Term]
-    ) -> Called:
+    def _play(self, player: Player) -> Callable[[int], None]:
+        """A player acts; what is returned writes later what the actions pay that stand behind so many effects."""
+        clause, parameters = player.choose()
+        if player.there is not None:
+            self.writer.add(code.If(code.equal(player.there, ZERO), (code.Assign(clause, NOBODY),)))
+        chosen = [code.equal(clause, code.Constant(number)) for number in range(len(player.actions))]
+        scopes = [{**player.scope, **names} for names in parameters]
+        called = [
+            self._act(action, test, scope)
+            for action, test, scope in zip(player.actions, chosen, scopes, strict=True)
+        ]
+
+        def pay(before: int) -> None:
+            each = zip(player.actions, player.before, chosen, called, scopes, strict=True)
+            for action, place, test, done, scope in each:
+                if place == before and (action.reward or action.else_reward):
+                    self._reward_action(action, test, done, scope, player.total)
+
+        return pay
+
+    def _act(self, action: Action, chosen: code.Expression, scope: Mapping[str, Term]) -> Called:
         writer = self.writer
         done = writer.module.fresh("done")
         writer.assign(done, ZERO)
         outputs: dict[str, Term] = {}
 
         def write() -> None:
-            called = writer.alternatives(action.branches, {**self.scope, **parameters})
+            called = writer.alternatives(action.branches, scope)
             writer.assign(done, called.done)
             writer.assign(ACTED, called.done)
             outputs.update(called.outputs)
@@ -134,12 +192,17 @@ class Turn:
             assert isinstance(term.value, code.Local) or term.type is Scalar.BOOL
             if isinstance(term.value, code.Local):
                 writer.assign(term.value, zero_of(term.type))
-        writer.add(code.If(code.equal(clause, code.Constant(number)), body))
+        writer.add(code.If(chosen, body))
         self._remember(done)
         return Called(done, outputs)
 
     def _reward_action(
-        self, action: Action, chosen: code.Expression, called: Called, scope: Mapping[str, Term]
+        self,
+        action: Action,
+        chosen: code.Expression,
+        called: Called,
+        scope: Mapping[str, Term],
+        total: code.Local,
     ) -> None:
         writer = self.writer
 
@@ -149,37 +212,52 @@ class Turn:
                 (action.else_reward, "==", scope),
             ):
                 if reward is not None:
-                    done = code.Operation(test, (called.done, ZERO))
-                    writer.when(done, lambda reward=reward, names=names: self._earn(reward, names))  # type: ignore[misc]
+
+                    def earn(reward: Expression = reward, names: Mapping[str, Term] = names) -> None:
+                        writer.add(code.Assign(total, writer.number(reward, names), "+="))
+
+                    writer.when(code.Operation(test, (called.done, ZERO)), earn)
 
         writer.when(chosen, write)
 
-    def _earn(self, reward: Expression, scope: Mapping[str, Term]) -> None:
+    def _earn(self, clause: Clause, reward: Expression, scope: Mapping[str, Term]) -> None:
+        """What a clause pays: to its player, or, if it is shared, to the first one that is there."""
         number = self.writer.number(reward, scope)
-        self.writer.add(code.Assign(TOTAL, number, "+="))
+        if not clause.shared:
+            self.writer.add(code.Assign(self.players[clause.player].total, number, "+="))
+            return
+        first, *others = self.players
+        if first.there is None:
+            self.writer.add(code.Assign(first.total, number, "+="))
+            return
+        gain = self.writer.module.fresh("gain", "float")
+        self.writer.assign(gain, number)
+        given: code.Statement = code.Assign(first.total, gain, "+=")
+        for player in (*reversed(others), first):
+            paid = code.Assign(player.total, gain, "+=")
+            given = (
+                paid if player.there is None else code.If(code.equal(player.there, ONE), (paid,), (given,))
+            )
+        self.writer.add(given)
 
     # --- the judgement
 
-    def _judge(self, effect: Effect, types: Types) -> None:
-        with standing(effect.span):
-            self._write_judgement(effect, types)
-
-    def _write_judgement(self, effect: Effect, types: Types) -> None:
-        writer = self.writer
+    def _judge(self, clause: Clause) -> None:
+        writer, effect, scope = self.writer, clause.effect, self.players[clause.player].scope
         if isinstance(effect, EachStep):
             if effect.reward is not None:
-                self._earn(effect.reward, self.scope)
+                self._earn(clause, effect.reward, scope)
             return
-        question = writer.question(effect.condition, types)
+        question = writer.question(effect.condition, clause.types)
         number = writer.module.fresh("n")
-        values = [self.scope[name].value for name in question.bound]
+        values = [scope[name].value for name in question.bound]
         writer.assign(number, ZERO)
-        alive = writer.bound_alive(question, self.scope)
+        alive = writer.bound_alive(question, scope)
         top = writer.top
         if effect.apply:
             place = len(self._pending)
             top = plus(TOP, code.Operation("*", (CAPACITY, code.Constant(place)))) if place else TOP
-            self._pending.append(Pending(effect, types, question, number, top))
+            self._pending.append(Pending(effect, clause, question, number, top))
         rewarded = effect.reward is not None and _names(effect.reward, question.free)
         if effect.apply or rewarded:
             function = writer.matching.rows(writer.key(question))
@@ -193,7 +271,7 @@ class Turn:
         if not effect.apply and effect.reward is None:
             found = code.Choice(found, ONE, ZERO)
         if isinstance(effect.condition, Negation):
-            gone = self._gone(question, types)
+            gone = self._gone(clause, question)
             negated: code.Expression = (
                 code.Choice(code.joined("or", gone, False), ONE, ZERO) if gone else ZERO
             )
@@ -205,27 +283,32 @@ class Turn:
         else:
             writer.assign(number, found)
         if effect.reward is not None:
-            self._earn_rows(effect.reward, question, number, top)
+            self._earn_rows(clause, effect.reward, question, number, top)
         end = ENDS[effect.terminate]
         if end:
             larger = code.Assign(END, code.call("max", END, code.Constant(end)))
             writer.add(code.If(code.Operation(">", (number, ZERO)), (larger,)))
 
-    def _gone(self, question: Question, types: Types) -> list[code.Expression]:
-        writer = self.writer
-        found = [writer.gone(self.scope[name], types[name]) for name in question.bound]
+    def _gone(self, clause: Clause, question: Question) -> list[code.Expression]:
+        scope = self.players[clause.player].scope
+        found = [self.writer.gone(scope[name], clause.types[name]) for name in question.bound]
         return [test for test in found if test is not None]
 
     def _earn_rows(
-        self, reward: Expression, question: Question, number: code.Local, top: code.Expression
+        self,
+        clause: Clause,
+        reward: Expression,
+        question: Question,
+        number: code.Local,
+        top: code.Expression,
     ) -> None:
         writer, row = self.writer, self.writer.module.fresh("i")
 
         def write() -> None:
-            scope = dict(self.scope)
+            scope = dict(self.players[clause.player].scope)
             if _names(reward, question.free):
                 scope.update(self._row(question, plus(top, row), sure=True))
-            self._earn(reward, scope)
+            self._earn(clause, reward, scope)
 
         writer.add(code.For(row, code.call("range", number), writer.collected(write)))
 
@@ -255,7 +338,10 @@ class Turn:
 
     def _apply_row(self, each: Pending, row: code.Local, first: code.Local) -> None:
         writer, question = self.writer, each.question
-        scope = {**self.scope, **self._row(question, plus(each.top, row), sure=False)}
+        scope = {
+            **self.players[each.clause.player].scope,
+            **self._row(question, plus(each.top, row), sure=False),
+        }
         holds = writer.module.fresh("holds")
         bound = len(question.bound) + len(question.free)
         key = ViewKey(question.pattern.qualified_name, tuple(range(bound)), ())
@@ -267,13 +353,13 @@ class Turn:
                 tests.append(alive)
         tests.append(writer.call(writer.matching.exists(key), *values))
         held = code.joined("and", tests, True)
-        if isinstance(each.clause.condition, Negation):
-            held = code.joined("or", [held, *self._gone(question, each.types)], False)
+        if isinstance(each.effect.condition, Negation):
+            held = code.joined("or", [held, *self._gone(each.clause, question)], False)
         writer.assign(holds, code.Choice(code.Operation("or", (code.equal(first, ONE), held)), ONE, ZERO))
         writer.assign(first, ZERO)
 
         def write() -> None:
-            self._remember(writer.alternatives(each.clause.apply, scope).done)
+            self._remember(writer.alternatives(each.effect.apply, scope).done)
 
         writer.when(code.equal(holds, ONE), write)
 

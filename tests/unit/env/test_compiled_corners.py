@@ -216,6 +216,32 @@ CORNERS = {
         """,
         "pattern kept(m : Man, i : Item) { Man.bag(m, i); }",
     ),
+    "agents that go, or change their class": Corner(
+        """
+        @semantics(spo) rule kill(i : Item) { lhs { i : Item; } modify { delete i; } }
+        rule harden(i : Item) { lhs { i : Item; } modify { retype i : Heavy; } }
+        rule soften { lhs { i : Heavy; } modify { retype i : Item; } }
+        @semantics(spo) rule rob(m : Man) { lhs { m : Man -bag-> i : Item; } modify { delete i; } }
+        """,
+        """
+        action soften = soften() reward 1
+        agent h : Heavy {
+            action kill = 0.5: kill(h) reward h.id else reward -1
+            action rest = nothing() reward 0.5
+            on find light(h) reward 2
+            on neg find light(h) reward 0.1
+            each step apply 0.1: kill(h)
+            observe h.kind
+            observe find light(h)
+        }
+        agent m : Man { action rob = rob(m) reward 4 observe m.hunger in 0..4 }
+        action harden(i : Item) = harden(i)
+        each step apply 0.2: soften()
+        on find light(i) reward i.weight
+        """,
+        "pattern light(i : Item) { Item.weight(i, w); check(w < 1.0); }",
+        head="",
+    ),
     "deletion under dpo": Corner(
         """
         rule kill(i : Item) { lhs { i : Item; } modify { delete i; } }
@@ -1098,14 +1124,6 @@ REFUSED_ELSEWHERE = {
             UP + "rule read(out t : string) { lhs { find long(t); } modify { } }",
             'action read = read(t) reward t == "bx" ? 1 : 2',
             'pattern long(t : string) { Spot.tag(_, u); t == eval(u + "x"); }',
-        ),
-    ),
-    "agents that may come or go": (
-        "yard.environment",
-        Corner(
-            "rule kill(i : Item) { lhs { i : Item; } modify { delete i; } }",
-            "agent i : Item { action kill = kill(i)\n observe i.kind }",
-            head="",
         ),
     ),
     "agents that a model has none of": (

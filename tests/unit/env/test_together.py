@@ -7,10 +7,11 @@ from itertools import product
 import numpy as np
 import pytest
 
-from envgraph.env import EnvgraphEnv, EnvgraphLiveEnv, KeyIndex, Simulator, explore
-from envgraph.env.compiled import NotCompiled, program_of
+from envgraph.env import EnvgraphEnv, EnvgraphLiveEnv, EnvgraphVectorEnv, KeyIndex, Simulator, explore
+from envgraph.env.compiled import CompiledVectorEnv, enumerated, find_plan, guided, program_of
 from envgraph.errors import EvaluationError, LoadError, ResolutionError
-from tests.unit.env.coins import loaded, sides, simulator
+from tests.unit.env.coins import PARAMETERS, loaded, sides, simulator
+from tests.unit.env.side_by_side import mutants, step_side_by_side
 from tests.unit.env.test_agents import HALLS, Hall, State, opened
 
 
@@ -218,6 +219,102 @@ def test_agents_of_two_blocks_and_chance_are_enumerated_as_they_are_drawn() -> N
         assert rows.step(action)[:2] == live.step(action)[:2]
 
 
+# --- compiled
+
+
+BUSY = """
+    agents together
+    agent coin : Coin {
+        action wait = nothing()
+        action hold = grab(hand, coin, value) reward value * 0.1 else reward -1.0
+        on find held(hand, coin) reward 100.3 apply 0.5: drop(hand)
+        action flip = 0.5: turnOver(coin) | 0.2: turnBack(coin) reward coin.value
+        each step reward coin.value * 0.3
+        each step apply 0.1: turnBack(coin)
+        action lose = lose(coin)
+        on find up(coin) reward 0.7 apply stack(coin, a)
+        observe coin.side
+        observe coin.over among Coin or none
+    }
+    observe count find up(_) up to 3
+    agent fist : Hand {
+        action wait = nothing()
+        action drop = drop(fist) reward 3.1
+        action count(n : 0..1) = count(fist, n)
+        observe fist.moves in 0..3
+    }
+    each step reward 0.1
+    on find up(one) reward one.value * 0.1 apply 0.1: turnOver(one)
+    on neg find up(_) reward 5.0
+    on find held(hand, other) reward other.value * 10.0
+    observe find held(hand, _)
+"""
+"""Clauses of blocks and shared ones in turn, chance, agents that go."""
+SAFE = BUSY.replace("action lose = lose(coin)", "")
+
+
+@pytest.mark.parametrize(
+    "text", [BUSY, SAFE, COINS + "each step reward 7.0"], ids=["going", "staying", "coins"]
+)
+def test_it_steps_as_the_live_engine_does(text: str) -> None:
+    parameters = "hand : Hand, a : Coin" if "stack" in text else PARAMETERS
+    engine, behaviour = loaded(text, parameters)
+    step_side_by_side([engine, engine.copy()], behaviour, 120, native=False)
+
+
+@pytest.mark.parametrize("hall", HALLS, ids=lambda hall: "/".join(hall.rows))
+def test_robots_of_several_members_step_as_on_the_live_engine(hall: Hall) -> None:
+    engine, behaviour = opened(hall.text(), together=True)
+    step_side_by_side(mutants(engine, behaviour, 2), behaviour, 150, native=False)
+
+
+def test_agents_that_go_are_passed_over_by_turns() -> None:
+    text = BUSY.replace("agents together", "")
+    engine, behaviour = loaded(text, "hand : Hand, a : Coin")
+    step_side_by_side([engine, engine.copy()], behaviour, 120, native=False)
+
+
+def test_a_program_names_actions_and_components_and_lists_all_states() -> None:
+    text = COINS.replace("lose(coin)", "0.5: turnOver(coin)")
+    wanted = explore(*loaded(text)).tabular
+    program = program_of(*loaded(text), native=False)
+    found = enumerated(program)
+    assert found.agent_names == program.agent_names(0) == () and found.turn is None
+    for name in ("action_names", "observation_names", "observation_shape"):
+        assert getattr(found, name) == getattr(wanted, name), name
+    for name in ("next_state", "probability", "reward", "terminated", "observation", "allowed"):
+        assert np.array_equal(getattr(found, name), getattr(wanted, name)), name
+
+
+def test_many_at_once_do_what_the_table_does() -> None:
+    tabular = explore(*opened(HALLS[2].text(), together=True)).tabular
+    program = program_of(*opened(HALLS[2].text(), together=True), native=False)
+    rows = EnvgraphVectorEnv([tabular], 3, observation="dict")
+    many = CompiledVectorEnv(program, 3, observation="dict")
+    (one, _), (other, _) = rows.reset(seed=4), many.reset(seed=4)
+    rng = np.random.default_rng(0)
+    for _ in range(60):
+        assert one.keys() == other.keys() and all(np.array_equal(one[name], other[name]) for name in one)
+        actions = rng.integers(tabular.n_actions, size=3)
+        (one, *before, told), (other, *after, info) = rows.step(actions), many.step(actions)
+        assert all(np.array_equal(*pair) for pair in zip(before, after, strict=True))
+        assert "agent" not in told and "agent" not in info
+
+
+def test_a_plan_of_all_agents_is_found_and_leads_to_the_end() -> None:
+    text = COINS.replace("lose(coin)", "turnOver(coin)") + "on neg find up(_) terminate success"
+    engine, behaviour = loaded(text)
+    made, guides = guided(behaviour)
+    program = program_of(engine, made, native=False)
+    assert guides == 1 and program.observation_names[-1] == "shared 1"
+    for limit in (1000, 1):
+        plan = find_plan(program, guides=guides, limit=limit, width=1)
+        live, rng = Simulator(*loaded(text)), np.random.default_rng(0)
+        live.reset(rng)
+        ends = [live.step(live.action_names.index(action), rng).terminated for action in plan.actions]
+        assert ends == [1]
+
+
 # --- what is refused
 
 
@@ -225,14 +322,9 @@ def test_members_of_a_family_have_the_same_agents() -> None:
     engine, behaviour = loaded(COINS)
     keys = KeyIndex.of(engine.model, ["Coin"])
     engine.model.nodes("Coin")[0].delete()
-    with pytest.raises(ResolutionError, match="this one has no `Coin` b"):
-        Simulator(engine, behaviour, keys)
-
-
-def test_agents_that_act_together_are_not_compiled() -> None:
-    engine, behaviour = loaded(COINS)
-    with pytest.raises(NotCompiled, match="agents that act together"):
-        program_of(engine, behaviour)
+    for make in (Simulator, program_of):
+        with pytest.raises(ResolutionError, match="this one has no `Coin` b"):
+            make(engine, behaviour, keys=keys)
 
 
 def test_too_many_joint_actions_are_refused_where_they_are_one_number() -> None:
@@ -240,6 +332,8 @@ def test_too_many_joint_actions_are_refused_where_they_are_one_number() -> None:
     assert live.together is not None and live.together.n_actions == 103**3
     with pytest.raises(EvaluationError, match="1,092,727 actions of all agents together"):
         live.action_names  # noqa: B018
+    with pytest.raises(EvaluationError, match="1,092,727 actions of all agents together"):
+        program_of(live.engine, live.behaviour, native=False)
     live.reset(np.random.default_rng(0))
     assert live.step(103**3 - 1, np.random.default_rng(0)).terminated == 0
 
