@@ -82,7 +82,7 @@ class _Checker(CallChecking, ViewChecking):
                 hint = "write `action name = rule(..)`"
                 self.report("no-actions", f"{who} has no actions", place, hint)
         clauses = [effect for owner in owners for effect in owner.effects if isinstance(effect, OnFind)]
-        if not any(clause.terminate == "success" for clause in clauses):
+        if not any(clause.end == "success" for clause in clauses):
             message = f"environment `{behaviour.name}` never ends in success"
             hint = "write `on find .. terminate success`"
             self.report("no-success", message, span, hint, Severity.WARNING)

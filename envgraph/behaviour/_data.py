@@ -72,13 +72,20 @@ class EachStep:
     span: Span | None = field(default=None, compare=False, repr=False)
 
 
+End = Literal["success", "failure", "truncation"]
+
+
 @dataclass(frozen=True, slots=True)
 class OnFind:
-    """`on find p(..) reward e terminate success|failure apply branches`; the condition may be negated."""
+    """`on find p(..) reward e terminate success|failure apply branches`; the condition may be negated.
+
+    Attributes:
+        end: how the episode ends where the condition holds; "truncation" is written `truncate`.
+    """
 
     condition: PatternCall | Negation
     reward: Expression | None = None
-    terminate: Literal["success", "failure"] | None = None
+    end: End | None = None
     apply: tuple[Branch, ...] = ()
     span: Span | None = field(default=None, compare=False, repr=False)
 

@@ -121,7 +121,7 @@ def _callers(owner: Behaviour | Agent) -> tuple[Caller, ...]:
     found = [Caller(branch.call, early=True) for action in owner.actions for branch in action.branches]
     for effect in owner.effects:
         early = isinstance(effect, EachStep)
-        ends = isinstance(effect, OnFind) and effect.terminate is not None
+        ends = isinstance(effect, OnFind) and effect.end is not None
         found += [Caller(branch.call, early=early, ends=ends) for branch in effect.apply]
     return tuple(found)
 
@@ -131,7 +131,7 @@ def _ending(behaviour: Behaviour) -> set[str]:
     return {
         name
         for effect in behaviour.effects
-        if isinstance(effect, OnFind) and effect.terminate and isinstance(effect.condition, Negation)
+        if isinstance(effect, OnFind) and effect.end and isinstance(effect.condition, Negation)
         for name in mentioned(effect.condition)
     }
 

@@ -292,7 +292,7 @@ class EnvgraphEnv(SingleEnvironment):
         return int(wanted)
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
-        """Do one action; the last but one value (truncated) is always False."""
+        """Do one action; truncated, the last value but one, is what the behaviour says, not a time limit."""
         if type(action) is not int or not self._running or not 0 <= action < self._count:
             action = self._check_step(action)
         flat, generator = self._flat, self._np_random
@@ -307,7 +307,7 @@ class EnvgraphEnv(SingleEnvironment):
         ended = flat.terminated[place]
         self._running = not ended
         observed = self._see(flat.observation[self._state])
-        return observed, flat.reward[place], ended > 0, False, self._info(success=ended == SUCCESS)
+        return observed, flat.reward[place], ended > 0, ended < 0, self._info(success=ended == SUCCESS)
 
     def _info(self, success: bool) -> dict[str, Any]:
         info: dict[str, Any] = {
@@ -407,13 +407,13 @@ class EnvgraphLiveEnv(SingleEnvironment):
         return self._observed(index), self._first(self._info(success=False))
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
-        """Do one action; the last but one value (truncated) is always False."""
+        """Do one action; truncated, the last value but one, is what the behaviour says, not a time limit."""
         outcome = self.simulator.step(self._check_step(action), self.np_random)
         self._steps += 1
         self._running = not outcome.terminated
         info = self._info(success=outcome.terminated == SUCCESS)
         observed = self._observed(outcome.observation)
-        return observed, outcome.reward, outcome.terminated > 0, False, info
+        return observed, outcome.reward, outcome.terminated > 0, outcome.terminated < 0, info
 
     def _info(self, success: bool) -> dict[str, Any]:
         info = {"step": self._steps, "success": success, "is_success": success}

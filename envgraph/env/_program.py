@@ -74,7 +74,13 @@ from envgraph.pattern import (
 )
 from envgraph.rewrite import Engine
 
-ENDS = {None: 0, "success": 1, "failure": 2}
+ENDS = {None: 0, "success": 1, "failure": 2, "truncation": -1}
+"""The numbers of ends: what terminates an episode is above 0, what truncates it below."""
+
+
+def worst(one: int, other: int) -> int:
+    """Of two ends the one that counts: failure before success before truncation before going on."""
+    return max(one, other) or min(one, other)
 
 
 class Program:
@@ -266,7 +272,7 @@ class Program:
             holds,
             question.free,
             self._reward(effect.reward, types),
-            ENDS[effect.terminate],
+            ENDS[effect.end],
             self._alternatives(effect.apply) if effect.apply else None,
         )
 
@@ -317,7 +323,7 @@ class Program:
             self._counting(effect.condition.relation, types)
             for effect, types in self.asked
             if isinstance(effect, OnFind)
-            and ENDS[effect.terminate] == end
+            and ENDS[effect.end] == end
             and isinstance(effect.condition, Negation)
             and isinstance(effect.condition.relation, PatternCall)
         ]

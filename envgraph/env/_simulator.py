@@ -14,7 +14,7 @@ from envgraph.env._agents import Agents, Seat
 from envgraph.env._keys import KeyIndex, indexed_classes
 from envgraph.env._observing import component_names
 from envgraph.env._prepared import Choices, PreparedAction, PreparedClause, PreparedEach, Scope
-from envgraph.env._program import Program
+from envgraph.env._program import Program, worst
 from envgraph.env._sampling import MOST_OUTCOMES, Draw, all_choices
 from envgraph.env._tabular import allowed_or_all
 from envgraph.env._together import Together
@@ -34,7 +34,7 @@ class Outcome:
 
     Attributes:
         reward: the sum of all rewards.
-        terminated: 0, or the episode ended in success (1) or in failure (2).
+        terminated: 0, or the episode ended in success (1) or in failure (2), or was truncated (-1).
         observation: index of what the agent sees.
     """
 
@@ -52,8 +52,8 @@ class Simulator:
     A step: (a) draws a branch of the action, with probabilities as they are in that state, then one of the matches of
     its rule, and applies it; without a match the state stays. (b) `each step` rules in the same way. (c) All `on`
     clauses are matched on this one state. (d) All rewards are evaluated on it and summed in the order of the file;
-    failure beats success. (e) The `apply`s of the clauses run in that order, each only if its match still is one; (f)
-    the agent observes.
+    failure beats success, and that truncation. (e) The `apply`s of the clauses run in that order, each only if its
+    match still is one; (f) the agent observes.
 
     `reward` of an action counts when its rule was applied or the branch `nothing()` was drawn, `else reward` when there
     was no match, or when the probability that is missing to 1 was drawn.
@@ -350,7 +350,7 @@ class Simulator:
                 continue
             for row in effect.matches():
                 total += effect.reward(effect.scope(program.bound, row)) if effect.reward else 0.0
-                terminated = max(terminated, effect.ends)
+                terminated = worst(terminated, effect.ends)
                 if effect.apply is not None:
                     pending.append((effect, row))
         return total, terminated, pending

@@ -27,7 +27,8 @@ class Tabular:
         next_state: int32 [S, A, K], a state from 0.
         probability: float64 [S, A, K]; sums to 1 over K.
         reward: float64 [S, A, K], in the units of the behaviour's `reward` clauses.
-        terminated: int8 [S, A, K]; the outcome goes on (0), ends the episode in success (1) or in failure (2).
+        terminated: int8 [S, A, K]; the outcome goes on (0), ends the episode in success (1) or in failure (2), or
+            truncates it (-1).
         observation: int64 [S]; what the agent sees of a state, an index from 0. States may look alike.
         start_states: int32 [N], different states.
         start_probability: float64 [N]; sums to 1.
@@ -137,7 +138,7 @@ class Tabular:
             len(np.unique(self.start_states)) == len(self.start_states), "`start_states` has a state twice"
         )
         _require(_within(self.observation, self.n_observations), "`observation` is outside its range")
-        _require(_within(self.terminated, 3), "`terminated` is 0, 1 or 2")
+        _require(_within(self.terminated + 1, 4), "`terminated` is 0, 1, 2 or -1")
         if self.turn is not None:
             _require(_within(self.turn, len(self.agent_names)), "`turn` names an agent that is not there")
 

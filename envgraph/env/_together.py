@@ -13,7 +13,7 @@ from envgraph.code import dataclass
 from envgraph.env._agents import Agents, Seat
 from envgraph.env._keys import KeyIndex
 from envgraph.env._prepared import Choices, Component, PreparedClause, PreparedEach
-from envgraph.env._program import Program
+from envgraph.env._program import Program, worst
 from envgraph.errors import Diagnostic, EvaluationError, ResolutionError
 from envgraph.graph import Model
 from envgraph.match import Row
@@ -137,7 +137,7 @@ class Together:
             assert effect.apply is not None
             if place == 0 or effect.holds(row):  # nothing can have changed before the first
                 effect.apply.run(effect.scope(clause.program.bound, row), choices, self._model)
-        return _of_all(moves, paid, gained), max((ends for *_, ends in judged), default=0)
+        return _of_all(moves, paid, gained), reduce(worst, (ends for *_, ends in judged), 0)
 
     def _do(self, place: int, number: int, choices: Choices) -> Callable[[], Move]:
         """Do the action of one agent; what is returned says later, on the state that all have left, what it pays."""

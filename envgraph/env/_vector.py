@@ -117,7 +117,7 @@ class VectorEnvironmentBase(VectorEnv[Any, Any, Any]):
 
     @abstractmethod
     def _advance(self, actions: Ints) -> tuple[Floats, Ints, Bools]:
-        """A step: rewards, ends (0, 1, 2), and what was truncated; those that were over may begin anew."""
+        """A step: rewards, ends (0, 1, 2, -1), and what was truncated; those that were over may begin anew."""
 
     @abstractmethod
     def _observed(self) -> Any:
@@ -355,7 +355,7 @@ class EnvgraphVectorEnv(VectorEnvironmentBase):
         self._steps = self._steps + ~again
         if again.any():
             self._begin(again)
-        truncated = self._late() & (ended == 0) & ~again
+        truncated = (ended < 0) | self._late() & (ended == 0) & ~again
         self._done = (ended > 0) | truncated
         return reward, ended, truncated
 

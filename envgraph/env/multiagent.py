@@ -128,7 +128,7 @@ class _Several:
         self._steps += 1
         gone = self.simulator.agents.gone
         over = {name: end > 0 or gone(self._number[name]) for name in self.agents}
-        return reward, end, over, self._limit is not None and self._steps >= self._limit
+        return reward, end, over, end < 0 or (self._limit is not None and self._steps >= self._limit)
 
     def _checked(self, agent: str, action: Any) -> int:
         if not self.action_spaces[agent].contains(action):

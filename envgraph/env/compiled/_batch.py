@@ -43,7 +43,7 @@ class Batch:
         steps: int64 [n], since the episode began.
         over: bool [n], whether the episode has ended or was truncated.
         observation: int64 [n]; components: int64 [n, ..].
-        reward: float64 [n]; ended: int64 [n], 0, 1 for success, 2 for failure; cut: bool [n], whether it was truncated.
+        reward: float64 [n]; ended: int64 [n], as `Outcome.terminated`; cut: bool [n], whether it was truncated.
     """
 
     def __init__(self, program: Program, members: Sequence[int] | NDArray[Any], threads: int = 1) -> None:

@@ -88,14 +88,14 @@ class CompiledEnv(SingleEnvironment):
         return self._seen(), self._first(self._info(success=False))
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
-        """Do one action; the last but one value (truncated) is always False."""
+        """As `EnvgraphEnv.step`."""
         self._action[0] = self._check_step(action)
         batch = self._batch
         batch.step(self._action, again=False)
         self._steps += 1
         ended = batch.ended.item()
         self._running = not ended
-        return self._seen(), batch.reward.item(), ended > 0, False, self._info(success=ended == SUCCESS)
+        return self._seen(), batch.reward.item(), ended > 0, ended < 0, self._info(success=ended == SUCCESS)
 
     def _seen(self) -> Any:
         view = self.view
@@ -195,7 +195,7 @@ class CompiledVectorEnv(VectorEnvironmentBase):
 
     def action_masks(self) -> Bools:
         """As `EnvgraphVectorEnv.action_masks`."""
-        return np.asarray(self._batch.allowed() | (self._batch.ended > 0)[:, None])
+        return np.asarray(self._batch.allowed() | (self._batch.ended != 0)[:, None])
 
     def close_extras(self, **kwargs: Any) -> None:
         """End the threads; what `close` calls."""

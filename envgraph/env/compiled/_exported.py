@@ -160,7 +160,8 @@ def step(
         uniforms: numbers from [0, 1) that decide what is random [n].
 
     Returns:
-        The states, observations [n], rewards [n], and ends [n]: 0, 1 for success, 2 for failure.
+        The states, observations [n], rewards [n], and ends [n]: 0, 1 for success, 2 for failure, -1 for
+        truncation.
     """
     world = _Many(state.members)
     world.rows.ints[:], world.rows.floats[:] = state.ints, state.floats

@@ -105,7 +105,7 @@ def learn(
         D[0] = v
         reward, ended, _ = step_one(T[m], G[m], L, K, S[0], F[0], RI, RF, D, 0, action)
         following = -1
-        if S[0, 0] == 0 and ended == 0:
+        if S[0, 0] == 0 and ended <= 0:
             following = present_key(
                 T, G, L, K, S, F, BITS, RI, RF, D, m, C, KEYS, NONE, HASHED, count, OF_STATES
             )
@@ -120,7 +120,7 @@ def learn(
             COUNTS[8], COUNTS[9], LEVELS[2] = key, action, reward
         else:
             target = reward
-            if ended == 0:
+            if ended <= 0:
                 target = reward + DISCOUNT * (
                     best_of(Q, following) if AGENT == 0 else mean_of(Q, following, epsilon)
                 )

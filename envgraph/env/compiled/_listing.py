@@ -154,7 +154,7 @@ def visit(
                 if S[count, 0] != 0:
                     return WRONG, head, count, first, before, action
                 chance = D[CHANCE]
-                found = enter(T, G, L, K, S, F, RI, RF, D, m, BITS, HASHED, C, OBS, count, end > 0)
+                found = enter(T, G, L, K, S, F, RI, RF, D, m, BITS, HASHED, C, OBS, count, end != 0)
                 if found < 0:
                     return WRONG, head, count, first, before, action
                 count += found == count

@@ -91,7 +91,7 @@ def guided(behaviour: Behaviour, outcome: int = 1, guide: PatternCall | None = N
         effect.condition.relation
         for effect in behaviour.effects
         if isinstance(effect, OnFind)
-        and effect.terminate == ENDS[outcome]
+        and effect.end == ENDS[outcome]
         and isinstance(effect.condition, Negation)
         and isinstance(effect.condition.relation, PatternCall)
     ]

@@ -284,10 +284,11 @@ class Turn:
             writer.assign(number, found)
         if effect.reward is not None:
             self._earn_rows(clause, effect.reward, question, number, top)
-        end = ENDS[effect.terminate]
+        end = ENDS[effect.end]
         if end:
-            larger = code.Assign(END, code.call("max", END, code.Constant(end)))
-            writer.add(code.If(code.Operation(">", (number, ZERO)), (larger,)))
+            wins = code.equal(END, ZERO) if end < 0 else code.Operation("<", (END, code.Constant(end)))
+            held = code.joined("and", [code.Operation(">", (number, ZERO)), wins], True)
+            writer.add(code.If(held, (code.Assign(END, code.Constant(end)),)))
 
     def _gone(self, clause: Clause, question: Question) -> list[code.Expression]:
         scope = self.players[clause.player].scope

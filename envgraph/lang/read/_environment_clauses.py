@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 from dataclasses import replace
-from typing import Literal, cast
+from typing import cast
 
 from lark import Token, Tree
 
@@ -17,6 +17,7 @@ from envgraph.behaviour import (
     DrawGrid,
     DrawnLink,
     EachStep,
+    End,
     Observation,
     ObserveAttribute,
     ObserveFind,
@@ -135,26 +136,26 @@ def _rule_call(reading: Reading, tree: Tree[Token]) -> RuleCall:
 
 @dataclass(frozen=True, slots=True)
 class _Parts:
-    """`reward`, `terminate` and `apply` of an effect, each at most once."""
+    """`reward`, `terminate` or `truncate`, and `apply` of an effect, each at most once."""
 
     reward: Tree[Token] | None
-    terminate: Tree[Token] | None
+    end: Tree[Token] | None
     apply: Tree[Token] | None
 
 
 def _parts(reading: Reading, tree: Tree[Token]) -> _Parts:
-    found = {word: trees(tree.children, word) for word in ("reward", "terminate", "apply")}
+    found = {word: trees(tree.children, word) for word in ("reward", "end", "apply")}
     for word, parts in found.items():
-        reading.once(f"`{word}`", parts)
+        reading.once("an end" if word == "end" else f"`{word}`", parts)
     return _Parts(*(next(iter(parts), None) for parts in found.values()))
 
 
 def each_step_of(reading: Reading, tree: Tree[Token]) -> EachStep | None:
     """The data of `each step reward e apply branches`."""
     parts = _parts(reading, tree)
-    if parts.terminate:
+    if parts.end:
         hint = "write `on find` and a pattern for when it ends"
-        reading.error("misplaced-part", "`each step` would terminate the first one", parts.terminate, hint)
+        reading.error("misplaced-part", "`each step` would end the first one", parts.end, hint)
     elif not (parts.reward or parts.apply):
         reading.error("empty-clause", "this does nothing", tree, "add `reward` or `apply`")
     return EachStep(
@@ -168,7 +169,7 @@ def on_find_of(reading: Reading, tree: Tree[Token]) -> OnFind | None:
     """The data of `on find p(..) ...`; None when its condition cannot be asked."""
     asked = trees(tree.children)[0]
     parts = _parts(reading, tree)
-    if not (parts.reward or parts.terminate or parts.apply):
+    if not (parts.reward or parts.end or parts.apply):
         reading.error("empty-clause", "this does nothing", tree, "add `reward`, `terminate` or `apply`")
     condition = _condition(reading, asked)
     branches = branches_of(reading, trees(parts.apply.children)[0]) if parts.apply else ()
@@ -177,7 +178,7 @@ def on_find_of(reading: Reading, tree: Tree[Token]) -> OnFind | None:
     return OnFind(
         condition,
         expression_of(reading, trees(parts.reward.children)[0]) if parts.reward else None,
-        _end(parts.terminate) if parts.terminate else None,
+        _end(parts.end) if parts.end else None,
         branches,
         reading.span(tree),
     )
@@ -200,19 +201,20 @@ def _condition(reading: Reading, tree: Tree[Token]) -> PatternCall | Negation | 
     return None
 
 
-def _end(tree: Tree[Token]) -> Literal["success", "failure"]:
-    return cast("Literal['success', 'failure']", str(tree.children[1]))
+def _end(tree: Tree[Token]) -> End:
+    word = str(tree.children[-1])
+    return "truncation" if word == "truncate" else cast("End", word)
 
 
 def on_reset_of(reading: Reading, tree: Tree[Token]) -> OnReset | None:
     """The data of `on reset apply branches`."""
     parts = _parts(reading, tree)
-    for part in (parts.reward, parts.terminate):
+    for part in (parts.reward, parts.end):
         if part is not None:
             hint = "leave it out"
             reading.error("misplaced-part", "a reset has no reward and no end, only `apply`", part, hint)
     if parts.apply is None:
-        if not (parts.reward or parts.terminate):
+        if not (parts.reward or parts.end):
             reading.error("empty-clause", "this does nothing", tree, "write `on reset apply rule(...)`")
         return None
     return OnReset(branches_of(reading, trees(parts.apply.children)[0]), reading.span(tree))

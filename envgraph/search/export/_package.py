@@ -180,11 +180,11 @@ def recorded(environment: EnvgraphEnv | CompiledEnv, member: str, seed: int) -> 
     observation, _ = environment.reset(seed=seed)
     observations, rewards, ends = [int(observation)], [], []
     for action in actions:
-        observation, reward, terminated, _, _ = environment.step(action)
+        observation, reward, terminated, truncated, _ = environment.step(action)
         observations.append(int(observation))
         rewards.append(reward)
-        ends.append(terminated)
-        if terminated:
+        ends.append([terminated, truncated])
+        if terminated or truncated:
             observations.append(int(environment.reset()[0]))
     return {
         "member": member,
@@ -192,7 +192,7 @@ def recorded(environment: EnvgraphEnv | CompiledEnv, member: str, seed: int) -> 
         "actions": actions,
         "observations": observations,
         "rewards": rewards,
-        "terminated": ends,
+        "ends": ends,
     }
 
 

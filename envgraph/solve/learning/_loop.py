@@ -95,7 +95,7 @@ def learn(arrays, values, rows, epsilons, factors, limit, points, curve):
                 pending, chosen, earned = seen, action, reward
             else:
                 target = reward
-                if ended == 0:
+                if ended <= 0:
                     following_value = (
                         best_value(q, after) if agent == 0 else expected_value(q, after, epsilon)
                     )

@@ -131,11 +131,11 @@ def collect(levels, student, chosen, streams, most, episodes, limit, tracks):
             age += 1
             place = b * most + step
             AT[place], ACTION[place], GAIN[place] = row, action, REWARD[at]
-            if ENDED[at] != 0:
+            if ENDED[at] > 0:
                 AFTER[place], HOW[place] = -ENDED[at], TERMINATED
             else:
                 AFTER[place] = row_of(P, SEEN_FIRST, SEEN, state, ROW, VISITED, COUNT, HIDDEN, OUT, shape)
-                HOW[place] = TRUNCATED if age == limit else GOES_ON
+                HOW[place] = TRUNCATED if age == limit or ENDED[at] < 0 else GOES_ON
             if HOW[place] != GOES_ON:
                 finished += 1
                 age = 0

@@ -40,7 +40,7 @@ def run_stage(table: Table, stage: Stage, q: NDArray[np.float64], rng: np.random
             total += reward
             row = rows[seen]
             old = row[action]
-            target = reward if ended else reward + discount * best[following]
+            target = reward if ended > 0 else reward + discount * best[following]
             row[action] = new = old + rate * (target - old)
             if action == greedy[seen]:
                 if new < old:

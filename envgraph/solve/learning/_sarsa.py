@@ -44,7 +44,7 @@ def run_stage(table: Table, stage: Stage, q: NDArray[np.float64], rng: np.random
             if settings.agent == "sarsa" and not ended and left and steps:
                 pending = row, action, reward
             else:
-                target = reward if ended else reward + discount * _expected(rows[following], epsilon)
+                target = reward if ended > 0 else reward + discount * _expected(rows[following], epsilon)
                 row[action] += rate * (target - row[action])
             seen = following
             epsilon = max(minimum, epsilon * step_decay)

@@ -114,7 +114,7 @@ def step_side_by_side(
             found = (batch.reward[number], batch.ended[number], batch.observation[number])
             wanted = (outcome.reward, outcome.terminated, outcome.observation)
             assert found == wanted, f"{said}, member {number}"
-            again[number] = outcome.terminated > 0 or batch.steps[number] >= (behaviour.limit or 200)
+            again[number] = outcome.terminated != 0 or batch.steps[number] >= (behaviour.limit or 200)
             if step % 32 == number:
                 assert_same_state(batch, number, live[number])
     return program

@@ -103,7 +103,7 @@ def test_an_action_becomes_its_data(text: str, data: Action) -> None:
             "each step apply 0.5: r() reward 1",
             EachStep(Constant(1), (Branch(0.5, RuleCall("r")),)),
         ),
-        ("on find p(x) terminate failure", OnFind(PatternCall("p", (x,)), terminate="failure")),
+        ("on find p(x) terminate failure", OnFind(PatternCall("p", (x,)), end="failure")),
         (
             "on find p(x, ::red) apply r(x) terminate success reward a.n * 2",
             OnFind(
@@ -203,7 +203,7 @@ def test_a_whole_file() -> None:
             parameters=(Parameter("hall", "Hall"),),
             effects=(
                 EachStep(Constant(1.0)),
-                OnFind(PatternCall("done", (Variable("hall"),)), terminate="success"),
+                OnFind(PatternCall("done", (Variable("hall"),)), end="success"),
                 EachStep(Constant(2.0)),
             ),
             resets=(OnReset((Branch(1.0, RuleCall("start", (Variable("hall"),))),)),),
