@@ -37,16 +37,19 @@ class ViewChecking(Checking):
                 message = f"`{each.name}` is a parameter already"
                 self.report("duplicate-definition", message, each.span, "choose another name after `for`")
             scope[each.name] = self.class_of(each)
+        if isinstance(observation, ObserveFind):
+            return self._observe_find(observation, scope)
+        if observation.visible is not None:
+            self.answerable(condition_question("#check", observation.visible, type_names(scope)))
+        unseen = observation.visible is not None
         match observation:
-            case ObserveFind():
-                return self._observe_find(observation, scope)
             case ObserveObject():
                 self._observe_object(observation, scope)
-                return 1
+                return 1 + unseen
             case ObserveRange():
-                return self._observe_range(observation, scope)
+                return self._observe_range(observation, scope) + unseen
             case ObserveAttribute():
-                return self._observe_attribute(observation, scope)
+                return self._observe_attribute(observation, scope) + unseen
 
     def _observed(self, path: Expression, scope: Scope) -> StaticType | None:
         """See `path`; where many values are, `observe` takes none of the constraints that help elsewhere."""

@@ -100,12 +100,18 @@ class OnReset:
 
 @dataclass(frozen=True, slots=True)
 class ObserveObject:
-    """`observe path among Class (or none) (for variable : Class)`: the index of the object at the path."""
+    """`observe path among Class (or none) (for variable : Class)`: the index of the object at the path.
+
+    Attributes:
+        visible: what has to have a match in a state in which the value is seen; else it has a value of its own, the
+            last one. So in the other observations.
+    """
 
     path: Expression
     among: str
     or_none: bool = False
     each: Parameter | None = None
+    visible: PatternCall | None = None
     span: Span | None = field(default=None, compare=False, repr=False)
     among_span: Span | None = field(default=None, compare=False, repr=False)
 
@@ -118,6 +124,7 @@ class ObserveRange:
     low: int
     high: int
     each: Parameter | None = None
+    visible: PatternCall | None = None
     span: Span | None = field(default=None, compare=False, repr=False)
 
 
@@ -136,10 +143,12 @@ class ObserveAttribute:
 
     path: Expression
     each: Parameter | None = None
+    visible: PatternCall | None = None
     span: Span | None = field(default=None, compare=False, repr=False)
 
 
-Observation = ObserveObject | ObserveRange | ObserveFind | ObserveAttribute
+ObservePath = ObserveObject | ObserveRange | ObserveAttribute
+Observation = ObservePath | ObserveFind
 Effect = EachStep | OnFind
 
 

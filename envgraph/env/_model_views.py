@@ -14,7 +14,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from envgraph.behaviour import Behaviour, DrawGrid, ObserveObject
+from envgraph.behaviour import Behaviour, DrawGrid, ObserveObject, ObservePath
 from envgraph.env._observing import clause_name, clauses_of
 from envgraph.env._prepared import Component
 from envgraph.env._simulator import Simulator
@@ -45,8 +45,14 @@ def model_view(kind: ObservationKind, behaviour: Behaviour, models: Sequence[Mod
     """The view "image" or "graph" over the members of a family.
 
     Raises:
-        InvalidArgument: an image of what is not drawn as a grid.
+        InvalidArgument: an image of what is not drawn as a grid, or of what is out of sight.
     """
+    hidden = any(isinstance(one, ObservePath) and one.visible is not None for one in clauses_of(behaviour))
+    if hidden:
+        message = f'"{kind}" shows all of the model, of which `{behaviour.name}` lets agents see a part'
+        raise InvalidArgument(
+            message, 'take "index", "multi", "flat" or "dict", or leave out `if` of `observe`'
+        )
     return ImageView(behaviour, models) if kind == "image" else GraphView(behaviour, models[0].metamodel)
 
 

@@ -9,9 +9,9 @@ from itertools import zip_longest
 from envgraph.behaviour import (
     Behaviour,
     Observation,
-    ObserveAttribute,
     ObserveFind,
     ObserveObject,
+    ObservePath,
     ObserveRange,
 )
 from envgraph.env._binding import Reader, follow
@@ -61,22 +61,21 @@ class KeyedObjects:
 
 
 def size_of(observation: Observation, types: Types, keys: KeyIndex, metamodel: Metamodel) -> int:
-    """How many values each component of a clause has."""
+    """How many values each component of a clause has; where it may be out of sight, the last one says so."""
+    if isinstance(observation, ObserveFind):
+        return 2 if observation.up_to is None else observation.up_to + 1
+    unseen = observation.visible is not None
     match observation:
-        case ObserveFind(up_to=up_to):
-            return 2 if up_to is None else up_to + 1
         case ObserveObject(among=among, or_none=or_none):
-            return keys.size(among) + or_none
+            return keys.size(among) + or_none + unseen
         case ObserveRange(low=low, high=high):
-            return high - low + 1
+            return high - low + 1 + unseen
         case _:
             type_ = path_type(observation, types, metamodel)
-            return len(type_.literals) if isinstance(type_, EnumType) else 2
+            return (len(type_.literals) if isinstance(type_, EnumType) else 2) + unseen
 
 
-def path_type(
-    observation: ObserveObject | ObserveRange | ObserveAttribute, types: Types, metamodel: Metamodel
-) -> StaticType | None:
+def path_type(observation: ObservePath, types: Types, metamodel: Metamodel) -> StaticType | None:
     """The type of what a path leads to."""
     scope: dict[str, StaticType | None] = {name: ObjectType(cls) for name, cls in types.items()}
     if observation.each is not None:

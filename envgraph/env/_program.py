@@ -15,9 +15,9 @@ from envgraph.behaviour import (
     EachStep,
     Effect,
     Observation,
-    ObserveAttribute,
     ObserveFind,
     ObserveObject,
+    ObservePath,
     ObserveRange,
     OnFind,
     Question,
@@ -339,9 +339,35 @@ class Program:
         path, read = observation.path, self._read
         for value in self._owners(observation.each) if observation.each else [self._owner(path, types)]:
             seen = observer(path, value, self.model, read, index, padding, self.bound)
+            if observation.visible is not None:
+                seen = self._in_sight(observation, types, value, seen, hidden=size - 1)
             owned = isinstance(path, Navigation) and not isinstance(observation, ObserveObject)
             shown = path.object if owned else path  # type: ignore[union-attr]
             yield Component(size, seen, observation, leading_to(shown, value, self.bound, read))
+
+    def _in_sight(
+        self,
+        observation: ObservePath,
+        types: Types,
+        owner: tuple[str, Callable[[], Value | None]],
+        seen: Callable[[], int],
+        hidden: int,
+    ) -> Callable[[], int]:
+        """What is seen where the clause says that it is, else `hidden`; of what is not there nothing is asked."""
+        each, call = observation.each, observation.visible
+        assert call is not None
+        question = self._ask(call, types if each is None else {**types, each.name: each.type or ""})
+        find = self.engine.matcher.prepare(question.pattern.qualified_name, tuple(range(len(question.bound))))
+        name, value = owner
+
+        def read() -> int:
+            node = value()
+            if node is None:
+                return seen()
+            nodes: list[Any] = [node if one == name else self.bound[one] for one in question.bound]
+            return seen() if all(map(self.model.alive, nodes)) and find(*nodes) else hidden
+
+        return read
 
     def _owner(self, path: Expression, types: Types) -> tuple[str, Callable[[], Value | None]]:
         """The name that a path begins with, and its object, None when that is gone."""
@@ -356,7 +382,7 @@ class Program:
         yield from ((each.name, _item(objects, i)) for i in range(len(objects.keys)))
 
     def _meaning(
-        self, observation: ObserveObject | ObserveRange | ObserveAttribute, types: Types
+        self, observation: ObservePath, types: Types
     ) -> tuple[int, Callable[[Value | None], int], int]:
         """Number of values, the index of what a path leads to, and the index where an object is missing."""
         metamodel = self.model.metamodel
@@ -365,7 +391,7 @@ class Program:
         match observation:
             case ObserveObject(among=among, or_none=or_none):
                 indexer = self._keys.indexer(self.model, among)
-                missing = size - 1 if or_none else None
+                missing = self._keys.size(among) if or_none else None
                 assert isinstance(type_, ObjectType), "the behaviour was checked"
                 index = object_index(self.model, indexer, missing, among, type_.cls)
                 return size, index, missing or 0

@@ -8,15 +8,16 @@ from math import prod
 from envgraph import code
 from envgraph.behaviour import (
     Observation,
-    ObserveAttribute,
     ObserveFind,
     ObserveObject,
+    ObservePath,
     ObserveRange,
     condition_question,
     count_question,
     root_of,
 )
 from envgraph.env._keys import KeyIndex
+from envgraph.env._observing import size_of
 from envgraph.env._prepared import Types
 from envgraph.env._program import added
 from envgraph.env.compiled._layout import ONE, RI, ZERO, Constants, L, Layout, entry, plus, table
@@ -25,7 +26,7 @@ from envgraph.env.compiled._tables import IndexOf, indexable
 from envgraph.env.compiled._terms import Term, named
 from envgraph.env.compiled._writer import Writer
 from envgraph.metamodel import EnumType
-from envgraph.pattern import ObjectType
+from envgraph.pattern import ObjectType, PatternCall
 
 SEEN, NEXT, INDEX = code.Local("C"), code.Local("j", "int"), code.Local("index", "int")
 """What is seen, by component; the number of the next one; and the index that they make."""
@@ -82,27 +83,22 @@ class Observations:
     def _see_matches(self, observation: ObserveFind, types: Types, scope: Mapping[str, Term]) -> None:
         writer = self._writer
         local, name = writer.module.fresh("seen"), writer.behaviour
-        writer.assign(local, ZERO)
         if observation.up_to is None:
-            question = added(writer.engine, name, lambda n: condition_question(n, observation.call, types))
-            values = [scope[bound].value for bound in question.bound]
-            exists = writer.call(writer.matching.exists(writer.key(question, free=False)), *values)
-            found: code.Body = (code.Assign(local, code.Choice(exists, ONE, ZERO)),)
-        else:
-            question = added(writer.engine, name, lambda n: count_question(n, observation.call, types))
-            values = [scope[bound].value for bound in question.bound]
-            rows = writer.call(writer.matching.rows(writer.key(question)), *values)
-            counted = entry(RI, writer.top, 0)
-            most = code.call("min", counted, code.Constant(observation.up_to))
-            some = code.Operation(">", (rows, ZERO))
-            found = (code.If(some, (code.Assign(local, most),)),)
-        alive = writer.bound_alive(question, scope)
-        writer.add(*([code.If(code.joined("and", alive, True), found)] if alive else found))
+            writer.assign(local, code.Choice(self._holds(observation.call, types, scope), ONE, ZERO))
+            self.see(local)
+            return
+        writer.assign(local, ZERO)
+        question = added(writer.engine, name, lambda n: count_question(n, observation.call, types))
+        values = [scope[bound].value for bound in question.bound]
+        rows = writer.call(writer.matching.rows(writer.key(question)), *values)
+        most = code.call("min", entry(RI, writer.top, 0), code.Constant(observation.up_to))
+        some = [*writer.bound_alive(question, scope), code.Operation(">", (rows, ZERO))]
+        writer.add(code.If(code.joined("and", some, True), (code.Assign(local, most),)))
         self.see(local)
 
     def _see_path(
         self,
-        observation: ObserveObject | ObserveRange | ObserveAttribute,
+        observation: ObservePath,
         types: Types,
         scope: Mapping[str, Term],
     ) -> None:
@@ -110,7 +106,7 @@ class Observations:
         if each is None:
             root = root_of(observation.path).name
             gone = writer.gone(scope[root], types[root])
-            self._see_value(observation, scope, gone)
+            self._see_value(observation, types, scope, gone)
             return
         cls = each.type or ""
         index = writer.module.fresh("i")
@@ -118,26 +114,25 @@ class Observations:
         def write() -> None:
             node = writer.keyed(cls, index)
             gone = code.Operation("<", (node, ZERO))
-            self._see_value(observation, {**scope, each.name: named(node, ObjectType(cls), cls)}, gone)
+            known = {**scope, each.name: named(node, ObjectType(cls), cls)}
+            self._see_value(observation, {**types, each.name: cls}, known, gone)
 
-        count = Constants(("keys", cls), (self._keys.size(cls),))
-        size = entry(L, self._layout.offset(count))
-        writer.add(code.For(index, code.call("range", size), writer.collected(write)))
+        writer.add(code.For(index, code.call("range", self._size(cls)), writer.collected(write)))
 
     def _see_value(
         self,
-        observation: ObserveObject | ObserveRange | ObserveAttribute,
+        observation: ObservePath,
+        types: Types,
         scope: Mapping[str, Term],
         gone: code.Expression | None,
     ) -> None:
-        """The index of what a path leads to, or the padding where it begins nowhere."""
+        """The index of what a path leads to, the padding where it begins nowhere, or the last one out of sight."""
         writer = self._writer
         local = writer.module.fresh("seen")
         padding: code.Expression = ZERO
         missing: code.Body = writer.fail()
         if isinstance(observation, ObserveObject) and observation.or_none:
-            count = Constants(("keys", observation.among), (self._keys.size(observation.among),))
-            padding = entry(L, self._layout.offset(count))
+            padding = self._size(observation.among)
             missing = (code.Assign(local, padding),)
 
         def read() -> None:
@@ -147,15 +142,41 @@ class Observations:
                 found = (code.If(code.joined("and", term.tests, True), found, missing),)
             writer.add(*found)
 
+        def look() -> None:
+            if observation.visible is None:
+                read()
+            else:
+                in_sight = self._holds(observation.visible, types, scope)
+                hidden = (code.Assign(local, self._hidden(observation, types)),)
+                writer.add(code.If(in_sight, writer.collected(read), hidden))
+
         if gone is None:
-            read()
+            look()
         else:
-            writer.add(code.If(gone, (code.Assign(local, padding),), writer.collected(read)))
+            writer.add(code.If(gone, (code.Assign(local, padding),), writer.collected(look)))
         self.see(local)
+
+    def _size(self, cls: str) -> code.Expression:
+        """How many objects of a class the family has."""
+        return entry(L, self._layout.offset(Constants(("keys", cls), (self._keys.size(cls),))))
+
+    def _holds(self, call: PatternCall, types: Types, scope: Mapping[str, Term]) -> code.Expression:
+        """Whether a condition has a match; none has one of an object that is gone."""
+        writer = self._writer
+        question = added(writer.engine, writer.behaviour, lambda n: condition_question(n, call, types))
+        values = [scope[bound].value for bound in question.bound]
+        exists = writer.call(writer.matching.exists(writer.key(question, free=False)), *values)
+        return code.joined("and", [*writer.bound_alive(question, scope), exists], True)
+
+    def _hidden(self, observation: ObservePath, types: Types) -> code.Expression:
+        """The number of what is out of sight: behind all others."""
+        if isinstance(observation, ObserveObject):
+            return plus(self._size(observation.among), int(observation.or_none))
+        return code.Constant(size_of(observation, types, self._keys, self._metamodel) - 1)
 
     def _index(
         self,
-        observation: ObserveObject | ObserveRange | ObserveAttribute,
+        observation: ObservePath,
         term: Term,
         local: code.Local,
         missing: code.Body,

@@ -28,7 +28,7 @@ from envgraph.lang.format._layout import CHAINS, Layout, first_of
 from envgraph.lang.format._tokens import Item, Part
 
 _ARROWS: Final = frozenset({"forward", "backward", "half_arrow", "unnamed"})
-_EFFECTS: Final = frozenset({"reward", "other", "apply", "end", "each_object", "tokens"})
+_EFFECTS: Final = frozenset({"reward", "other", "apply", "end", "each_object", "visible", "tokens"})
 
 
 def _assignment(layout: Layout, part: Part) -> Document:

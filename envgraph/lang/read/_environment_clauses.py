@@ -225,31 +225,39 @@ def on_reset_of(reading: Reading, tree: Tree[Token]) -> OnReset | None:
 
 def observation_of(reading: Reading, tree: Tree[Token]) -> Observation:
     """The data of `observe ...`."""
-    observed, *each = trees(tree.children)
+    observed = trees(tree.children)[0]
+    each, visible = trees(tree.children, "each_object"), trees(tree.children, "visible")
+    reading.once("`for`", each)
+    reading.once("`if`", visible)
     span = reading.span(tree)
+    if observed.data in ("holds", "count"):
+        return _observe_find(reading, observed, each, visible, span)
     parameter = _each(reading, each[0]) if each else None
+    only = pattern_call_of(reading, trees(visible[0].children)[0]) if visible else None
     inner = trees(observed.children)
     match observed.data:
-        case "holds" | "count":
-            return _observe_find(reading, observed, each, span)
         case "among":
             or_none = bool(trees(inner, "or_none"))
             type_ = type_of(reading, inner[1])
             path = chain_of(reading, inner[0])
-            return ObserveObject(
-                path, type_, or_none, parameter, span, among_span=type_span_of(reading, inner[1])
-            )
+            among_span = type_span_of(reading, inner[1])
+            return ObserveObject(path, type_, or_none, parameter, only, span, among_span)
         case "within":
-            return ObserveRange(chain_of(reading, inner[0]), *_bounds(inner[1]), parameter, span)
-    return ObserveAttribute(chain_of(reading, inner[0]), parameter, span)
+            return ObserveRange(chain_of(reading, inner[0]), *_bounds(inner[1]), parameter, only, span)
+    return ObserveAttribute(chain_of(reading, inner[0]), parameter, only, span)
 
 
-def _observe_find(reading: Reading, tree: Tree[Token], each: list[Tree[Token]], span: Span) -> ObserveFind:
+def _observe_find(
+    reading: Reading, tree: Tree[Token], each: list[Tree[Token]], visible: list[Tree[Token]], span: Span
+) -> ObserveFind:
     for part in each:
         parameter = _each(reading, part)
         path = f"`observe {parameter.name}.attribute for {parameter.name} : {parameter.type}`"
         hint = f"keep it in an attribute and write {path}, or write `observe count find p(..) up to n`"
         reading.error("misplaced-part", "`for` goes with a path, not with `find`", part, hint)
+    for part in visible:
+        hint = "put both into one pattern, and observe that"
+        reading.error("misplaced-part", "`if` goes with a path, not with `find`", part, hint)
     bounds = tokens(tree.children, "INT")
     return ObserveFind(
         pattern_call_of(reading, trees(tree.children)[0]), int(bounds[0]) if bounds else None, span

@@ -104,6 +104,7 @@ def test_an_action_becomes_its_data(text: str, data: Action) -> None:
             EachStep(Constant(1), (Branch(0.5, RuleCall("r")),)),
         ),
         ("on find p(x) terminate failure", OnFind(PatternCall("p", (x,)), end="failure")),
+        ("on find p(x) truncate", OnFind(PatternCall("p", (x,)), end="truncation")),
         (
             "on find p(x, ::red) apply r(x) terminate success reward a.n * 2",
             OnFind(
@@ -136,6 +137,11 @@ def test_an_effect_becomes_its_data(text: str, data: Effect) -> None:
             ObserveObject(Navigation(x, "at"), "Cell", True, Parameter("x", "Key")),
         ),
         ("a.n in -3..50", ObserveRange(Navigation(a, "n"), -3, 50)),
+        ("a.n in 0..1 if find p(a)", ObserveRange(Navigation(a, "n"), 0, 1, None, PatternCall("p", (a,)))),
+        (
+            "x.open if find p(x) for x : Key",
+            ObserveAttribute(Navigation(x, "open"), Parameter("x", "Key"), PatternCall("p", (x,))),
+        ),
         ("x.n in 0..1 for x : Key", ObserveRange(Navigation(x, "n"), 0, 1, Parameter("x", "Key"))),
         ("find p(a, _)", ObserveFind(PatternCall("p", (a, Variable("_"))))),
         ("count find p(a) up to 4", ObserveFind(PatternCall("p", (a,)), 4)),
