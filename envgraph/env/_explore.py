@@ -145,7 +145,7 @@ class _Search:
                     row = self.rows[state]
                     assert row is not None
                     row[action].append((probability, found, reward, terminated))
-                    self.did[state][action] |= did
+                    self.did[state][action] |= did and self.simulator.together is None
                     self._count()
                 if fresh and terminated == GOES_ON:
                     self.rows[found] = [[] for _ in self.simulator.action_names]
@@ -175,13 +175,19 @@ class _Search:
             raise TooManyStates(self.simulator.behaviour, self.limit)
         self.number[key] = len(self.rows)
         self.rows.append(None)
-        self.did.append(bytearray(len(self.simulator.action_names)))
+        self.did.append(self._masked(over))
         self.observations.append(self.simulator.observe())
         self.turns.append(self.simulator.turn)
         if self.painter is not None:
             scene = self.painter.scene()
             self.scenes.append(self._drawn.setdefault(scene, scene))
         return len(self.rows) - 1, True
+
+    def _masked(self, over: bool) -> bytearray:
+        """What each action does: seen when it is done, but of agents that act together asked before."""
+        if self.simulator.together is not None and not over:
+            return bytearray(self.simulator.allowed())
+        return bytearray(len(self.simulator.action_names))
 
     def _count(self) -> None:
         """See that there are not too many outcomes, and say how many there are."""

@@ -81,7 +81,8 @@ class Simulator:
         agent_names: the same, () also for agents that act together.
         turn: number of the agent that acts next; 0 where they act together.
         action_names, observation_shape, n_observations: of a step.
-        did: whether the action of the last step did something: a rule was applied, or the branch `nothing()` drawn.
+        did: whether the action of the last step did something: a rule was applied, or the branch `nothing()` drawn;
+            True where agents act together.
     """
 
     def __init__(self, engine: Engine, behaviour: Behaviour, keys: KeyIndex | None = None) -> None:
@@ -189,12 +190,21 @@ class Simulator:
     def allowed(self) -> NDArray[np.bool_]:
         """Whether each action would do something in the present state [actions]; where none would, all are True.
 
-        That is: a branch of it is `nothing()`, a rule that has a match, or a unit that can succeed. Of agents that act
-        together all actions are True: what one can do may depend on what those before it did.
+        That is: a branch of it is `nothing()`, a rule that has a match, or a unit that can succeed. A joint action of
+        agents that act together needs that of all of them, whatever those before may do in the same step.
         """
-        if self._together is not None:
-            return np.ones(self._together.n_actions, dtype=np.bool_)
-        seat, model = self._agents.seats[self.turn], self._model
+        if self._together is None:
+            return self.allowed_to(self.turn)
+        found = np.ones(1, dtype=np.bool_)
+        for number in range(len(self._agents.seats)):
+            found = (self.allowed_to(number)[:, None] & found).ravel()
+        return found
+
+    def allowed_to(self, number: int) -> NDArray[np.bool_]:
+        """`allowed` for the actions of one agent; where it is gone, all are True."""
+        seat, model = self._agents.seats[number], self._model
+        if not self._agents.present(seat):
+            return np.ones(len(seat.actions), dtype=np.bool_)
         bound = seat.program.bound
         can = [one.branches.can_run(one.scope(bound), model) for one in seat.actions]
         return allowed_or_all(np.array(can))

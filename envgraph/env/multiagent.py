@@ -44,6 +44,7 @@ class _Several:
         render_mode: None, "ansi" or "rgb_array".
         observation: "index", "multi", "flat" or "dict".
         cell: side of a cell in pixels.
+        action_masks: whether infos have `action_mask`, int8 [actions]: what this agent could do in the present state.
     """
 
     def __init__(
@@ -54,6 +55,7 @@ class _Several:
         render_mode: str | None = None,
         observation: ObservationKind = "index",
         cell: int = 32,
+        action_masks: bool = False,
     ) -> None:
         if _PETTINGZOO is None:
             raise InvalidArgument(
@@ -81,7 +83,7 @@ class _Several:
         parts = [*self._shape] or [1]
         self.state_space = spaces.MultiDiscrete(parts * len(simulator.players))
         self._painter = simulator.painter() if render_mode is not None else None
-        self._limit, self._steps = limit, 0
+        self._limit, self._steps, self._masked = limit, 0, action_masks
         self._random: np.random.Generator | None = None
 
     def observation_space(self, agent: str) -> spaces.Space[Any]:
@@ -129,6 +131,12 @@ class _Several:
         gone = self.simulator.agents.gone
         over = {name: end > 0 or gone(self._number[name]) for name in self.agents}
         return reward, end, over, end < 0 or (self._limit is not None and self._steps >= self._limit)
+
+    def _info(self, agent: str, success: bool) -> dict[str, Any]:
+        info: dict[str, Any] = {"step": self._steps, "success": success}
+        if self._masked:
+            info["action_mask"] = self.simulator.allowed_to(self._number[agent]).view(np.int8)
+        return info
 
     def _checked(self, agent: str, action: Any) -> int:
         if not self.action_spaces[agent].contains(action):
@@ -180,7 +188,7 @@ class TurnEnv(_Several, _AEC):  # type: ignore[misc]
 
     def _tell(self, success: bool) -> None:
         for name in self.agents:
-            self.infos[name] = {"step": self._steps, "success": success}
+            self.infos[name] = self._info(name, success)
 
 
 class TogetherEnv(_Several, _PARALLEL):  # type: ignore[misc]
@@ -235,7 +243,7 @@ class TogetherEnv(_Several, _PARALLEL):  # type: ignore[misc]
         return {name: self.observe(name) for name in self.agents}
 
     def _infos(self, success: bool) -> dict[str, dict[str, Any]]:
-        return {name: {"step": self._steps, "success": success} for name in self.agents}
+        return {name: self._info(name, success) for name in self.agents}
 
 
 def _other(simulator: Simulator, other: str | None) -> InvalidArgument:

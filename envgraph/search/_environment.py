@@ -128,7 +128,7 @@ def make_aec(
     Args:
         family, variant, domain: as for `make`.
         max_episode_steps: turns after which an episode is truncated; those of the family if -1, None for no limit.
-        options: `render_mode`, `observation` and `cell`, as for `make`.
+        options: `render_mode`, `observation`, `cell` and `action_masks`, as for `make`.
 
     Raises:
         InvalidArgument: as for `make`; also where there are no agents, or agents that act together, or no PettingZoo.

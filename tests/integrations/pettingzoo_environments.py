@@ -213,3 +213,26 @@ def test_the_examples_of_the_documentation_learn(tmp_path: Path, monkeypatch: py
             printed = run_python(block, names) if block.language == "python" else run_shell(block)
             if after is not None and block.precedes(after) and after.language == "text":
                 assert printed == after.text
+
+
+@pytest.mark.parametrize("kind", [TurnEnv, TogetherEnv])
+def test_all_agents_are_truncated_together_and_know_what_each_can_do(kind: Any) -> None:
+    how = "agents together" if kind is TogetherEnv else ""
+    own = "action turn = turnOver(me)\naction back = turnBack(me)\nobserve me.side"
+    clauses = f"{how}\nagent me : Coin {{ {own} }}\non find any(hand) truncate"
+    env = kind(Simulator(*loaded(clauses)), action_masks=True)
+    begun = env.reset(seed=1)
+    told = begun[1] if begun else env.infos
+    assert {name: info["action_mask"].tolist() for name, info in told.items()} == {
+        "a": [1, 0],
+        "b": [1, 0],
+        "c": [0, 1],
+    }
+    if kind is TogetherEnv:
+        _, _, terminations, truncations, infos = env.step(dict.fromkeys("abc", 0))
+    else:
+        env.step(0)
+        terminations, truncations, infos = env.terminations, env.truncations, env.infos
+    assert truncations == dict.fromkeys("abc", True)
+    assert terminations == dict.fromkeys("abc", False)
+    assert infos["a"]["action_mask"].tolist() == [0, 1]

@@ -409,8 +409,42 @@ class _Program:
     def _joint(
         self, blocks: Sequence[Agent | None], moves: Sequence[_Moves], shape: Sequence[int]
     ) -> tuple[code.Body, code.Body, code.Body]:
-        """A step of one action of each agent, and what all of them see; what an action would do is not asked."""
-        return self._joint_step(blocks, moves), (code.Return(ONE),), self._joint_look(blocks, shape)
+        """A step of one action of each agent, whether each one could do its own, and what all of them see."""
+        return (
+            self._joint_step(blocks, moves),
+            self._joint_may(blocks, moves),
+            self._joint_look(blocks, shape),
+        )
+
+    def _digits(self, writer: Writer, names: int) -> Iterator[tuple[int, code.Local, code.Local]]:
+        """Writes for each agent which object it is, and what it does; with the number of its block."""
+        left, fresh = writer.module.fresh("left"), writer.module.fresh
+        writer.assign(left, ACTION)
+        for place, (_, number) in enumerate(self._seats):
+            node, digit = fresh("self", "object"), fresh("a")
+            writer.assign(node, self._seat("object", code.Constant(place)))
+            writer.assign(digit, code.Operation("%", (left, code.Constant(names))))
+            writer.assign(left, code.call("quotient", left, code.Constant(names)))
+            yield number, node, digit
+
+    def _joint_may(self, blocks: Sequence[Agent | None], moves: Sequence[_Moves]) -> code.Body:
+        """Whether each agent that is there could do its action, or none at all."""
+        may = [self._may(block, own) for block, own in zip(blocks, moves, strict=True)]
+        names = len(moves[0].names)
+        with self._module.writing():
+            writer = Writer(self._matching, self._engine, self._behaviour.name, code.Return(ONE))
+            for number, node, digit in self._digits(writer, names):
+                block, other = blocks[number], writer.module.fresh("a")
+                assert block is not None
+                fixed = self._changes.fixed_class(block.cls)
+                there = [] if fixed else [self._facts.is_instance(node, block.cls)]
+                idle = [*there, code.equal(call(may[number], node, digit), ZERO)]
+                could = code.If(call(may[number], node, other), (code.Return(ZERO),))
+                others = code.For(other, code.call("range", code.Constant(names)), (could,))
+                writer.add(code.If(code.joined("and", idle, True), (others,)))
+            writer.add(code.Return(ONE))
+            name = self._module.add("may", (ACTION,), writer.written())
+        return (code.Return(call(name, ACTION)),)
 
     def _joint_step(self, blocks: Sequence[Agent | None], moves: Sequence[_Moves]) -> code.Body:
         with self._module.writing():
@@ -418,15 +452,10 @@ class _Program:
                 Writer(self._matching, self._engine, self._behaviour.name, NOTHING),
                 self._module.fresh,
             )
-            left, names = fresh("left"), code.Constant(len(moves[0].names))
-            writer.assign(left, ACTION)
             players = []
-            for place, (_, number) in enumerate(self._seats):
-                block, node, digit = blocks[number], fresh("self", "object"), fresh("a")
+            for number, node, digit in self._digits(writer, len(moves[0].names)):
+                block = blocks[number]
                 assert block is not None
-                writer.assign(node, self._seat("object", code.Constant(place)))
-                writer.assign(digit, code.Operation("%", (left, names)))
-                writer.assign(left, code.call("quotient", left, names))
                 there = None if self._changes.fixed_class(block.cls) else fresh("there")
                 if there is not None:
                     is_there = self._facts.is_instance(node, block.cls)

@@ -15,9 +15,9 @@ from envgraph.env._keys import KeyIndex
 from envgraph.env._sampling import MOST_OUTCOMES
 from envgraph.env._tabular import Tabular, allowed_or_all
 from envgraph.env._too_many import TooManyStates, check_entries
-from envgraph.env.compiled._batch import longer
+from envgraph.env.compiled._batch import Batch, longer
 from envgraph.env.compiled._kernels import CAPACITY
-from envgraph.env.compiled._layout import TURN
+from envgraph.env.compiled._layout import ERROR, TURN
 from envgraph.env.compiled._listing import DONE, PAUSED, SPACE
 from envgraph.env.compiled._native import has_numba
 from envgraph.env.compiled._program import Program, program_of, program_over
@@ -256,6 +256,16 @@ class Visit:
         bounds = f"{CAPACITY} matches of a question, {program.spare} new objects, an int of 32 bits"
         raise NotCompiled(f"more than there is space for: {bounds}")
 
+    def _allowed(self, states: int) -> NDArray[np.bool_]:
+        """What actions do something in: seen when they were done, but of agents that act together asked."""
+        program = self._program
+        if not program.behaviour.together:
+            return allowed_or_all(self.did[: states * self._actions].reshape(states, -1) > 0)
+        batch = Batch(program, np.full(states, self._member))
+        batch.states[:], batch.float_states[:] = self.states[:states], self.floats[:states]
+        over = self.states[:states, ERROR] != 0
+        return np.asarray(batch.allowed() | over[:, None])
+
     def _result(self, states: int, used: int, beginnings: Array, chances: Array) -> Tabular:
         program, actions = self._program, self._actions
         bounds = self.starts[: states * actions + 1]
@@ -291,6 +301,6 @@ class Visit:
             action_names=program.action_names,
             agent_names=names,
             turn=self.states[:states, TURN].astype(np.int32) if names else None,
-            allowed=allowed_or_all(self.did[: states * actions].reshape(states, actions) > 0),
+            allowed=self._allowed(states),
             observation_names=program.observation_names,
         )

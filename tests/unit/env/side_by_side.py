@@ -110,7 +110,8 @@ def step_side_by_side(
             if isinstance(outcome, Exception):
                 again[number] = True
                 continue
-            assert allowed[number, actions[number]] or not live[number].did, f"{said}, member {number}"
+            did = live[number].did and not behaviour.together  # what one does may let another one act
+            assert allowed[number, actions[number]] or not did, f"{said}, member {number}"
             found = (batch.reward[number], batch.ended[number], batch.observation[number])
             wanted = (outcome.reward, outcome.terminated, outcome.observation)
             assert found == wanted, f"{said}, member {number}"

@@ -114,3 +114,53 @@ def test_vectors_have_the_masks_of_single_environments(mode: AutoresetMode, nati
         if "final_info" in infos[2]:
             final = (info["final_info"]["action_mask"].tolist() for info in infos[2:])
             assert len({str(one) for one in final}) == 1
+
+
+PAIR = """
+agents together
+agent me : Coin {
+    action turn = turnOver(me)
+    action drop = drop(hand)
+    action lose = lose(me)
+    observe me.side
+}
+observe hand.moves in 0..3
+"""
+
+
+def test_agents_that_act_together_can_each_do_their_own_in_the_state_before() -> None:
+    engine, behaviour = loaded(PAIR)
+    simulator = Simulator(engine, behaviour)
+    simulator.reset(np.random.default_rng(0))
+    names, together = simulator.action_names, simulator.together
+    assert together is not None
+    assert [simulator.allowed_to(number).tolist() for number in range(3)] == [
+        [True, False, True],
+        [True, False, True],
+        [False, False, True],
+    ], "nothing is held, and c shows tails"
+    allowed = {name for name, can in zip(names, simulator.allowed(), strict=True) if can}
+    assert allowed == {f"a: {a}, b: {b}, c: lose" for a in ("turn", "lose") for b in ("turn", "lose")}
+    simulator.act(together.number([0, 2, 0]), 0.5)
+    assert [simulator.allowed_to(number).sum() for number in range(3)] == [1, 3, 1], "b is gone: all is one"
+
+
+def test_masks_of_agents_that_act_together_are_the_same_everywhere() -> None:
+    table = explore(*loaded(PAIR)).tabular
+    assert 0.0 < table.masks.mean() < 0.5
+    program = program_of(*loaded(PAIR), native=False)
+    assert np.array_equal(enumerated(program).masks, table.masks)
+    assert (
+        table.masks[(table.next_state == np.arange(table.n_states)[:, None, None]).all((1, 2))]
+        .any(axis=1)
+        .all()
+    )
+    live, compiled = EnvgraphLiveEnv(Simulator(*loaded(PAIR))), CompiledEnv(program)
+    single, rng = EnvgraphEnv(table), np.random.default_rng(3)
+    for env in (live, compiled, single):
+        env.reset(seed=1)
+    for action in rng.integers(27, size=12).tolist():
+        masks = [env.action_masks().tolist() for env in (live, compiled, single)]
+        assert masks[0] == masks[1] == masks[2]
+        for env in (live, compiled, single):
+            env.step(action)
