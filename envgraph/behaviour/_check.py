@@ -53,7 +53,7 @@ class _Checker(CallChecking, ViewChecking):
         first: dict[str, Span | None] = {}
         self._owner(behaviour, scope, first)
         for reset in behaviour.resets:
-            self.branches(reset.apply, scope)
+            self._effect(reset.effect, scope)
         for agent in behaviour.agents:
             self._agent(agent, scope, first)
         self._apart(behaviour.agents)

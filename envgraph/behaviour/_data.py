@@ -92,10 +92,21 @@ class OnFind:
 
 @dataclass(frozen=True, slots=True)
 class OnReset:
-    """`on reset apply branches`: a branch is drawn, then one of the matches of its rule, for the initial model."""
+    """`on reset apply branches`: a branch is drawn, then one of the matches of its rule, for the initial model.
+
+    With a condition, `on reset find p(..) apply branches`, that is done for each match.
+    """
 
     apply: tuple[Branch, ...]
+    condition: PatternCall | Negation | None = None
     span: Span | None = field(default=None, compare=False, repr=False)
+
+    @property
+    def effect(self) -> EachStep | OnFind:
+        """The clause of a step that does the same."""
+        if self.condition is None:
+            return EachStep(apply=self.apply, span=self.span)
+        return OnFind(self.condition, apply=self.apply, span=self.span)
 
 
 @dataclass(frozen=True, slots=True)

@@ -131,7 +131,7 @@ class Program:
         self.effects = [self._effect(effect, types) for effect, types in effects]
         self.asked = effects
         self.shared = [types is shared for _, types in effects]
-        self.resets = [self._alternatives(reset.apply) for reset in behaviour.resets]
+        self.resets = [self._effect(reset.effect, shared) for reset in behaviour.resets]
         parts = [
             (part, types is shared) for clause, types in seen for part in self._components(clause, types)
         ]

@@ -301,8 +301,11 @@ class Simulator:
     def _begin(self, choices: Choices) -> None:
         shared = self._agents.seats[0].program
         shared.done.clear()
-        for branches in shared.resets:
-            branches.run(shared.bound, choices, self._model)
+        for reset in shared.resets:
+            if isinstance(reset, PreparedClause):
+                self._apply(shared, [(reset, row) for row in reset.matches()], choices)
+            elif reset.apply is not None:
+                reset.apply.run(shared.bound, choices, self._model)
         self._check_needed(shared)
         self.turn = self._agents.after(-1)
 

@@ -24,12 +24,14 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import envgraph
 from envgraph.cli import main
 from envgraph.cli._new import write_domain
-from envgraph.env import Simulator
+from envgraph.env import EnvgraphEnv, EnvgraphLiveEnv, Simulator, explore
+from envgraph.env.compiled import CompiledEnv, enumerated, program_of
 from envgraph.errors import Diagnostic
 from envgraph.graph import check_conformance
 from envgraph.lang import LANGUAGES, TextFiles, load_workspace
@@ -197,6 +199,35 @@ def test_rules_and_units_of_the_reference_apply_wherever_they_match() -> None:
         taken = engine.signature(unit).parameters
         assert engine.run(unit, **{one.name: engine.model["hedgehog"] for one in taken})
         engine.checkout(start, discard=True)
+
+
+@pytest.mark.usefixtures("garden_directory")
+def test_recipes_of_the_reference_are_the_same_on_every_engine() -> None:
+    workspace = load_workspace(["errand.model", "errand.environment"])
+    engine, behaviour = workspace.engine(), workspace.behaviour()
+    table, program = explore(engine, behaviour).tabular, program_of(engine, behaviour, native=False)
+    assert set(table.terminated.ravel().tolist()) == {-1, 0, 1, 2}
+    assert len(table.start_states) == 12, "three goals, and two stops that may be closed"
+    listed = enumerated(program)
+    for name in (
+        "next_state",
+        "probability",
+        "reward",
+        "terminated",
+        "observation",
+        "start_probability",
+        "allowed",
+    ):
+        assert np.array_equal(getattr(listed, name), getattr(table, name)), name
+    envs = EnvgraphEnv(table), EnvgraphLiveEnv(Simulator(engine, behaviour)), CompiledEnv(program)
+    for seed in range(6):
+        seen = {str(env.reset(seed=seed)[0]) for env in envs}
+        for action in (1, 4, 0, 2, 3, 1, 0):
+            steps = [env.step(action)[:4] for env in envs]
+            seen = {str((int(index), *rest)) for index, *rest in steps}
+            assert len(seen) == 1
+            if any(steps[0][2:]):
+                break
 
 
 @pytest.mark.usefixtures("garden_directory")

@@ -525,9 +525,10 @@ class _Program:
     def _begin(self) -> code.Body:
         with self._module.writing():
             writer = Writer(self._matching, self._engine, self._behaviour.name, code.Return(ZERO))
-            scope, _, _ = self._scope(None)
+            scope, types, _ = self._scope(None)
+            nobody = Player(scope, [], [], lambda: (ACTION, []), None, TOTAL)
             for reset in self._behaviour.resets:
-                writer.alternatives(reset.apply, scope)
+                Turn(writer, [nobody], [Clause(reset.effect, types, 0, True)]).write()
             self._check_needed(writer, scope, None)
             if self._behaviour.agents and not self._behaviour.together:
                 writer.add(code.Assign(cell(TURN), code.Operation("-", (self._seat("count"), ONE))))

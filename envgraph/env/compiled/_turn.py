@@ -107,8 +107,8 @@ class Turn:
         """All of the step but what comes after the last `apply`."""
         writer = self.writer
         waiting = sum(isinstance(one.effect, OnFind) and bool(one.effect.apply) for one in self.clauses)
-        writer.levels = waiting
         if waiting:
+            writer.levels = waiting
             top = writer.module.fresh("t")
             writer.assign(top, plus(TOP, code.Operation("*", (CAPACITY, code.Constant(waiting)))))
             writer.top = top

@@ -207,8 +207,10 @@ def _end(tree: Tree[Token]) -> End:
 
 
 def on_reset_of(reading: Reading, tree: Tree[Token]) -> OnReset | None:
-    """The data of `on reset apply branches`."""
+    """The data of `on reset apply branches`, or of `on reset find p(..) apply branches`."""
     parts = _parts(reading, tree)
+    asked = [part for part in trees(tree.children) if part.data not in ("reward", "apply", "end")]
+    condition = _condition(reading, asked[0]) if asked else None
     for part in (parts.reward, parts.end):
         if part is not None:
             hint = "leave it out"
@@ -217,7 +219,8 @@ def on_reset_of(reading: Reading, tree: Tree[Token]) -> OnReset | None:
         if not (parts.reward or parts.end):
             reading.error("empty-clause", "this does nothing", tree, "write `on reset apply rule(...)`")
         return None
-    return OnReset(branches_of(reading, trees(parts.apply.children)[0]), reading.span(tree))
+    branches = branches_of(reading, trees(parts.apply.children)[0])
+    return OnReset(branches, condition, reading.span(tree)) if condition or not asked else None
 
 
 # --- observations ---

@@ -1,0 +1,74 @@
+"""What happens by itself when an episode begins: for one object, and for each."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import numpy as np
+import pytest
+
+from envgraph.env import Simulator, explore
+from envgraph.env.compiled import enumerated, program_of
+from envgraph.errors import LoadError
+from tests.unit.env.coins import PARAMETERS, loaded, sides
+from tests.unit.env.side_by_side import step_side_by_side
+
+TURNS = """
+action turn = turn()
+on neg find up(_) terminate success
+observe coin.side for coin : Coin
+"""
+
+
+NAMED = f"{PARAMETERS}, c : Coin"
+
+
+def starts(resets: str) -> dict[str, float]:
+    """Probability of each start, by the coins that show heads; the compiled program has the same ones."""
+    engine, behaviour = loaded(TURNS + resets, NAMED)
+    simulator, found = Simulator(engine, behaviour), Counter[str]()
+    for probability in simulator.starts():
+        found[sides(engine)] += probability
+    table, compiled = (
+        explore(engine, behaviour).tabular,
+        enumerated(program_of(engine, behaviour, native=False)),
+    )
+    for name in ("start_states", "start_probability", "next_state", "observation"):
+        assert np.array_equal(getattr(compiled, name), getattr(table, name)), name
+    step_side_by_side([engine], behaviour, 40, native=False)
+    return dict(found)
+
+
+def test_each_object_has_its_own_chance() -> None:
+    found = starts("on reset find worth(coin, value) apply (value / 4.0): turnOver(coin)")
+    assert found == pytest.approx({"ab": 0.375, "b": 0.125, "a": 0.375, "": 0.125}), "a is worth 1, b 2"
+
+
+def test_a_match_has_to_hold_when_its_turn_comes() -> None:
+    assert starts("on reset find pair(one, other) apply turnOver(one)") == {"a": 1.0}, "b came first"
+    assert starts("on reset neg find down(_) apply turn()") == {"ab": 1.0}, "c shows tails"
+    assert starts("on reset neg find pair(c, _) apply turnBack(c)") == {"abc": 1.0}
+
+
+def test_clauses_run_one_after_the_other_on_what_those_before_have_left() -> None:
+    found = starts(
+        "on reset apply turnBack(c)\non reset find up(coin) apply 0.5: turnOver(coin)\non reset apply turn()"
+    )
+    assert len(found) == 7 and found[""] == pytest.approx(0.125 + 3 * 0.125)
+    assert found["ab"] == pytest.approx(1 / 24)
+    chosen = starts(
+        "on reset apply 0.2: turnOver(c) | 0.3: turnBack(c)\non reset find up(c) apply turnOver(c)"
+    )
+    assert chosen == {"ab": 1.0}
+
+
+def test_mistakes_in_resets_are_reported() -> None:
+    for clause, said in (
+        ("on reset find upp(coin) apply turn()", "did you mean `up`"),
+        ("on reset find up(coin) apply turnOver(hand)", "expected `Coin`, found `Hand`"),
+        ("on reset find up(coin) reward 1", "a reset has no reward and no end"),
+        ("on reset find up(coin)", "this does nothing"),
+        ("on reset up(coin) apply turn()", "asks `find` or `neg find`"),
+    ):
+        with pytest.raises(LoadError, match=said):
+            loaded(TURNS + clause)
