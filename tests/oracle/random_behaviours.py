@@ -201,8 +201,9 @@ class _Builder:
             for number in range(dice.number(1, 2)):
                 found = self._agent(found, number, together)
         for _ in range(dice.one([0, 0, 1, 2])):
-            branches, _ = self._branches(self._scope)
-            found = self._with(found, resets=(*found.resets, OnReset(branches)))
+            condition, free = self._condition(dice.chance(25)) if dice.chance(40) else (None, {})
+            branches, _ = self._branches({**self._scope, **free})
+            found = self._with(found, resets=(*found.resets, OnReset(branches, condition)))
         return found
 
     def _agent(self, found: Behaviour, number: int, together: bool) -> Behaviour:
@@ -330,17 +331,19 @@ class _Builder:
         return OnFind(
             condition,
             self._reward(scope) if dice.chance(65) else None,
-            dice.one([None, None, None, "success", "failure"]),  # type: ignore[arg-type]
+            dice.one([None, None, None, "success", "failure", "truncation"]),  # type: ignore[arg-type]
             apply,
         )
 
-    def _condition(self, negative: bool) -> tuple[PatternCall | Negation, dict[str, StaticType]]:
+    def _condition(
+        self, negative: bool, scope: dict[str, StaticType] | None = None
+    ) -> tuple[PatternCall | Negation, dict[str, StaticType]]:
         dice = self._dice
         pattern = dice.one([one for one in self._engine.library.patterns if not one.package])
         arguments: list[Term] = []
         free: dict[str, StaticType] = {}
         for type_ in self._engine.library.parameter_types(pattern.qualified_name):
-            known = self._fitting(self._scope, type_)
+            known = self._fitting(scope or self._scope, type_)
             roll = dice.number(0, 9)
             if known and roll < 5:
                 arguments.append(Variable(dice.one(known)))
@@ -368,11 +371,15 @@ class _Builder:
         if not paths:
             return None
         path, type_ = dice.one(paths)
+        visible: PatternCall | None = None
+        if dice.chance(30):
+            condition, _ = self._condition(False, {**self._scope, **scope})
+            visible = condition if isinstance(condition, PatternCall) else None
         if isinstance(type_, ObjectType):
-            return ObserveObject(path, type_.cls, dice.chance(80), each)
+            return ObserveObject(path, type_.cls, dice.chance(80), each, visible)
         if type_ is Scalar.INT:
-            return ObserveRange(path, dice.number(-1, 0), dice.number(1, 3), each)
-        return ObserveAttribute(path, each)
+            return ObserveRange(path, dice.number(-1, 0), dice.number(1, 3), each, visible)
+        return ObserveAttribute(path, each, visible)
 
     # --- values
 
