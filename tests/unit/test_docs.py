@@ -208,6 +208,7 @@ def test_recipes_of_the_reference_are_the_same_on_every_engine() -> None:
     table, program = explore(engine, behaviour).tabular, program_of(engine, behaviour, native=False)
     assert set(table.terminated.ravel().tolist()) == {-1, 0, 1, 2}
     assert len(table.start_states) == 12, "three goals, and two stops that may be closed"
+    assert {"robot at", "robot target"} < {*EnvgraphEnv(table, observation="dict").observation_space}
     listed = enumerated(program)
     for name in (
         "next_state",

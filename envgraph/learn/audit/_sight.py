@@ -65,7 +65,11 @@ class Sight:
             for value in np.unique(values[:, place]).tolist():
                 if cls and self._anchored(cls):
                     node = objects[value] if value < len(objects) else None
-                    facts = around.get(node, []) if node is not None else [("none", ())]
+                    facts = (
+                        around.get(node, [])
+                        if node is not None
+                        else [("none", (max(value - len(objects), 0),))]
+                    )
                     found[value] = [self._number(f"{place}:{name}", row) for name, row in facts]
                 else:
                     found[value] = [self._number(f"{place}", (value,))] if value or cls else []
