@@ -100,6 +100,10 @@ def habit(grammar: Grammar, states: list[int], lexemes: Sequence[Lexeme], index:
             return "an action has its `reward` before its `else reward`"
         if (word, after) == (",", "with") or before == [",", "with"]:
             return "leave out the `,` before `with`"
+        if word in ("near", "when", "where", "within") and grammar.accepts(states, keywords["if"]):
+            return "what is seen in some states alone: write `if find p(..)`, with a pattern that says when"
+        if before[1] == "terminate" and word.startswith("truncat"):
+            return "write `truncate`, without `terminate`"
         if grammar.expected(states) == [keywords["up"]]:
             return f"a count has a highest value: write `up to {after if word[:2] == 'up' else 3}`"
         if word == "up" and grammar.accepts(states, keywords["in"]):
