@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from envgraph.code import dataclass
 from envgraph.env import Tabular
@@ -23,6 +24,7 @@ from envgraph.solve.learning import (
     Table,
     Training,
     TrainingSettings,
+    action_values,
     initial_values,
     loop_of,
     train_stage,
@@ -47,30 +49,33 @@ class TableAgent:
     def __init__(self, family: Tables, settings: TrainingSettings, backend: Backend) -> None:
         self._family, self._settings = family, settings
         self._loop = loop_of(backend, settings)
-        self._q = initial_values(family.tables[(0,)], settings)
+        self._learned = initial_values(family.tables[(0,)], settings)
         self._exact: ExactScore | None = None
 
     def turn(self, rng: np.random.Generator, place: Place, stage: Stage) -> StageOutcome:
         """Learn in a place for a stage."""
         if self._exact:
             self._exact.epsilon = stage.epsilon
-        return self._loop(self._family.tables[place], stage, self._q, rng)
+        return self._loop(self._family.tables[place], stage, self._learned, rng)
 
     def evaluated(self, rng: np.random.Generator) -> Evaluation:
         """What it does on the target."""
         settings, target = self._settings, self._family.members[-1]
-        return evaluate(self._q, target, settings.evaluation_episodes, settings.limit, rng)
+        return evaluate(self._values(), target, settings.evaluation_episodes, settings.limit, rng)
 
     def teacher(self, name: str, place: Place) -> Schedule:
         """A schedule of some members, which may know all of the agent."""
         if name in EXACT:
             members = [self._family.members[one] for one in place]
-            self._exact = ExactScore(name, members, self._settings, self._q)
+            self._exact = ExactScore(name, members, self._settings, self._values)
         return teacher(name, len(place), self._exact)
 
     def trained(self, curve: Curve, epsilon: float) -> Training:
         """The agent as it is at the end."""
-        return Training(self._q, curve, epsilon)
+        return Training(self._values(), curve, epsilon)
+
+    def _values(self) -> NDArray[np.float64]:
+        return action_values(self._learned, self._family.members[0].n_actions)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Final
 
 import numpy as np
@@ -28,14 +28,18 @@ class ExactScore:
         of: one of `EXACT`.
         tabulars: the members.
         settings: how it learns.
-        q: its values, which change.
+        q: gives its values as they are now.
 
     Attributes:
         epsilon: how often it explores now.
     """
 
     def __init__(
-        self, of: str, tabulars: Sequence[Tabular], settings: TrainingSettings, q: NDArray[np.float64]
+        self,
+        of: str,
+        tabulars: Sequence[Tabular],
+        settings: TrainingSettings,
+        q: Callable[[], NDArray[np.float64]],
     ) -> None:
         self._of, self._tabulars, self._settings, self._q = of, tabulars, settings, q
         self.epsilon = settings.epsilon.start
@@ -50,7 +54,7 @@ class ExactScore:
         """The score of a member."""
         tabular, settings = self._tabulars[member], self._settings
         policy = np.full((tabular.n_states, tabular.n_actions), self.epsilon / tabular.n_actions)
-        greedy = self._q.argmax(axis=1)[tabular.observation]
+        greedy = self._q().argmax(axis=1)[tabular.observation]
         policy[np.arange(tabular.n_states), greedy] += 1.0 - self.epsilon
         found = evaluate_policy(tabular, policy, settings.limit, discount=settings.discount)
         if self._of == "exact_regret":

@@ -5,6 +5,7 @@ dialect, with numbers in place of objects. A member of a family is a row of data
 """
 
 from envgraph.env.compiled import _kernels as kernels
+from envgraph.env.compiled import _values as values
 from envgraph.env.compiled._batch import Batch
 from envgraph.env.compiled._enumeration import Tables, enumerated, explored
 from envgraph.env.compiled._environments import CompiledEnv, CompiledVectorEnv, Streams
@@ -46,4 +47,5 @@ __all__ = [
     "program_over",
     "set_stream",
     "streams",
+    "values",
 ]

@@ -26,9 +26,11 @@ class Rates:
 
     Attributes:
         agent: 0 for Q-learning, 1 for SARSA, 2 for expected SARSA.
+        ties: whether any of the best actions is taken; else the lowest.
     """
 
     agent: int
+    ties: bool
     rate: float
     discount: float
     step_decay: float
@@ -133,6 +135,7 @@ class Learner:
                     self._of_states,
                     draws,
                     rates.agent,
+                    rates.ties,
                     rates.rate,
                     rates.discount,
                     rates.step_decay,

@@ -1,7 +1,8 @@
 """What is added to a program to learn values of actions: Q-learning with a hash table, for any number of states.
 
-Part of the program's text, behind `_kernels`. `COUNTS` are the step, the point of the curve, the known keys, the
-present one, steps left, episodes, successes, and whether an episode has begun; `LEVELS` are exploration and reward.
+Part of the program's text, behind `_kernels` and `_values`. `COUNTS` are the step, the point of the curve, the known
+keys, the present one, steps left, episodes, successes, and whether an episode has begun; `LEVELS` are exploration and
+reward.
 """
 
 # ruff: noqa: F821
@@ -11,31 +12,6 @@ DONE, SPACE, WRONG = 0, 1, 2
 """How it ends: all steps are done, the keys need more space, an error of the environment."""
 OUTCOMES, STARTS = 1, 2
 """What numbers are drawn for besides the choice of the action."""
-
-
-def best_of(Q, key):
-    """The greatest value of a key."""
-    best = Q[key, 0]
-    for action in range(1, Q.shape[1]):
-        best = max(best, Q[key, action])
-    return best
-
-
-def mean_of(Q, key, epsilon):
-    """The value of what an agent does that explores so often."""
-    total = 0.0
-    for action in range(Q.shape[1]):
-        total += Q[key, action]
-    return (1.0 - epsilon) * best_of(Q, key) + epsilon * (total / Q.shape[1])
-
-
-def greedy(Q, key):
-    """The best action of a key, the lowest of equals."""
-    found = 0
-    for action in range(1, Q.shape[1]):
-        if Q[key, action] > Q[key, found]:
-            found = action
-    return found
 
 
 def write_key(S, BITS, KEYS, row, seen, of_states):
@@ -68,7 +44,7 @@ def present_key(T, G, L, K, S, F, BITS, RI, RF, D, m, C, KEYS, NONE, HASHED, cou
 
 def learn(
     T, G, L, S, F, BITS, RI, RF, D, m, S0, F0, R, C, KEYS, HASHED, Q, INITIAL, OF_STATES, DRAWS,
-    AGENT, RATE, DISCOUNT, STEP_DECAY, EPISODE_DECAY, MINIMUM, LIMIT,
+    AGENT, TIES, RATE, DISCOUNT, STEP_DECAY, EPISODE_DECAY, MINIMUM, LIMIT,
     POINTS, REWARDS, EPISODES, SUCCESSES, COUNTS, LEVELS,
 ):  # fmt: skip
     """Steps of learning until the last of the points; how it ended."""
@@ -77,7 +53,7 @@ def learn(
     S0, F0, NONE, KEYS, space = fixed(S0), fixed(F0), matrix(KEYS[:, :0]), matrix(KEYS), len(KEYS)
     K = places(L)
     step, point, count, key, left, episodes, successes = COUNTS[:7]
-    epsilon, total = LEVELS[0], LEVELS[1]
+    epsilon, total, actions = LEVELS[0], LEVELS[1], Q.shape[1]
     how = DONE
     if COUNTS[7] == 0:
         D[0] = uniform(R, 0) if DRAWS & STARTS else 0.0
@@ -97,7 +73,7 @@ def learn(
         u = uniform(R, 0)
         v = uniform(R, 0) if DRAWS & OUTCOMES else 0.0
         w = uniform(R, 0) if DRAWS & STARTS else 0.0
-        action = min(int(u / epsilon * Q.shape[1]), Q.shape[1] - 1) if u < epsilon else greedy(Q, key)
+        action, _ = drawn_action(Q[key], actions, u, epsilon, TIES)
         if COUNTS[8] >= 0:  # a step of SARSA whose value waits for this action
             old = Q[COUNTS[8], COUNTS[9]]
             Q[COUNTS[8], COUNTS[9]] = old + RATE * (LEVELS[2] + DISCOUNT * Q[key, action] - old)
@@ -122,7 +98,7 @@ def learn(
             target = reward
             if ended <= 0:
                 target = reward + DISCOUNT * (
-                    best_of(Q, following) if AGENT == 0 else mean_of(Q, following, epsilon)
+                    best_of(Q[following], actions) if AGENT == 0 else mean_of(Q[following], actions, epsilon)
                 )
             Q[key, action] = Q[key, action] + RATE * (target - Q[key, action])
         key = following
@@ -181,7 +157,7 @@ def follow(
             if key == count:
                 forget(KEYS, NONE, HASHED, count)
             else:
-                action = greedy(Q, key)
+                action = greedy(Q[key], 0, Q.shape[1])
             draw = uniform(R, 0)
             D[0] = draw
             reward, ended, _ = step_one(T[m], G[m], L, K, S[0], F[0], RI, RF, D, 0, action)

@@ -195,6 +195,8 @@ class TrainingSpec:
     evaluation_episodes: int = 3_000
     seeds: int = 30
     initial_value: float = 0.0
+    n_step: int = 1
+    ties: Literal["lowest", "random"] = "lowest"
 
 
 @dataclass(frozen=True, slots=True)

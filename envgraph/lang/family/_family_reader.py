@@ -183,7 +183,7 @@ class _Reader:
             mutation=_mutation(top.table("mutation")),
             search=_search(top.table("search")),
             curriculum=self._curriculum(top.table("curriculum"), measures),
-            training=_read(top.table("training"), "training", TrainingSpec()),
+            training=_training(top.table("training")),
             ga4cl=rewards,
             path=self._name,
             source=self._text.source,
@@ -440,7 +440,7 @@ _FIELDS: Final[Mapping[str, Mapping[str, Field]]] = {
         "schedules": _choices("schedule", *get_args(Scheduled)),
     },
     "training": {
-        "agent": _choice("q_learning", "sarsa", "expected_sarsa"),
+        "agent": _choice("q_learning", "sarsa", "expected_sarsa", "double_q_learning"),
         "learning_rate": lambda section, key, default: section.positive(key, default, 1),
         "discount": _number(0, 1),
         "epsilon": lambda section, key, default: _epsilon(section.table(key)),
@@ -448,6 +448,8 @@ _FIELDS: Final[Mapping[str, Mapping[str, Field]]] = {
         "evaluation_episodes": _integer(1),
         "seeds": _integer(1, _MOST),
         "initial_value": _number(),
+        "n_step": _integer(1),
+        "ties": _choice("lowest", "random"),
     },
     "training.epsilon": {
         "start": _number(0, 1),
@@ -483,6 +485,15 @@ def _search(section: Section) -> SearchSpec:
     ):
         hint = "give `time_limit`, `target` or `stagnation`"
         section.error("missing-key", "the search has no end", section.span("generations"), hint)
+    return spec
+
+
+def _training(section: Section) -> TrainingSpec:
+    spec = _read(section, "training", TrainingSpec())
+    if spec.n_step > 1 and "sarsa" not in spec.agent:
+        message = f"`n_step` above 1 is for `sarsa` and `expected_sarsa`, not `{spec.agent}`"
+        hint = "rewards of an agent that explores are not those of the best actions"
+        section.error("bad-range", message, section.span("n_step"), hint)
     return spec
 
 

@@ -7,15 +7,47 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from envgraph.env.compiled import functions, kernels, set_stream, streams
+from envgraph.env.compiled import functions, kernels, set_stream, streams, values
 from envgraph.errors import InvalidArgument
 from envgraph.solve.learning import _loop
+from envgraph.solve.learning._settings import AGENTS, TrainingSettings
 from envgraph.solve.learning._stage import Stage, StageOutcome, Table
 
 
-def run(name: str, *arguments: Any) -> None:
-    """Call `learn` or `play` of `_loop`. Releases the interpreter lock."""
-    functions("", (kernels, _loop), ("learn", "play"), native=True)[name](*arguments)
+def run(name: str, settings: TrainingSettings, *arguments: Any) -> None:
+    """Call `learn` or `play` of `_loop`, compiled for these settings. Releases the interpreter lock."""
+    agent, ties = AGENTS.index(settings.agent), settings.ties == "random"
+    constants = f"AGENT, TIES, N_STEP = {agent}, {ties}, {settings.n_step}\n"
+    functions(constants, (kernels, values, _loop), (name,), native=True)[name](*arguments)
+
+
+def learn(
+    table: Table,
+    stage: Stage,
+    values: NDArray[np.float64],
+    rows: NDArray[np.uint64],
+    epsilons: NDArray[np.float64],
+) -> tuple[NDArray[Any], ...]:
+    """A stage of learners side by side, see `_loop.learn`; the curve of each."""
+    points, n_step = np.array(stage.points, np.int64), stage.settings.n_step
+    shape = len(values), len(points)
+    curve = np.zeros(shape), *(np.zeros(shape, np.int64) for _ in range(2))
+    waiting = *(np.zeros(n_step, np.int64) for _ in range(2)), np.zeros(n_step)
+    limit = stage.settings.limit
+    run(
+        "learn",
+        stage.settings,
+        table.arrays,
+        values,
+        rows,
+        epsilons,
+        stage.factors,
+        limit,
+        points,
+        waiting,
+        curve,
+    )
+    return curve
 
 
 def run_stage(table: Table, stage: Stage, q: NDArray[np.float64], rng: np.random.Generator) -> StageOutcome:
@@ -25,9 +57,7 @@ def run_stage(table: Table, stage: Stage, q: NDArray[np.float64], rng: np.random
             "backend 'numba' draws from NumPy's PCG64: make the generator with `numpy.random.default_rng`"
         )
         raise InvalidArgument(message)
-    points = np.array(stage.points, np.int64)
     rows, epsilons = streams([rng]), np.array([stage.epsilon])
-    curve = np.zeros((1, len(points))), *(np.zeros((1, len(points)), np.int64) for _ in range(2))
-    run("learn", table.arrays, q[None], rows, epsilons, stage.factors, stage.settings.limit, points, curve)
+    curve = learn(table, stage, q[None], rows, epsilons)
     set_stream(rng, rows[0])
     return StageOutcome(float(epsilons[0]), list(zip(*(column[0].tolist() for column in curve), strict=True)))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +16,7 @@ from envgraph.solve._distance import steps_to_success
 from envgraph.solve.learning._programs import InProgram, train_learner
 from envgraph.solve.learning._settings import TrainingSettings
 from envgraph.solve.learning._stage import Stage, Table, flatten
-from envgraph.solve.learning._training import available_backends
+from envgraph.solve.learning._training import action_values, available_backends, initial_values
 
 EPISODES = 16
 """Episodes that are played where starts or outcomes are drawn; elsewhere all are the same."""
@@ -63,24 +64,23 @@ class Learners:
             streams: uint64 [learners, 4], see `envgraph.env.compiled.streams`; left as they are.
             steps: on each table.
         """
-        from envgraph.solve.learning._compiled import run
+        from envgraph.solve.learning._compiled import learn, run
 
-        settings, target, count = self._settings, self._target, len(streams)
+        settings, target, count = replace(self._settings, checkpoint=steps), self._target, len(streams)
         rows = streams.copy()
-        values = np.full((count, target.n_observations, target.n_actions), settings.initial_value + 0.0)
+        values = np.repeat(initial_values(target, settings)[None], count, axis=0)
         epsilons = np.full(count, settings.epsilon.start)
-        points = np.array([steps], np.int64)
-        curve = np.empty((count, 1)), np.empty((count, 1), np.int64), np.empty((count, 1), np.int64)
-        factors = Stage(steps, 0.0, settings).factors
+        stage = Stage(steps, 0.0, settings)
         for table in tables:
             if settings.epsilon.reset == "stage":
                 epsilons[:] = settings.epsilon.start
-            run("learn", table.arrays, values, rows, epsilons, factors, settings.limit, points, curve)
+            learn(table, stage, values, rows, epsilons)
         found = Judgement(np.empty(count), np.empty(count))
         run(
             "play",
+            settings,
             target.arrays,
-            values,
+            action_values(values, target.n_actions),
             rows,
             self._distance,
             settings.limit,

@@ -1,35 +1,31 @@
-"""Temporal-difference learning of learners side by side, each as on lists (`_q_learning`, `_sarsa`), bit for bit.
+"""Temporal-difference learning of learners side by side, each as on lists (`_q_learning`, `_on_lists`), bit for bit.
 
-The text of these functions stands behind that of `_kernels` of compiled environments, which draws the numbers: NumPy's
-PCG64. Nothing may be reordered without the loop on lists, and each expression is as it stands there.
+The text of these functions stands behind those of `_kernels` of compiled environments, which draws the numbers, NumPy's
+PCG64, and of `_values`. Nothing may be reordered without the loop on lists, and each expression is as it stands there.
 """
 
 # ruff: noqa: F821
 # mypy: ignore-errors
 
-
-def greedy_action(q, seen):
-    action = 0
-    for other in range(1, q.shape[1]):
-        if q[seen, other] > q[seen, action]:
-            action = other
-    return action
+Q_LEARNING, SARSA, DOUBLE = 0, 1, 3
 
 
-def best_value(q, seen):
-    """The value of the greedy action: a chain of maxima, which is quicker than finding the action first."""
-    best = q[seen, 0]
-    for other in range(1, q.shape[1]):
-        best = max(best, q[seen, other])
-    return best
+def value_after(row, actions, epsilon, side):
+    """The value of what follows; double Q-learning asks one side what is best, and the other how good that is."""
+    if AGENT == Q_LEARNING:
+        return best_of(row, actions)
+    if AGENT == DOUBLE:
+        return row[actions - side + greedy(row, side, actions)]
+    return mean_of(row, actions, epsilon)
 
 
-def expected_value(q, seen, epsilon):
-    """The value of what an agent does that explores so often."""
-    total = 0.0
-    for action in range(q.shape[1]):
-        total += q[seen, action]
-    return (1.0 - epsilon) * best_value(q, seen) + epsilon * (total / q.shape[1])
+def move(q, waiting, first, end, rate, discount, value):
+    """Move the value of the first step that waits towards the rewards up to the last one and the value after that."""
+    seen, column, earned = waiting
+    for step in range(end - 1, first - 1, -1):
+        value = earned[step % N_STEP] + discount * value
+    row, place = q[seen[first % N_STEP]], column[first % N_STEP]
+    row[place] = row[place] + rate * (value - row[place])
 
 
 def drawn_place(cumulative, first, draw):
@@ -39,17 +35,18 @@ def drawn_place(cumulative, first, draw):
     return found
 
 
-def learn(arrays, values, rows, epsilons, factors, limit, points, curve):
+def learn(arrays, values, rows, epsilons, factors, limit, points, waiting, curve):
     """One stage of each learner.
 
     Args:
         arrays: see `Table.arrays`.
-        values: float64 [learners, observations, actions], changed.
+        values: float64 [learners, observations, actions], or twice as many actions; changed.
         rows: uint64 [learners, 4], their streams, advanced.
         epsilons: float64 [learners], changed.
         factors: see `Stage.factors`.
         limit: steps of an episode.
         points: int64, steps at which the curve is read; the last one is the end.
+        waiting: space for the steps that n-step learning waits with: observations, columns and rewards.
         curve: of each learner and point the total reward, finished episodes and successes among them; written.
     """
     (
@@ -64,7 +61,7 @@ def learn(arrays, values, rows, epsilons, factors, limit, points, curve):
         start_cumulative,
         shape,
     ) = arrays
-    agent, rate, discount, step_decay, episode_decay, minimum = factors
+    rate, discount, step_decay, episode_decay, minimum = factors
     n_actions, n_outcomes = shape
     several = len(starts) > 1
     for learner in range(len(values)):
@@ -72,36 +69,30 @@ def learn(arrays, values, rows, epsilons, factors, limit, points, curve):
         start = drawn_place(start_cumulative, 0, uniform(rows, learner)) if several else 0
         state, seen, left = starts[start], start_seen[start], limit
         point, total, episodes, successes = 0, 0.0, 0, 0
-        pending, chosen, earned = -1, 0, 0.0  # a step of SARSA whose value waits for the next action
+        first = 0  # of the steps that wait, up to the present one
         for step in range(1, points[-1] + 1):
             u = uniform(rows, learner)
             v = uniform(rows, learner) if n_outcomes > 1 else 0.0
             w = uniform(rows, learner) if several else 0.0
-            if u < epsilon:
-                action = int(u / epsilon * n_actions)
-            else:
-                action = greedy_action(q, seen)
-            if pending >= 0:
-                old = q[pending, chosen]
-                q[pending, chosen] = old + rate * (earned + discount * q[seen, action] - old)
-                pending = -1
+            action, free = drawn_action(q[seen], n_actions, u, epsilon, TIES)
+            if AGENT == SARSA and step - 1 - first == N_STEP:
+                move(q, waiting, first, step - 1, rate, discount, q[seen][action])
+                first += 1
             at = offset[state * n_actions + action]
             if n_outcomes > 1:
                 at += drawn_place(cumulative, at, v)
             reward, state, after, ended = rewards[at], next_state[at], following[at], terminated[at]
             total += reward
             left -= 1
-            if agent == 1 and ended == 0 and left > 0 and step < points[-1]:
-                pending, chosen, earned = seen, action, reward
-            else:
-                target = reward
-                if ended <= 0:
-                    following_value = (
-                        best_value(q, after) if agent == 0 else expected_value(q, after, epsilon)
-                    )
-                    target = reward + discount * following_value
-                old = q[seen, action]
-                q[seen, action] = old + rate * (target - old)
+            side = n_actions if AGENT == DOUBLE and free >= 0.5 else 0
+            cut = ended != 0 or left == 0 or step == points[-1]
+            here = (step - 1) % N_STEP
+            waiting[0][here], waiting[1][here], waiting[2][here] = seen, side + action, reward
+            if cut or (AGENT != SARSA and step - first == N_STEP):
+                value = value_after(q[after], n_actions, epsilon, side) if ended <= 0 else 0.0
+                for _ in range(step - first if cut else 1):
+                    move(q, waiting, first, step, rate, discount, value)
+                    first += 1
             seen = after
             epsilon = max(minimum, epsilon * step_decay)
             if ended != 0 or left == 0:
@@ -131,7 +122,7 @@ def play(arrays, values, rows, distance, limit, episodes, scores, successes):
             state, seen, ended, left = starts[start], start_seen[start], 0, limit
             first = nearest = distance[state]
             while ended == 0 and left > 0:
-                at = offset[state * n_actions + greedy_action(q, seen)]
+                at = offset[state * n_actions + greedy(q[seen], 0, n_actions)]
                 if n_outcomes > 1:
                     at += drawn_place(cumulative, at, uniform(rows, learner))
                 state, seen, ended = next_state[at], following[at], terminated[at]

@@ -10,7 +10,7 @@ import numpy as np
 from envgraph.code import dataclass
 from envgraph.env.compiled import Learner, Program, Rates
 from envgraph.errors import InvalidArgument
-from envgraph.solve.learning._settings import TrainingSettings
+from envgraph.solve.learning._settings import AGENTS, TrainingSettings
 from envgraph.solve.learning._stage import Stage, StageOutcome
 from envgraph.solve.learning._training import Curve, joined
 
@@ -114,8 +114,25 @@ def train_stage(learner: Learner, place: InProgram, stage: Stage, rng: np.random
     """Train a learner in an environment for a stage.
 
     Raises:
+        InvalidArgument: the agent learns in tables alone.
         EvaluationError: something has no value in a state, or a rule cannot be applied.
     """
     learner.enter(place.program)
-    rates, limit = Rates(*stage.factors), stage.settings.limit
+    rates, limit = rates_of(stage), stage.settings.limit
     return StageOutcome(*learner.train(place.member, stage.points, rates, stage.epsilon, limit, rng))
+
+
+def rates_of(stage: Stage) -> Rates:
+    """How a learner in a program does what a stage says.
+
+    Raises:
+        InvalidArgument: the agent learns in tables alone.
+    """
+    settings = stage.settings
+    if settings.agent == "double_q_learning" or settings.n_step > 1:
+        what = "double Q-learning" if settings.n_step == 1 else "n-step learning"
+        raise InvalidArgument(
+            f"{what} needs a table of all states, of which there are too many",
+            "without tables there are `q_learning`, `sarsa` and `expected_sarsa` of one step",
+        )
+    return Rates(AGENTS.index(settings.agent), settings.ties == "random", *stage.factors)

@@ -10,9 +10,10 @@ from typing import Any, Final, Literal, get_args
 from envgraph.code import dataclass
 from envgraph.errors import InvalidArgument, did_you_mean
 
-Agent = Literal["q_learning", "sarsa", "expected_sarsa"]
+Agent = Literal["q_learning", "sarsa", "expected_sarsa", "double_q_learning"]
 AGENTS: Final[tuple[Agent, ...]] = get_args(Agent)
 
+Ties = Literal["lowest", "random"]
 Per = Literal["episode", "step"]
 Reset = Literal["stage", "never"]
 
@@ -52,6 +53,8 @@ class TrainingSettings:
             (Watkins 1989): that of the best action there; "sarsa" (Rummery and Niranjan 1994): that of the action
             taken there; "expected_sarsa" (van Seijen et al. 2009): the mean over what the agent does there. Where an
             episode or a stage is cut, so that there is no next action, SARSA takes the mean as well.
+            "double_q_learning" (van Hasselt 2010): each action has two values, one of which, drawn by lot, is moved
+            towards the other value of the action that it says is best; the agent acts by their sum.
         learning_rate: weight of a new target in the Q-value, in (0, 1].
         discount: weight of the next state's value, in [0, 1].
         epsilon: exploration.
@@ -59,6 +62,11 @@ class TrainingSettings:
         evaluation_episodes: how many episodes an evaluation samples where it is not exact.
         seeds: how many training runs; the seeds are 0, 1, ...
         initial_value: what every Q-value is at first; above the returns of a short episode is optimistic.
+        n_step: how many rewards are summed before the value of what follows counts, for SARSA and expected SARSA:
+            n-step learning (Sutton and Barto 2018, sections 7.1 and 7.2). At the end of an episode or a stage what
+            still waits takes the rewards that there are.
+        ties: which of several best actions an agent takes that does not explore, "lowest" or "random". What it is
+            worth at the end is that of the lowest.
         limit: steps after which an episode is truncated (the Q-value of the last step still bootstraps).
         checkpoint: steps between two points of a learning curve.
 
@@ -77,6 +85,8 @@ class TrainingSettings:
     evaluation_episodes: int = 3_000
     seeds: int = 30
     initial_value: float = 0.0
+    n_step: int = 1
+    ties: Ties = "lowest"
     limit: int = 200
     checkpoint: int = 1_000
 
@@ -86,8 +96,21 @@ class TrainingSettings:
         if self.learning_rate == 0:
             raise InvalidArgument("`learning_rate` must be positive")
         _within("discount", self.discount, 0.0, 1.0)
-        for name in ("steps_per_environment", "evaluation_episodes", "seeds", "limit", "checkpoint"):
+        _one_of("ties", self.ties, get_args(Ties))
+        for name in (
+            "n_step",
+            "steps_per_environment",
+            "evaluation_episodes",
+            "seeds",
+            "limit",
+            "checkpoint",
+        ):
             _positive(name, getattr(self, name))
+        if self.n_step > 1 and "sarsa" not in self.agent:  # Sutton and Barto 2018, section 7.3
+            message = f"`n_step` above 1 is for `sarsa` and `expected_sarsa`, not `{self.agent}`"
+            raise InvalidArgument(
+                message, "rewards of an agent that explores are not those of the best actions"
+            )
         if not isfinite(self.initial_value):
             raise InvalidArgument("`initial_value` must be finite")
 

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from envgraph.code import dataclass
 from envgraph.env import Tabular
 from envgraph.solve._evaluation import accumulate
-from envgraph.solve.learning._settings import AGENTS, TrainingSettings
+from envgraph.solve.learning._settings import TrainingSettings
 
 Outcome = tuple[float, int, int, int]
 """Reward, next state, its place in `Table.seen`, how the episode ends (0: it goes on)."""
@@ -113,12 +113,11 @@ class Stage:
     learn: bool = True
 
     @property
-    def factors(self) -> tuple[int, float, float, float, float, float]:
-        """Number of the agent among `AGENTS`, learning rate, discount; of epsilon decays (step, episode), minimum."""
+    def factors(self) -> tuple[float, float, float, float, float]:
+        """Learning rate, discount; of epsilon decays (step, episode), minimum."""
         settings, epsilon = self.settings, self.settings.epsilon
         decays = (1.0, epsilon.decay) if epsilon.per == "episode" else (epsilon.decay, 1.0)
-        agent, rate = AGENTS.index(settings.agent), settings.learning_rate if self.learn else 0.0
-        return agent, rate, settings.discount, *decays, epsilon.minimum
+        return settings.learning_rate if self.learn else 0.0, settings.discount, *decays, epsilon.minimum
 
     @property
     def points(self) -> list[int]:

@@ -111,7 +111,9 @@ def train_curriculum(
         raise InvalidArgument(
             f"`steps` is {lengths}: it needs a positive length for each of {len(tables)} stages"
         )
-    values = initial_values(tables[0], settings) if q is None else _copied(q, tables[0])
+    values = initial_values(tables[0], settings)
+    if q is not None:
+        values[:] = np.tile(_checked(q, tables[0]), values.shape[1] // q.shape[1])
     return train(tables, settings, rng, lengths, values, choose_backend(backend, sum(lengths)))
 
 
@@ -195,7 +197,7 @@ def train(
         outcome = run_stage(table, stage, q, rng)
         epsilon = outcome.epsilon
         outcomes.append((stage, outcome))
-    return Training(q, joined(outcomes), epsilon)
+    return Training(action_values(q, tables[0].n_actions), joined(outcomes), epsilon)
 
 
 def loop_of(
@@ -204,23 +206,34 @@ def loop_of(
     """The loop that trains on a table; the backend is not "auto"."""
     if backend == "numba":
         from envgraph.solve.learning._compiled import run_stage
-    elif settings.agent == "q_learning":
+    elif (settings.agent, settings.ties) == ("q_learning", "lowest"):
         from envgraph.solve.learning._q_learning import run_stage
     else:
-        from envgraph.solve.learning._sarsa import run_stage
+        from envgraph.solve.learning._on_lists import run_stage
     return run_stage
 
 
 def initial_values(table: Table, settings: TrainingSettings) -> NDArray[np.float64]:
-    """Q-values [observations, actions] to begin with; adding 0.0 turns -0.0, which sorts badly, into 0.0."""
-    return np.full((table.n_observations, table.n_actions), settings.initial_value + 0.0)
+    """What a loop begins with, [observations, actions], twice as many actions for double Q-learning.
+
+    Adding 0.0 turns -0.0, which sorts badly, into 0.0.
+    """
+    width = table.n_actions * (2 if settings.agent == "double_q_learning" else 1)
+    return np.full((table.n_observations, width), settings.initial_value + 0.0)
 
 
-def _copied(q: NDArray[np.float64], table: Table) -> NDArray[np.float64]:
+def action_values(learned: NDArray[np.float64], n_actions: int) -> NDArray[np.float64]:
+    """Q-values [.., actions] of what a loop has learned: that itself, or the mean of double Q-learning's two values."""
+    if learned.shape[-1] == n_actions:
+        return learned
+    return 0.5 * (learned[..., :n_actions] + learned[..., n_actions:])
+
+
+def _checked(q: NDArray[np.float64], table: Table) -> NDArray[np.float64]:
     shape = (table.n_observations, table.n_actions)
     if q.shape != shape or not np.isfinite(q).all():
         raise InvalidArgument(f"`q` is {q.shape}: it needs finite values, {shape}")
-    return np.ascontiguousarray(q, np.float64) + 0.0
+    return q + 0.0
 
 
 def joined(outcomes: Sequence[tuple[Stage, StageOutcome]]) -> Curve:

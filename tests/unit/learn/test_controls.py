@@ -227,7 +227,7 @@ def test_nothing_is_learned_where_a_schedule_only_scores() -> None:
 def test_exact_scores_are_those_of_the_learner_as_it_explores() -> None:
     tabulars = [one.tabular for one in FAMILY]
     q = np.random.default_rng(0).standard_normal((tabulars[0].n_observations, tabulars[0].n_actions))
-    regret, learnability = (ExactScore(kind, tabulars, SETTINGS, q) for kind in EXACT)  # type: ignore[arg-type]
+    regret, learnability = (ExactScore(kind, tabulars, SETTINGS, lambda: q) for kind in EXACT)  # type: ignore[arg-type]
     for score in (regret, learnability):
         score.epsilon = 0.3
     policy = np.full(q.shape, 0.1)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from envgraph.env import explore
-from envgraph.env.compiled import Learner, Rates, program_of
+from envgraph.env.compiled import Learner, program_of
 from envgraph.errors import InvalidArgument
 from envgraph.learn import (
     FamilyMember,
@@ -21,7 +21,8 @@ from envgraph.learn import (
     train_program,
 )
 from envgraph.solve.learning import Stage, train_learner
-from envgraph.solve.learning._settings import Agent
+from envgraph.solve.learning._programs import rates_of
+from envgraph.solve.learning._settings import Agent, Ties
 from tests.profile import NIGHTLY
 from tests.unit.env.side_by_side import BUNDLED, EXTRA, family_keys, mutants, opened
 
@@ -33,16 +34,21 @@ def keydoor_files() -> list[object]:
 
 
 @pytest.mark.parametrize(
-    ("native", "agent"),
-    [(False, "q_learning"), (True, "q_learning"), (True, "sarsa"), (True, "expected_sarsa")],
+    ("native", "agent", "ties"),
+    [
+        (False, "q_learning", "lowest"),
+        (True, "q_learning", "lowest"),
+        (True, "sarsa", "random"),
+        (True, "expected_sarsa", "lowest"),
+    ],
 )
-def test_values_of_observations_are_those_of_a_table(native: bool, agent: Agent) -> None:
+def test_values_of_observations_are_those_of_a_table(native: bool, agent: Agent, ties: Ties) -> None:
     if native:
         pytest.importorskip("numba")
     engine, behaviour = opened(*keydoor_files())  # type: ignore[arg-type]
     engines = mutants(engine, behaviour, 2)
     keys = family_keys(engines, behaviour)
-    settings = TrainingSettings(agent=agent, steps_per_environment=700, limit=30, checkpoint=100)
+    settings = TrainingSettings(agent=agent, ties=ties, steps_per_environment=700, limit=30, checkpoint=100)
     tables = [explore(each, behaviour, keys).tabular for each in engines]
     assert all(table.deterministic and len(table.start_states) == 1 for table in tables)
     wanted = train_curriculum(tables, settings, np.random.default_rng(3))
@@ -52,7 +58,7 @@ def test_values_of_observations_are_those_of_a_table(native: bool, agent: Agent)
     for member in range(2):
         stage = Stage(700, settings.epsilon.start, settings)
         epsilon, points = learner.train(
-            member, stage.points, Rates(*stage.factors), stage.epsilon, settings.limit, rng, draws=0
+            member, stage.points, rates_of(stage), stage.epsilon, settings.limit, rng, draws=0
         )
         curve += points
     assert epsilon == wanted.epsilon
@@ -159,7 +165,7 @@ def test_episodes_that_draw_nothing_are_played_once(domain: str, drawn: bool) ->
     files = BUNDLED / folder / f"{model}.model", BUNDLED / folder / f"{folder}.environment"
     program = program_of(*opened(*files), native=False)
     learner, rng = Learner(program), np.random.default_rng(2)
-    rates = Rates(*Stage(3_000, 1.0, TrainingSettings()).factors)
+    rates = rates_of(Stage(3_000, 1.0, TrainingSettings()))
     learner.train(0, [3_000], rates, 1.0, 50, rng)
     one, several = np.random.default_rng(5), np.random.default_rng(5)
     episodes = [learner.play(0, 1, 50, one) for _ in range(12)]

@@ -16,7 +16,7 @@ from envgraph.learn import (
     train_curriculum,
 )
 from envgraph.solve.learning import _q_learning, _training
-from envgraph.solve.learning._settings import AGENTS, Agent
+from envgraph.solve.learning._settings import Agent, Ties
 from envgraph.solve.learning._training import COMPILING_PAYS, Backend, choose_backend
 from tests.unit.learn.forest_tables import published_family
 from tests.unit.learn.small_tables import random_table
@@ -50,11 +50,31 @@ def test_loops_agree_on_the_published_family() -> None:
     [Epsilon(), Epsilon(decay=0.999, per="step", reset="never"), Epsilon(start=0.0, minimum=0.0)],
     ids=["episode", "step", "greedy"],
 )
-@pytest.mark.parametrize("agent", AGENTS)
-def test_loops_agree_on_random_tables(agent: Agent, outcomes: int, starts: int, epsilon: Epsilon) -> None:
+@pytest.mark.parametrize(
+    ("agent", "n_step", "ties"),
+    [
+        ("q_learning", 1, "lowest"),
+        ("q_learning", 1, "random"),
+        ("sarsa", 1, "lowest"),
+        ("sarsa", 3, "random"),
+        ("expected_sarsa", 4, "lowest"),
+        ("double_q_learning", 1, "lowest"),
+    ],
+)
+def test_loops_agree_on_random_tables(
+    agent: Agent, n_step: int, ties: Ties, outcomes: int, starts: int, epsilon: Epsilon
+) -> None:
     for seed in range(5 if agent == "q_learning" else 2):
         tables = [random_table(seed * 2 + stage, outcomes, starts) for stage in range(2)]
-        settings = replace(SETTINGS, agent=agent, epsilon=epsilon, learning_rate=0.3, initial_value=0.5)
+        settings = replace(
+            SETTINGS,
+            agent=agent,
+            n_step=n_step,
+            ties=ties,
+            epsilon=epsilon,
+            learning_rate=0.3,
+            initial_value=0.5,
+        )
         assert_identical(trained(tables, settings, "python"), trained(tables, settings, "numba"))
 
 

@@ -1,0 +1,89 @@
+"""All learners but the plain Q-learning of `_q_learning` on Python lists: what the compiled loop is compared with."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections import deque
+from collections.abc import Callable
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from envgraph.env.compiled import values
+from envgraph.solve.learning._q_learning import draws_of, starts_of
+from envgraph.solve.learning._settings import TrainingSettings
+from envgraph.solve.learning._stage import Stage, StageOutcome, Table
+
+drawn_action: Callable[..., tuple[int, float]] = values.drawn_action
+
+Waiting = deque[tuple[list[float], int, float]]
+"""Steps whose values wait for what comes after them: the values of the observation, which of them, the reward."""
+
+
+def run_stage(table: Table, stage: Stage, q: NDArray[np.float64], rng: np.random.Generator) -> StageOutcome:
+    """Train on a table; `q` is changed in place, see `initial_values`."""
+    settings, n_actions, known = stage.settings, table.n_actions, table.known
+    rate, discount, step_decay, episode_decay, minimum = stage.factors
+    ties, sarsa, double = settings.ties == "random", settings.agent == "sarsa", q.shape[1] > n_actions
+    starts, start_chances = starts_of(table), table.start_cumulative.tolist()
+    rows: list[list[float]] = q[table.seen].tolist()
+
+    epsilon, limit, total, episodes, successes = stage.epsilon, settings.limit, 0.0, 0, 0
+    left, steps = limit, stage.steps
+    waiting: Waiting = deque()
+    curve: list[tuple[float, int, int]] = []
+    state, seen = starts[bisect_right(start_chances, rng.random())] if len(starts) > 1 else starts[0]
+    for before, after in pairwise([0, *stage.points]):
+        for u, v, w in draws_of(table, after - before, rng):
+            row = rows[seen]
+            if u >= epsilon and not ties and not double:
+                action, free = row.index(max(row)), 0.0
+            else:
+                action, free = drawn_action(row, n_actions, u, epsilon, ties)
+            if sarsa and len(waiting) == settings.n_step:
+                _move(waiting, rate, discount, row[action])
+            at = state * n_actions + action
+            chances, choice = known[at] or table.outcomes(at)
+            reward, state, seen, ended = choice[bisect_right(chances, v)] if len(choice) > 1 else choice[0]
+            total += reward
+            left, steps = left - 1, steps - 1
+            side = n_actions if double and free >= 0.5 else 0
+            waiting.append((row, side + action, reward))
+            cut = ended or not left or not steps
+            if cut or (not sarsa and len(waiting) == settings.n_step):
+                value = 0.0 if ended > 0 else _value_after(rows[seen], n_actions, settings, epsilon, side)
+                for _ in range(len(waiting) if cut else 1):
+                    _move(waiting, rate, discount, value)
+            epsilon = max(minimum, epsilon * step_decay)
+            if ended or not left:
+                episodes += 1
+                successes += ended == 1
+                epsilon = max(minimum, epsilon * episode_decay)
+                left = limit
+                state, seen = starts[bisect_right(start_chances, w)]
+        curve.append((total, episodes, successes))
+    q[table.seen] = rows
+    return StageOutcome(epsilon, curve)
+
+
+def _value_after(
+    row: list[float], actions: int, settings: TrainingSettings, epsilon: float, side: int
+) -> float:
+    if settings.agent == "q_learning":
+        return max(row)
+    if settings.agent == "double_q_learning":
+        best = max(range(actions), key=row[side : side + actions].__getitem__)
+        return row[actions - side + best]
+    total = 0.0  # `sum` is more exact than the compiled loop
+    for value in row:
+        total += value
+    return (1.0 - epsilon) * max(row) + epsilon * (total / actions)
+
+
+def _move(waiting: Waiting, rate: float, discount: float, value: float) -> None:
+    """Move the value of the first step that waits towards the rewards up to the last one and the value after that."""
+    for _, _, reward in reversed(waiting):
+        value = reward + discount * value
+    row, place, _ = waiting.popleft()
+    row[place] += rate * (value - row[place])
