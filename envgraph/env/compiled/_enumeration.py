@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
+from contextlib import closing, suppress
 from math import prod
 from typing import Any, Final
 
@@ -83,8 +83,8 @@ def explored(
     return explore(engine, behaviour, keys, limit=limit, progress=progress)
 
 
-LIVE_VISITS: Final = 100
-"""Models whose states the live engine visits in the time that it takes to compile a program."""
+LIVE_OUTCOMES: Final = 50_000
+"""Outcomes of actions that the live engine makes in the time that it takes to compile a program."""
 
 
 class Tables:
@@ -97,7 +97,7 @@ class Tables:
 
     def __init__(self, behaviour: Behaviour, limit: int = DEFAULT_LIMIT) -> None:
         self._behaviour, self._limit = behaviour, limit
-        self._visits = 0
+        self._visited = 0
         self._program: Program | None = None
 
     def table(self, engine: Engine, keys: KeyIndex, progress: Progress | None = None) -> Tabular:
@@ -106,12 +106,13 @@ class Tables:
         Raises:
             EvaluationError, RuleError, ResolutionError: as `explore`.
         """
-        self._visits += 1
-        if self._visits > LIVE_VISITS and has_numba():
+        if self._visited > LIVE_OUTCOMES and has_numba():
             with suppress(NotCompiled):
                 self._program = program_over(self._program, engine, self._behaviour, keys)
                 return enumerated(self._program, limit=self._limit, progress=progress)
-        return explored(engine, self._behaviour, keys, limit=self._limit, progress=progress).tabular
+        found = explored(engine, self._behaviour, keys, limit=self._limit, progress=progress).tabular
+        self._visited += found.next_state.size
+        return found
 
 
 class Visit:
@@ -249,8 +250,10 @@ class Visit:
             before, floats = arrays.ints[self._member], arrays.floats[self._member]
         else:
             before, floats = self.states[state], self.floats[state]
-        with program.twin(self._member).at(before, floats) as simulator:
-            outcomes = simulator.starts() if state < 0 else simulator.outcomes(action)
+        with (
+            program.twin(self._member).at(before, floats) as simulator,
+            closing(simulator.starts() if state < 0 else simulator.outcomes(action)) as outcomes,
+        ):
             for _ in outcomes:
                 simulator.observe()
         bounds = f"{CAPACITY} matches of a question, {program.spare} new objects, an int of 32 bits"

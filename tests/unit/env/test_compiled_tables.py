@@ -153,7 +153,7 @@ def test_few_states_of_many_outcomes_are_left_to_the_program(
 
 def test_tables_of_many_models_of_one_engine_are_made_by_one_program(monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("numba")
-    monkeypatch.setattr("envgraph.env.compiled._enumeration.LIVE_VISITS", 1)
+    monkeypatch.setattr("envgraph.env.compiled._enumeration.LIVE_OUTCOMES", 0)
     written = []
 
     def counted(*arguments: object, **options: object) -> Program:
@@ -211,3 +211,34 @@ def test_what_a_program_has_no_space_for_is_visited_by_the_live_engine(
     ):
         for _ in range(9):
             batch.step(np.zeros(1, dtype=np.int64), again=False)
+
+
+def test_an_object_without_an_index_that_a_step_leads_to_is_named(tmp_path: Path) -> None:
+    texts = {
+        "walk.metamodel": """
+            metamodel walk
+            @key(n) class Spot { int n refers Spot[0..1] next }
+            class Man { refers Spot[1] at }
+        """,
+        "walk.rules": """
+            package walk
+            import "walk.metamodel"
+            rule go(m : Man) { lhs { m -at-> s : Spot -next-> t : Spot; } modify { set m.at = t; } }
+        """,
+        "walk.model": """
+            import "walk.metamodel"
+            model m : walk { b : Spot { n = 2 } a : Spot { n = 1, next = b } man : Man { at = a } }
+        """,
+        "walk.environment": """
+            import "walk.rules"
+            environment Walk(m : Man) { action go = go(m) observe m.at among Spot }
+        """,
+    }
+    for name, text in texts.items():
+        (tmp_path / name).write_text(text, "utf-8")
+    engine, behaviour = opened(tmp_path / "walk.model", tmp_path / "walk.environment")
+    other = engine.copy()
+    other.model["b"].delete("spo")
+    keys = KeyIndex.of(other.model, indexed_classes(behaviour, other.model.metamodel))
+    with pytest.raises(EvaluationError, match="has no index among `Spot`"):
+        enumerated(program_of(engine, behaviour, keys=keys, native=False))
