@@ -7,7 +7,7 @@ DEMO_EXTRAS := fast
 TEST_EXTRAS := test,fast,emf
 BENCH_EXTRAS := bench
 CLUSTER_EXTRAS := dask,ray
-INTEGRATION_EXTRAS := integrations,multiagent
+INTEGRATION_EXTRAS := integrations,multiagent,png
 
 # The tests start many processes, each of which would compile everything anew.
 unexport PYTHONDONTWRITEBYTECODE

@@ -11,7 +11,7 @@ from envgraph.cli._learn import budgets_of
 from envgraph.cli._output import OutputFormat, print_json, print_line, print_table, progress_bar
 from envgraph.errors import InvalidArgument, did_you_mean
 from envgraph.files import replace_file
-from envgraph.report import render_html, standalone
+from envgraph.report import png, render_html, standalone
 from envgraph.report.reproduction import (
     claims,
     claims_table,
@@ -56,7 +56,10 @@ def reproduce_paper(
     }
     write_tables(found, output)
     for name, chart in figures(found).items():
-        replace_file(output / f"{name}.svg", standalone(chart))
+        picture = standalone(chart)
+        replace_file(output / f"{name}.svg", picture)
+        if pixels := png(picture):
+            replace_file(output / f"{name}.png", pixels)
     page = output / "paper.html"
     replace_file(page, render_html(reproduction_report(found, facts)))
     if format is OutputFormat.JSON:

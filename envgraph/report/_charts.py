@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from importlib.util import find_spec
 from math import ceil, floor, isfinite, log10
+from re import sub
 
 from envgraph.code import dataclass
 from envgraph.draw import markup
@@ -100,7 +102,7 @@ def line_chart(series: Sequence[Series], *, x_label: str, y_label: str, title: s
 
 
 def standalone(chart: str) -> str:
-    """A chart as a file of its own: a page has the name space and the styles that this adds.
+    """A chart as a file of its own: a page has the name space, the styles and the colours that this adds.
 
     >>> chart = line_chart([Series("a", (0, 1), (2, 3))], x_label="x", y_label="y", title="t")
     >>> standalone(chart).startswith('<svg xmlns="http://www.w3.org/2000/svg"')
@@ -113,8 +115,19 @@ def standalone(chart: str) -> str:
     )
     return (
         head.replace("<svg ", '<svg xmlns="http://www.w3.org/2000/svg" ', 1)
-        + f'\n<style>{style}</style>\n<rect width="100%" height="100%" fill="white"/>\n{rest}\n'
+        + f'\n<style>{style}</style>\n<rect width="100%" height="100%" fill="white"/>\n'
+        + sub(r"var\(--line-\d+, (#\w+)\)", r"\1", rest)
+        + "\n"
     )
+
+
+def png(picture: str) -> bytes | None:
+    """A chart that stands alone as pixels, two for each unit of its size; None without the extra `png`."""
+    if find_spec("resvg_py") is None:
+        return None
+    from resvg_py import svg_to_bytes
+
+    return bytes(svg_to_bytes(svg_string=picture, zoom=2.0))
 
 
 @dataclass(frozen=True, slots=True)

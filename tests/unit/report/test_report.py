@@ -36,7 +36,9 @@ from envgraph.report import (
     Trained,
     family_report,
     line_chart,
+    png,
     render_html,
+    standalone,
     ticks,
 )
 from envgraph.report._charts import COLOURS, COLOURS_ON_DARK
@@ -81,6 +83,15 @@ def test_a_band_has_its_edges_and_a_baseline_is_dashed() -> None:
     assert len(band.attrib["points"].split()) == 4
     (line,) = root.iter("polyline")
     assert "stroke-dasharray" in line.attrib
+
+
+def test_a_chart_alone_has_colours_that_every_program_reads(monkeypatch: pytest.MonkeyPatch) -> None:
+    chart = line_chart([Series("a", (0, 1), (2, 3))], x_label="x", y_label="y", title="t")
+    assert "var(--line-0, #0072b2)" in chart
+    alone = standalone(chart)
+    assert "stroke: #0072b2" in alone and "var(" not in alone
+    monkeypatch.setattr("envgraph.report._charts.find_spec", lambda name: None)
+    assert png(alone) is None
 
 
 def test_a_line_keeps_its_colour_in_several_charts_and_long_labels_have_room() -> None:
