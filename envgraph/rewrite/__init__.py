@@ -40,6 +40,7 @@ from envgraph.rewrite.engine._trace import TRACE_FORMAT, Trace, trace_schema, tr
 from envgraph.rewrite.events._agenda import Agenda
 from envgraph.rewrite.events._event_rules import Activation, EventRule
 from envgraph.rewrite.explore._exploration import Exploration, State, Statistics, Transition
+from envgraph.rewrite.run._choice import Choice
 from envgraph.rewrite.run._run import STEP_LIMIT
 from envgraph.rewrite.run._runner import Randomness, RuleRunner
 from envgraph.rewrite.run._units import RunResult
@@ -54,6 +55,7 @@ __all__ = [
     "Agenda",
     "Application",
     "Branches",
+    "Choice",
     "Engine",
     "EventRule",
     "Exploration",

@@ -126,6 +126,7 @@ class Engine:
     apply = _of("rewriting", Rewriting.apply)
     apply_all = _of("rewriting", Rewriting.apply_all)
     choose = _of("rewriting", Rewriting.choose)
+    choice = _of("rewriting", Rewriting.choice)
     fire = _of("rewriting", Rewriting.fire)
     replay = _of("rewriting", Rewriting.replay)
     run = _of("runs", Runs.run)

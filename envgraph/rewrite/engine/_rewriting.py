@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from envgraph.errors import EvaluationError, InvalidArgument, RuleError
@@ -14,10 +14,8 @@ from envgraph.rewrite.engine._notification import NOTHING, Events
 from envgraph.rewrite.engine._runs import Runs
 from envgraph.rewrite.engine._selection import By, Choose, Where, among, choose_one, select
 from envgraph.rewrite.engine._trace import Trace
-from envgraph.rewrite.run._run import (
-    draw_weighted,
-    fire_one_of,
-)
+from envgraph.rewrite.run._choice import Choice
+from envgraph.rewrite.run._run import fire_one_of
 from envgraph.rewrite.run._runner import (
     NO_ARGUMENTS,
     REFUSALS,
@@ -262,21 +260,21 @@ class Rewriting:
         Returns:
             Name of the rule and the match, for `fire`; None if no rule has a match.
         """
+        return self.choice(names).draw(self._runs.rng if rng is None else rng)
+
+    def choice(self, names: Iterable[str], watched: Container[str] = ()) -> Choice:
+        """What `choose` draws from in the present state: to draw more than once, and undo what is done in between.
+
+        Args:
+            names: as for `choose`.
+            watched: patterns that are, so that nobody needs to keep their matches.
+        """
         key = tuple(names)
         if key not in self._choices:
             members = dict.fromkeys(member for name in key for member in self._catalog.group(name))
             runners, programs = self._catalog.runners, self._catalog.programs
             self._choices[key] = [runners.get(member) or programs[member] for member in members]
-        rng = self._runs.rng if rng is None else rng
-        live = [one for one in self._choices[key] if isinstance(one, UnitProgram) or one.exists()]
-        if not live:
-            return None
-        chosen = live[draw_weighted(rng, [one.weight for one in live])]
-        if isinstance(chosen, UnitProgram):
-            return chosen.name, ()
-        row = chosen.pick(rng)
-        assert row is not None, "the rule has a match"
-        return chosen.name, row
+        return Choice(self._choices[key], watched)
 
     def fire(self, name: str, row: Row = ()) -> tuple[Firing, ...]:
         """Do what `choose` chose, unchecked: apply a rule at a row, or run a unit.

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
 from inspect import Parameter as Argument
 from inspect import signature
-from typing import Any, Final, Protocol, TypeVar, overload
+from typing import Any, ClassVar, Final, Protocol, TypeVar, overload
 
 from envgraph.errors import EvaluationError, InvalidArgument, RuleError, did_you_mean, with_article
 from envgraph.graph import Model, Node
@@ -63,7 +63,10 @@ class RuleRunner(ABC):
         parameters: names of its parameters, in order.
         weight, priority: for random choices among rules.
         inputs: variables that an argument has to bind, because nothing enumerates them.
+        certain: whether a match decides what an application does.
     """
+
+    certain: ClassVar[bool] = True
 
     def __init__(
         self,
@@ -409,6 +412,8 @@ class PythonRule(RuleRunner):
 
     The function takes variables of the match by name, as handles or values, and `engine` if it has such a parameter.
     """
+
+    certain = False  # it may draw
 
     def __init__(
         self,

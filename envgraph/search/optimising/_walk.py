@@ -10,14 +10,14 @@ from numpy.random import Generator
 
 from envgraph.errors import RuleError
 from envgraph.graph import Savepoint
-from envgraph.rewrite import Engine, Firing
+from envgraph.rewrite import Choice, Engine, Firing, Row
 from envgraph.search.optimising._archive import Archive, Found, Path
 from envgraph.search.optimising._goals import Standing
 
 Progress = Callable[[int, str], None]
 """Is told how many moves have been tried, and what is best."""
 Tell = Callable[[int, Archive], None]
-
+Move = tuple[str, Row]
 
 _SHORTENED = 1024
 """Moves that are kept after which a version is made, and let go: what led there takes less memory then."""
@@ -73,7 +73,17 @@ class Walk:
         self._target, self._tell = target, tell
         self._path: Path = None
         self._kept = 0
-        self._open: tuple[Savepoint, tuple[Firing, ...], Standing] | None = None
+        runners, named = (
+            engine.catalog.runners,
+            (name for move in moves for name in engine.catalog.group(move)),
+        )
+        self._certain = frozenset(name for name in named if name in runners and runners[name].certain)
+        self._choice: Choice | None = None  # of the present state, and what moves from it have led to
+        self._tried: dict[Move, Standing | None] = {}
+        self._open: tuple[Move, Standing] | None = None
+        self._made: tuple[Savepoint, tuple[Firing, ...]] | None = (
+            None  # an open move that is not known already
+        )
         self._reached = False
         self.here = appraise()
         self.start = Found(self.here, engine.commit(), None)
@@ -93,34 +103,52 @@ class Walk:
         Returns:
             None, and the model as before, if nothing matches or the move is refused.
         """
-        engine = self._engine
         self.spent += 1
         if self._tell is not None and not self.spent % 256:
             self._tell(self.spent, self.archive)
-        chosen = engine.choose(self._moves, self.rng)
+        if self._choice is None:
+            self._choice, self._tried = self._engine.choice(self._moves, self._engine.watched), {}
+        chosen = self._choice.draw(self.rng)
         if chosen is None:
             return None
-        savepoint = engine.model.savepoint()
+        if chosen not in self._tried:
+            standing = self._try(chosen)
+            if chosen[0] in self._certain:
+                self._tried[chosen] = standing
+            return standing
+        standing = self._tried[chosen]
+        if standing is not None:
+            self._open = chosen, standing
+        return standing
+
+    def _try(self, chosen: Move) -> Standing | None:
+        """Make a move that is open then; None, and the model as before, if it is refused or does nothing."""
+        model = self._engine.model
+        savepoint = model.savepoint()
         try:
-            firings = engine.fire(*chosen)
+            firings = self._engine.fire(*chosen)
             standing = self._appraise() if firings else None
         except RuleError:
             standing = None
         except BaseException:
-            engine.model.rollback(savepoint)
+            model.rollback(savepoint)
             raise
         if standing is None:
-            engine.model.rollback(savepoint)
+            model.rollback(savepoint)
             return None
-        self._open = savepoint, firings, standing
+        self._open, self._made = (chosen, standing), (savepoint, firings)
         return standing
 
     def keep(self) -> None:
         """Stay where the open move leads."""
         assert self._open is not None, "a move is open"
-        savepoint, firings, self.here = self._open
-        self._open = None
-        self._engine.model.release(savepoint)
+        chosen, self.here = self._open
+        if self._made is None:
+            firings = self._engine.fire(*chosen)
+        else:
+            savepoint, firings = self._made
+            self._engine.model.release(savepoint)
+        self._open = self._made = self._choice = None
         self._path = (self._path, firings)
         self._kept += 1
         if not self._kept % _SHORTENED:
@@ -130,8 +158,9 @@ class Walk:
     def undo(self) -> None:
         """Take the open move back."""
         assert self._open is not None, "a move is open"
-        self._engine.model.rollback(self._open[0])
-        self._open = None
+        if self._made is not None:
+            self._engine.model.rollback(self._made[0])
+        self._open = self._made = None
 
     def found(self) -> Found:
         """The present state, to come back to."""
@@ -144,7 +173,7 @@ class Walk:
     def go(self, found: Found) -> None:
         """Stand at a state that was found."""
         self._engine.checkout(found.version, discard=True)
-        self.here, self._path = found.standing, found.path
+        self.here, self._path, self._choice = found.standing, found.path, None
 
     def abandon(self) -> None:
         """Take the open move back, if there is one, and stand at the start."""

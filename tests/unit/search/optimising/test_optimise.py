@@ -198,6 +198,27 @@ def test_a_move_that_is_refused_or_finds_nothing_is_no_step_to_anywhere() -> Non
     assert engine.model.state_hash() == state
 
 
+def test_what_a_move_leads_to_is_remembered_until_one_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is remembered changes no result: a strategy that forgets it finds the same."""
+    made = list[str]()
+    fire = Engine.fire
+    monkeypatch.setattr(
+        Engine, "fire", lambda engine, *chosen: made.append(chosen[0]) or fire(engine, *chosen)
+    )
+    found = search(tiny(), Annealing(), steps=600)
+    assert len(made) < 400
+    remembered, undo = len(made), Walk.undo
+
+    def forgetting(walk: Walk) -> None:
+        undo(walk)
+        walk._choice = None
+
+    monkeypatch.setattr(Walk, "undo", forgetting)
+    again = search(tiny(), Annealing(), steps=600)
+    assert len(made) > remembered + 500
+    assert (again.best.values, again.best.trace) == (found.best.values, found.best.trace)
+
+
 def test_what_a_callable_measures_may_be_an_objective() -> None:
     class Classes:
         def evaluate(self, engine: Engine) -> float:
