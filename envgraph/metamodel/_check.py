@@ -391,19 +391,16 @@ def _glyph_problems(
 
 
 def _check_looks(attribute: Attribute) -> Iterator[Diagnostic]:
-    """`@glyph` is for Booleans, and `@colour` for enums."""
+    """`@glyph` is for Booleans and enums, and `@colour` for enums."""
     for mark in attribute.annotations:
         if mark.name in ("glyph", "colour") and attribute.many:
             message = f"`{attribute.name}` has many values, and `@{mark.name}` shows one"
             yield Diagnostic("bad-glyph", message, mark.span, "leave it out")
+        elif mark.name == "glyph" and isinstance(attribute.type, EnumType):
+            yield from _check_letters(mark, attribute.type)
         elif mark.name == "glyph" and attribute.type is not Scalar.BOOL:
-            message = f"`@glyph` is for classes and for a `bool`, and `{attribute.name}` is none"
-            hint = (
-                "`@colour` shows the value of an enum"
-                if isinstance(attribute.type, EnumType)
-                else "leave it out"
-            )
-            yield Diagnostic("bad-glyph", message, mark.span, hint)
+            message = f"`@glyph` is for classes, a `bool` and an enum, and `{attribute.name}` is none of them"
+            yield Diagnostic("bad-glyph", message, mark.span, "leave it out")
         elif mark.name == "glyph":
             if mark.named or not 1 <= len(mark.arguments) <= 2:
                 message = "`@glyph` takes a letter and a colour, both in quotes"
@@ -416,6 +413,17 @@ def _check_looks(attribute: Attribute) -> Iterator[Diagnostic]:
             yield Diagnostic(
                 "bad-annotation", message, mark.span, "declare an enum whose literals are colours"
             )
+
+
+def _check_letters(mark: Annotation, enum: EnumType) -> Iterator[Diagnostic]:
+    """A letter for each literal."""
+    letters = [str(one) for one in mark.arguments if isinstance(one, str) and len(one) == 1]
+    if mark.named or len(letters) != len(mark.arguments) or len(letters) != len(enum.literals):
+        message = (
+            f"`@glyph` of an enum takes a letter for each literal, and `{enum.name}` has {len(enum.literals)}"
+        )
+        example = ", ".join(f'"{literal[:1]}"' for literal in enum.literals)
+        yield Diagnostic("bad-annotation", message, mark.span, f"write `@glyph({example})`")
 
 
 def _check_range(attribute: Attribute) -> Iterator[Diagnostic]:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import replace
 from math import cos, hypot, pi, sin
 
 from envgraph.code import dataclass
 from envgraph.draw import shortened
-from envgraph.env.scene._scene import Edge, GraphScene, Mark
+from envgraph.env.scene._scene import Edge, GraphScene, Mark, Scene
 from envgraph.errors import visible
 
 NODE_RADIUS = 0.42
@@ -159,3 +160,10 @@ def disc_places(marks: Sequence[Mark]) -> list[tuple[Mark, Point, float]]:
             angle = 2 * pi * number / count + pi / 4 * 3
             placed.append((mark, (0.22 * cos(angle), 0.22 * sin(angle)), 0.22))
     return placed
+
+
+def aside_places(scene: Scene, width: float) -> list[tuple[Mark, Point, float]]:
+    """Every token that is nowhere, with its place in a row below a picture of this width, and its radius."""
+    columns = max(1, int(width))
+    marks = [replace(mark, place=(n % columns, 0)) for n, mark in enumerate(scene.aside or ())]
+    return [(mark, (mark.place[0] + 0.5 + dx, 0.5 + dy), size) for mark, (dx, dy), size in disc_places(marks)]

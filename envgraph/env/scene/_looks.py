@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from types import MappingProxyType
 from typing import Final
 
@@ -28,6 +28,9 @@ _NAMED: Final[Mapping[str, str]] = MappingProxyType(
     }
 )
 
+_Marked = tuple[Attribute, tuple[str, ...]]
+"""An attribute that changes how objects look, and what its `@glyph` says; () of a `@colour`."""
+
 _IN_TURN = ("#1c3d6e", "#9c36b5", "#0b7285", "#c2255c", "#5c940d", "#d9480f")
 
 
@@ -38,7 +41,7 @@ class Look:
     Attributes:
         glyph: letter and colour.
         states: what its attributes add: `("red", "open")`.
-        unusual: an attribute with a glyph is not as it is declared.
+        unusual: a `bool` with a glyph is not as it is declared.
     """
 
     glyph: Glyph
@@ -51,29 +54,33 @@ class Looks:
 
     def __init__(self, model: Model) -> None:
         self._model = model
-        self._marked: dict[str, tuple[tuple[Attribute, Glyph | None], ...]] = {}
+        self._marked: dict[str, tuple[_Marked, ...]] = {}
 
     def of(self, node: int, plain: Glyph) -> Look:
         """The look of an object that has the glyph `plain` if its attributes say nothing."""
         model = self._model
         letter, colour, states, unusual = plain.letter, plain.colour, list[str](), False
-        for attribute, glyph in self._marks_of(model.class_of(node)):
+        for attribute, letters in self._marks_of(model.class_of(node)):
             value = model.value(node, attribute)
+            if value is None:
+                continue
             if isinstance(attribute.type, EnumType):
-                if value is not None:
+                if letters:
+                    letter = letters[attribute.type.literals.index(str(value))]
+                else:
                     colour = _colour_of(attribute.type, str(value))
-                    states.append(str(value))
-            elif glyph is not None and value is not None and value != attribute.initial:
-                letter, unusual = glyph.letter, True
-                colour = glyph.colour or colour
+                states.append(str(value))
+            elif letters and value != attribute.initial:
+                letter, unusual = letters[0], True
+                colour = (*letters[1:], colour)[0]
                 states.append(attribute.name if value else f"not {attribute.name}")
-        return Look(Glyph(letter, colour), tuple(states), unusual)
+        return Look(Glyph(letter, colour), tuple(dict.fromkeys(states)), unusual)
 
     def vary(self, cls: str) -> bool:
         """Whether attributes change how the objects of a class look."""
         return bool(self._marks_of(cls))
 
-    def _marks_of(self, cls: str) -> tuple[tuple[Attribute, Glyph | None], ...]:
+    def _marks_of(self, cls: str) -> tuple[_Marked, ...]:
         if cls not in self._marked:
             self._marked[cls] = tuple(_marked(self._model.metamodel, cls))
         return self._marked[cls]
@@ -89,17 +96,14 @@ def glyph_of(metamodel: Metamodel, cls: str) -> Glyph:
     return metamodel.classes[cls].glyph or Glyph(cls[:1].upper())
 
 
-def _marked(metamodel: Metamodel, cls: str) -> list[tuple[Attribute, Glyph | None]]:
+def _marked(metamodel: Metamodel, cls: str) -> Iterator[_Marked]:
     """The attributes that change how objects look: first colours, then glyphs, which may bring other colours."""
     features = [one for one in metamodel.features(cls).values() if isinstance(one, Attribute)]
-    colours = [one for one in features if any(mark.name == "colour" for mark in one.annotations)]
-    glyphs = [
-        (one, Glyph(*map(str, (*mark.arguments, "")[:2])))
-        for one in features
-        for mark in one.annotations
-        if mark.name == "glyph"
-    ]
-    return [*((one, None) for one in colours), *glyphs]
+    for wanted in ("colour", "glyph"):
+        for one in features:
+            for mark in one.annotations:
+                if mark.name == wanted:
+                    yield one, tuple(map(str, mark.arguments))
 
 
 def _colour_of(enum: EnumType, literal: str) -> str:

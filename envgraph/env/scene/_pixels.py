@@ -16,6 +16,7 @@ from envgraph.env.scene._layout import (
     NODE_RADIUS,
     Point,
     arrow_head,
+    aside_places,
     between,
     disc_places,
     graph_layout,
@@ -62,7 +63,7 @@ def _scale(cell: int) -> int:
 
 
 def _grid(scene: GridScene, cell: int) -> NDArray[np.uint8]:
-    canvas = _canvas(scene.width * cell, scene.height * cell)
+    canvas = _canvas(scene.width * cell, (scene.height + (scene.aside is not None)) * cell)
     below = {mark.place for mark in scene.marks}
     for position, kind in enumerate(scene.cells):
         if kind != EMPTY:
@@ -73,7 +74,13 @@ def _grid(scene: GridScene, cell: int) -> NDArray[np.uint8]:
     for mark, (dx, dy), radius in disc_places(scene.marks):
         column, row = mark.place
         _disc(canvas, mark, ((column + 0.5 + dx) * cell, (row + 0.5 + dy) * cell), radius * cell, cell)
+    _aside(canvas, scene, scene.width, scene.height, cell)
     return canvas.array()
+
+
+def _aside(canvas: Canvas, scene: Scene, width: float, height: float, cell: int) -> None:
+    for mark, (x, y), radius in aside_places(scene, width):
+        _disc(canvas, mark, (x * cell, (height + y) * cell), radius * cell, cell)
 
 
 def _tile(canvas: Canvas, left: int, top: int, cell: int, colour: Colour, letter: str) -> None:
@@ -103,7 +110,7 @@ def _disc(canvas: Canvas, mark: Mark, at: Point, radius: float, cell: int) -> No
 def _graph(scene: GraphScene, cell: int) -> NDArray[np.uint8]:
     small = max(1, _scale(cell) // 2)
     layout = graph_layout(scene, ADVANCE * small / cell)
-    canvas = _canvas(layout.width * cell, layout.height * cell)
+    canvas = _canvas(layout.width * cell, (layout.height + (scene.aside is not None)) * cell)
     for edge, line in layout.edges:
         _arrow(canvas, line, cell, parse_colour(edge.colour), bool(edge.kind))
     for edge, line in layout.edges:
@@ -122,6 +129,7 @@ def _graph(scene: GraphScene, cell: int) -> NDArray[np.uint8]:
     for mark, (dx, dy), radius in disc_places(scene.marks):
         x, y = layout.nodes[mark.place[0]]
         _disc(canvas, mark, ((x + dx) * cell, (y + dy) * cell), radius * cell * 0.9, cell)
+    _aside(canvas, scene, layout.width, layout.height, cell)
     return canvas.array()
 
 

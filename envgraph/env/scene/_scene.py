@@ -16,8 +16,8 @@ from envgraph.env._keys import ordered_objects
 from envgraph.env.scene._looks import Look, Looks, glyph_of, token_colour
 from envgraph.errors import InvalidArgument
 from envgraph.graph import Model
-from envgraph.metamodel import Attribute, Class, Glyph
-from envgraph.pattern import Parameter
+from envgraph.metamodel import Attribute, Class, Glyph, Metamodel, Scalar
+from envgraph.pattern import Expression, Navigation, Parameter
 
 Draw = DrawGrid | DrawGraph
 
@@ -59,6 +59,8 @@ class GridScene:
         cells: row by row, for each cell its place in `glyphs`, or `EMPTY`.
         marks: in the order of the behaviour; later ones are drawn above earlier ones.
         kinds: the class of each of `glyphs`.
+        aside: tokens that are nowhere, below the grid, in a row that is there in all states, empty or not; None
+            where each token is always somewhere.
     """
 
     width: int
@@ -67,6 +69,7 @@ class GridScene:
     cells: bytes
     marks: tuple[Mark, ...]
     kinds: tuple[str, ...] = ()
+    aside: tuple[Mark, ...] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,13 +90,17 @@ class Edge:
 
 @dataclass(frozen=True, slots=True)
 class GraphScene:
-    """Nodes with a glyph and a label, directed edges between them, and tokens; `kinds` are the classes of the nodes."""
+    """Nodes with a glyph and a label, directed edges between them, and tokens; `kinds` are the classes of the nodes.
+
+    `aside` are the tokens that are nowhere, as of a `GridScene`.
+    """
 
     labels: tuple[str, ...]
     glyphs: tuple[Glyph, ...]
     edges: tuple[Edge, ...]
     marks: tuple[Mark, ...]
     kinds: tuple[str, ...] = ()
+    aside: tuple[Mark, ...] | None = None
 
 
 Scene = GridScene | GraphScene
@@ -116,7 +123,8 @@ def legend(scenes: Iterable[Scene]) -> tuple[Key, ...]:
         seen = range(len(scene.kinds)) if isinstance(scene, GraphScene) else sorted(set(scene.cells))
         found = [Key(kind, glyph, shape) for n, (kind, glyph) in enumerate(drawn) if n in seen]
         below.update((key.kind, key) for key in found)
-        marks = (Key(mark.kind or mark.name, Glyph(mark.letter, mark.colour), "disc") for mark in scene.marks)
+        tokens = (*scene.marks, *(scene.aside or ()))
+        marks = (Key(mark.kind or mark.name, Glyph(mark.letter, mark.colour), "disc") for mark in tokens)
         above.update((key.kind, key) for key in marks)
         if isinstance(scene, GraphScene):
             lines = (Key(edge.kind, Glyph("", edge.colour), "line") for edge in scene.edges if edge.kind)
@@ -147,6 +155,7 @@ class Painter:
         self._read: Reader = reader(model)
         self._looks = Looks(model)
         self._tokens = list(_bound_tokens(model, draw.tokens, {p.name: p for p in parameters}))
+        self._leave = any(_may_be_empty(model.metamodel, token.path) for token in draw.tokens)
         self._scene: Callable[[], Scene]
         if isinstance(draw, DrawGrid):
             self._grid = _Grid(model, draw)
@@ -165,7 +174,7 @@ class Painter:
         return (
             width,
             height,
-            {**place_of, **{node: place_of[at] for _, _, node, at in self._standing(place_of)}},
+            {**place_of, **{node: place_of[at] for _, node, at in self._placed() if at in place_of}},
         )
 
     def drawn(self) -> list[str]:
@@ -175,21 +184,22 @@ class Painter:
     def _grid_scene(self) -> GridScene:
         grid = self._grid
         width, height, cells, place_of = grid.cells()
-        marks = (*self._cell_marks(place_of), *self._marks(place_of))
-        return GridScene(width, height, grid.glyphs, cells, marks, grid.kinds)
+        marks, aside = self._marks(place_of)
+        marks = (*self._cell_marks(place_of), *marks)
+        return GridScene(width, height, grid.glyphs, cells, marks, grid.kinds, aside)
 
     def _graph_scene(self) -> GraphScene:
         model, draw = self._model, self._graph
         nodes = ordered_objects(model, draw.cls)
         number = {node: position for position, node in enumerate(nodes)}
-        marks = tuple(self._marks({node: (place, 0) for node, place in number.items()}))
+        marks, aside = self._marks({node: (place, 0) for node, place in number.items()})
         labels = tuple(_label(model, node, draw.label, self._read) for node in nodes)
         kinds = tuple(model.class_of(node) for node in nodes)
         glyphs = tuple(
             self._looks.of(node, model.metamodel.classes[kind].glyph or _PLAIN_NODE).glyph
             for node, kind in zip(nodes, kinds, strict=True)
         )
-        return GraphScene(labels, glyphs, tuple(self._edges(draw, number)), marks, kinds)
+        return GraphScene(labels, glyphs, tuple(self._edges(draw, number)), marks, kinds, aside)
 
     def _token_classes(self) -> list[str]:
         model = self._model
@@ -208,30 +218,40 @@ class Painter:
                     yield self._mark(_label(model, node, None, self._read), cls, look, place_of[node])
 
     def _mark(self, name: str, cls: str, look: Look, place: tuple[int, int]) -> Mark:
-        name, kind = (", ".join((text, *look.states)) for text in (name, cls))
+        said = name.replace(",", "").split()  # of `Key red` a key is known to be red
+        name = ", ".join((name, *(state for state in look.states if state not in said)))
+        kind = ", ".join((cls, *look.states))
         return Mark(name, look.glyph.letter, look.glyph.colour, place, kind)
 
-    def _marks(self, place_of: Mapping[int, tuple[int, int]]) -> Iterator[Mark]:
-        """Every token that stands on what is drawn."""
-        model = self._model
-        for position, token, node, at in self._standing(place_of):
-            cls = model.class_of(node)
-            declared = model.metamodel.classes[cls].glyph
-            look = self._looks.of(node, declared or Glyph(cls[:1].upper(), token_colour(position)))
-            bound = self._tokens[position][1]
-            name = token.variable if bound is not None else _label(model, node, None, self._read)
-            yield self._mark(name, cls, look, place_of[at])
+    def _marks(
+        self, place_of: Mapping[int, tuple[int, int]]
+    ) -> tuple[tuple[Mark, ...], tuple[Mark, ...] | None]:
+        """Every token that stands on what is drawn, and those that are nowhere."""
+        standing, aside = list[Mark](), list[Mark]()
+        for position, node, at in self._placed():
+            if at is None:
+                aside.append(self._token(position, node, (0, 0)))
+            elif at in place_of and at != node:  # cells show what they are
+                standing.append(self._token(position, node, place_of[at]))
+        return tuple(standing), tuple(aside) if self._leave else None
 
-    def _standing(self, place_of: Mapping[int, object]) -> Iterator[tuple[int, Token, int, int]]:
-        """Every token that stands on what is drawn: place of its clause, the clause, its object, and what it is on."""
+    def _token(self, position: int, node: int, place: tuple[int, int]) -> Mark:
+        model, (token, bound) = self._model, self._tokens[position]
+        cls = model.class_of(node)
+        declared = model.metamodel.classes[cls].glyph
+        look = self._looks.of(node, declared or Glyph(cls[:1].upper(), token_colour(position)))
+        name = token.variable if bound is not None else _label(model, node, None, self._read)
+        return self._mark(name, cls, look, place)
+
+    def _placed(self) -> Iterator[tuple[int, int, int | None]]:
+        """Of every token the place of its clause, its object, and what that is on; None: nowhere."""
         model = self._model
         for position, (token, bound) in enumerate(self._tokens):
             nodes = ordered_objects(model, token.cls) if bound is None and token.cls else [bound]
             for node in nodes:
                 if node is not None and model.alive(node):
                     at = follow(token.path, {token.variable: node}, self._read)
-                    if type(at) is int and at in place_of and at != node:  # cells show what they are
-                        yield position, token, node, at
+                    yield position, node, at if type(at) is int else None
 
     def _edges(self, draw: DrawGraph, number: Mapping[int, int]) -> Iterator[Edge]:
         """Edges between the drawn nodes: references among them, and objects with two single references to them.
@@ -274,13 +294,24 @@ def _bound_tokens(
             yield token, bind_parameter(model, parameters.get(token.variable) or Parameter(token.variable))
 
 
+def _may_be_empty(metamodel: Metamodel, path: Expression) -> bool:
+    """Whether one of the references of a path may lack a target."""
+    while isinstance(path, Navigation):
+        if any(one.name == path.feature and one.lower == 0 for one in metamodel.references):
+            return True
+        path = path.object
+    return False
+
+
 def _label(model: Model, node: int, attribute: str | None, read: Reader) -> str:
-    names = (attribute,) if attribute else model.metamodel.key(model.class_of(node))
+    cls = model.class_of(node)
+    names = (attribute,) if attribute else model.metamodel.key(cls)
     values = [read(node, name) for name in names]
     if values and all(value is not None for value in values):
         text = ", ".join(str(value) for value in values)
-        plain = attribute is not None or all(isinstance(value, str) for value in values)
-        return text if plain else f"{model.class_of(node)} {text}"
+        features = model.metamodel.features(cls)
+        plain = attribute or all(getattr(features[name], "type", None) is Scalar.STRING for name in names)
+        return text if plain else f"{cls} {text}"
     return model.object_name(node) or f"{model.class_of(node)} {node}"
 
 

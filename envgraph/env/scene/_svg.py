@@ -9,6 +9,7 @@ from envgraph.env.scene._layout import (
     NODE_RADIUS,
     Point,
     arrow_head,
+    aside_places,
     disc_places,
     graph_layout,
     label_place,
@@ -33,6 +34,10 @@ def scene_svg(scene: Scene, cell: int = 32) -> str:
     else:
         layout = graph_layout(scene, _LETTER_WIDTH)
         width, height, parts = layout.width, layout.height, list(_graph(scene))
+    if scene.aside is not None:
+        for mark, (x, y), radius in aside_places(scene, width):
+            parts.extend(_disc(mark, (x, height + y), radius))
+        height += 1.0
     title = markup(scene_title(scene))
     head = (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {_n(width)} {_n(height)}" '

@@ -12,11 +12,12 @@ _MOST_NAMED = 6
 def scene_text(scene: Scene) -> str:
     """A scene in letters, without colours; `(R)` is a token on a cell, the last one where there are several.
 
-    With more than one token, lines below the picture say where each of them stands.
+    With more than one token, or one that is nowhere, lines below the picture say where each of them stands.
     """
     lines = _grid(scene) if isinstance(scene, GridScene) else _graph(scene)
-    if len(scene.marks) > 1:
+    if len(scene.marks) > 1 or scene.aside:
         lines.extend(visible(f"{mark.name}: {_place(scene, mark)}") for mark in scene.marks)
+        lines.extend(visible(f"{mark.name}: nowhere") for mark in scene.aside or ())
     return "\n".join(lines)
 
 
@@ -28,7 +29,8 @@ def scene_title(scene: Scene) -> str:
         nodes, edges = len(scene.labels), len(scene.edges)
         what = f"a graph of {nodes} node{'s' * (nodes != 1)} and {edges} edge{'s' * (edges != 1)}"
     marks = [f"{mark.name} at {_place(scene, mark)}" for mark in scene.marks[:_MOST_NAMED]]
-    more = len(scene.marks) - len(marks)
+    marks = [*marks, *(f"{mark.name} nowhere" for mark in scene.aside or ())][:_MOST_NAMED]
+    more = len(scene.marks) + len(scene.aside or ()) - len(marks)
     return "; ".join([what, *marks, *([f"{more} more"] if more else [])])
 
 

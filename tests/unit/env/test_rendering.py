@@ -202,6 +202,7 @@ def test_a_graph_in_words() -> None:
         "bus: Rome",
         "f1: Oslo",
         "f2: Oslo",
+        "f3: nowhere",
     ]
 
 
@@ -391,6 +392,36 @@ def test_the_legend_has_what_is_drawn_once() -> None:
         ("Door, red", "D", "disc"),
         ("Key, green", "K", "disc"),
     ]
+
+
+def test_an_enum_has_a_letter_for_each_literal() -> None:
+    ways = EnumType("Way", ("east", "west"))
+    way = Attribute("facing", ways, annotations=(Annotation("glyph", (">", "<")),))
+    cell = Class("Cell", features=(Attribute("x", Scalar.INT), Attribute("y", Scalar.INT)), glyph=Glyph("."))
+    hero = Class("Hero", features=(way, Reference("at", "Cell")), glyph=Glyph("H", "#1971c2"))
+    model = Model(Metamodel("cave", (cell, hero), (ways,)))
+    model.create("Hero", object_name="hero", at=model.create("Cell"))
+    draw = DrawGrid("Cell", "x", "y", (Token("hero", at("hero")),))
+    assert render_text(model, draw) == "(>)"
+    model.node(model.find_object("hero") or 0).facing = "west"
+    assert render_text(model, draw) == "(<)"
+    assert scene_of(model, draw).marks == (Mark("hero, west", "<", "#1971c2", (0, 0), "Hero, west"),)
+
+
+def test_tokens_that_are_nowhere_are_drawn_in_a_row_of_their_own_which_always_is_there() -> None:
+    model, draw = net(), NET_DRAW
+    (aside,) = scene_of(model, draw).aside or ()
+    assert (aside.name, aside.letter) == ("f3", "~") and "f3 nowhere" in scene_title(scene_of(model, draw))
+    assert [key.kind for key in legend([scene_of(model, draw)])] == ["City", "Bus", "Ferry"]
+    apart = render_rgb(model, draw)
+    assert (apart[-32:, :32] != 255).any() and "<title>f3</title>" in render_svg(model, draw)
+    ferry = model.node(model.find_object("f3") or 0)
+    ferry.at = model.nodes("City")[0]
+    there = render_rgb(model, draw)
+    assert there.shape == apart.shape and (there[-32:] == 255).all() and scene_of(model, draw).aside == ()
+    ferry.delete(semantics="spo")
+    assert scene_of(model, draw).aside == ()
+    assert scene_of(forest.model(ROWS), DRAW).aside is None
 
 
 def test_edges_show_a_label_and_whether_they_are_as_usual() -> None:
