@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 from urllib.parse import unquote
 
-from envgraph.errors import LoadError, Note, RuleError, TypeMismatch, name_hint, plural, with_article
+from envgraph.errors import LoadError, Note, Span, name_hint, with_article
 from envgraph.graph import arrange_targets
 from envgraph.lang.interchange._xmi_document import LOST, Document, Link, Spans, short
-from envgraph.lang.read._refused_links import link_hint
+from envgraph.lang.read._features import add_link, has_room
 from envgraph.metamodel import Reference
 
 _NAMED = "objects are named by `xmi:id`, by an `iD` attribute of the metamodel, or by place: `//@...`"
@@ -84,22 +85,20 @@ class Linker:
             if ":" in word and "#" not in word and index + 1 < len(words) and "#" in words[index + 1]:
                 continue  # the type of the object that comes next
             target = self._target(link, word)
+            where = partial(self._document.where, link, word)
             if target is None or target == LOST or target in targets:
                 continue  # to say it twice is to say it once, as in EMF
             if not self._reading.metamodel.is_a(model.class_of(target), reference.target):
                 self._wrong_class(link, word, target)
-            elif reference.upper is not None and len(targets) >= reference.upper:
-                message = f"`{reference}` takes {plural(reference.upper, 'object')} at most"
-                where = self._document.where(link, word)
-                self._document.report("too-many-targets", message, where, "leave the others out")
+            elif not has_room(reference, len(targets), self._document.report, where):
                 break
             else:
                 targets[target] = None
-                self._add(link, word, target)
+                self._add(link, target, where)
         if len(targets) > 1 and reference.opposite is not None:
             self._lists.append((link.node, reference, list(targets)))
 
-    def _add(self, link: Link, word: str, target: int) -> None:
+    def _add(self, link: Link, target: int, where: Callable[[], Span]) -> None:
         model, reference = self._model, link.reference
         if model.has_link(link.node, reference, target):
             return  # the opposite has said so
@@ -107,18 +106,10 @@ class Linker:
         child = target if relation.containment else link.node if relation.contained else None
         if child is not None and model.container(child) is not None:
             message = f"{model.describe(child)} is in another container already"
-            self._document.report(
-                "two-containers",
-                message,
-                self._document.where(link, word),
-                "an object has one container at most",
-            )
+            hint = "an object has one container at most"
+            self._document.report("two-containers", message, where(), hint)
             return
-        try:
-            model.link(link.node, reference, target)
-        except (RuleError, TypeMismatch) as error:
-            where, hint = self._document.where(link, word), link_hint(error, reference)
-            self._document.report("impossible-link", error.message, where, hint)
+        add_link(model, link.node, reference, target, self._document.report, where)
 
     def reorder(self) -> None:
         """Gives many-valued references the order of the text, which making links from the other end has changed."""

@@ -11,6 +11,7 @@ from envgraph.errors import MOST_ERRORS, Note, Span, did_you_mean, plural, quote
 from envgraph.lang.interchange._xmi_document import LOST, Document, Link, Table, short
 from envgraph.lang.interchange._xmi_namespaces import Namespaces
 from envgraph.lang.read._ecore_types import too_large, value_of
+from envgraph.lang.read._features import allowed_values, unknown_literal
 from envgraph.lang.syntax._xml import XMI, XSI, Handlers, Reader, Stop
 from envgraph.metamodel import Attribute, EnumType, Reference, Scalar, Value, type_name
 
@@ -105,8 +106,8 @@ class TagReader:
             return
         for name, values in frame.values.items():
             assert frame.table is not None
-            spans = [partial(self._document.places.tag, at) for _, at in values]
-            self._set_many(frame.node, frame.table.attributes[name], [one for one, _ in values], spans)
+            found = [(value, partial(self._document.places.tag, at)) for value, at in values]
+            self._set_many(frame.node, frame.table.attributes[name], found)
         if frame.reference is not None:
             self._contain(frame)
 
@@ -274,32 +275,19 @@ class TagReader:
 
         if attribute.many:
             found = [self._value(attribute, one, span) for one in text.split()]
-            values = [one for one in found if one is not None]
-            self._set_many(node, attribute, values, [span] * len(values))
+            self._set_many(node, attribute, [(one, span) for one in found if one is not None])
             return
         value = self._value(attribute, text, span)
         if value is not None:
             self._model.set_value(node, attribute, value)
 
     def _set_many(
-        self, node: int, attribute: Attribute, values: Sequence[Value], spans: Sequence[Callable[[], Span]]
+        self, node: int, attribute: Attribute, found: Sequence[tuple[Value, Callable[[], Span]]]
     ) -> None:
         """Add to the values of an attribute with many."""
-        kept = list(self._model.values(node, attribute))
-        seen = set(kept)
-        for value, span in zip(values, spans, strict=True):
-            if attribute.unique and value in seen:
-                message = f"`{attribute}` has this value already"
-                hint = 'leave it out; `unique="false"` in the metamodel would allow it'
-                self._document.report("duplicate-value", message, span(), hint)
-            elif len(kept) == attribute.upper:
-                message = f"`{attribute}` takes {plural(attribute.upper, 'value')} at most"
-                self._document.report("too-many-values", message, span(), "leave the others out")
-                break
-            else:
-                kept.append(value)
-                seen.add(value)
-        self._model.set_value(node, attribute, kept)
+        kept, mark = self._model.values(node, attribute), '`unique="false"` in the metamodel'
+        values = allowed_values(attribute, found, self._document.report, mark=mark, kept=kept)
+        self._model.set_value(node, attribute, values)
 
     def _value(self, attribute: Attribute, text: str, where: Callable[[], Span]) -> Value | None:
         """The value of a text; None if it is none of the attribute's type, which is reported."""
@@ -310,10 +298,7 @@ class TagReader:
         span = where()
         if isinstance(type_, EnumType):
             names = type_.labels or type_.literals
-            hint = did_you_mean(text, names) or "its literals are " + quoted(names)
-            self._document.report(
-                "unknown-literal", f"`{type_.name}` has no literal `{short(text)}`", span, hint
-            )
+            unknown_literal(type_, short(text), names, self._document.report, span)
             return None
         message = f"`{attribute}` takes {with_article(type_name(type_))}, not `{short(text)}`"
         if hint is None and type_ in (Scalar.INT, Scalar.FLOAT):

@@ -16,9 +16,7 @@ from envgraph.errors import (
     MOST_ERRORS,
     Diagnostic,
     Note,
-    RuleError,
     Span,
-    TypeMismatch,
     did_you_mean,
     has_errors,
     name_hint,
@@ -27,10 +25,10 @@ from envgraph.errors import (
     with_article,
 )
 from envgraph.graph import Model
+from envgraph.lang.read._features import add_link, has_room
 from envgraph.lang.read._grid import Cell, Entry, GridText, read_grid
 from envgraph.lang.read._imports import Import
 from envgraph.lang.read._model_values import NO_VALUE, Reports, kind_of, value_of, values_of
-from envgraph.lang.read._refused_links import link_hint
 from envgraph.lang.syntax._parsing import Parsed, signed, tokens, trees
 from envgraph.metamodel import (
     Attribute,
@@ -358,17 +356,15 @@ class _Reader:
         for target, where in self._targets(task.value, reference, task.made):
             if not self._fits(target, reference, where):
                 continue
-            kept += 1
             if target in seen:
                 self.reports.report(
                     "duplicate-target", f"`{reference.name}` has this object already", where, "leave it out"
                 )
-            elif reference.upper is not None and kept > reference.upper:
-                message = f"`{reference}` takes {plural(reference.upper, 'object')} at most"
-                self.reports.report("too-many-targets", message, where, "leave the others out")
+            elif not has_room(reference, kept, self.reports.report, where):
                 return
             else:
                 self._link(task.node, reference, target, where)
+            kept += 1
             seen.add(target)
 
     def _targets(self, tree: Tree[Token], reference: Reference, made: Made) -> Iterator[tuple[int, Span]]:
@@ -447,15 +443,9 @@ class _Reader:
         return False
 
     def _link(self, node: int, reference: Reference, target: int, where: Span) -> None:
-        if self._model.has_link(node, reference, target) or self._contained_elsewhere(
-            reference, target, where
-        ):
-            return
-        try:
-            self._model.link(node, reference, target)
-        except (RuleError, TypeMismatch) as error:
-            hint = link_hint(error, reference)
-            self.reports.report("impossible-link", error.message, where, hint)
+        known = self._model.has_link(node, reference, target)
+        if not known and not self._contained_elsewhere(reference, target, where):
+            add_link(self._model, node, reference, target, self.reports.report, where)
 
     def _contained_elsewhere(self, reference: Reference, target: int, where: Span) -> bool:
         """Whether an object has a container already: the model would move it, a file says two things at once."""

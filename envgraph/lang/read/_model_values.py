@@ -7,7 +7,8 @@ from dataclasses import field
 from lark import Token, Tree
 
 from envgraph.code import dataclass
-from envgraph.errors import Diagnostic, Note, Span, did_you_mean, plural, quoted, with_article
+from envgraph.errors import Diagnostic, Note, Span, did_you_mean, with_article
+from envgraph.lang.read._features import allowed_values, unknown_literal
 from envgraph.lang.syntax._parsing import Parsed, signed, tokens, trees
 from envgraph.metamodel import Attribute, EnumType, Scalar, Value, accepts, type_name
 from envgraph.pattern import value_hint
@@ -51,23 +52,12 @@ class Reports:
 
 def values_of(tree: Tree[Token], attribute: Attribute, reports: Reports) -> list[Value]:
     """Values of an attribute with many; what is wrong is reported and left out."""
-    found: list[Value] = []
-    seen: set[Value] = set()
-    for item in trees(tree.children) if tree.data == "list" else [tree]:
-        value = value_of(item, attribute, reports)
-        if value is None:
-            continue
-        if attribute.unique and value in seen:
-            hint = "leave it out; `@nonunique` on the attribute would allow it"
-            reports.error("duplicate-value", f"`{attribute}` has this value already", item, hint)
-        elif len(found) == attribute.upper:
-            message = f"`{attribute}` takes {plural(attribute.upper, 'value')} at most"
-            reports.error("too-many-values", message, item, "leave the others out")
-            break
-        else:
-            found.append(value)
-            seen.add(value)
-    return found
+    found = (
+        (value, reports.parsed.span(item))
+        for item in (trees(tree.children) if tree.data == "list" else [tree])
+        if (value := value_of(item, attribute, reports)) is not None
+    )
+    return allowed_values(attribute, found, reports.report, mark="`@nonunique` on the attribute")
 
 
 def value_of(tree: Tree[Token], attribute: Attribute, reports: Reports) -> Value | None:
@@ -111,8 +101,7 @@ def _literal(tree: Tree[Token], attribute: Attribute, reports: Reports) -> Value
             hint,
         )
     elif literal not in type_.literals:
-        hint = did_you_mean(literal, type_.literals) or f"its literals are {quoted(type_.literals)}"
-        reports.error("unknown-literal", f"`{type_.name}` has no literal `{literal}`", literal, hint)
+        unknown_literal(type_, literal, type_.literals, reports.report, reports.parsed.span(literal))
     else:
         return str(literal)
     return None
