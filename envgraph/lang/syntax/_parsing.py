@@ -89,13 +89,13 @@ def parse_tokens(grammar: Grammar, source: Source) -> tuple[Parsed, list[Lexeme]
     if any(problem.code == "nested-too-deeply" for problem in scan.diagnostics):
         return _nothing(source, scan.diagnostics), scan.lexemes
     stack = ParseStack(grammar, source, scan.lexemes)
-    recovery = Recovery(stack, scan.diagnostics)
-    tree = _run(stack, recovery)
-    found = [*scan.diagnostics, *recovery.diagnostics]
+    mistakes: list[Diagnostic] = []
+    tree = _run(stack, scan.diagnostics, mistakes)
+    found = sorted([*scan.diagnostics, *mistakes], key=lambda one: one.span.start if one.span else 0)
     other = other_language(grammar.name, source) if found else None
     if other is not None:
         return _nothing(source, [other]), stack.lexemes
-    diagnostics = list(once_for_each_text(sorted(found, key=lambda one: one.span.start if one.span else 0)))
+    diagnostics = list(once_for_each_text(found)) if found else []
     deep = None if tree is None else _tidy(tree)
     if deep is not None:
         message, hint = "this is nested too deeply to be read", f"there may be {_DEEPEST} levels"
@@ -180,14 +180,22 @@ def qualified_name_of(tree: Tree[Token]) -> str:
     return ".".join(str(part) for part in tree.children)
 
 
-def _run(stack: ParseStack, recovery: Recovery) -> Tree[Token] | None:
-    """The tree of the whole text, with error trees in it; None when nothing could be saved."""
+def _run(stack: ParseStack, lexical: list[Diagnostic], mistakes: list[Diagnostic]) -> Tree[Token] | None:
+    """The tree of the whole text, with error trees in it; None when nothing could be saved.
+
+    Args:
+        stack: of the parse.
+        lexical: the misspelt tokens.
+        mistakes: to which the others are added.
+    """
+    recovery: Recovery | None = None
     index = errors = 0
     while True:
         terminal = stack.resolve(stack.states, index) or stack.split(stack.states, index)
         if terminal is None:
             # Counted, and not the diagnostics: what follows from a misspelt token is not reported.
             errors += 1
+            recovery = recovery or Recovery(stack, lexical, mistakes)
             if errors > MOST_ERRORS:
                 recovery.stop(index)
                 return None

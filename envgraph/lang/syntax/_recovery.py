@@ -53,11 +53,12 @@ class Recovery:
     Args:
         stack: of the parse.
         lexical: the misspelt tokens; what follows from them is not reported.
+        diagnostics: to which what is wrong is added.
     """
 
-    def __init__(self, stack: ParseStack, lexical: list[Diagnostic]) -> None:
-        self._reports = Reports(stack, lexical)
-        self.diagnostics = self._reports.diagnostics
+    def __init__(self, stack: ParseStack, lexical: list[Diagnostic], diagnostics: list[Diagnostic]) -> None:
+        self._reports = Reports(stack, lexical, diagnostics)
+        self.diagnostics = diagnostics
         self._stack = stack
         self._grammar = stack.grammar
         self._source = stack.source

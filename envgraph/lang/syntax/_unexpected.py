@@ -19,10 +19,11 @@ class Reports:
     Args:
         stack: of the parse.
         lexical: the misspelt tokens; what follows from them is not reported.
+        diagnostics: to which what is wrong is added.
     """
 
-    def __init__(self, stack: ParseStack, lexical: list[Diagnostic]) -> None:
-        self.diagnostics: list[Diagnostic] = []
+    def __init__(self, stack: ParseStack, lexical: list[Diagnostic], diagnostics: list[Diagnostic]) -> None:
+        self.diagnostics = diagnostics
         self._stack = stack
         self._grammar = stack.grammar
         self._source = stack.source
