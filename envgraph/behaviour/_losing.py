@@ -213,16 +213,16 @@ def loss_warnings(behaviour: Behaviour, engine: Engine) -> Iterator[Diagnostic]:
 
     Of several observations that read from one object it is the first one.
     """
-    told: set[tuple[str, str, Span | None]] = set()
+    reported: set[tuple[str, str, Span | None]] = set()
     for reading in readings(behaviour):
         key = reading.name, reading.what, None if reading.what == "observation" else reading.span
-        if key in told or reading.cls not in engine.model.metamodel.classes:
+        if key in reported or reading.cls not in engine.model.metamodel.classes:
             continue
         calls = [caller.call for caller in reading.callers]
         found = _losses(engine, behaviour, reading.name, reading.cls, calls)
         if not found:
             continue
-        told.add(key)
+        reported.add(key)
         rules = _rules(found)
         message = f"{rules} may take `{reading.name}` away, which this {reading.what} reads from"
         yield Diagnostic(

@@ -156,7 +156,7 @@ def _print(studies: Sequence[Study], findings: Sequence[Finding], page: Path, fo
 
 
 def _facts(found: Sequence[tuple[Domain, AuditSettings]]) -> dict[str, str]:
-    """How to make the same again."""
+    """Return how to make the same again."""
     facts = {}
     for domain, settings in found:
         policy = settings.policy

@@ -46,14 +46,14 @@ def _is_family(name: str) -> bool:
 
 
 def _groups(files: Sequence[str]) -> list[list[str]]:
-    """What is read together: loose files; a directory or a family is a whole of its own."""
+    """Return what is read together: loose files; a directory or a family is a whole of its own."""
     loose = [name for name in files if "." in Path(name).name and not name.endswith(".toml")]
     loose = [name for name in loose if not Path(name).is_dir()]
     return [[name] for name in files if name not in loose] + ([loose] if loose else [])
 
 
 def _problems(files: Sequence[str], inputs: Inputs, overrides: Sequence[str]) -> list[Diagnostic]:
-    """What is wrong with files that are read together; of families also what only a search would meet."""
+    """Return what is wrong with files that are read together; of families also what only a search would meet."""
     from envgraph.lang import load_workspace
 
     try:

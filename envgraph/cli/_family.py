@@ -69,7 +69,7 @@ def generate_family(
         location: a family file, its directory, or a bundled domain.
         name: of the run; by default that of the family.
         overrides: what holds instead of what the family file says.
-        generations: where a run that is gone on with is to end.
+        generations: where a resumed run is to end.
         resume: whether to go on with a run.
         force: whether an existing run, with all that was made of it, makes room.
         directory: where runs are kept.
@@ -237,7 +237,7 @@ def _member(family: Family, member: Member, *, full: bool = False) -> dict[str, 
 
 
 def _outcome(outcome: Outcome) -> dict[str, Any]:
-    """How diverse a family is, as JSON-ready data."""
+    """Return how diverse a family is, as JSON-ready data."""
     maximum = outcome.maximum if outcome.maximum < inf else None
     found: dict[str, Any] = {
         "diversity": outcome.diversity,
@@ -300,7 +300,7 @@ def _print_summary(family: Family, outcome: Outcome) -> None:
 
 
 def run_directory(run: str, directory: Path) -> Path:
-    """Where results about a run, or about a family file, are kept."""
+    """Return where results about a run, or about a family file, are kept."""
     path = Path(run)
     if path.suffix == ".json":
         return path.with_suffix("")

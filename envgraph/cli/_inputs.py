@@ -51,7 +51,7 @@ class Inputs:
     variant: str | None = None
 
     def load(self, *paths: str, own: bool = False) -> Workspace:
-        """What the metamodels and some files say; prints their warnings.
+        """Return what the metamodels and some files say; prints their warnings.
 
         What a model lacks is for `envgraph check` to say. The first of several `.ecore` files has the metamodel's own
         package: one of `paths` if these are `own`.

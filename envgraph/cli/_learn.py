@@ -284,7 +284,7 @@ def _members(family: Family) -> list[FamilyMember]:
 
 
 def _in_program(family: Family, order: str, error: TooManyStates) -> list[FamilyMember]:
-    """The environments in a compiled program, which standard error is told.
+    """The environments in a compiled program, as standard error says.
 
     Raises:
         EvaluationError: there is none.

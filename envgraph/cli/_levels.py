@@ -31,7 +31,7 @@ _SUFFIXES = (".xsb", ".sok", ".txt", ".des", ".tmx", ".tmj")
 
 
 def holds_levels(file: Path) -> bool:
-    """Whether a file is one of levels: its suffix says so, or it is JSON with layers."""
+    """Return whether a file is one of levels: its suffix says so, or it is JSON with layers."""
     if file.suffix != ".json" or not file.is_file():
         return file.suffix in _SUFFIXES
     return (

@@ -141,8 +141,13 @@ def apply_rule(
         replace_file(trace, trace_to_text(engine, recorded))
     if format is OutputFormat.JSON:
         failure = failed.reason if failed is not None else None
-        told = {"rule": rule, "applications": done, "failure": failure, "model": model_to_json(engine.model)}
-        print_json(told)
+        result = {
+            "rule": rule,
+            "applications": done,
+            "failure": failure,
+            "model": model_to_json(engine.model),
+        }
+        print_json(result)
     else:
         for line in lines:
             print_line(line)
@@ -194,7 +199,7 @@ class _Step:
 
 
 def _apply_once(engine: Engine, rule: str, bound: dict[str, Any]) -> tuple[list[_Step], RunResult | None]:
-    """What one application did, step by step, and the result of a unit that failed."""
+    """Return what one application did, step by step, and the result of a unit that failed."""
     if engine.signature(rule).kind == "unit":
         result = engine.run(rule, bound=bound)
         return [_traced(engine, firing) for firing in result.firings], None if result else result
@@ -310,7 +315,7 @@ def _value(engine: Engine, name: str, text: str, type_: StaticType | None) -> No
 
 
 def _names(model: Model, cls: str) -> dict[int, tuple[str, ...]]:
-    """What each object of a class may be called on the command line, the shortest first; ids are not among it.
+    """Return what each object of a class may be called on the command line, the shortest first; ids are not among it.
 
     The name in the file, the place in a grid, the values of the key, and what is printed: `Box {label = a}`.
     """

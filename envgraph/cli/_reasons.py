@@ -76,7 +76,7 @@ def _check_name(engine: Engine, workspace: Workspace, name: str) -> None:
 
 
 def _means(engine: Engine, name: str) -> bool:
-    """Whether a pattern, rule, unit or group has a name."""
+    """Return whether a pattern, rule, unit or group has a name."""
     if engine.library.resolve(name) is not None:
         return True
     try:
@@ -87,7 +87,7 @@ def _means(engine: Engine, name: str) -> bool:
 
 
 def _types(engine: Engine, name: str, given: bool) -> Mapping[str, StaticType | None]:
-    """What can be given for a pattern, rule or unit."""
+    """Return what can be given for a pattern, rule or unit."""
     if engine.library.resolve(name) is not None:
         return pattern_types(engine, name)
     if not given:  # the question itself says best that there is no such name
@@ -97,7 +97,7 @@ def _types(engine: Engine, name: str, given: bool) -> Mapping[str, StaticType | 
 
 
 def _spans(why: WhyNot) -> Iterable[Span]:
-    """Where the constraints that fail are written, the innermost last; each once."""
+    """Return where the constraints that fail are written, the innermost last; each once."""
     found: dict[tuple[str, int], Span] = {}
     for failure in why.failures:
         spans = [failure.span] if failure.span else []

@@ -29,12 +29,12 @@ def tuple_of(*items: Expression) -> Tuple:
 
 
 def equal(left: Expression, right: Expression) -> Operation:
-    """Whether two values are equal."""
+    """Return whether two values are equal."""
     return Operation("==", (left, right))
 
 
 def some(value: Expression) -> Operation:
-    """Whether there is a value."""
+    """Return whether there is a value."""
     return Operation("is not", (value, NONE))
 
 
@@ -57,7 +57,7 @@ def joined(operator: str, operands: Sequence[Expression], empty: int) -> Express
 
 
 def is_none(value: Expression) -> Operation:
-    """Whether there is no value."""
+    """Return whether there is no value."""
     return Operation("is", (value, NONE))
 
 

@@ -30,7 +30,7 @@ def picture_text(picture: Diagram) -> str:
 
 
 def _links(targets: Mapping[str, Sequence[str]]) -> Iterator[str]:
-    """Where the lines of each label lead, in one paragraph."""
+    """Yield where the lines of each label lead, in one paragraph."""
     for label, ends in targets.items():
         yield from wrap(f"{label} -> {', '.join(ends)}".lstrip(), _LINKS, subsequent_indent="  ")
 
@@ -69,5 +69,5 @@ def _beside(boxes: list[list[str]]) -> Iterator[str]:
 
 
 def _columns(text: str) -> int:
-    """How much room a text takes on a terminal."""
+    """Return how much room a text takes on a terminal."""
     return sum(2 if east_asian_width(letter) in ("W", "F") else 1 for letter in text)

@@ -38,7 +38,7 @@ def blend(one: Colour, other: Colour, share: float) -> Colour:
 
 
 def contrast(one: Colour, other: Colour) -> float:
-    """How much two colours differ, from 1 to 21 (WCAG 2.2, "contrast ratio").
+    """Return how much two colours differ, from 1 to 21 (WCAG 2.2, "contrast ratio").
 
     >>> round(contrast(PAPER, (0.0, 0.0, 0.0)), 3)
     21.0

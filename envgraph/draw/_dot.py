@@ -110,7 +110,7 @@ def _edge(edge: PictureEdge, length: float) -> str:
 
 
 def graphviz_svg(text: str, timeout: float) -> str | None:
-    """What the program `dot` makes of a DOT text, from `<svg` on.
+    """Return what the program `dot` makes of a DOT text, from `<svg` on.
 
     Args:
         text: a graph.

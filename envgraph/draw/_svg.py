@@ -69,7 +69,7 @@ def drawn_svg(picture: Diagram, frames: dict[str, Frame]) -> str:
 
 
 def picture_title(picture: Diagram) -> str:
-    """What a picture shows, in a sentence, for those who do not see it."""
+    """Return what a picture shows, in a sentence, for those who do not see it."""
     boxes, lines = len(picture.nodes), len(picture.edges)
     return (
         f"{picture.name}: {boxes} box{'es' * (boxes != 1)} and {lines} line{'s' * (lines != 1)} between them"
@@ -113,7 +113,7 @@ def _node(node: PictureNode, frame: Frame) -> Iterator[str]:
 
 
 def _bent(edges: tuple[PictureEdge, ...]) -> Iterator[tuple[PictureEdge, float]]:
-    """Each edge with how far it bends aside, so that several between two boxes are told apart."""
+    """Each edge with how far it bends aside, so that several between two boxes are distinguished."""
     groups: dict[tuple[str, str], list[PictureEdge]] = {}
     for edge in edges:
         one, other = sorted((edge.source, edge.target))
@@ -172,7 +172,7 @@ def _path(*parts: str | Point) -> str:
 
 
 def _rim(frame: Frame, toward: Point) -> Point:
-    """Where the line from the middle of a box to a point leaves the box."""
+    """Return where the line from the middle of a box to a point leaves the box."""
     dx, dy = toward[0] - frame.x, toward[1] - frame.y
     share = max(abs(dx) / frame.half_width, abs(dy) / frame.half_height)
     if share <= 1.0:  # the point is inside

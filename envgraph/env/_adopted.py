@@ -159,7 +159,7 @@ def adopt(id: str, **options: Any) -> tuple[Adopted, int | None]:
 
 
 def _try_out(inner: Any, adopted: Adopted) -> None:
-    """Take some random steps: what happens must be among the transitions that are told.
+    """Take some random steps: what happens must be among its transitions.
 
     Taxi with `fickle_passenger`, for one, does more than its `P` says.
 
@@ -173,8 +173,8 @@ def _try_out(inner: Any, adopted: Adopted) -> None:
             raise InvalidArgument(f"`{type(inner).__name__}` observes {state}, which is no number of a state")
         action = int(rng.integers(adopted.actions))
         after, reward, terminated, *_ = inner.step(action)
-        told = {outcome[1:] for outcome in adopted.outcomes[int(state)][action]}
-        if (after, reward, terminated) not in told:
+        known = {outcome[1:] for outcome in adopted.outcomes[int(state)][action]}
+        if (after, reward, terminated) not in known:
             did = f"in state {state} action {action} led to {after}"
             hint = "leave out the option that makes it do so"
             raise InvalidArgument(f"`{type(inner).__name__}` does more than it tells: {did}", hint)

@@ -19,13 +19,13 @@ from envgraph.env.scene._scene import Painter, Scene
 from envgraph.rewrite import Engine
 
 DEFAULT_LIMIT = 250_000
-"""About half a minute, and half a gigabyte: nobody should wait longer to be told that there are too many."""
+"""About half a minute, and half a gigabyte: nobody should wait longer to learn that there are too many."""
 
 OUTCOMES = 10_000_000
 """Outcomes of actions that there may be in all states together: they take the time and the space, too."""
 
 Progress = Callable[[int, int], None]
-"""Is told how many states were found so far, and how many outcomes of actions (0: not counted), now and then."""
+"""Called now and then with how many states were found so far, and how many outcomes of actions (0: not counted)."""
 
 
 def enumerate_states(
@@ -99,7 +99,7 @@ The action of a reset is -1.
 
 @dataclass(slots=True)
 class _Search:
-    """A depth-first walk: every move is made once, and taken back, so that no state needs to be stored.
+    """A depth-first walk: every move is made once, and undone, so that no state needs to be stored.
 
     A state is known by the hash of the model, by whose turn it is, and by whether the episode is over: a start state is
     not over even where a step to it would have ended the episode.
@@ -151,7 +151,7 @@ class _Search:
                     self.rows[found] = [[] for _ in self.simulator.action_names]
                     stack.append((self._leave(), found))
         finally:
-            while stack:  # after an error: take the moves back, the last one first
+            while stack:  # after an error: undo the moves, the last one first
                 stack.pop()[0].close()
 
     def _begin(self) -> Walk:

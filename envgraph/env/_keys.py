@@ -206,7 +206,7 @@ class SameKey(EvaluationError):
         names = " and ".join(f"`{model.title(node) or f'{model.class_of(node)}#{node}'}`" for node in nodes)
         attributes = key_attributes(model.metamodel, cls)
         values = ", ".join(f"{one.name} = {value}" for one, value in zip(attributes, key, strict=True))
-        super().__init__(f"{names} have the same key, {values}: objects of `{cls}` are told apart by it")
+        super().__init__(f"{names} have the same key, {values}: objects of `{cls}` are distinguished by it")
 
 
 def _keys(model: Model, cls: str) -> dict[int, Key]:

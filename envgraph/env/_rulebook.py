@@ -67,7 +67,7 @@ def _running_unit(engine: Engine, name: str, bound: Sequence[str], outputs: Sequ
         except BaseException:
             model.rollback(savepoint)
             raise
-        if not result:  # what it did before the step that failed is taken back: the state stays
+        if not result:  # what it did before the step that failed is undone: the state stays
             model.rollback(savepoint)
             return None
         model.release(savepoint)

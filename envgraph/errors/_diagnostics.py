@@ -97,7 +97,7 @@ def _place(span: Span | None) -> dict[str, object]:
 
 
 def has_errors(diagnostics: Iterable[Diagnostic]) -> bool:
-    """Whether any of them is an error rather than a warning."""
+    """Return whether any of them is an error rather than a warning."""
     return any(diagnostic.severity is Severity.ERROR for diagnostic in diagnostics)
 
 

@@ -116,7 +116,7 @@ def visible(text: str) -> str:
 
 
 def _columns(char: str) -> int:
-    """How much room a character takes on a terminal."""
+    """Return how much room a character takes on a terminal."""
     if char.isascii():
         return 1
     if category(char) in ("Mn", "Me", "Cf"):

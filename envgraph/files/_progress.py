@@ -1,6 +1,6 @@
 """Long work says on standard error how far it has come: visiting states, generations, agents that learn.
 
-Work inside of work is told behind it: "environments: 2 of 6, E3; states of Triage: 1,200".
+Work inside of work is shown behind it: "environments: 2 of 6, E3; states of Triage: 1,200".
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ _under_way: ContextVar[_Work | None] = ContextVar("envgraph_under_way", default=
 
 @contextmanager
 def telling(show: Show | None = None) -> Iterator[Tell]:
-    """Call what this gives with a text now and then; with none at all, work inside of it is told as one.
+    """Call what this gives with a text now and then; with none at all, work inside of it is shown as one.
 
     Args:
         show: shows a text, if this is the outermost work; else a terminal has a line that changes, gone at the end, and

@@ -80,7 +80,7 @@ def _is_special(path: Path) -> bool:
 
 
 def _prefix(target: Path) -> str:
-    """How the names of drafts of a file begin."""
+    """Return how the names of drafts of a file begin."""
     return f".{target.name}.draft-"
 
 

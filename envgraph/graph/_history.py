@@ -357,8 +357,8 @@ class History:
             self._settle_journal()
             for follower in store.followers[:]:
                 follower.interrupted()
-        torn = kinds & _WRITES
-        if torn:
+        writes = kinds & _WRITES
+        if writes:
             store.derive()
         for goal in goals:
             if isinstance(goal, tuple):
@@ -371,7 +371,7 @@ class History:
                 self._roll_back(self._stack[goal])
             elif isinstance(goal, Vertex):
                 self._check_out(goal)
-        if torn:
+        if writes:
             store.recording = True  # until it turns out that nobody can go back
             self.versions.tidy()
             self._settle()

@@ -1,4 +1,4 @@
-"""Models told apart up to isomorphism: by colour refinement, and by search where that cannot decide."""
+"""Whether models are isomorphic: by colour refinement, and by search where that cannot decide."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from envgraph.graph._store import Store
 from envgraph.metamodel import Value, Values
 
 Colours = dict[int, int]
-"""A number for each node; nodes of different colours are told apart."""
+"""A number for each node; nodes of different colours are distinguished."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,7 +108,7 @@ class Shapes:
             colours, distinct = found, now
 
     def _isomorphic(self, left: _Shape, right: _Shape) -> bool:
-        """Whether two shapes of equal colours are isomorphic."""
+        """Return whether two shapes of equal colours are isomorphic."""
         if not left.colours or _decided(right):
             return True
         trials = [self._trials(left, right)]

@@ -149,7 +149,7 @@ class Model:
         return Node(self, found)
 
     def __contains__(self, item: object) -> bool:
-        """Whether an object has this name, or this handle stands for an object of the model."""
+        """Return whether an object has this name, or this handle stands for an object of the model."""
         if isinstance(item, Node):
             return item.model is self and self.alive(item.id)
         return isinstance(item, str) and self.find_object(item) is not None

@@ -289,7 +289,7 @@ class _View:
 
 
 def _leads(relation: Relation, opposite: Reference) -> bool:
-    """Whether this one of a pair is drawn: the containment, else the one declared first."""
+    """Return whether this one of a pair is drawn: the containment, else the one declared first."""
     if relation.containment or relation.contained:
         return relation.containment
     return relation.reference.index <= opposite.index

@@ -106,7 +106,7 @@ class Vertex:
 
 
 class Handle(weakref.ref[Version]):
-    """Tells whether somebody holds a version; what is called when nobody does is told this, not the version."""
+    """Tells whether somebody holds a version; what is called when nobody does gets this, not the version."""
 
     __slots__ = ("vertex",)
 

@@ -296,7 +296,7 @@ class _Reader:
         return left_again(LeftSide(nodes, edges, rest))
 
     def right(self, given: str | RightSide | Iterable[Node | Edge | Action]) -> Any:
-        """What is there afterwards."""
+        """Return what is there afterwards."""
         if isinstance(given, str):
             return self._parts.read("rhs", given).right
         if isinstance(given, RightSide):
@@ -308,7 +308,7 @@ class _Reader:
         return right_again(RightSide(_of(items, Node), _of(items, Edge), rest))
 
     def modification(self, given: str | Modification | Iterable[Action] | None) -> Any:
-        """What changes, or nothing."""
+        """Return what changes, or nothing."""
         if isinstance(given, str):
             return self._parts.read("modify", given).right
         if given is None or isinstance(given, Modification):

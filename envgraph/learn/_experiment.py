@@ -191,7 +191,7 @@ def run_families(
 def _shifted(
     progress: Callable[[int, int], None] | None, before: int, total: int
 ) -> Callable[[int, int], None] | None:
-    """Progress of a part, told as that of the whole."""
+    """Progress of a part, reported as that of the whole."""
     if progress is None:
         return None
     return lambda done, _: progress(before + done, total)

@@ -54,7 +54,7 @@ def _shared(component: list[Any], exits: Iterable[Any], reached: Mapping[Any, Re
 
 
 def _tree(start: Any, exits: Iterable[Any], reached: Mapping[Any, Reached]) -> Tree:
-    """What hangs together in either of two trees does so in both, whichever wins where they disagree."""
+    """Return what hangs together in either of two trees does so in both, whichever wins where they disagree."""
     found = Tree()
     for node in exits:
         if node not in found:

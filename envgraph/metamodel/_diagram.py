@@ -93,7 +93,7 @@ def _references(references: Iterable[tuple[Reference, Reference | None]]) -> Ite
 
 
 def _leads(reference: Reference, opposite: Reference) -> bool:
-    """Whether this one of a pair gives the line its direction: the containment, else the one declared first."""
+    """Return whether this one of a pair gives the line its direction: the containment, else the one declared first."""
     if reference.containment or opposite.containment:
         return reference.containment
     return reference.index <= opposite.index

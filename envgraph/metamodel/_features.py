@@ -245,7 +245,7 @@ def simple_name(name: str) -> str:
 
 
 def place(item: EnumType | Attribute | Reference | Class, part: str) -> Span | None:
-    """Where a part of a definition stands in its text; the definition's own span where that is not known."""
+    """Return where a part of a definition stands in its text; the definition's own span where that is not known."""
     return dict(item.places).get(part, item.span)
 
 
@@ -299,5 +299,5 @@ def _has_float(value: int) -> bool:
 
 
 def type_name(type_: AttributeType) -> str:
-    """How the type is written in a file."""
+    """Return how the type is written in a file."""
     return type_.name if isinstance(type_, EnumType) else str(type_)

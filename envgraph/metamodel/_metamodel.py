@@ -144,7 +144,7 @@ class Metamodel:
         return found
 
     def is_a(self, name: str, above: str) -> bool:
-        """Whether a class is the other or one of its subclasses."""
+        """Return whether a class is the other or one of its subclasses."""
         place = self._order[name]
         return bool(self._kinds.get(above, 0) >> place & 1)
 
@@ -160,11 +160,11 @@ class Metamodel:
         return found
 
     def covers(self, cls: str, other: str) -> bool:
-        """Whether every object of another class is of a class, by their concrete subclasses."""
+        """Return whether every object of another class is of a class, by their concrete subclasses."""
         return set(self.concrete(other)) <= set(self.concrete(cls))
 
     def overlap(self, one: str, other: str) -> bool:
-        """Whether some object can be an instance of both classes."""
+        """Return whether some object can be an instance of both classes."""
         return bool(self._kinds[one] & self._kinds[other] & self._instantiable)
 
     def contents(self, name: str) -> list[str]:

@@ -341,7 +341,7 @@ class Analysis:
 
 
 def _may_be_method(expression: Expression) -> bool:
-    """Whether a path in an expression ends as a function is called; without recursion, as `depth` is."""
+    """Return whether a path in an expression ends as a function is called; without recursion, as `depth` is."""
     waiting = [expression]
     for one in waiting:
         if isinstance(one, Navigation) and one.feature in FUNCTIONS:

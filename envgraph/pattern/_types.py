@@ -73,7 +73,7 @@ def data_type_hint(name: str) -> str | None:
 
 
 def _any_object_hint(metamodel: Metamodel) -> str:
-    """What to write for Ecore's class of all objects, which is none of ours."""
+    """Return what to write for Ecore's class of all objects, which is none of ours."""
     tops = [cls.name for cls in metamodel.class_list if not cls.supertypes]
     if len(tops) == 1:
         return f"write `{tops[0]}`: all classes extend it"

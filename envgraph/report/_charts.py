@@ -186,7 +186,7 @@ class _Frame:
 
 
 def _dash(place: int, series: Series) -> str:
-    """The attribute by which lines of one colour can be told apart."""
+    """The attribute by which lines of one colour are distinguished."""
     round_ = place // len(COLOURS)
     dash = [5 + 9 * round_, 4] if series.dashed or round_ else []
     return f' stroke-dasharray="{" ".join(map(str, dash))}"' if dash else ""

@@ -559,8 +559,8 @@ def option_problems(spec: FamilySpec, workspace: Workspace) -> list[Diagnostic]:
         _climb(options, spec.search.population)
         known.objective[spec.objective.kind](options, context)
         problems += _finished(options)
-    told = {one.span for one in workspace.diagnostics}
-    return [one for one in problems if one.span not in told]
+    reported = {one.span for one in workspace.diagnostics}
+    return [one for one in problems if one.span not in reported]
 
 
 def domain_problems(spec: FamilySpec, workspace: Workspace) -> list[Diagnostic]:

@@ -428,8 +428,8 @@ class _Opened:
             try:
                 shown = [f"environments: {number} of {len(places)}" for number in range(len(places))]
                 return [
-                    self.explored(place, pictures=pictures, told=told if len(places) > 1 else "")
-                    for place, told in zip(places, shown, strict=True)
+                    self.explored(place, pictures=pictures, remark=remark if len(places) > 1 else "")
+                    for place, remark in zip(places, shown, strict=True)
                 ]
             except TooManyStates:
                 if engine == "table":
@@ -471,14 +471,14 @@ class _Opened:
         hint = 'use `engine="live"`, or `engine="table"` where there are few states'
         return EvaluationError(message, self._refused.span, hint)
 
-    def explored(self, place: int, *, pictures: bool, told: str) -> Explored:
+    def explored(self, place: int, *, pictures: bool, remark: str) -> Explored:
         name, table = [*self.record.tables.items()][place]
         table = table or self.family.table_name(self.family.members[place])
         found = self._tables.read(table, drawn=pictures and self.record.drawn)
         if found is not None:
             return found
         with telling() as tell:
-            tell(told and f"{told}, {name}")
+            tell(remark and f"{remark}, {name}")
             return self.family.explored(self.family.members[place], pictures=pictures)
 
 

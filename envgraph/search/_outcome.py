@@ -17,8 +17,8 @@ from envgraph.search._store import RunStore
 
 _SAME = 1e-9
 
-_MOST_TOLD = 100
-"""Members whose bins are told one by one."""
+_MOST_REPORTED = 100
+"""Members whose bins are listed one by one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +56,7 @@ class Outcome:
         limit = f" of {self.maximum:.3f}" if self.maximum < inf else ""
         unit = f" {self.unit}" if self.unit else ""
         bins = f", members in bins {','.join(map(str, self.bins))}" if self.bins else ""
-        if len(self.bins) > _MOST_TOLD:
+        if len(self.bins) > _MOST_REPORTED:
             counts = [f"{number} ({count:,})" for number, count in sorted(Counter(self.bins).items())]
             bins = f", members in bins {', '.join(counts)}"
         objective = "{} {:.3f}, ".format(*self.objective) if self.objective else ""

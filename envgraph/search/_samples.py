@@ -27,8 +27,8 @@ WALK: Final = 16
 """Models on a walk: at about this length members differ most, and longer walks save little time
 (`benchmarks/bench_samples.py`)."""
 
-_TOLD: Final = 256
-"""Attempts after which progress is told."""
+_REPORTED: Final = 256
+"""Attempts after which progress is reported."""
 
 REPEATED: Final = "the model was met before"
 """Why a model is turned down that is not worth another look."""
@@ -114,11 +114,11 @@ class Sampler:
 
     def run(self, progress: Callable[[SampleProgress], None] = lambda progress: None) -> Archive:
         """Draw until there are enough, or too many attempts were made; `write` keeps what was found."""
-        told = 0
+        reported = 0
         while not self._over():
             self._walk(WALK, self._offer)
-            if self._tried >= told:
-                told = self._tried + _TOLD
+            if self._tried >= reported:
+                reported = self._tried + _REPORTED
                 progress(self.progress)
         progress(replace(self.progress, share=1.0))
         return self._archive

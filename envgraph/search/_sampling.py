@@ -42,7 +42,7 @@ class Sampling:
     def ask(self, count: int) -> Family:
         """New models, all valid and none that was asked for before: a step each from a member of the archive.
 
-        Models that nobody has told of are forgotten.
+        Models without a score are forgotten.
 
         Args:
             count: how many, at least 1.

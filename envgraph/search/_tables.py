@@ -90,7 +90,7 @@ class Tables:
     ) -> Explored:
         """The table of a model, with a picture of every state where they are asked for and can be drawn.
 
-        Standard error is told how many states there are so far. The table is not kept where expressions call functions
+        Standard error says how many states there are so far. The table is not kept where expressions call functions
         of Python: no hash says what those do.
 
         Args:

@@ -30,7 +30,7 @@ CHOICES: Final = 1_000
 FIRST: Final = 1_024
 """States and outcomes that there is space for at first."""
 TOLD: Final = 100_000
-"""Outcomes after which progress is told."""
+"""Outcomes after which progress is reported."""
 
 Array = NDArray[Any]
 
@@ -44,7 +44,7 @@ def enumerated(
         program: the compiled behaviour.
         member: number of the member.
         limit: how many states there may be.
-        progress: is told of the numbers of states and outcomes, now and then.
+        progress: called now and then with the numbers of states and outcomes.
 
     Raises:
         TooManyStates: as `explore`.

@@ -1,4 +1,4 @@
-"""What a rule does to links, as assignments to the cells that keep them."""
+"""Code of a rule for links: assignments to the cells that keep them."""
 
 from __future__ import annotations
 

@@ -37,7 +37,7 @@ class Shape(Enum):
 class Matching:
     """Writes functions that find matches: different values at some positions, of the matches with values at others.
 
-    Each may be told that it is `sure`: the objects given are certainly of the classes of the parameters.
+    `sure` says of each: the objects given are certainly of the classes of the parameters.
 
     Args:
         facts: reads the model.

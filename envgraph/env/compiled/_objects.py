@@ -1,4 +1,4 @@
-"""What a rule does to objects: they come, change their class, and go."""
+"""Code of a rule for objects: they are created, change their class, and are deleted."""
 
 from __future__ import annotations
 

@@ -30,7 +30,7 @@ WIDTH: Final = 500
 SEARCHES_OF_PYTHON: Final = 20
 """Small searches that take Python as long as that."""
 MOST_MATCHES: Final = 255
-"""Matches of a guide that are told apart."""
+"""Matches of a guide that are distinguished."""
 HORIZON: Final = 1_000
 """Steps of a beam in an environment without a limit."""
 ENDS: Final = {1: "success", 2: "failure"}
@@ -129,7 +129,7 @@ def find_plan(
         limit: how many states may be met before layers are cut.
         width: how many states are kept of a layer.
         most: how many states may be met at all.
-        progress: is told of the number of states, now and then.
+        progress: called now and then with the number of states.
 
     Raises:
         TooManyStates: more states than the most that there may be.

@@ -145,11 +145,11 @@ class _Writer:
         return (one for one in self._features[self.model.class_of(node)] if isinstance(one, Attribute))
 
     def _is_nil(self, node: int, attribute: Attribute) -> bool:
-        """Whether to say that there is no value: leaving it out would mean the default."""
+        """Return whether to say that there is no value: leaving it out would mean the default."""
         return not self.model.values(node, attribute) and usual_value(attribute) is not None
 
     def _implied(self, feature: Feature) -> bool:
-        """Whether the place of an object says it: the link to its container."""
+        """Return whether the place of an object says it: the link to its container."""
         if isinstance(feature, Attribute):
             return False
         opposite = self.model.metamodel.opposite(feature)

@@ -249,7 +249,7 @@ class Section:
 
 
 def is_int(value: object) -> bool:
-    """Whether a TOML value is a whole number."""
+    """Return whether a TOML value is a whole number."""
     return isinstance(value, int) and not isinstance(value, bool)
 
 
@@ -258,7 +258,7 @@ def _is_number(value: object) -> bool:
 
 
 def kind_of(value: object) -> str:
-    """What a TOML value is, for messages."""
+    """Return what a TOML value is, for messages."""
     match value:
         case bool():
             return "a truth value"

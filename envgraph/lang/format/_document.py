@@ -200,7 +200,7 @@ class _Printer:
 
 
 def fits(rest: Sequence[Command], first: Command, room: int) -> bool:
-    """Whether a document fits on the line, with what follows it up to the next place where the line may end."""
+    """Return whether a document fits on the line, with what follows it up to the next place where the line may end."""
     waiting = [first]
     after = len(rest)
     while room >= 0:
@@ -271,7 +271,7 @@ class _Row:
     marks: list[Mark] = field(default_factory=list)
 
     def kind(self, comments: bool) -> tuple[str, int] | None:
-        """What it can be set in columns with: the kind of its marks, and its indentation."""
+        """Return what it can be set in columns with: the kind of its marks, and its indentation."""
         found = [mark.kind for mark in self.marks if (mark.kind == COMMENT) is comments]
         if not found:
             return None

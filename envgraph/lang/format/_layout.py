@@ -168,7 +168,7 @@ class Layout:
         return self.tokens.gaps[index].ends_line
 
     def is_word(self, item: Item, word: str) -> bool:
-        """Whether this is a certain token."""
+        """Return whether this is a certain token."""
         return isinstance(item, int) and self.tokens.words[item] == word
 
     def block(self, items: Sequence[Item], mark: str = "") -> Document:
@@ -204,7 +204,7 @@ class Layout:
         return joined(parts)
 
     def vertical(self, index: int, inner: bool) -> Document:
-        """What stands before a statement of a block; `inner`: it is not the first."""
+        """Return what stands before a statement of a block; `inner`: it is not the first."""
         gap = self.tokens.gaps[index]
         found = self.remarks(gap, inner)
         last = gap.remarks[-1] if gap.remarks else None

@@ -23,7 +23,7 @@ _TYPES: Final = frozenset({"aliased_literal", "enum_literal", "static_method", "
 
 
 def spaced(tokens: Tokens, index: int) -> bool:
-    """Whether a blank stands between a token and the next one."""
+    """Return whether a blank stands between a token and the next one."""
     left, right = tokens.words[index], tokens.words[index + 1]
     owner, following = tokens.owners[index], tokens.owners[index + 1]
     if tokens.kinds[index] == "STRING" or tokens.kinds[index] == "TEXT":
@@ -58,5 +58,5 @@ def _spaced_before(tokens: Tokens, index: int, left: str, right: str, owner: str
 
 
 def _whole_check(tokens: Tokens, index: int) -> bool:
-    """Whether the brackets after a token are all that it checks: `check(x)`, but `check (x) && (y)`."""
+    """Return whether the brackets after a token are all that it checks: `check(x)`, but `check (x) && (y)`."""
     return index in tokens.whole

@@ -340,7 +340,7 @@ class _Reader(Tags):
         )
 
     def _multiplicity(self, element: Element) -> list[tuple[str, Span]]:
-        """Where the bounds of a feature stand, if they do."""
+        """Return where the bounds of a feature stand, if they do."""
         bounds = (one for one in ("upperBound", "lowerBound") if one in element.attributes)
         return [("multiplicity", self.at(element, bound)) for bound in bounds][:1]
 
@@ -397,8 +397,8 @@ class _Reader(Tags):
                 return None
             back = {one.element for one in there_reader.quietly(other, "eOpposite")}
             types = {one.element for one in there_reader.quietly(other, "eType", "eGenericType")}
-            told = ("eOpposite",), ("eType", "eGenericType")
-            if not (back and types) and all(self._mentions(other, names) for names in told):
+            needed = ("eOpposite",), ("eType", "eGenericType")
+            if not (back and types) and all(self._mentions(other, names) for names in needed):
                 return None  # what it says of itself cannot be read, which is reported there
             owner = self._owners[element]
             if self._owners[other] is not there or owner not in types or element not in back:

@@ -71,12 +71,12 @@ class EcoreDocument:
         return tuple(one.attributes["nsURI"] for one in self.packages if one.attributes.get("nsURI"))
 
     def calls(self) -> Iterator[str]:
-        """What other files may call the file by: the nsURIs of its packages, and the name of the outermost."""
+        """Yield what other files may call the file by: the nsURIs of its packages, and the name of the outermost."""
         yield from self.uris
         yield from (one.get("name") for one in self.packages[:1])
 
     def mentioned(self) -> dict[str, Span]:
-        """What stands before `#` where something of another file is named, with the first place of each."""
+        """Return what stands before `#` where something of another file is named, with the first place of each."""
         found: dict[str, Span] = {}
         known = {""}
         for element, key, word in self._words():
@@ -88,7 +88,7 @@ class EcoreDocument:
         return found
 
     def needs_ecore(self) -> bool:
-        """Whether a class of Ecore itself is named, or a type parameter stands for any object."""
+        """Return whether a class of Ecore itself is named, or a type parameter stands for any object."""
         return any(
             word == _ANY
             or (library_types(document) is ECORE_TYPES and part.rpartition("/")[2] not in ECORE_TYPES)
@@ -145,7 +145,7 @@ class EcoreDocument:
         return inside[place] if place < len(inside) else None
 
     def parts(self, element: Element) -> Mapping[str, Element]:
-        """What is in an element, by name."""
+        """Return what is in an element, by name."""
         if element not in self._names:
             named = {}
             for child in reversed(element.children):

@@ -111,7 +111,7 @@ class Names:
         self.warn("generic-type", message, where, "it takes more objects than it says")
 
     def _erased(self, parameter: Target) -> Iterator[Target]:
-        """What a type parameter is at most; parameters may be bounds of each other."""
+        """Yield what a type parameter is at most; parameters may be bounds of each other."""
         span, seen = parameter.span, set()
         while parameter.element is not None and parameter.element not in seen:
             seen.add(parameter.element)
@@ -127,7 +127,7 @@ class Names:
         self.error("generic-type", "this type parameter has no end", span, "give it a class as its bound")
 
     def _targets(self, element: Element, name: str) -> Iterator[Target]:
-        """What an attribute names (`#//A ecore:EClass other.ecore#//B`), and tags of that name with an `href`."""
+        """Yield what an attribute names (`#//A ecore:EClass other.ecore#//B`), and tags of that name with an `href`."""
         words = element.get(name).split()
         for index, word in enumerate(words):
             after = words[index + 1] if index + 1 < len(words) else ""
@@ -166,7 +166,7 @@ class Names:
         return Target(element, None, span, reader)
 
     def _reader_of(self, text: str) -> tuple[Names | None, Element | None]:
-        """Who reads the file that is called so, and the package in it that is meant."""
+        """Return who reads the file that is called so, and the package in it that is meant."""
         if text not in self._others:
             self._others[text] = self._look_for(text)
         return self._others[text]

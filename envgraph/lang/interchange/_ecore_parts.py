@@ -50,7 +50,7 @@ def marks_of(names: Names, element: Element, features: Sequence[Feature]) -> Mar
 
 
 def annotations_of(names: Names, element: Element) -> tuple[Annotation, ...]:
-    """What `metamodel_to_ecore` keeps of the annotations of a `.metamodel` file."""
+    """Return what `metamodel_to_ecore` keeps of the annotations of a `.metamodel` file."""
     found = []
     for one, name, value in _details(element):
         values: tuple[Value, ...] = tuple(value.split())
@@ -90,7 +90,7 @@ def name_of(names: Names, element: Element, what: str) -> str:
 
 
 def called(names: Names, element: Element, what: str) -> str:
-    """What a class or an enum is called in the metamodel."""
+    """Return what a class or an enum is called in the metamodel."""
     return name_of(names, element, what) and (names.joint.names[element] or f"unnamed_{element.byte}")
 
 

@@ -35,7 +35,7 @@ class Tags(Names):
     """The tags of one file."""
 
     def begin(self) -> bool:
-        """Whether the file has a package."""
+        """Return whether the file has a package."""
         root, problem = self.document.root, self.document.problem
         if problem or root is None:
             self.joint.diagnostics.extend([problem] if problem else [])

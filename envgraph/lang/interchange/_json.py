@@ -100,7 +100,7 @@ class _Places(Mapping[int, Span]):
 
 
 def check_json(value: object, spans: Mapping[JsonPath, Span], schema: Mapping[str, Any]) -> list[Diagnostic]:
-    """Where a value is not what a JSON Schema says, in the order of the text.
+    """Return where a value is not what a JSON Schema says, in the order of the text.
 
     >>> value, spans = parse_json(Source("a.json", '{"x": [1, "2"]}'))
     >>> schema = {"properties": {"x": {"items": {"type": "number"}}}}
@@ -233,7 +233,7 @@ def _finite(text: str) -> float:
 
 
 def _json_hint(error: json.JSONDecodeError) -> str | None:
-    """How to mend what Python's reader of JSON complains about."""
+    """Return how to mend what Python's reader of JSON complains about."""
     before, here = error.doc[: error.pos].rstrip()[-1:], error.doc[error.pos : error.pos + 1]
     if before == "," and here in ("}", "]", "", '"', ","):
         return "take out the comma before it: nothing comes after it" if here in ("}", "]") else None
@@ -272,7 +272,7 @@ def _path(problem: Diagnostic, value: Any) -> JsonPath:
 
 
 def _located(source: Source, wanted: AbstractSet[JsonPath]) -> Mapping[JsonPath, Span]:
-    """Where some of the values stand; what comes after the last of them is not looked at."""
+    """Return where some of the values stand; what comes after the last of them is not looked at."""
     spans: dict[JsonPath, Span] = {}
     for path, span in locate(source):
         if path in wanted:

@@ -59,7 +59,7 @@ class LevelTemplate:
 
         Raises:
             InvalidArgument: something given is no letter of the grid.
-            LoadError: a cell has no letter; each of its kind is told once.
+            LoadError: a cell has no letter; each kind is reported once.
         """
         known = self._known(given)
         problems: dict[str, Diagnostic] = {}
@@ -102,7 +102,7 @@ class LevelTemplate:
 
 
 def _commented(before: str, title: str) -> Iterator[str]:
-    """What stands before the name of a model, with a title as a comment before it."""
+    """Yield what stands before the name of a model, with a title as a comment before it."""
     head, line, word = before.rpartition("\n")
     yield head + line
     if title:

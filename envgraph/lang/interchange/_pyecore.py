@@ -22,8 +22,8 @@ from envgraph.lang.read._ecore_types import ECORE
 from envgraph.metamodel import Metamodel, metamodel_to_ecore
 
 _XML_TYPES = "http://www.eclipse.org/emf/2003/XMLType"
-_TOLD: Final = 5
-"""So many losses are told one by one."""
+_LISTED: Final = 5
+"""So many losses are listed one by one."""
 _PLACE = re.compile(r"#/(\d+)/")
 """How pyecore names what is in one of several roots."""
 
@@ -31,7 +31,7 @@ _PLACE = re.compile(r"#/(\d+)/")
 def metamodel_from_pyecore(package: Any, *others: Any) -> Metamodel:
     """The metamodel of a `pyecore.ecore.EPackage`, the packages in it, and those that they refer to.
 
-    The logger `envgraph` is told how many features are left out; `Metamodel.left_out` says why.
+    The logger `envgraph` notes how many features are left out; `Metamodel.left_out` says why.
 
     Args:
         package: the metamodel's own package; that of Ecore (`pyecore.ecore.eClass`) stands for the classes of Ecore.
@@ -61,8 +61,8 @@ def _tell(losses: Iterable[Diagnostic]) -> None:
     """Tell the logger what is lost, the first few of it."""
     said = [one.message for one in losses]
     if said:
-        more = f", and {len(said) - _TOLD} more" if len(said) > _TOLD else ""
-        logging.getLogger("envgraph").warning("%s", "; ".join(said[:_TOLD]) + more)
+        more = f", and {len(said) - _LISTED} more" if len(said) > _LISTED else ""
+        logging.getLogger("envgraph").warning("%s", "; ".join(said[:_LISTED]) + more)
 
 
 def metamodel_to_pyecore(metamodel: Metamodel) -> Any:
@@ -150,7 +150,7 @@ def _read(name: str, text: str, packages: Any) -> list[Any]:
 
 
 def _written(roots: list[Any]) -> str:
-    """What pyecore writes of objects; they stay in the resources where they are."""
+    """Return what pyecore writes of objects; they stay in the resources where they are."""
     target = _memory("objects.xmi")
     resource = _module("pyecore.resources.xmi").XMIResource(target)
     homes = [root._eresource for root in roots]
@@ -242,7 +242,7 @@ def _add_opposites(element: Any, package: Any, ecore: Any, files: Mapping[Any, s
 
 
 def _address(feature: Any, files: Mapping[Any, str]) -> str:
-    """Where a feature stands: `#//Class/feature`, with the packages around the class, and the file."""
+    """Return where a feature stands: `#//Class/feature`, with the packages around the class, and the file."""
     steps = [feature.name, feature.eContainingClass.name]
     package = feature.eContainingClass.ePackage
     while package.eSuperPackage is not None:

@@ -86,7 +86,7 @@ class Reading:
             yield Diagnostic("values-left-out", message, span, hint, Severity.WARNING)
 
     def table(self, cls: str) -> Table:
-        """What a class says about its tags; worked out for the classes that a file has, and no others."""
+        """Return what a class says about its tags; worked out for the classes that a file has, and no others."""
         found = self._tables.get(cls)
         if found is None:
             found = self._tables[cls] = self._table(cls)

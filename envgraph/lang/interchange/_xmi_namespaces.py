@@ -44,7 +44,7 @@ class Namespaces:
             self._enter_scope(self._scopes.pop()[1])
 
     def is_space(self, prefix: str) -> bool:
-        """Whether a prefix stands for XMI itself."""
+        """Return whether a prefix stands for XMI itself."""
         return XMI_SPACES.fullmatch(self.scope.get(prefix, "")) is not None
 
     def _enter_scope(self, scope: dict[str, str]) -> None:
@@ -144,7 +144,7 @@ class Namespaces:
         return None
 
     def is_nil(self, attributes: dict[str, str]) -> bool:
-        """Whether a tag stands for no object."""
+        """Return whether a tag stands for no object."""
         return any(
             value == "true"
             and key.rpartition(":")[2] == "nil"

@@ -117,7 +117,7 @@ class TagReader:
         if self._stack and self._stack[-1].text is not None:
             self._stack[-1].text.append(text)
         elif not text.isspace():
-            # It is told when the next tag begins.
+            # It is reported when the next tag begins.
             line = text.strip().split("\n")[0]
             start = max(
                 self._document.source.text.rfind(line, 0, self._document.places.offset(self._xml.at)), 0

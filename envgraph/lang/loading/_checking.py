@@ -20,7 +20,7 @@ if TYPE_CHECKING:  # loaded with the first environment
 
 
 def check(workspace: Workspace) -> list[Diagnostic]:
-    """What is wrong with patterns, rules, units, derivations and behaviours."""
+    """Return what is wrong with patterns, rules, units, derivations and behaviours."""
     problems = list(_same_names(workspace.behaviours, "environment"))
     if workspace.registration is None or workspace.metamodel is None:
         return [*problems, *_no_metamodel(workspace)]
@@ -36,7 +36,7 @@ def check(workspace: Workspace) -> list[Diagnostic]:
 
 
 def conformance(text: ModelText) -> list[Diagnostic]:
-    """What a model lacks to conform to its metamodel (multiplicities, values): a diagnostic at each object.
+    """Return what a model lacks to conform to its metamodel (multiplicities, values): a diagnostic at each object.
 
     A model may be worked on while it does not conform, so these are warnings.
     """
@@ -60,7 +60,7 @@ def conformance(text: ModelText) -> list[Diagnostic]:
 
 
 def _completion(violation: Violation, model: Model, start: str) -> str:
-    """What to write so that an object has what it lacks, in a text that starts so."""
+    """Return what to write so that an object has what it lacks, in a text that starts so."""
     feature = violation.feature
     if violation.kind == "too-many":
         return f"leave some of `{feature.name}` out"

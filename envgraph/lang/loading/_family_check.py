@@ -216,7 +216,7 @@ class _Checker:
             yield from self._number(measure)
 
     def _number(self, measure: ComponentSpec) -> Iterator[Diagnostic]:
-        """Whether it is clear which parameter of a pattern a value is."""
+        """Yield whether it is clear which parameter of a pattern a value is."""
         name, wanted = measure.options.get("of"), measure.options.get("parameter")
         registration = self._workspace.registration
         if not isinstance(name, str) or registration is None:
@@ -297,7 +297,7 @@ class _Checker:
             yield Diagnostic("wrong-arity", message, span, hint)
 
     def _steps(self, measure: ComponentSpec) -> Iterator[Diagnostic]:
-        """Whether paths of a measure can go where it says, by the classes of the objects."""
+        """Yield whether paths of a measure can go where it says, by the classes of the objects."""
         metamodel, given = self._workspace.metamodel, measure.options
         along = given.get("along")
         names = along if isinstance(along, list) else [along]
@@ -340,7 +340,7 @@ def _reached(metamodel: Metamodel, start: str, references: Sequence[Reference]) 
 
 
 def _named(names: Iterable[tuple[str, str]]) -> dict[str, int]:
-    """How many qualified names each name may mean; one, if it is a qualified name itself."""
+    """Return how many qualified names each name may mean; one, if it is a qualified name itself."""
     counts: dict[str, int] = {}
     distinct = dict.fromkeys(names)  # a second definition of a name is reported where it stands
     for simple, _ in distinct:

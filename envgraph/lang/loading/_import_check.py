@@ -48,7 +48,7 @@ class ImportedFile:
 
 
 def is_path(text: str) -> bool:
-    """Whether an import is a path by its looks; else it may be the uri or the name of a metamodel."""
+    """Return whether an import is a path by its looks; else it may be the uri or the name of a metamodel."""
     return "://" not in text and suffix_of(text) in LANGUAGE_OF
 
 
@@ -135,7 +135,7 @@ def _unused(import_: Import, message: str) -> Diagnostic:
 def _useful(
     files: Mapping[str, ImportedFile], name: str, target: str, imported: Iterable[str | None]
 ) -> bool:
-    """Whether a file mentions what another defines, or knows something from it that no other import tells."""
+    """Return whether a file mentions what another defines, or knows something from it that no other import tells."""
     mentioned = files[name].mentioned or frozenset()
     if mentioned & files[target].defined:
         return True

@@ -236,7 +236,7 @@ class Loader:
             self._define(language, parsed, lexemes, self._types(parsed.source.name, metamodel))
 
     def _types(self, name: str, metamodel: Metamodel | None) -> TypeNames | None:
-        """What the names of types mean in a file."""
+        """Return what the names of types mean in a file."""
         if metamodel is None:
             return None
         aliases: dict[str, tuple[str, ...]] = {}
@@ -383,7 +383,7 @@ class Loader:
         return list(unused_files(self.read))
 
     def _conformance(self, models: Iterable[ModelText]) -> list[Diagnostic]:
-        """What models lack; the model of a family has to conform, others may still be worked on."""
+        """Return what models lack; the model of a family has to conform, others may still be worked on."""
         initial = {spec.model.text for spec in self.families}
         return [
             replace(one, severity=Severity.ERROR) if text.span.source.name in initial else one

@@ -17,7 +17,7 @@ if TYPE_CHECKING:  # loaded with the first file that needs it
 
 
 def same(one: Metamodel, other: Metamodel) -> bool:
-    """Whether two metamodels have the same classes and enums."""
+    """Return whether two metamodels have the same classes and enums."""
     return one is other or (one.class_list == other.class_list and one.enum_types == other.enum_types)
 
 
@@ -85,7 +85,7 @@ class Metamodels:
         return problems
 
     def _alike(self, one: EcoreDocument, other: EcoreDocument) -> bool:
-        """Whether two files say the same."""
+        """Return whether two files say the same."""
         if one.source.text == other.source.text:
             return True
         from envgraph.lang.interchange._ecore import read_ecore

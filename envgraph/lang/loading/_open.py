@@ -47,7 +47,7 @@ def open(*paths: StrPath, seed: int = 0, allow_unresolved: bool = False) -> Engi
 
 
 def open_workspace(*paths: StrPath, allow_unresolved: bool = False) -> Workspace:
-    """What `open` makes an engine of, and all that is wrong with it, warnings too."""
+    """Return what `open` makes an engine of, and all that is wrong with it, warnings too."""
     return load_workspace(_family_first(paths), allow_unresolved=allow_unresolved)
 
 

@@ -101,7 +101,7 @@ def library_types(document: str) -> Mapping[str, DataType] | None:
 
 
 def java_type(name: str) -> DataType:
-    """What values of a Java class or primitive are read as; those of an unknown one as strings."""
+    """Return what values of a Java class or primitive are read as; those of an unknown one as strings."""
     found = _OF_JAVA.get(name)
     if found is None:
         return DataType(Scalar.STRING, True, False)

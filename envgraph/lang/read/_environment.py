@@ -43,22 +43,24 @@ def read_environment(parsed: Parsed, types: TypeNames | None = None) -> Definiti
 
 
 def with_enums(behaviour: Behaviour, metamodel: Metamodel) -> Behaviour:
-    """The behaviour with the parameters of actions that count through an enum told from those that count objects."""
+    """The behaviour, with parameters of actions that count through an enum distinguished from those of objects."""
 
-    def told(actions: tuple[Action, ...]) -> tuple[Action, ...]:
+    def distinguished(actions: tuple[Action, ...]) -> tuple[Action, ...]:
         return tuple(
             replace(
                 action,
-                parameters=tuple((name, _told(domain, metamodel)) for name, domain in action.parameters),
+                parameters=tuple(
+                    (name, _distinguished(domain, metamodel)) for name, domain in action.parameters
+                ),
             )
             for action in actions
         )
 
-    agents = tuple(replace(agent, actions=told(agent.actions)) for agent in behaviour.agents)
-    return replace(behaviour, actions=told(behaviour.actions), agents=agents)
+    agents = tuple(replace(agent, actions=distinguished(agent.actions)) for agent in behaviour.agents)
+    return replace(behaviour, actions=distinguished(behaviour.actions), agents=agents)
 
 
-def _told(domain: Domain, metamodel: Metamodel) -> Domain:
+def _distinguished(domain: Domain, metamodel: Metamodel) -> Domain:
     return replace(domain, cls=None, enum=domain.cls) if domain.cls in metamodel.enums else domain
 
 

@@ -132,7 +132,7 @@ class Reading:
         self.gaps.append((span.start, span.end))
 
     def broken(self, tree: Tree[Token]) -> bool:
-        """Whether the data of a tree lacks something that it says, and may seem wrong for want of it."""
+        """Return whether the data of a tree lacks something that it says, and may seem wrong for want of it."""
         span = self.span(tree)
         if any(span.start <= start < span.end for start, _ in self.parsed.gaps):
             return True
@@ -141,7 +141,7 @@ class Reading:
         return any(start < span.end for start, _ in recent)
 
     def whole(self, name: Token, tree: Tree[Token]) -> bool:
-        """Whether a definition can be checked. If it has gaps, its name is lost: to mention it is no mistake."""
+        """Return whether a definition can be checked. If it has gaps, its name is lost: to mention it is no mistake."""
         if self.broken(tree):
             self.lost.add(str(name))
             return False
@@ -206,12 +206,12 @@ def _type_named(
 
 
 def type_span_of(reading: Reading, tree: Tree[Token]) -> Span:
-    """Where the name itself stands in a `type` tree."""
+    """Return where the name itself stands in a `type` tree."""
     return reading.span(tokens(tree.children)[-1])
 
 
 def value_of(reading: Reading, tree: Tree[Token]) -> Expression | tuple[Expression, ...]:
-    """What a feature is set to: an expression, or a list of them."""
+    """Return what a feature is set to: an expression, or a list of them."""
     if tree.data == "list":
         return expressions_of(reading, tree)
     return expression_of(reading, tree)
@@ -370,7 +370,7 @@ def _called(
 
 
 def _is_java(reading: Reading, path: Sequence[str]) -> bool:
-    """Whether the names of `a.b.C` are those of a class of Java."""
+    """Return whether the names of `a.b.C` are those of a class of Java."""
     if not path:
         return False
     full = path[0] in JAVA_DOMAINS and any(one[0].isupper() for one in path[1:])
@@ -443,7 +443,7 @@ def _binary(reading: Reading, tree: Tree[Token]) -> Expression:
 
 
 def _operator(reading: Reading, token: Token) -> str:
-    """What an operator means; those of habit are refused."""
+    """Return what an operator means; those of habit are refused."""
     meant = MEANT.get(token, str(token))
     if token in _REFUSED:
         what = "does not compare" if token == "=" else "is not an operator"

@@ -58,7 +58,7 @@ def unknown_literal(type_: EnumType, word: str, names: Sequence[str], report: Re
 
 
 def has_room(reference: Reference, count: int, report: Report, where: Place) -> bool:
-    """Whether a reference with so many targets can have one more; else that is reported."""
+    """Return whether a reference with so many targets can have one more; else that is reported."""
     if reference.upper is None or count < reference.upper:
         return True
     message = f"`{reference}` takes {plural(reference.upper, 'object')} at most"

@@ -157,7 +157,7 @@ _SIDES: Final = ("lhs", "rhs", "modify")
 
 
 def _misplaced(part: str, source: Source, lexemes: Sequence[Lexeme], *, several: bool) -> Diagnostic | None:
-    """What does not belong into a part, where the parser could only be puzzled by the frame."""
+    """Return what does not belong into a part, where the parser could only be puzzled by the frame."""
 
     def problem(lexeme: Lexeme, message: str, hint: str | None) -> Diagnostic:
         return Diagnostic("misplaced-part", message, source.span(lexeme.start, lexeme.end), hint)
@@ -188,7 +188,7 @@ def _misplaced(part: str, source: Source, lexemes: Sequence[Lexeme], *, several:
 
 
 def _closes_last(words: Sequence[str]) -> bool:
-    """Whether the brace that a text begins with is closed by its last word, or not at all."""
+    """Return whether the brace that a text begins with is closed by its last word, or not at all."""
     level = 0
     for number, word in enumerate(words):
         level += (word == "{") - (word == "}")

@@ -65,7 +65,7 @@ _FUNCTIONS: Final[Mapping[tuple[str, str], str]] = {
 
 
 def function_of(cls: str, name: str) -> str | None:
-    """What a static function of Java is called here, or None.
+    """Return what a static function of Java is called here, or None.
 
     >>> function_of("Math", "floorMod"), function_of("java.lang.Math", "max"), function_of("Math", "cbrt")
     ('mod', 'max', None)

@@ -448,7 +448,7 @@ class _Reader:
             add_link(self._model, node, reference, target, self.reports.report, where)
 
     def _contained_elsewhere(self, reference: Reference, target: int, where: Span) -> bool:
-        """Whether an object has a container already: the model would move it, a file says two things at once."""
+        """Return whether an object has a container already: the model would move it, a file says two things at once."""
         container = self._model.container(target) if reference.containment else None
         if container is None:
             return False

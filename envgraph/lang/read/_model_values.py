@@ -108,7 +108,7 @@ def _literal(tree: Tree[Token], attribute: Attribute, reports: Reports) -> Value
 
 
 def kind_of(tree: Tree[Token]) -> str:
-    """What a value is, for messages."""
+    """Return what a value is, for messages."""
     match tree.data:
         case "true" | "false":
             return "a truth value"
@@ -126,7 +126,7 @@ def kind_of(tree: Tree[Token]) -> str:
 
 
 def _type_hint(tree: Tree[Token], attribute: Attribute) -> str | None:
-    """How a value may have been meant."""
+    """Return how a value may have been meant."""
     if tree.data not in {"name", "string"}:
         return None
     word = str(tokens(tree.children)[0])

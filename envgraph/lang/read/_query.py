@@ -20,7 +20,7 @@ from envgraph.pattern import Body, FunctionDeclaration, Parameter, Pattern, Stra
 def read_query(
     parsed: Parsed, types: TypeNames | None = None
 ) -> DefinitionsFile[Pattern | FunctionDeclaration]:
-    """What a `.query` file defines, functions first; see `read_definitions`."""
+    """Return what a `.query` file defines, functions first; see `read_definitions`."""
     file = read_definitions(parsed, types, _definition)
     ordered = sorted(file.definitions, key=lambda one: isinstance(one, Pattern))
     return replace(file, definitions=tuple(ordered))

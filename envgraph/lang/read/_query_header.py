@@ -120,7 +120,7 @@ def unused_imports(reading: Reading, header: Header) -> None:
             hint = f"leave `as {name}` out, or write `{name}::Type`"
             reading.warn("unused-import", f"nothing here writes `{name}::`", span, hint)
     for name, span in reading.java.items():
-        if name not in reading.used:  # else that is told where it is
+        if name not in reading.used:  # else that is reported where it is
             hint = "leave the line out: classes of Java mean nothing here"
             reading.warn("unused-import", f"nothing here needs the Java class `{name}`", span, hint)
     for pattern in header.patterns:

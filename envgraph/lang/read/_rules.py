@@ -32,7 +32,7 @@ _SECTIONS = ("left", "right", "modification", *_NESTED)
 
 
 def read_rules(parsed: Parsed, types: TypeNames | None = None) -> DefinitionsFile[Definition]:
-    """What a `.rules` file defines; see `read_definitions`."""
+    """Return what a `.rules` file defines; see `read_definitions`."""
     return read_definitions(parsed, types, _definition)
 
 

@@ -21,11 +21,11 @@ class Suppression:
     within: Span
 
     def silences(self, problem: Diagnostic) -> bool:
-        """Whether a diagnostic is such a warning."""
+        """Return whether a diagnostic is such a warning."""
         return self.code == problem.code and self.has(problem)
 
     def has(self, problem: Diagnostic) -> bool:
-        """Whether a diagnostic is a warning about a place inside of the definition."""
+        """Return whether a diagnostic is a warning about a place inside of the definition."""
         span = problem.span
         return (
             problem.severity is Severity.WARNING
@@ -36,7 +36,7 @@ class Suppression:
 
 
 def suppressions_of(parsed: Parsed) -> tuple[list[Suppression], list[Diagnostic]]:
-    """What the annotations `@suppress` of a text ask for, and what is wrong with them."""
+    """Return what the annotations `@suppress` of a text ask for, and what is wrong with them."""
     found: list[Suppression] = []
     problems: list[Diagnostic] = []
     waiting = [parsed.tree] if parsed.tree and f"@{SUPPRESS}" in parsed.source.text else []

@@ -60,10 +60,10 @@ class TypeNames:
         return near if len(near) == 1 else [*found.values()]
 
     def others(self, name: str) -> str | None:
-        """How to write a name, in all of its packages."""
+        """Return how to write a name, in all of its packages."""
         return self.metamodel.likely(name) if self.metamodel else None
 
     def plain(self, name: str) -> bool:
-        """Whether a name needs no look-up: one class or enum at most has it, and is called just so."""
+        """Return whether a name needs no look-up: one class or enum at most has it, and is called just so."""
         known = self.metamodel.named(name) if self.metamodel else {}
         return len(known) < 2 and all(one == simple_name(one) for one in known.values())

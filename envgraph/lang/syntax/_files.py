@@ -41,10 +41,10 @@ class Files(Protocol):
         """
 
     def is_directory(self, name: str) -> bool:
-        """Whether the name is that of a directory."""
+        """Return whether the name is that of a directory."""
 
     def exists(self, name: str) -> bool:
-        """Whether there is a file of this name."""
+        """Return whether there is a file of this name."""
 
     def entries(self, name: str) -> list[str]:
         """The names of what a directory holds, sorted; () when there is no such directory."""
@@ -144,7 +144,7 @@ def bundle(roots: Iterable[str], texts: Mapping[str, str]) -> Bundle:
 
 
 def file_format(files: Files, name: str) -> str | None:
-    """What a file is (see `format_of`); None where nothing says it, or the file cannot be read."""
+    """Return what a file is (see `format_of`); None where nothing says it, or the file cannot be read."""
     known = format_of(name, b"")
     if known is not None and known not in UNCLEAR:
         return known
@@ -203,7 +203,7 @@ def _refuse(name: str, code: str, message: str, hint: str | None) -> NoReturn:
 
 
 def _inside(files: Files, name: str) -> str | None:
-    """What may have been meant by the name of a directory."""
+    """Return what may have been meant by the name of a directory."""
     known = [one.rpartition("/")[2] for one in files.entries(name) if "." in one]
     return f"name a file of it: {listed(known)}" if known else "it has no files"
 

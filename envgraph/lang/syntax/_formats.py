@@ -75,7 +75,7 @@ def other_language(wanted: str, source: Source) -> Diagnostic | None:
 
 
 def suffix_of(name: str) -> str:
-    """What stands after the last dot of the name of a file; "" without one.
+    """Return what stands after the last dot of the name of a file; "" without one.
 
     >>> suffix_of("a.b/c.query"), suffix_of("a.b/c")
     ('query', '')

@@ -52,7 +52,7 @@ class Grammar:
     spelling: dict[str, str]
 
     def accepts(self, stack: list[int], terminal: str) -> bool:
-        """Whether the parser in this state would take the terminal, all reductions before it included."""
+        """Return whether the parser in this state would take the terminal, all reductions before it included."""
         size = len(stack)
         added: list[int] = []
         while True:

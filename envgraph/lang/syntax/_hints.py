@@ -33,7 +33,7 @@ _BELONGS = {"query": ("pattern",), "rules": ("rule", "unit", "derive")}
 
 
 def _negation(grammar: Grammar, states: list[int], lexemes: Sequence[Lexeme], index: int) -> str | None:
-    """How to write what someone negates here with `not`, or with a `neg` that is out of place."""
+    """Return how to write what someone negates here with `not`, or with a `neg` that is out of place."""
     around = range(index - 4, index + 1)
     *before, word = (lexemes[place].value if place >= 0 else "" for place in around)
     keywords, signs = grammar.core.keywords, grammar.core.signs
@@ -79,7 +79,7 @@ def expectation(grammar: Grammar, states: list[int]) -> str:
 
 
 def habit(grammar: Grammar, states: list[int], lexemes: Sequence[Lexeme], index: int) -> str | None:
-    """How to write here what people write by habit from other languages; None if this is nothing of the kind."""
+    """Return how to write here what people write by habit from other languages; None if this is nothing of the kind."""
     around = (index - 2, index - 1, index, index + 1)
     *before, word, after = (lexemes[place].value if 0 <= place < len(lexemes) else "" for place in around)
     keywords, signs = grammar.core.keywords, grammar.core.signs

@@ -325,7 +325,7 @@ class _Scanner:
         return end
 
     def _closed_too_soon(self, start: int) -> int:
-        """Where the strings of this line begin to be wrong: in `"S, "#b0"` it is the first that lacks its end.
+        """Return where the strings of this line begin to be wrong: in `"S, "#b0"` it is the first that lacks its end.
 
         Nothing but a sign may touch the end of a string. What was wrong since then is the same mistake.
         """
@@ -374,13 +374,13 @@ class _Scanner:
 
 
 def first_on_line(source: Source, offset: int) -> bool:
-    """Whether only blanks stand before a character of the text on its line."""
+    """Return whether only blanks stand before a character of the text on its line."""
     start = source.text.rfind("\n", 0, offset) + 1
     return not source.text[start:offset].strip()
 
 
 def overlapping(diagnostics: Iterable[Diagnostic], span: Span) -> bool:
-    """Whether one of the diagnostics is about characters of the span, its ends included."""
+    """Return whether one of the diagnostics is about characters of the span, its ends included."""
     return any(
         diagnostic.span is not None
         and diagnostic.span.start <= span.end

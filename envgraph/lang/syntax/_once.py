@@ -1,4 +1,4 @@
-"""Mistakes that show in several places, and are told once."""
+"""Mistakes that show in several places, and are reported once."""
 
 from __future__ import annotations
 
@@ -25,23 +25,23 @@ _MOST_PLACES = 10
 
 
 def once_for_each_name(found: Iterable[Diagnostic]) -> list[Diagnostic]:
-    """Tells once in each file of a name that means nothing; a note says where else it stands.
+    """Report a name that means nothing once in each file; a note says where else it stands.
 
     Args:
         found: file by file, in the order of the text.
     """
     places: dict[tuple[str, str, str, str], list[Diagnostic]] = {}
-    told: list[Diagnostic] = []
+    kept: list[Diagnostic] = []
     for one in found:
         if one.span is None or not (one.code in NAMES or _is_parameter(one.code, one.span)):
-            told.append(one)
+            kept.append(one)
             continue
         group = places.setdefault((one.span.source.name, one.code, one.message, one.span.text), [])
         group.append(one)
         if len(group) == 1:
-            told.append(one)
+            kept.append(one)
     others = {id(group[0]): _elsewhere(group[1:]) for group in places.values() if len(group) > 1}
-    return [replace(one, notes=(*one.notes, others[id(one)])) if id(one) in others else one for one in told]
+    return [replace(one, notes=(*one.notes, others[id(one)])) if id(one) in others else one for one in kept]
 
 
 def _is_parameter(code: str, span: Span) -> bool:
@@ -56,7 +56,7 @@ def _elsewhere(problems: Sequence[Diagnostic]) -> Note:
 
 
 def once_for_each_text(diagnostics: Sequence[Diagnostic]) -> Iterator[Diagnostic]:
-    """Tells once of the rows of a text that was not opened as one."""
+    """Report the rows of a text that was not opened as one once."""
     rows = sorted(
         (one for one in diagnostics if one.span and one.code in _ROWS),
         key=lambda one: (one.span.source.name, one.span.start) if one.span else ("", 0),
@@ -78,7 +78,7 @@ def once_for_each_text(diagnostics: Sequence[Diagnostic]) -> Iterator[Diagnostic
 
 
 def _next_line(one: Diagnostic, other: Diagnostic) -> bool:
-    """Whether the second place is on the line of the first, or on the next one."""
+    """Return whether the second place is on the line of the first, or on the next one."""
     if one.span is None or other.span is None or one.span.source is not other.span.source:
         return False
     return other.span.line - one.span.line <= 1

@@ -59,7 +59,7 @@ class Parsed:
         return span_of(self.source, item)
 
     def mended(self, tree: Tree[Token]) -> bool:
-        """Whether a mistake in the text of a tree was mended: what it says may not be what was meant."""
+        """Return whether a mistake in the text of a tree was mended: what it says may not be what was meant."""
         span = self.span(tree)
         return any(
             one.span and one.span.start <= span.end and span.start < one.span.end for one in self.diagnostics
@@ -107,7 +107,7 @@ def parse_tokens(grammar: Grammar, source: Source) -> tuple[Parsed, list[Lexeme]
 
 
 def _nothing(source: Source, diagnostics: list[Diagnostic]) -> Parsed:
-    """What is left of a text of which nothing can be read: all that it defines is unknown."""
+    """Return what is left of a text of which nothing can be read: all that it defines is unknown."""
     return Parsed(source, None, diagnostics, lost=frozenset(_NAME.findall(source.text)))
 
 
@@ -213,12 +213,12 @@ def _run(stack: ParseStack, lexical: list[Diagnostic], mistakes: list[Diagnostic
 
 
 def level_of(operator: str) -> int | None:
-    """How tightly an operator binds; None for other signs."""
+    """Return how tightly an operator binds; None for other signs."""
     return LEVELS.get(MEANT.get(operator, operator))
 
 
 def follows(left: Tree[Token], tree: Tree[Token]) -> bool:
-    """Whether one tree is the `a + b` of `a + b - c`."""
+    """Return whether one tree is the `a + b` of `a + b - c`."""
     if left is not tree.children[0] or not left.data.endswith("binary") or not tree.data.endswith("binary"):
         return False
     level, before = level_of(str(tree.children[1])), level_of(str(left.children[1]))

@@ -203,7 +203,7 @@ class Recovery:
                 yield Repair(place, kept, self._grammar.core.keywords[meant], token, False, until, told)
 
     def _just_before(self, index: int) -> bool:
-        """Whether the lexeme before is all of what stands last on the stack."""
+        """Return whether the lexeme before is all of what stands last on the stack."""
         return bool(self._stack.begins) and self._stack.begins[-1] == index - 1
 
     def _line_end(self, index: int, most: int) -> int:
@@ -265,7 +265,7 @@ class Recovery:
         return None
 
     def _begins_statement(self, states: list[int], place: int, index: int) -> bool:
-        """Whether a keyword that ended the statement before should rather have started this one."""
+        """Return whether a keyword that ended the statement before should rather have started this one."""
         lexeme = self._lexemes[place]
         keyword = None if lexeme.escaped else self._grammar.core.keywords.get(lexeme.value)
         if place < 0 or keyword is None or not self._grammar.accepts(states, keyword):
@@ -309,7 +309,7 @@ class Recovery:
             yield from self._insertion("}", index, height, until)
 
     def _closes_before(self, place: int, height: int) -> bool:
-        """Whether a word is a keyword after a `}`, which can stand before it."""
+        """Return whether a word is a keyword after a `}`, which can stand before it."""
         states, terminal = self._stack.states[:height], self._grammar.core.signs.get("}")
         if terminal is None or not self._grammar.accepts(states, terminal):
             return False
@@ -327,7 +327,7 @@ class Recovery:
         return False
 
     def _completion(self, sign: str, index: int) -> str:
-        """Where a separator belongs that was left out."""
+        """Return where a separator belongs that was left out."""
         if sign == ";":
             return "a statement ends with `;`"
         lexeme = self._lexemes[index]
@@ -379,7 +379,7 @@ class Recovery:
         return last if self._grammar.accepts(self._stack.states, END) else self._close_all(last)
 
     def _resumes(self, level: Level, place: int, index: int) -> int | None:
-        """Where to go on if the statement of this level ends before or at the lexeme at `place`, else None."""
+        """Return where to go on if the statement of this level ends before or at the lexeme at `place`, else None."""
         lexeme = self._lexemes[place]
         begin = level.begin if level.begin >= 0 else index
         depth = self._lexemes[begin].braces
@@ -421,7 +421,7 @@ class Recovery:
         return None
 
     def _surplus(self, index: int) -> bool:
-        """Whether this is a `}` without a `{`, and an error before it explains that."""
+        """Return whether this is a `}` without a `{`, and an error before it explains that."""
         lexeme = self._lexemes[index]
         return (
             lexeme.value == "}"

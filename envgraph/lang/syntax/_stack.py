@@ -117,7 +117,7 @@ class ParseStack:
                 return
 
     def levels(self) -> Iterator[Level]:
-        """Where parsing can resume, innermost first; not inside what has been closed before the error."""
+        """Yield where parsing can resume, innermost first; not inside what has been closed before the error."""
         above: set[str] = set()
         for height in range(len(self.states), 0, -1):
             row = self.grammar.states[self.states[height - 1]]
@@ -133,7 +133,7 @@ class ParseStack:
                     yield Level(height, rule, begin, [*kept, row[rule][1]])
 
     def makes_sense(self, states: list[int], start: int, stop: int) -> bool:
-        """Whether the lexemes from `start` to `stop` (included) can follow."""
+        """Return whether the lexemes from `start` to `stop` (included) can follow."""
         index = start
         while index <= min(stop, len(self.lexemes) - 1):
             terminal = self.resolve(states, index)

@@ -65,11 +65,11 @@ class TomlText:
     values: dict[TomlPath, Span] = field(default_factory=dict)
 
     def key(self, *path: str | int) -> Span:
-        """Where a key stands; where the nearest table around it does if it is not there."""
+        """Return where a key stands; where the nearest table around it does if it is not there."""
         return self._nearest(self.keys, path)
 
     def value(self, *path: str | int) -> Span:
-        """Where a value stands; where the nearest table around it does if it is not there."""
+        """Return where a value stands; where the nearest table around it does if it is not there."""
         return self._nearest(self.values, path)
 
     def _nearest(self, spans: dict[TomlPath, Span], path: TomlPath) -> Span:
@@ -221,7 +221,7 @@ def _syntax_error(source: Source, message: str) -> Diagnostic:
 
 
 def _hint(text: str) -> str:
-    """How to mend what the reader of TOML complains about."""
+    """Return how to mend what the reader of TOML complains about."""
     for part, hint in _HINTS.items():
         if part in text:
             return hint

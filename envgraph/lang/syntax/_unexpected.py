@@ -91,7 +91,7 @@ class Reports:
         return None
 
     def expectation(self, states: list[int] | None = None) -> str:
-        """What may come next, in plain words."""
+        """Return what may come next, in plain words."""
         return expectation_of(self._grammar, self._stack.states if states is None else states)
 
     def words(self, states: list[int]) -> list[str]:

@@ -169,7 +169,7 @@ class XmlPlaces:
         return self._found
 
     def _words_of(self, byte: int, name: str, start: int, end: int) -> Mapping[str, tuple[int, int]]:
-        """Where each word of a value stands first."""
+        """Return where each word of a value stands first."""
         if (byte, name) != self._value:
             self._value, self._words = (byte, name), {}
             for found in _WORD.finditer(self.source.text, start, end):

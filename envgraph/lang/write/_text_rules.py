@@ -60,7 +60,7 @@ class Chain:
     edges: list[tuple[Edge, bool]] = field(default_factory=list)
 
     def as_create(self) -> Create:
-        """What `create` and the chain say."""
+        """Return what `create` and the chain say."""
         nodes: dict[str, Node] = {}
         for vertex in self.vertices:
             if vertex.name != "_":
@@ -88,7 +88,7 @@ class _Chains:
         self.found.append(Chain([node]))
 
     def _next(self, names: Sequence[str]) -> bool:
-        """Whether the nodes among these that are new come next, in this order."""
+        """Return whether the nodes among these that are new come next, in this order."""
         new = [name for name in dict.fromkeys(names) if name != "_" and name not in self._known]
         return [node.name for node in self._waiting[: -len(new) - 1 : -1]] == new if new else True
 
@@ -191,7 +191,7 @@ class RuleText(TermText):
         return self.chain(Chain([Node(edge.source), Node(edge.target)], [(edge, True)]))
 
     def left(self, left: LeftSide) -> str:
-        """What is in `lhs`, on one line."""
+        """Return what is in `lhs`, on one line."""
         found = chains(left.nodes, left.edges)
         hidden = [node.name for chain in found for node in chain.vertices if node.name.startswith("#")]
         if len(hidden) > len(set(hidden)):
@@ -454,7 +454,7 @@ def _if(step: If) -> If:
 
 
 def _asked_again(condition: Constraint | Applicable) -> Constraint | Applicable:
-    """What is asked of a rule with one argument is read like a type."""
+    """Return what is asked of a rule with one argument is read like a type."""
     if not isinstance(condition, Applicable) or len(condition.arguments) != 1:
         return condition
     (argument,) = condition.arguments

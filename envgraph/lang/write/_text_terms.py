@@ -153,7 +153,7 @@ class TermText:
     # --- conditions
 
     def term(self, term: Term) -> str:
-        """What may stand where a variable may."""
+        """Return what may stand where a variable may."""
         match term:
             case Evaluation(expression):
                 return f"eval({self.expression(expression)})"

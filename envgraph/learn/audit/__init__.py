@@ -2,7 +2,7 @@
 
 `audit` runs students on levels that mutation rules make, one for each method and seed; `findings_of` says which claims
 stand. Methods, their parts and the claims are named in `METHODS` and `CONTRASTS`, before anything is run. The method is
-told in `docs/evidence.md`.
+described in `docs/evidence.md`.
 """
 
 from envgraph.errors import shorten

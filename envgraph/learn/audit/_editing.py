@@ -40,7 +40,7 @@ class Editor:
     ) -> None:
         self.levels, self._student, self._scale = levels, student, settings.scale
         self._maker = Maker(domain, settings)
-        self._maker.sight.features.update({one: place for place, one in enumerate(levels.features)})
+        self._maker.features.numbers.update({one: place for place, one in enumerate(levels.features)})
         self._versions: dict[int, Version] = {}
         for level in np.concatenate([levels.probed, levels.held_out, levels.hard]).tolist():
             self._maker.varied(int(levels.numbers[level]))

@@ -17,8 +17,8 @@ from envgraph.env import Tabular
 from envgraph.env.compiled import Tables
 from envgraph.errors import EvaluationError, InvalidArgument
 from envgraph.files import replacing
+from envgraph.learn.audit._features import Feature, StateFeatures
 from envgraph.learn.audit._settings import AuditSettings
-from envgraph.learn.audit._sight import Feature, Sight
 from envgraph.search import Domain, Variation
 from envgraph.solve import optimal_return, steps_to_success
 from envgraph.solve.learning import LevelTables
@@ -127,7 +127,7 @@ class Maker:
 
     Attributes:
         engine: its model is the level that was made last.
-        sight: what is seen of it.
+        features: what is seen of the states of a level.
     """
 
     def __init__(self, domain: Domain, settings: AuditSettings) -> None:
@@ -142,7 +142,7 @@ class Maker:
         self._keys = domain.keys()
         assert domain.behaviour is not None, "the settings were checked"
         self._tables = Tables(domain.behaviour, MOST_STATES)
-        self.sight = Sight(domain, self.engine, self._keys, settings)
+        self.features = StateFeatures(domain, self.engine, self._keys, settings)
         self._hashes: set[int] = set()
 
     def draw(self, number: int) -> tuple[Tabular, int] | None:
@@ -179,7 +179,7 @@ class Maker:
         """The level that was drawn last, with all that is asked of it."""
         policy, scale = self._settings.policy, self._settings.scale
         optimum = optimal_return(tabular, policy.limit, discount=policy.discount) * scale
-        return Level(tabular, self.sight.of(tabular), plan, optimum)
+        return Level(tabular, self.features.of(tabular), plan, optimum)
 
 
 def make_levels(
@@ -209,13 +209,13 @@ def make_levels(
         numbers.append(number)
         progress(len(levels), groups.total)
     return AuditLevels(
-        tables=joined(levels, len(maker.sight.features), settings.scale),
+        tables=joined(levels, len(maker.features.numbers), settings.scale),
         optimum=np.array([level.optimum for level in levels]),
         plan=np.array(groups.plans, np.int64),
         **{name: np.array(places, np.int64) for name, places in groups.places.items()},
         drawn=number + 1,
         numbers=np.array(numbers, np.int64),
-        features=tuple(maker.sight.features),
+        features=tuple(maker.features.numbers),
     )
 
 

@@ -27,7 +27,7 @@ _Source = tuple[Bundle, tuple[str, ...]]
 """The texts of a domain, which other processes read, and what holds instead of what they say."""
 
 Progress = Callable[[int, int, str], None]
-"""Is told how much is done, of how much, and of what."""
+"""Called with how much is done, of how much, and of what."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -273,7 +273,7 @@ class ClosureView:
         return holds
 
     def _finding(self, forward: bool) -> Callable[[Any, Any], bool]:
-        """Whether the end that a search starts from meets the other; what either reaches is not remembered."""
+        """Return whether the end that a search starts from meets the other; what either reaches is not remembered."""
         meets, both_ways = self._steps.meeting(forward), self._steps.both_ways
         nears, fars = self._ends(forward), self._ends(not forward)
 
@@ -347,7 +347,7 @@ class ClosureView:
             self._drop(size)
 
     def _paid(self) -> bool:
-        """Whether searches have been so much work that all nodes may be looked at."""
+        """Return whether searches have been so much work that all nodes may be looked at."""
         if self._visited > self._enough and not self._counted:
             self._counted = True
             self._enough = max(FEW_VISITED, TIMES * self._steps.nodes())

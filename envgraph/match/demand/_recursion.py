@@ -282,7 +282,7 @@ class Recursion:
         return solve
 
     def _tester(self, pattern: str, size: int) -> Callable[..., list[Row]]:
-        """Whether a row is one: it alone, or nothing.
+        """Return whether a row is one: it alone, or nothing.
 
         Where one value is asked about again and again, all rows with it are computed once. Where rows are made of rows
         of the same component, that is no more work than for one row.

@@ -204,7 +204,7 @@ class Reasons:
     def _failure(
         self, pattern: str, number: int, conjunction: Conjunction, given: dict[int, Value], asked: Asked
     ) -> tuple[int, Failure]:
-        """How many steps a body takes, and what it fails then.
+        """Return how many steps a body takes, and what it fails then.
 
         Each goal is a step of its own: what it comes from is what was written, though a plan for matching inlines it.
         """
@@ -244,7 +244,7 @@ class Reasons:
     def _witness(
         self, names: Names, conjunction: Conjunction, goal: Absence, values: Mapping[int, Any]
     ) -> Witness:
-        """What a `neg` or `not` that fails finds."""
+        """Return what a `neg` or `not` that fails finds."""
         ((relation,),) = goal.alternatives
         assert is_relation(relation)
         outer = tuple(sorted(goal.outer))
@@ -263,7 +263,7 @@ class Reasons:
         return run.first[-1] if run.first else {}
 
     def _inside(self, pattern: str, given: dict[int, Value]) -> Witness:
-        """What a pattern that matches finds inside."""
+        """Return what a pattern that matches finds inside."""
         for number, body in enumerate(self.planner.library.lowered(pattern).bodies):
             found = None if _contradicted(body, given) else self._solution(body, given)
             if found is not None:
@@ -272,7 +272,7 @@ class Reasons:
 
 
 def _found(names: Names, body: Conjunction, values: Mapping[int, Any]) -> Witness:
-    """What a body finds with these values."""
+    """Return what a body finds with these values."""
     shown = {names(variable): value for variable, value in values.items() if names.spoken(variable)}
     links = tuple(_links(body.goals, {**dict(body.constants), **values}))
     return Witness(shown, links, _objects(names, filter(names.spoken, values), body))
@@ -298,7 +298,7 @@ def _links(goals: Iterable[object], values: Mapping[int, Any]) -> Iterator[tuple
 
 
 def _place(span: Span) -> str:
-    """Where a text stands, without the directory: `forest.query:12:5`."""
+    """Return where a text stands, without the directory: `forest.query:12:5`."""
     return PurePath(str(span)).name
 
 
@@ -316,12 +316,12 @@ def _block(pattern: str) -> str | None:
 
 
 def _has_text(pattern: str) -> bool:
-    """Whether a called pattern is one that somebody has written, and not the values of an enum."""
+    """Return whether a called pattern is one that somebody has written, and not the values of an enum."""
     return not pattern.startswith(f"{VALUES}.")
 
 
 def _contradicted(conjunction: Conjunction, given: Mapping[int, Value]) -> bool:
-    """Whether `==` makes one variable of two that are given different values, or of one and another constant."""
+    """Return whether `==` makes one variable of two that are given different values, or of one and another constant."""
     values: dict[int, Value] = dict(conjunction.constants)
     return any(
         values.setdefault(conjunction.parameters[position], value) != value

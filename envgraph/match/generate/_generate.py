@@ -446,7 +446,7 @@ class Translation:
         raise AssertionError(goal)
 
     def _existence(self, plan: Plan) -> code.Expression:
-        """Whether a plan has a solution: an expression, or the call of a function if there are loops."""
+        """Return whether a plan has a solution: an expression, or the call of a function if there are loops."""
         if any(step.kind is Kind.LOOP for step in plan.steps):
             return self._join(plan) or self._function("g", plan.steps, EXISTENCE)
         inner = Translation(self._planner, self._module, self._conjunction, code.Block(), {})

@@ -75,7 +75,7 @@ def view_source(planner: Planner, key: ViewKey, mode: Mode) -> Source:
 
 
 def _ends_in_sieve(planner: Planner, bodies: Sequence[BodyPlan], key: ViewKey, mode: Mode) -> bool:
-    """Whether values are better told apart by a set at the end of the plan: one that looks at fewer of them."""
+    """Return whether values are better told apart by a set at the end of the plan: one that looks at fewer of them."""
     if len(bodies) != 1 or mode in (Mode.EXISTS, Mode.FIRST, Mode.EACH):
         return False
     conjunction, steps = bodies[0].conjunction, bodies[0].plan.steps

@@ -49,7 +49,7 @@ def _answers(variables: tuple[int, ...], each: Callable[[Names], Expression]) ->
 
 
 def _inside(step: Step, planner: Planner, key: ViewKey) -> bool:
-    """Whether a step needs rows of the component."""
+    """Return whether a step needs rows of the component."""
     goal = step.goal
     return isinstance(goal, CallAtom) and goal.pattern in planner.calls.component(key.pattern)
 
@@ -123,7 +123,7 @@ class Suspending(Translation):
         return _answers((*given, *inputs), each)
 
     def _is_own_call(self, step: Step, bound: tuple[int, ...], given: tuple[int, ...]) -> bool:
-        """Whether a body begins with the very call that is evaluated."""
+        """Return whether a body begins with the very call that is evaluated."""
         assert isinstance(step.goal, CallAtom)
         heads = tuple(self._conjunction.parameters[position] for position in self.key.bound)
         plain = len(set(heads)) == len(heads) and self._bindings.constants.keys().isdisjoint(heads)

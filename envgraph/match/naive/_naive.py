@@ -291,7 +291,7 @@ class NaiveMatcher(Matcher):
         return cls == name if exact else not name or self.library.metamodel.is_a(cls, name)
 
     def _follow(self, node: Value, features: tuple[str, ...]) -> list[Value]:
-        """What a path leads to from an object, each once."""
+        """Return what a path leads to from an object, each once."""
         reached = [node]
         for name in features:
             reached = list(dict.fromkeys(value for n in reached for value in self._feature(n, name)))
@@ -311,7 +311,7 @@ class NaiveMatcher(Matcher):
 
 
 def _with(known: Environment, name: str, value: Value | None) -> Iterator[Environment]:
-    """What is known and one value more; nothing if there is none, or another one is known."""
+    """Yield what is known and one value more; nothing if there is none, or another one is known."""
     if value is not None and known.get(name, value) == value:
         yield {**known, name: value}
 

@@ -67,7 +67,7 @@ class CallGraph:
         return list(dict.fromkeys(name for body in bodies for goal in body.goals for name in _names(goal)))
 
     def _calls(self, names: Sequence[str], exits: Collection[str]) -> Calls:
-        """What the patterns of a component reach, where that is known of the others that they call."""
+        """Return what the patterns of a component reach, where that is known of the others that they call."""
         bodies = [body.goals for name in names for body in self._library.lowered(name).bodies]
         called = [[name for goal in goals for name in _names(goal)] for goals in bodies]
         circle = frozenset(names if len(names) > 1 or names[0] in exits else ())

@@ -99,7 +99,7 @@ def _heavy(step: Step) -> bool:
 
 
 def _many(steps: Sequence[Step], first: int, number: int) -> bool:
-    """Whether there may be many partial matches to tell apart."""
+    """Return whether there may be many partial matches to tell apart."""
     before = steps[first - 1].rows if first > 0 else 1.0
     return first == OUTSIDE or steps[number - 1].rows >= FEW * before
 

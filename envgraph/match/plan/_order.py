@@ -184,7 +184,7 @@ class Search:
         self._drop(draft, met, loop.binds)
 
     def _alone(self, draft: Draft, loop: Option) -> bool:
-        """Whether nothing that steps have found so far is used after a loop."""
+        """Return whether nothing that steps have found so far is used after a loop."""
         own = self._variables[id(loop.goal)]
         return all(draft.uses[v] == (v in own) for step in draft.steps for v in step.binds)
 

@@ -101,7 +101,7 @@ class Planner:
         return BodyPlan(conjunction, plan, self._repeats(conjunction, plan, bound | wanted))
 
     def _repeats(self, conjunction: Conjunction, plan: Plan, known: frozenset[int]) -> bool:
-        """Whether the loops of a plan bind a variable that the known ones do not determine."""
+        """Return whether the loops of a plan bind a variable that the known ones do not determine."""
         looped = {number for step in plan.steps if step.kind is Kind.LOOP for number in step.binds}
         return not looped <= determined(conjunction.goals, known, self.sizes)
 

@@ -1,7 +1,7 @@
 """From lowered patterns to the conjunctions that views are made of.
 
 A body becomes a conjunction over relations that have one visible state each: facts of the model, and views. What is
-negated is a single relation, what is aggregated is a relation of its own, and what only has to exist is told apart
+negated is a single relation, what is aggregated is a relation of its own, and what only has to exist is distinguished
 from what is counted.
 """
 

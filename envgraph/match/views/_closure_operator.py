@@ -220,7 +220,7 @@ class ClosureOperator(Operator):
             self._replace(start, old, new, differences[pair])
 
     def _cut(self, start: Any, old: Reached, lost: list[Step]) -> tuple[Reached, Reached] | None:
-        """What is not reached any more without some steps, and what hangs from another node then.
+        """Return what is not reached any more without some steps, and what hangs from another node then.
 
         None if only a new search can tell. Only what hangs from a lost step in the tree is looked at: it is saved by
         any step from the rest of the tree (as in Even and Shiloach, An On-Line Edge-Deletion Problem, 1981, but
@@ -266,7 +266,7 @@ class ClosureOperator(Operator):
         return cut, hung
 
     def _come(self, start: Any, old: Reached, cut: Reached, gained: list[Step]) -> Reached:
-        """What is reached with new steps, too, and from where; of what is cut off, what is reached again."""
+        """Return what is reached with new steps, too, and from where; of what is cut off, what is reached again."""
         come: Reached = {}
         following, growing = self._steps.next, True
         while growing:
@@ -286,7 +286,7 @@ class ClosureOperator(Operator):
         return come
 
     def _round(self, start: Any, come: Reached) -> bool:
-        """Whether one of these leads back to the start."""
+        """Return whether one of these leads back to the start."""
         following = self._steps.next
         return any(start in following(node) for node in come)
 
@@ -333,7 +333,7 @@ class ClosureOperator(Operator):
         return list(found)
 
     def _solve(self, starts: Sequence[Any]) -> dict[Any, Reached]:
-        """What the starts reach."""
+        """Return what the starts reach."""
         if len(starts) > FEW:
             return reachable_sets(starts, self._steps.next, self.reflexive)
         return {start: self._reach(start) for start in starts}
@@ -397,7 +397,7 @@ class ClosureOperator(Operator):
             self._inverse.check([(other, start) for (start,) in self.begun for other in self.reached[start]])
 
     def _hangs(self, node: Any, start: Any, reached: Reached) -> bool:
-        """Whether a node hangs from the start by steps that there are, as far as that is known."""
+        """Return whether a node hangs from the start by steps that there are, as far as that is known."""
         passed = {node}
         while True:
             by = reached[node]

@@ -322,7 +322,7 @@ class DeltaTranslation(Translation):
     # --- the relation without the tuple
 
     def _here(self, columns: Sequence[int | None]) -> code.Expression:
-        """Whether the tuple agrees with what a place asks for; columns without a value agree with everything."""
+        """Return whether the tuple agrees with what a place asks for; columns without a value agree with everything."""
         straight = self._agrees(columns, self._tuple)
         if not self._delta.symmetric:
             return straight
@@ -396,7 +396,7 @@ class DeltaTranslation(Translation):
         return code.TRUE if here == code.TRUE else code.Operation("or", (found, here))
 
     def _holds(self, relation: RelationAtom) -> code.Expression:
-        """Whether a relation has a tuple."""
+        """Return whether a relation has a tuple."""
         match relation:
             case InstanceAtom():
                 return self._relations.is_instance(relation)
@@ -462,5 +462,5 @@ class DeltaTranslation(Translation):
 
 
 def _more(number: code.Expression) -> code.Operation:
-    """Whether a number is more than none."""
+    """Return whether a number is more than none."""
     return code.Operation(">", (number, code.Constant(0)))

@@ -94,7 +94,7 @@ def fused_source(planner: ViewPlanner, deltas: Sequence[Delta], coming: bool) ->
 
 
 def _is_nest(delta: Delta) -> bool:
-    """Whether a function is one nest, and does not read what it changes."""
+    """Return whether a function is one nest, and does not read what it changes."""
     return delta.occurrence.role is not Role.NUMBER and delta.own is None
 
 
@@ -116,7 +116,7 @@ def insert(groups: list[Group], nest: Body, change: Change) -> None:
 
 
 def _opened(statement: Statement) -> tuple[Body, Body]:
-    """What a statement begins with, and what stands inside it."""
+    """Return what a statement begins with, and what stands inside it."""
     match statement:
         case For(target, iterable, inside):
             return (For(target, iterable, ()),), inside

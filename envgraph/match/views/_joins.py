@@ -87,7 +87,7 @@ def all_values(goal: Goal) -> Conjunction:
 
 
 def _met_elsewhere(body: Conjunction, goal: Goal) -> bool:
-    """Whether another goal may give its value."""
+    """Return whether another goal may give its value."""
     held = held_value(goal)
     return held is not None and any(
         held[2] in variables(other)
@@ -97,7 +97,7 @@ def _met_elsewhere(body: Conjunction, goal: Goal) -> bool:
 
 
 def _telling(store: Store, metamodel: Metamodel, attribute: Attribute) -> bool:
-    """Whether objects differ in an attribute."""
+    """Return whether objects differ in an attribute."""
     column = store.values[attribute.index]
     different: set[Value | Values] = set()  # for its size alone
     for cls, extent in zip(metamodel.class_list, store.extents, strict=True):

@@ -250,7 +250,7 @@ class KeptViews:
             self._tried = model.revision
             self.make(self.views)
             return True
-        except EvaluationError:  # whoever asks for that very pattern is told
+        except EvaluationError:  # reported to whoever asks for that very pattern
             self._countable = False
             return False
         except BaseException:

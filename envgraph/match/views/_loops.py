@@ -86,7 +86,7 @@ class Loops:
         self.listed(pattern, len(self._kept.model))
 
     def _worth_watching(self, pattern: str) -> bool:
-        """Whether a view of a pattern is not too large, and made of nothing larger."""
+        """Return whether a view of a pattern is not too large, and made of nothing larger."""
         demand, library = self._demand, self._demand.library
         if library.get(pattern).strategy == "search" or library.inputs(pattern):
             return False

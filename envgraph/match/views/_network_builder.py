@@ -249,7 +249,7 @@ class NetworkBuilder:
         member.list_base, member.derivable = bases, derivable
 
     def _repeats(self, bodies: Sequence[Conjunction]) -> bool:
-        """Whether a row may have several derivations."""
+        """Return whether a row may have several derivations."""
         for body in bodies:
             known = {*body.parameters, *(number for number, _ in body.constants)}
             counted = {v for goal in body.goals for v in variables(goal)} - existential(body)
@@ -368,7 +368,7 @@ class NetworkBuilder:
     def _number_reached(
         self, body: Conjunction, goal: AggregateAtom, reached: ClosureAtom, place: str
     ) -> Goal:
-        """How many a start reaches: from the starts that the rest of the body asks for, not from all."""
+        """Return how many a start reaches: from the starts that the rest of the body asks for, not from all."""
         forward = reached.target in goal.local
         closure = self._closure(body, reached, place, forward)
         source = self.operators[closure.step]

@@ -110,7 +110,7 @@ class Rows(Operator):
         self.rows.vanish(row)
 
     def hold(self, row: Row) -> None:
-        """A tuple comes, and nobody is told."""
+        """Insert a tuple, and notify nobody."""
         self.rows.appear(row)
         for groups in self.groups.values():
             groups.add(row)

@@ -150,7 +150,7 @@ class ViewOptions(Options):
 
 
 def _from_value(goal: Goal, bound: Bound) -> bool:
-    """Whether objects are looked for that have one of many values: no index of them follows the changes."""
+    """Return whether objects are looked for that have one of many values: no index of them follows the changes."""
     held = held_value(goal)
     return held is not None and held[1] not in bound
 

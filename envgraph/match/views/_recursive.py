@@ -81,7 +81,7 @@ class Component(Operator):
         self._spread([*gained, *self._take_out(lost)] if lost else gained, doubtful=bool(lost))
 
     def _collect(self) -> tuple[list[tuple[Member, Row]], list[tuple[Member, Row]]]:
-        """What the queues hold: rows with a derivation more, and rows with one less."""
+        """Return what the queues hold: rows with a derivation more, and rows with one less."""
         gained: list[tuple[Member, Row]] = []
         lost: list[tuple[Member, Row]] = []
         for member in self.members:

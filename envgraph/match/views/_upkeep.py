@@ -1,6 +1,6 @@
 """Generated functions that change what a view holds: its rows, counts and groups, the journal, and its consumers.
 
-One tree for each shape of a view, with nothing in it that the view does not need. What takes a change back is written
+One tree for each shape of a view, with nothing in it that the view does not need. What undoes a change is written
 before it is made, so that an interruption leaves no more than the last entry in doubt.
 """
 
@@ -187,7 +187,7 @@ def _lose(form: Form, leave: code.Statement) -> code.Body:
 
 
 def _recorded(container: code.Name, key: code.Expression, old: code.Expression, opcode: int) -> code.If:
-    """Notes what takes a change back."""
+    """Notes what undoes a change."""
     return code.If(
         _RECORDING, (code.Do(code.call("record", code.tuple_of(container, key, old, code.Constant(opcode)))),)
     )

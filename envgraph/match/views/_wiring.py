@@ -94,7 +94,7 @@ class Wiring:
             operator.make(self._arity(operator))
 
     def _only_followed(self, view: View) -> bool:
-        """Whether a view has no readers but closures, which go from group to group."""
+        """Return whether a view has no readers but closures, which go from group to group."""
         return bool(view.groups) and not view.asked and all(item is not None for _, item in view.groups)
 
     def _arity(self, operator: Operator) -> int:
@@ -124,7 +124,7 @@ class Wiring:
                 self._listen(key, (gain, lose))
 
     def _deltas(self) -> list[tuple[Key, Delta]]:
-        """What changes of which relation concern which place; for classes that is found out when they change."""
+        """Return what changes of which relation concern which place; for classes that is found out when they change."""
         found: list[tuple[Key, Delta]] = []
         for name, definition in self._growth.definitions.items():
             for number, body in enumerate(definition.bodies):
@@ -147,7 +147,7 @@ class Wiring:
         return found
 
     def _inside(self, definition: Definition, key: Key) -> bool:
-        """Whether a relation is a pattern of the same component, whose rows spread on their own."""
+        """Return whether a relation is a pattern of the same component, whose rows spread on their own."""
         if not isinstance(definition.view, Member) or key[0] != "rows":
             return False
         return key[1] in self._growth.calls.component(definition.view.name)
@@ -252,7 +252,7 @@ class Wiring:
         )
 
     def _class_hooks(self, change: Kind) -> tuple[Hook | None, Hook | None]:
-        """What happens before an object ceases to be what these atoms say, and after it has begun to be that."""
+        """Return what happens before an object ceases to be what these atoms say, and after it has begun to be that."""
         consumers = self._affected(change)
         if not consumers:
             return None, None

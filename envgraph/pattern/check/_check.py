@@ -281,7 +281,7 @@ class _BodyCheck:
         return sound
 
     def _starts_unknown(self, relation: Relation) -> bool:
-        """Whether a relation starts at something of which a mistake leaves unknown what it is."""
+        """Return whether a relation starts at something of which a mistake leaves unknown what it is."""
         match relation:
             case PathConstraint("", _, Variable(name)) if self.types.of_term(relation.source) is None:
                 return name in self._tainted

@@ -153,7 +153,7 @@ def _constants(reading: Reading) -> set[str]:
 
 
 def _fixed(term: Term, reading: Reading, fixed: Collection[str]) -> bool:
-    """Whether a term has one value: a literal, an aggregate over everything, or computed from what is fixed."""
+    """Return whether a term has one value: a literal, an aggregate over everything, or computed from what is fixed."""
     if isinstance(term, Evaluation):
         return all(reading.root(name) in fixed for name in names_read(term.expression))
     if isinstance(term, Aggregate):

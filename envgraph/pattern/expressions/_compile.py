@@ -165,7 +165,7 @@ class _Writer:
 
 
 def _inline(operator: str, left: StaticType | None, right: StaticType | None) -> bool:
-    """Whether Python's own operator does exactly what ours does: on two ints, or two strings."""
+    """Return whether Python's own operator does exactly what ours does: on two ints, or two strings."""
     if left is Scalar.INT and right is Scalar.INT:
         return True
     return operator == "+" and Scalar.STRING in (left, right) and _textual(left) and _textual(right)

@@ -427,7 +427,7 @@ def _is_none(node: Expression) -> bool:
 
 
 def _is_bare_literal(node: Expression) -> bool:
-    """Whether this is `::literal`, whose enum the place has to tell."""
+    """Return whether this is `::literal`, whose enum the place has to tell."""
     return isinstance(node, EnumLiteral) and node.enum is None
 
 

@@ -116,7 +116,7 @@ def _cause_in_chain(node: Binary, values: Mapping[str, Any], read: Reader | None
 
 
 def _fails(node: Expression, values: Mapping[str, Any], read: Reader | None) -> bool:
-    """Whether evaluating a part raises."""
+    """Return whether evaluating a part raises."""
     try:
         raw_value(node, values, read)
     except EvaluationError:

@@ -63,7 +63,7 @@ def _unknown_function(checker: ExpressionChecker, node: FunctionCall) -> None:
 
 
 def _declaring(checker: ExpressionChecker, node: FunctionCall) -> str:
-    """How to declare a function for a call."""
+    """Return how to declare a function for a call."""
     known, parameters = len(checker.problems), []
     for number, argument in enumerate(node.arguments):
         type_ = checker.type_of(argument)

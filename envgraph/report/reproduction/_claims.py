@@ -161,11 +161,11 @@ def _ordering(found: Reproduction) -> Iterator[Claim]:
 
 def _reverse(found: Reproduction) -> Iterator[Claim]:
     """The order of the generated family."""
-    told = {
+    compared = {
         budget.steps: next((one for one in compare(budget.experiment) if one.control == "reversed"), None)
         for budget in found.budgets
     }
-    ones = {steps: one for steps, one in told.items() if one is not None}
+    ones = {steps: one for steps, one in compared.items() if one is not None}
     verdicts = {one.verdict for one in ones.values()}
     verdict: Verdict = (
         "does not hold" if "worse" in verdicts else "holds" if "better" in verdicts else "undecided"

@@ -75,7 +75,7 @@ def _kind(changes: Changes) -> Literal["rule", "forall", "forall+", "optional"]:
 
 
 def _may_coincide(changes: Changes, one: str, other: str) -> bool:
-    """Whether two variables may stand for one object in a match of this rule."""
+    """Return whether two variables may stand for one object in a match of this rule."""
     same = changes.scope.equated
     if one == other or frozenset((one, other)) in same:
         return True

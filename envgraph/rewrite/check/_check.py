@@ -157,7 +157,7 @@ def _unknown(rule: Rule, called: Mapping[str, StaticType | None], metamodel: Met
 
 
 def _called_types(rule: Rule, library: Library) -> dict[str, StaticType | None]:
-    """What calls of patterns say about variables, wherever they stand in a rule; None if one has a mistake."""
+    """Return what calls of patterns say about variables, wherever they stand in a rule; None if one has a mistake."""
     found: dict[str, StaticType | None] = {}
     parts: list[Rule | Block] = [rule]
     for part in parts:  # which grows

@@ -37,7 +37,7 @@ def endless(units: Sequence[CheckedUnit]) -> Iterator[Diagnostic]:
 
 
 def _succeeds(step: Step, checked: CheckedUnit, left: Collection[str]) -> bool:
-    """Whether a step may succeed without those of the units that are left."""
+    """Return whether a step may succeed without those of the units that are left."""
     match step:
         case Call():
             callee = checked.calls.get(id(step))

@@ -252,7 +252,7 @@ class LeftLowering:
                     yield Comparison("!=", Variable(one), Variable(other))
 
     def _overlap(self, left: StaticType | None, right: StaticType | None) -> bool:
-        """Whether an object may be of both types."""
+        """Return whether an object may be of both types."""
         if not (isinstance(left, ObjectType) and isinstance(right, ObjectType)):
             return False
         known = self.metamodel.classes
@@ -312,7 +312,7 @@ class LeftLowering:
         inherited = tuple(name for name in enclosing if name in used)
         declared = [self._inherited(name, outside[name]) for name in inherited]
         declared += [Parameter(name) for name in exported]
-        unknown = [name for name in inherited if outside[name] is None]  # which is told of outside
+        unknown = [name for name in inherited if outside[name] is None]  # which is reported outside
         suffix = f"{block.kind.rstrip('+')}{number}"
         pattern = self._pattern(suffix, declared, constraints, block.left, unknown)
         return LoweredBlock(block, block.left, pattern, inherited, tuple(exported), types, nested)
@@ -373,6 +373,6 @@ __all__ = ["LeftLowering", "LoweredBlock", "is_named", "own_variables"]
 
 
 def _declaration(declared: Node | Parameter) -> Span | None:
-    """Where `x : Class` stands."""
+    """Return where `x : Class` stands."""
     span, type_span = declared.span, declared.type_span
     return span.to(type_span) if span and type_span else span

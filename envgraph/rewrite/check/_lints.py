@@ -110,7 +110,7 @@ def _check_orphans(changes: Changes) -> None:
 
 
 def _finds_home(changes: Changes, part: str) -> bool:
-    """Whether a part may get another container."""
+    """Return whether a part may get another container."""
     slot, metamodel = changes.scope.slot(part), changes.scope.metamodel
     if any(move.node == slot for move in changes.moves):
         return True
@@ -163,7 +163,7 @@ def _check_homeless(changes: Changes, name: str) -> None:
 
 
 def _is_lost(changes: Changes, arrow: ResolvedEdge, name: str) -> bool:
-    """Whether the new class of an object cannot have a link, which nothing takes away before."""
+    """Return whether the new class of an object cannot have a link, which nothing takes away before."""
     metamodel, cls, reference = changes.scope.metamodel, changes.scope.retyped[name], arrow.reference
     if changes.scope.key(arrow) in changes.scope.unlinked or {arrow.source, arrow.target} & {
         *changes.scope.deleted
@@ -205,7 +205,7 @@ def _warn_required(changes: Changes, name: str, feature: Feature) -> None:
 
 
 def _provides(plan: BlockPlan, slot: int, reference: Feature, scope: RuleScope) -> bool:
-    """Whether a plan links an object by a reference, from either end, or gives it values of an attribute."""
+    """Return whether a plan links an object by a reference, from either end, or gives it values of an attribute."""
     if isinstance(reference, Attribute):
         given = (one for one in plan.sets if isinstance(one, SetValues | Increase))
         return any((one.object, one.attribute) == (slot, reference) for one in given)

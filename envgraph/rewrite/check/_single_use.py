@@ -35,7 +35,7 @@ def _part(
     matched: bool,
     found: list[Diagnostic],
 ) -> Counter[str]:
-    """How often each name stands in a rule or block, those inside included; adds what is wrong.
+    """Return how often each name stands in a rule or block, those inside included; adds what is wrong.
 
     `matched`: whether the variables belong to a match.
     """
@@ -55,7 +55,7 @@ def _part(
             found.append(_quantified(one))
         elif not matched:
             found.extend(_mistyped(one, others))
-        others.add(one.name)  # of two such names the second is told
+        others.add(one.name)  # of two such names the second is reported
     return uses
 
 

@@ -283,7 +283,7 @@ class _Checker:
         self._selection(call, callee, scope)
 
     def _callee(self, call: Call) -> Signature | None:
-        """What a name means; if that is nothing, or several things, it is an error."""
+        """Return what a name means; if that is nothing, or several things, it is an error."""
         span = call.name_span or call.span
         found = self.directory.candidates(call.name, self.unit.package)
         if len(found) == 1:
@@ -419,7 +419,7 @@ class _Checker:
                 self._argument(argument, parameter, callee, scope, every=True)
 
     def _means_rule(self, name: str) -> bool:
-        """Whether a name is that of no type, but of a rule, at least nearly."""
+        """Return whether a name is that of no type, but of a rule, at least nearly."""
         if static_type(name, self.metamodel) is not None:
             return False
         rules = [signature.simple for signature in self.directory.signatures.values()]

@@ -67,7 +67,7 @@ def _alternatives(wanted: Any) -> tuple[Any, ...]:
 
 
 def _fits(value: Any, wanted: Any) -> bool:
-    """Whether a value is of a type, whatever its own parts are."""
+    """Return whether a value is of a type, whatever its own parts are."""
     return any(_fits_one(value, one) for one in _alternatives(wanted))
 
 

@@ -181,13 +181,13 @@ def _number(owner: str, attribute: Attribute, cls: str) -> Iterator[Constraint]:
 
 
 def _three(digits: Expression, start: int) -> Binary:
-    """What three digits are worth."""
+    """Return what three digits are worth."""
     first, second, third = (_digit(digits, position) for position in range(start, start + 3))
     return Binary("+", Binary("+", first, second), third)
 
 
 def _digit(digits: Expression, position: int) -> Expression:
-    """What a digit is worth."""
+    """Return what a digit is worth."""
     digit = _call("substring", digits, Constant(position), Constant(position + 1))
     value = _call("indexOf", Constant("0123456789"), digit)
     worth = 10 ** (DIGITS - 1 - position)

@@ -83,7 +83,7 @@ class _Cast:
 
 
 def _suffix(plan: Plan) -> str:
-    """What tells the operators for the plans of one class apart, for names."""
+    """Return what tells the operators for the plans of one class apart, for names."""
     parts = [link.end.name for link in plan.links if link.end.contained and not link.far_new][:1]
     if len(plan.new) > 1:
         parts += ["with", *plan.new[1:]]
@@ -133,7 +133,7 @@ def _delete(builder: RuleBuilder, cls: str) -> Operator:
 
 
 def _delete_together(builder: RuleBuilder, plan: Plan) -> Operator:
-    """What was created together goes together."""
+    """Return what was created together goes together."""
     classes = {number: plan.new[number] for number in plan.tops}
     names = {number: builder.node(variable_for(cls), cls, exact=True) for number, cls in classes.items()}
     for one, other in combinations(names.values(), 2):
@@ -305,7 +305,7 @@ def _share(builder: RuleBuilder, cls: str, end: End) -> Operator:
 
 
 def _goes_over(end: End, elsewhere: int = 0) -> bool:
-    """Whether who needs an object at an end may go over to another one, all but some that go elsewhere."""
+    """Return whether who needs an object at an end may go over to another one, all but some that go elsewhere."""
     fits = end.upper is None or 2 * end.lower <= end.upper + elsewhere
     return bool(end.other.lower) and fits and not (end.association.frozen or end.contained or end.contains)
 

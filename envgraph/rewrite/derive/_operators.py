@@ -110,7 +110,7 @@ def _cap(derivation: Derivation) -> int:
 
 
 def _caps(derivation: Derivation) -> dict[str, int]:
-    """How many rules of a kind there may be."""
+    """Return how many rules of a kind there may be."""
     named = chain.from_iterable(a.named for a in derivation.annotations if a.name == "cap")
     return {str(kind): value for kind, value in named if isinstance(value, int)}
 

@@ -143,7 +143,7 @@ def _cheapest(schema: Schema, start: Plan, most: int, cost: Callable[[Plan], tup
 
 
 def _shape(plan: Plan) -> object:
-    """What plans have in common that differ in the order of their choices alone."""
+    """Return what plans have in common that differ in the order of their choices alone."""
 
     def far(link: PlannedLink) -> tuple[int, ...]:
         if link.far_new:
@@ -215,7 +215,7 @@ def _to_new(schema: Schema, plan: Plan, node: int, end: End) -> Iterator[Plan]:
 
 
 def _contained(plan: Plan, node: int, far: int, end: End) -> bool:
-    """Whether a new object cannot become the container of another: that one has one, or is around it."""
+    """Return whether a new object cannot become the container of another: that one has one, or is around it."""
     part, container = (far, node) if end.contains else (node, far)
     if plan.placed(part):
         return True

@@ -65,7 +65,7 @@ def losses(
 
 
 def _holds(metamodel: Metamodel, outer: str, inner: str) -> bool:
-    """Whether an object of one class may contain one of another, however deep."""
+    """Return whether an object of one class may contain one of another, however deep."""
     inside = (cls for name in metamodel.concrete(outer) for cls in metamodel.contents(name))
     found = set(reached(inside, metamodel.contents))
     return not found.isdisjoint(metamodel.concrete(inner))

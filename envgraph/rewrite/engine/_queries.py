@@ -148,7 +148,7 @@ class Queries:
         """Why a pattern or rule has no match for some values: the partial match that comes furthest, and what it fails.
 
         A rule that has a match is tried there, and undone: `refusal` of the result says why it cannot be applied.
-        A unit is run, and undone: the step that fails is told. Of a group, each rule is asked about.
+        A unit is run, and undone: the step that fails is reported. Of a group, each rule is asked about.
 
         Args:
             name: of the pattern, rule, unit or group.

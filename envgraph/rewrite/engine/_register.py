@@ -94,7 +94,7 @@ class Registration:
         return [checked.plan for checked in self._rules if checked.plan is not None]
 
     def _derive(self, library: Library, directory: Directory) -> dict[str, Derived]:
-        """What the derivations without errors stand for; of namesakes the first."""
+        """Return what the derivations without errors stand for; of namesakes the first."""
         found: dict[str, Derived] = {}
         derivations = [one for one in self._definitions if isinstance(one, Derivation)]
         if not derivations:

@@ -136,7 +136,7 @@ class Registrar:
     # --- adding
 
     def _sound(self, registration: Registration) -> Registration:
-        """What was checked, without errors.
+        """Return what was checked, without errors.
 
         Raises:
             ResolutionError: it has some.

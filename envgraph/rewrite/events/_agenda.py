@@ -161,7 +161,7 @@ class ConflictSet:
 
     @guarded
     def muted(self) -> Iterator[None]:
-        """What changes inside the block activates nothing, and empties the conflict set."""
+        """Yield what changes inside the block activates nothing, and empties the conflict set."""
         self.run()
         self._muted = True
         try:

@@ -110,7 +110,7 @@ def _changes(writer: Writer, body: BlockPlan, kept: tuple[int, ...] = ()) -> cod
 
 
 def _interrupted(end: code.Expression) -> code.Handler:
-    """What is done with an exception in the middle of changes: see `Interrupted`."""
+    """Return what is done with an exception in the middle of changes: see `Interrupted`."""
     done = [
         code.method(code.Name("interrupted"), "append", end),
         code.method(code.Name("interrupted"), "repair"),
@@ -164,7 +164,7 @@ def _needs_savepoint(body: BlockPlan, metamodel: Metamodel) -> bool:
 
 
 def _always_fits(reference: Reference, metamodel: Metamodel) -> bool:
-    """Whether the model never refuses a link, given ends of the right classes."""
+    """Return whether the model never refuses a link, given ends of the right classes."""
     opposite = metamodel.opposite(reference)
     return (
         reference.upper is None
@@ -174,7 +174,7 @@ def _always_fits(reference: Reference, metamodel: Metamodel) -> bool:
 
 
 def _always_set(reference: Reference, metamodel: Metamodel) -> bool:
-    """Whether the model never refuses to replace the targets of a single-valued reference."""
+    """Return whether the model never refuses to replace the targets of a single-valued reference."""
     opposite = metamodel.opposite(reference)
     if reference.many or _contains(reference, opposite):
         return False

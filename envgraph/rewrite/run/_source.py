@@ -153,7 +153,7 @@ class Writer:
         return relation.containment or relation.contained
 
     def _release(self, op: SetTargets | ChangeTargets, fresh: set[int]) -> list[code.Statement]:
-        """What targets that are set take out of containers."""
+        """Return what targets that are set take out of containers."""
         known = tuple(value for value in op.values if value not in fresh)
         if op.object in fresh and (not op.reference.containment or _removes(op)):
             return []

@@ -390,7 +390,7 @@ def _outputs(step: Step, calls: Named[int, Signature]) -> list[str]:
 
 
 def _namespace(model: Model, matcher: Matcher) -> dict[str, Any]:
-    """What the functions of units need."""
+    """Return what the functions of units need."""
     return {
         "UNSET": UNSET,
         "alive": model.alive,

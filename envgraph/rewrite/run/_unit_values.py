@@ -94,7 +94,7 @@ class UnitValues:
         return self.condition(step, 0, step.condition, scope)
 
     def _applicable(self, step: If_, scope: Scope) -> code.Expression:
-        """Whether a rule is applicable."""
+        """Return whether a rule is applicable."""
         asked, callee = self._checked.asked[id(step)]
         rules = self._functions.constant(self._members(callee.name))
         given: dict[str, code.Expression] = {}

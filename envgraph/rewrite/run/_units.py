@@ -1,7 +1,7 @@
 """Control units: what they mean, and those that are ready to run.
 
 A step *fails* or *succeeds*; a step that succeeds may have changed the model or not. Where Henshin has a unit for it,
-the meaning is Henshin's with `strict` and without `rollback`; `atomic` and `try` are where a failure takes things back.
+the meaning is Henshin's with `strict` and without `rollback`; `atomic` and `try` undo what was done before a failure.
 
 - A call of a rule applies it at one of its matches, drawn uniformly. If the model refuses the application there (a
   dangling link, a full reference ...), the other matches are tried in random order; the call fails if none is left. A
@@ -18,7 +18,7 @@ the meaning is Henshin's with `strict` and without `rollback`; `atomic` and `try
 - `try` never fails by itself: a body that fails is undone, and `else` runs, which may fail.
 - `if` runs one branch; without a branch to run it succeeds. `if rule(x)` asks whether the rule is applicable at one of
   its matches: it is tried there, and undone.
-- `atomic` takes everything back if its body fails, and fails then.
+- `atomic` undoes everything if its body fails, and fails then.
 - `all rule` applies the rule at each of its matches of now that still is one when its turn comes and is not refused;
   it fails if there is none. `by` puts them in order, the largest value first, and equal ones as they come; a match for
   which it has no value is left out. `top 3 rule by e` takes the first three of those alone.

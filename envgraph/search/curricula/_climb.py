@@ -115,7 +115,7 @@ class CurriculumSearch:
         objective: what is to be large.
         settings: how long, and how many.
         seed: the one source of randomness.
-        report: is told where the search stands, now and then.
+        report: called now and then with where the search stands.
     """
 
     levels: Levels

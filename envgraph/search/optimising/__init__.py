@@ -2,7 +2,7 @@
 
 `optimise` searches from the model of an engine. Moves are rules and units; objectives are measures, such as a number
 that a query computes; constraints are patterns. Every strategy works through `Walk`, which makes a move, reads from the
-views what it is worth, and keeps it or takes it back.
+views what it is worth, and keeps it or undoes it.
 """
 
 from envgraph.search.optimising._archive import Archive, Found

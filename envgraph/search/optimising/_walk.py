@@ -1,4 +1,4 @@
-"""A walk over models: a move is made, what it leads to is read, and then it is kept or taken back."""
+"""A walk over models: a move is made, what it leads to is read, and then it is kept or undone."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from envgraph.search.optimising._archive import Archive, Found, Path
 from envgraph.search.optimising._goals import Standing
 
 Progress = Callable[[int, str], None]
-"""Is told how many moves have been tried, and what is best."""
+"""Called with how many moves have been tried, and what is best."""
 Tell = Callable[[int, Archive], None]
 Move = tuple[str, Row]
 
@@ -33,7 +33,7 @@ class Strategy(Protocol):
 class Walk:
     """Where a search stands, what it has spent, and the best that it has met.
 
-    A move that was tried is open until it is kept or taken back; nothing else may be done before.
+    A move that was tried is open until it is kept or undone; nothing else may be done before.
 
     Args:
         engine: stands at the start.

@@ -12,8 +12,8 @@ from envgraph.env.schedules import Buffer
 from envgraph.errors import EvaluationError, LoadError
 from envgraph.lang import data_path
 from envgraph.learn.audit import EDITING, AuditLevels, Editor, audit_settings, make_levels, run_method
+from envgraph.learn.audit._features import StateFeatures, _decoded
 from envgraph.learn.audit._levels import Maker
-from envgraph.learn.audit._sight import Sight, _decoded
 from envgraph.search import Domain
 from envgraph.solve import certify
 from envgraph.solve.learning import PolicyLearner
@@ -75,10 +75,10 @@ def table_of(levels: AuditLevels, number: int) -> Tabular:
 def test_a_student_sees_the_rows_of_the_patterns_from_where_it_is(domain: Domain) -> None:
     engine, keys = domain.engine(), domain.keys()
     assert domain.behaviour is not None
-    sight = Sight(domain, engine, keys, audit_settings(domain))
+    features = StateFeatures(domain, engine, keys, audit_settings(domain))
     table = enumerate_states(engine, domain.behaviour, keys)
-    seen = sight.of(table)
-    names = {number: feature for feature, number in sight.features.items()}
+    seen = features.of(table)
+    names = {number: feature for feature, number in features.numbers.items()}
     at, destination = _decoded(table).T
     routers = [key[0] for key in keys.of_class("Router")]
     for state, features in enumerate(seen):

@@ -1,4 +1,4 @@
-"""What a student sees of the states of a level."""
+"""Features of the states of a level: what a student sees."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ _View = tuple[str, str, tuple[object, ...], list[tuple[int, Callable[[int], Any]
 objects, with what reads their keys."""
 
 
-class Sight:
-    """What a student sees of the states of a level: a set of features, each of which holds or not.
+class StateFeatures:
+    """Features of the states of a level, each of which holds or not: what a student sees.
 
     For an object that the environment observes they are the rows, without their first value, that the patterns of
     `sees` have with it in the initial model of the level; of an object for which no pattern is named, it is which one
@@ -40,7 +40,7 @@ class Sight:
         settings: has the patterns.
 
     Attributes:
-        features: all that were seen, by their number.
+        numbers: of all features that were seen.
     """
 
     def __init__(self, domain: Domain, engine: Engine, keys: KeyIndex, settings: AuditSettings) -> None:
@@ -48,7 +48,7 @@ class Sight:
         self._sees = [self._view(name, 1) for name in settings.sees]
         self._knows = [self._view(name, 0) for name in settings.knows]
         self._components = [*_components(domain, engine, keys)]
-        self.features: dict[Feature, int] = {}
+        self.numbers: dict[Feature, int] = {}
 
     def of(self, tabular: Tabular) -> list[list[int]]:
         """The features of each state of the present model's table."""
@@ -77,7 +77,7 @@ class Sight:
         return [sum(parts, known) for parts in zip(*columns, strict=True)]
 
     def _number(self, name: str, row: tuple[Value, ...]) -> int:
-        return self.features.setdefault((name, row), len(self.features))
+        return self.numbers.setdefault((name, row), len(self.numbers))
 
     def _rows(self, patterns: Sequence[_View]) -> Iterator[tuple[str, list[tuple[Value, ...]]]]:
         matcher = self._engine.matcher
