@@ -7,6 +7,7 @@ from operator import length_hint
 from typing import TYPE_CHECKING, Any, Final
 
 from envgraph.errors import InvalidArgument, TransactionError
+from envgraph.graph._derived import derive
 from envgraph.graph._journal import Journal, invert, settle, take_back, undo
 from envgraph.graph._store import Store
 from envgraph.graph._versions import Version, VersionTree, Vertex
@@ -359,7 +360,7 @@ class History:
                 follower.interrupted()
         writes = kinds & _WRITES
         if writes:
-            store.derive()
+            derive(store)
         for goal in goals:
             if isinstance(goal, tuple):
                 write, arguments = goal

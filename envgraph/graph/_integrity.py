@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Sized
 from itertools import pairwise
 
+from envgraph.graph._derived import recomputed_total
 from envgraph.graph._journal import Extent, IndexedSet
 from envgraph.graph._relation import Ends, Relation
-from envgraph.graph._store import Store, recomputed_total
+from envgraph.graph._store import Store
 from envgraph.metamodel import accepts
 
 

@@ -14,7 +14,7 @@ from envgraph.graph._facts import ClassFact, Fact, LinkFact, Listener, ValueFact
 from envgraph.graph._followers import Follower, Interrupted, NodeHook, ValueHook
 from envgraph.graph._hashing import class_code, node_salts, value_code
 from envgraph.graph._journal import IN, OUT, SET, Extent, IndexedSet, Item, Journal
-from envgraph.graph._relation import Ends, Relation, columns
+from envgraph.graph._relation import Relation, columns
 from envgraph.metamodel import Metamodel, Value, Values
 
 _CODES_KEPT = 1 << 16
@@ -228,7 +228,7 @@ class Store:
                         hook(node, value)
                     if self.listeners:
                         self._removing(ValueFact(self.metamodel.attributes[attribute], node, value))
-                    self._keep(distinct, node, distinct[node][:index] + distinct[node][index + 1 :])
+                    self.keep_distinct(distinct, node, distinct[node][:index] + distinct[node][index + 1 :])
             if self.recording:
                 self.journal.extend((column, node, old, SET))
             column[node] = values
@@ -240,18 +240,19 @@ class Store:
             if hook is not None or self.listeners:
                 known = dict.fromkeys(before)
                 for value in [value for value in after if value not in known]:
-                    self._keep(distinct, node, (*distinct[node], value))
+                    self.keep_distinct(distinct, node, (*distinct[node], value))
                     if hook is not None:
                         hook(node, value)
                     if self.listeners:
                         self._inserted(ValueFact(self.metamodel.attributes[attribute], node, value))
-            self._keep(distinct, node, after)
+            self.keep_distinct(distinct, node, after)
         except BaseException:
             self.interrupted.append(None)
             self.interrupted.repair()
             raise
 
-    def _keep(self, distinct: list[Values], node: int, values: Values) -> None:
+    def keep_distinct(self, distinct: list[Values], node: int, values: Values) -> None:
+        """An object has other values in a column of `distinct`."""
         if self.recording:
             self.journal.extend((distinct, node, distinct[node], SET))
         distinct[node] = values
@@ -353,9 +354,9 @@ class Store:
 
     def _rename(self, node: int, old: str | None, name: str | None) -> None:
         if old is not None:
-            self._map(old, None)
+            self.map_name(old, None)
         if name is not None:
-            self._map(name, node)
+            self.map_name(name, node)
         if self.recording:
             self.journal.extend((self.names, node, old, SET))
         self.names[node] = name
@@ -363,7 +364,8 @@ class Store:
 
     # --- parts of them
 
-    def _map(self, name: str, node: int | None) -> None:
+    def map_name(self, name: str, node: int | None) -> None:
+        """A name is that of an object, or of none."""
         if self.recording:
             self.journal.extend((self.by_name, name, self.by_name.get(name), SET))
         self.by_name[name] = node
@@ -427,77 +429,9 @@ class Store:
         for listener in self.listeners:
             listener.restored()
 
-    # --- after an exception
-
-    def derive(self) -> None:
-        """Make right what follows from names, values, targets and members of extents; for `History.repair`."""
-        self.lengthen(max(len(self.classes), len(self.place), len(self.salts[0])))
-        self._derive_classes()
-        for name, node in list(self.by_name.items()):
-            if node is not None and self.names[node] != name:
-                self._map(name, None)
-        for node, named in enumerate(self.names):
-            if named is not None and self.by_name.get(named) != node:
-                self._map(named, node)
-        for attribute, values, distinct in zip(
-            self.metamodel.attributes, self.values, self.distinct, strict=True
-        ):
-            for node, kept in enumerate(distinct) if attribute.many else ():
-                if kept != tuple(dict.fromkeys(values[node] or ())):
-                    self._keep(distinct, node, tuple(dict.fromkeys(values[node] or ())))
-        for relation in self.relations:
-            if not relation.flipped:
-                self._derive_sources(relation.forward, relation.backward)
-        self.total = recomputed_total(self)
-        self.revision += 1
-
-    def _derive_classes(self) -> None:
-        """Objects are in the extents of their classes, once."""
-        members = [set(extent) for extent in self.extents]
-        for extent, inside in zip(self.extents, members, strict=True):
-            if len(inside) < len(extent):  # `put` has copied what makes room
-                extent.pop()
-        for node, cls in enumerate(self.classes):
-            if cls >= 0 and node not in members[cls]:
-                self.extents[cls].append(node)
-        for extent in self.extents:
-            for place, node in enumerate(extent):
-                self.classes[node], self.place[node] = extent.number, place
-
-    def _derive_sources(self, forward: Ends, backward: Ends) -> None:
-        """Links that are known at one end only are those of the target's column; a symmetric one stays."""
-        for ends in (*forward, *backward):
-            if isinstance(ends, IndexedSet):
-                ends.mend()
-        for source, targets in enumerate(forward):
-            for target in targets:
-                if source not in backward[target]:
-                    self.add_end(backward, target, source)
-        for target, sources in enumerate(backward):
-            for source in [source for source in sources if target not in forward[source]]:
-                self.drop_end(backward, target, source)
-
     # --- reading
 
     def nodes(self) -> Iterator[int]:
         """All objects, class by class in the order of declaration."""
         for extent in self.extents:
             yield from extent
-
-
-def recomputed_total(store: Store) -> int:
-    """The sum behind the state hash, from the facts alone."""
-    first, second = node_salts(0, len(store.classes))
-    total = 0
-    for node in store.nodes():
-        total += first[node] * class_code(store.metamodel.class_list[store.classes[node]])
-        for attribute, column in zip(store.metamodel.attributes, store.values, strict=True):
-            value = column[node]
-            if value is not None:
-                total += first[node] * value_code(attribute, value)
-        for relation in store.relations:
-            for target in relation.forward[node]:
-                if relation.flipped or (relation.symmetric and target < node):
-                    continue
-                total += relation.code * first[node] * second[target]
-    return total
