@@ -9,12 +9,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from itertools import takewhile
 
 from envgraph import code
 from envgraph.code import dataclass
 from envgraph.match.generate._bindings import Bindings
 from envgraph.match.generate._distinct_sets import END, DistinctSets
+from envgraph.match.generate._narrowing import link_tests, value_tests
 from envgraph.match.generate._relations import Relations, same_for_all
 from envgraph.match.generate._sinks import (
     EXISTENCE,
@@ -45,7 +45,6 @@ from envgraph.match.plan._sharing import (
     mentioned,
     shared_searches,
 )
-from envgraph.metamodel import Reference
 from envgraph.pattern import (
     Absence,
     AggregateAtom,
@@ -169,12 +168,17 @@ class Translation:
                 step.kind is Kind.LOOP
                 and self._shares
                 and self.indexes
-                and (tests := _tests_of_values(self._bindings, step, steps[number + 1 :]))
+                and (tests := value_tests(step, steps[number + 1 :], self._bindings))
             ):
                 self._loop_by_value(step, tests)
                 found.update(map(id, tests))
-            elif step.kind is Kind.LOOP and (others := self._others(step, steps[number + 1 :])):
-                self._loop_common(step, others)
+            elif (
+                step.kind is Kind.LOOP
+                and self._shares
+                and self.indexes
+                and (links := link_tests(step, steps[number + 1 :], self._bindings))
+            ):
+                self._loop_common(step, links)
             elif step.kind is Kind.LOOP:
                 self._loop(step)
             elif step.kind is Kind.BIND:
@@ -191,7 +195,7 @@ class Translation:
         if self.bounded is None or step.kind is not Kind.LOOP or not (self._block.loops or self._continues):
             return
         connected = any(self._bindings.known(variable) for variable in variables(step.goal))
-        if not connected and not _tests_of_values(self._bindings, step, following):
+        if not connected and not value_tests(step, following, self._bindings):
             self._block.add(code.Do(code.call(self._module.name(self.bounded), self._size(sink))))
 
     def _size(self, sink: Sink) -> code.Expression:
@@ -324,31 +328,11 @@ class Translation:
         values = [self._bindings.source(pairs[attribute]) for attribute in sorted(pairs)]
         self._each([goal.variable], code.call(self._module.name(valued), *values))
 
-    def _others(self, step: Step, following: Sequence[Step]) -> list[code.Expression]:
-        """Where the end of a link, over which is looped, has to stand besides: the other ends of links are known."""
-        if not (isinstance(step.goal, LinkAtom) and isinstance(step.goal.reference, Reference)):
-            return []
-        if not (self._shares and self.indexes):
-            return []
-        (end,) = step.binds
-        found: list[code.Expression] = []
-        for each in takewhile(lambda s: s.kind is not Kind.LOOP, following):
-            goal = each.goal
-            if (
-                each.kind is Kind.TEST
-                and isinstance(goal, LinkAtom)
-                and isinstance(goal.reference, Reference)
-                and goal.source != goal.target
-            ):
-                other = goal.source if goal.target == end else goal.target
-                if end in (goal.source, goal.target) and self._bindings.known(other):
-                    found.append(self._relations.ends(goal))
-        return found
-
-    def _loop_common(self, step: Step, others: Sequence[code.Expression]) -> None:
+    def _loop_common(self, step: Step, tests: Sequence[Step]) -> None:
         """Loop over the ends of a link; if they are many, over those that may pass the tests which follow."""
         goal = step.goal
         assert isinstance(goal, LinkAtom)
+        others = [self._relations.ends(test.goal) for test in tests if isinstance(test.goal, LinkAtom)]
         ends = code.Local(self._module.fresh("e"))
         kind = code.Member(code.Let(ends, self._relations.ends(goal)), "__class__")
         short = code.Operation("is", (kind, code.Name("tuple")))  # the others are crowded
@@ -486,18 +470,3 @@ class Translation:
         for name, given in (whole, direct):
             parts += [name, code.Tuple(tuple(given))]
         return code.call(holds, *parts)
-
-
-def _tests_of_values(bindings: Bindings, step: Step, following: Sequence[Step]) -> list[Step]:
-    """The tests of attributes of an object that is looped over, for values that are known and change."""
-    if not isinstance(step.goal, InstanceAtom):
-        return []
-    tests: dict[int, Step] = {}
-    for each in takewhile(lambda s: s.kind is not Kind.LOOP, following):
-        goal = each.goal
-        if not isinstance(goal, AttributeAtom) or each.kind is not Kind.TEST:
-            continue
-        if goal.object == step.goal.variable and bindings.known(goal.value):
-            tests.setdefault(goal.attribute.index, each)
-    values = [each.goal.value for each in tests.values() if isinstance(each.goal, AttributeAtom)]
-    return [] if bindings.constants.keys() >= set(values) else list(tests.values())

@@ -9,12 +9,16 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import replace
 
+from envgraph.match.passes import Bodies
 from envgraph.metamodel import Reference
 from envgraph.pattern import (
     Absence,
     AggregateAtom,
     AttributeAtom,
+    CallAtom,
+    ClosureAtom,
     Conjunction,
     Goal,
     LinkAtom,
@@ -77,3 +81,34 @@ def component(goals: Sequence[Goal], start: int, fixed: frozenset[int]) -> list[
                 chosen[id(goal)] = goal
                 reached |= own
     return [goal for goal in goals if id(goal) in chosen]
+
+
+def link_of(step: Sequence[Conjunction]) -> tuple[int, bool] | None:
+    """Index of the reference, and whether it is crossed, if the bodies of a step are one link."""
+    goal = _only_goal(step)
+    if not (isinstance(goal, LinkAtom) and isinstance(goal.reference, Reference)):
+        return None
+    ends = (goal.source, goal.target)
+    if step[0].parameters == ends:
+        return goal.reference.index, False
+    return (goal.reference.index, True) if step[0].parameters == ends[::-1] else None
+
+
+def closure_of(relation: RelationAtom, bodies: Bodies) -> ClosureAtom | None:
+    """The closure that a called pattern is, if it is nothing else."""
+    called = bodies.called(relation.pattern) if isinstance(relation, CallAtom) else None
+    goal = _only_goal(called) if called else None
+    if not (isinstance(relation, CallAtom) and called and isinstance(goal, ClosureAtom)):
+        return None
+    heads = called[0].parameters
+    if len(set(heads)) < len(heads) or {goal.source, goal.target} != set(heads):
+        return None
+    numbers = dict(zip(heads, relation.arguments, strict=True))
+    return replace(goal, source=numbers[goal.source], target=numbers[goal.target])
+
+
+def _only_goal(bodies: Sequence[Conjunction]) -> Goal | None:
+    """The one goal of the one body, without constants."""
+    if len(bodies) != 1 or len(bodies[0].goals) != 1 or bodies[0].constants:
+        return None
+    return bodies[0].goals[0]

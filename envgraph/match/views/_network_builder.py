@@ -14,12 +14,7 @@ from envgraph.match.passes._calls import CallGraph
 from envgraph.match.plan._options import Unplannable
 from envgraph.match.plan._plan import held_value
 from envgraph.match.plan._planner import determined, disjoint
-from envgraph.match.views._bodies import (
-    component,
-    existential,
-    free_inside,
-    negated,
-)
+from envgraph.match.views._bodies import closure_of, component, existential, free_inside, link_of, negated
 from envgraph.match.views._closure_operator import ClosureOperator, LinkSteps, RowSteps
 from envgraph.match.views._delta import Delta, build_source, delta_source, derivable_source
 from envgraph.match.views._group_aggregates import Fold
@@ -330,7 +325,7 @@ class NetworkBuilder:
             return goal
         if isinstance(relation, ClosureAtom):
             raise NotIncremental
-        reached = self._plain_closure(relation)
+        reached = closure_of(relation, self._bodies)
         if reached is not None and goal.function == "count" and len(local) == 1 and len(set(called)) == 2:
             return self._number_reached(body, goal, reached, place)
         if isinstance(relation, CallAtom):
@@ -348,22 +343,6 @@ class NetworkBuilder:
         fold = Fold(f"{place}/{goal.function}", source, positions, goal.function, column)
         self._enter(fold)
         return replace(goal, relation=CallAtom(fold.name, columns))
-
-    def _plain_closure(self, relation: RelationAtom) -> ClosureAtom | None:
-        """The closure that a called pattern is, if it is nothing else."""
-        if not isinstance(relation, CallAtom) or self.calls.recursive(relation.pattern):
-            return None
-        bodies = self._bodies.of(relation.pattern)
-        if len(bodies) != 1 or len(bodies[0].goals) != 1 or bodies[0].constants:
-            return None
-        (goal,) = bodies[0].goals
-        heads = bodies[0].parameters
-        if not isinstance(goal, ClosureAtom) or len(set(heads)) < len(heads):
-            return None
-        numbers = dict(zip(heads, relation.arguments, strict=True))
-        if {goal.source, goal.target} != set(heads):
-            return None
-        return replace(goal, source=numbers[goal.source], target=numbers[goal.target])
 
     def _number_reached(
         self, body: Conjunction, goal: AggregateAtom, reached: ClosureAtom, place: str
@@ -384,7 +363,7 @@ class NetworkBuilder:
         self, body: Conjunction, goal: ClosureAtom, place: str, direction: bool | None = None
     ) -> ClosureAtom:
         """A closure from those starts that the rest of the body asks for, in the given direction if there is one."""
-        link = self._link_of(goal.step)
+        link = link_of(self._bodies.of(goal.step))
         if link is None:
             self._usable(goal.step)
         reflexive = goal.closure is Closure.STAR
@@ -415,19 +394,6 @@ class NetworkBuilder:
         del self.operators[name]
         self.definitions.pop(name, None)
 
-    def _link_of(self, step: str) -> tuple[int, bool] | None:
-        """Index of the reference, and whether it is crossed, if a step is one link."""
-        bodies = self._bodies.of(step)
-        if len(bodies) != 1 or len(bodies[0].goals) != 1 or bodies[0].constants:
-            return None
-        (goal,) = bodies[0].goals
-        if not (isinstance(goal, LinkAtom) and isinstance(goal.reference, Reference)):
-            return None
-        ends = (goal.source, goal.target)
-        if bodies[0].parameters == ends:
-            return goal.reference.index, False
-        return (goal.reference.index, True) if bodies[0].parameters == ends[::-1] else None
-
     def _starts(
         self, body: Conjunction, goal: ClosureAtom, forward: bool, place: str
     ) -> tuple[bool, View] | None:
@@ -457,7 +423,7 @@ class NetworkBuilder:
             return None
 
     def _step(self, step: str, ends: tuple[int, int]) -> Goal:
-        link = self._link_of(step)
+        link = link_of(self._bodies.of(step))
         if link is None:
             return CallAtom(step, ends)
         reference = self.library.metamodel.references[link[0]]

@@ -268,3 +268,19 @@ def test_dropping_a_model_frees_its_versions():
     del model, versions
     gc.collect()
     assert sum(isinstance(item, Vertex) for item in gc.get_objects()) <= before - 2
+
+
+def test_a_state_that_two_branches_share_is_kept_though_nobody_holds_it():
+    model = forest()
+    shared = model.commit()
+    first = burn(model, "t00")
+    model.checkout(shared)
+    second = burn(model, "t10")
+    del shared
+    gc.collect()
+    model.commit()
+    model.check_integrity()
+    for version, burning in ((first, "t00"), (second, "t10")):
+        model.checkout(version)
+        assert [name for name in ("t00", "t10") if model[name].cls == "BurningTile"] == [burning]
+        model.check_integrity()
