@@ -9,7 +9,7 @@ import pytest
 from envgraph.graph import Model
 from envgraph.match import FREE, CompiledMatcher, ViewMatcher
 from envgraph.match.views._operators import Evaluated, View
-from envgraph.metamodel import Class, Metamodel, Reference
+from envgraph.metamodel import Attribute, Class, Metamodel, Reference, Scalar
 from envgraph.pattern import Library
 from tests.unit.match.writing import path, pattern
 
@@ -56,3 +56,37 @@ def test_large_patterns_are_explained_with_actual_rows(shape: str) -> None:
     assert "actually" in matcher.explain("large")
     why = matcher.why_not("large", {})
     assert (why.match is None) == (shape == "chain")
+
+
+def test_rows_of_several_derivations_go_with_the_last_however_dear_their_search_is() -> None:
+    metamodel = Metamodel(
+        "net",
+        (
+            Class(
+                "Cell",
+                features=(Attribute("marked", Scalar.BOOL), Reference("next", "Cell", 0, None)),
+            ),
+        ),
+    )
+    (marked,), (following,) = metamodel.attributes, metamodel.references
+    library = Library(metamodel)
+    library.add(
+        pattern(
+            "two(a : Cell, m : bool, c : Cell)",
+            [path("Cell.marked", "a", "m"), path("Cell.next", "a", "b"), path("Cell.next", "b", "c")],
+        )
+    )
+    model = Model(metamodel)
+    cells = [model.new("Cell") for _ in range(16)]
+    for one in cells:
+        model.set_value(one, marked, True)
+        for other in cells:
+            model.link(one, following, other)
+    views, searched = ViewMatcher(model, library), CompiledMatcher(model, library)
+    views.watch("two")
+    for value in (None, False, True):
+        model.set_value(cells[0], marked, value)
+        found = views.rows("two", (FREE, FREE, FREE))
+        assert len(found) == 16 * (15 + (value is not None))
+        assert sorted(found) == sorted(searched.rows("two", (FREE, FREE, FREE)))  # type: ignore[type-var]
+    views.check_integrity()
