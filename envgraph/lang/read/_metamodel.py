@@ -200,7 +200,7 @@ class _Reader:
         annotations = self._annotations(tree, _ATTRIBUTE_ANNOTATIONS)
         multiplicity = trees(tree.children, "multiplicity")
         bounds = self.parsed.span(multiplicity[0]).text if multiplicity else ""
-        type_ = self._type(type_token, f"{type_token}{bounds} {name}")
+        type_ = self._type(type_token, bounds, name)
         if type_ is None:
             self.lost.add(str(name))
             return None
@@ -230,7 +230,7 @@ class _Reader:
             unique=not any(annotation.name == "nonunique" for annotation in annotations),
         )
 
-    def _type(self, token: Token, rest: str) -> AttributeType | None:
+    def _type(self, token: Token, bounds: str, name: Token) -> AttributeType | None:
         if token in set(Scalar):
             return Scalar(token)
         if token in self._enums:
@@ -238,11 +238,13 @@ class _Reader:
         if token in self.parsed.lost:
             return None
         if token in self._class_names:
+            rest = f"{token}{bounds} {name}"
             hint = f"write `refers {rest}` or `contains {rest}`"
             self._error("wrong-type", f"`{token}` is a class, not a data type", token, hint)
             return None
         known = [*Scalar, *self._enums, "contains", "refers"]
-        advice = data_type_hint(token) or name_hint(token, known)
+        turned = f"the type stands first: `{name}{bounds} {token}`" if name in known else None
+        advice = turned or data_type_hint(token) or name_hint(token, known)
         self._error("unknown-type", f"unknown type `{token}`", token, advice)
         return None
 
