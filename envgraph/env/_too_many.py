@@ -24,6 +24,13 @@ class TooManyStates(EvaluationError):
             "create objects, states may have no end: keep a pool of objects, and a flag that says which are there",
         )
 
+    @classmethod
+    def again(cls, behaviour: Behaviour, message: str, hint: str | None) -> TooManyStates:
+        """Return what was raised before, of which these words were kept."""
+        error = cls.__new__(cls)
+        EvaluationError.__init__(error, message, behaviour.span, hint)
+        return error
+
 
 class TooManyOutcomes(TooManyStates):
     """An action has more outcomes in one state than it may."""

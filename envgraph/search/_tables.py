@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 
 from envgraph import __version__
 from envgraph.code import dataclass
-from envgraph.env import Behaviour, Explored, KeyIndex, read_explored, write_explored
+from envgraph.env import Behaviour, Explored, KeyIndex, TooManyStates, read_explored, write_explored
 from envgraph.env.compiled import explored
 from envgraph.errors import InvalidArgument
 from envgraph.files import CACHE_VARIABLE, cache_directory, counting, replace_file, replacing
@@ -98,6 +98,9 @@ class Tables:
             behaviour: of the domain.
             model: the initial state; it is used up.
             keys: the indices of its objects over the family.
+
+        Raises:
+            TooManyStates: there are too many for a table; that is kept as well, and found out once.
         """
         name = table_name(domain, behaviour, model, keys)
         drawn = pictures and behaviour.draw is not None
@@ -105,8 +108,15 @@ class Tables:
         known = self.read(name, drawn=drawn) if lasting else None
         if known is not None:
             return known
-        with counting(f"states of {behaviour.name}") as progress:
-            found = explored(domain.engine(model), behaviour, keys, pictures=drawn, progress=progress)
+        if lasting and (refused := self._refusal(name)):
+            raise TooManyStates.again(behaviour, *refused)
+        try:
+            with counting(f"states of {behaviour.name}") as progress:
+                found = explored(domain.engine(model), behaviour, keys, pictures=drawn, progress=progress)
+        except TooManyStates as error:
+            if lasting:
+                self._refuse(name, error)
+            raise
         if lasting:
             self._write(name, found)
         return found
@@ -123,6 +133,22 @@ class Tables:
                 os.utime(path)
             return found if found.pictures or not drawn else None
         return None
+
+    def _refusal(self, name: str) -> tuple[str, str | None] | None:
+        """Why there is no table, and what helps."""
+        for place in self.places:
+            with suppress(OSError, ValueError, RecursionError):  # not there, or damaged
+                match json.loads((place / name).with_suffix(".refusal").read_text("utf-8")):
+                    case {"message": str(message), "hint": str() | None as hint}:
+                        return message, hint
+        return None
+
+    def _refuse(self, name: str, error: TooManyStates) -> None:
+        content = json.dumps({"message": error.message, "hint": error.hint})
+        for place in self.places:
+            with suppress(OSError):
+                replace_file((place / name).with_suffix(".refusal"), content)
+                return
 
     def record(self, key: str) -> Record | None:
         """What was kept of a family, by a hash of all that it is made from."""
@@ -181,7 +207,9 @@ def key_of(*parts: object) -> str:
 
 def _tidy(place: Path) -> None:
     """Remove the files that nobody has used for longest, if there are too many."""
-    files = [(file.stat(), file) for ending in ("npz", "record") for file in place.glob(f"*.{ending}")]
+    files = [
+        (file.stat(), file) for ending in ("npz", "record", "refusal") for file in place.glob(f"*.{ending}")
+    ]
     total = 0
     for stat, file in sorted(files, key=lambda pair: pair[0].st_mtime, reverse=True):
         total += stat.st_size

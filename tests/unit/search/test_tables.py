@@ -17,7 +17,7 @@ from gymnasium.utils.env_checker import check_env
 
 import envgraph.env
 from envgraph.cli import main
-from envgraph.env import Explored
+from envgraph.env import Explored, TooManyStates
 from envgraph.errors import InvalidArgument
 from envgraph.lang import bundled_domain
 from envgraph.search import (
@@ -215,6 +215,30 @@ def test_a_damaged_table_is_made_anew(exported: Path, cache: Path, visited: list
     make_environment(family=exported)
     assert visited == [False] * 2
     assert file.read_bytes() == good
+
+
+def test_too_many_states_are_found_out_once(
+    exported: Path, cache: Path, monkeypatch: pytest.MonkeyPatch, visited: list[bool]
+) -> None:
+    family = open_family(exported)
+    behaviour = family.behaviour
+    words: list[tuple[object, ...]] = []
+
+    def explore(*arguments: object, **options: object) -> Explored:
+        visited.append(False)
+        raise TooManyStates(behaviour, 7)
+
+    monkeypatch.setattr("envgraph.search._tables.explored", explore)
+    for _ in range(2):
+        with pytest.raises(TooManyStates, match="more than 7 states") as refused:
+            family.explored(family.members[0])
+        words.append((refused.value.message, refused.value.hint, refused.value.span))
+    assert len(visited) == 1 and words[0] == words[1]
+    [file] = cache.glob("*.refusal")
+    file.write_text("{}", encoding="utf-8")
+    with pytest.raises(TooManyStates):
+        family.explored(family.members[0])
+    assert len(visited) == 2
 
 
 def test_what_functions_of_python_do_is_not_kept(cache: Path, visited: list[bool], tmp_path: Path) -> None:
