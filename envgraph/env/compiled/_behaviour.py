@@ -26,7 +26,7 @@ from envgraph.env._observing import component_names, size_of
 from envgraph.env._prepared import Types, together
 from envgraph.env._program import stands_before
 from envgraph.env._together import in_order, joint_names, numbered_names
-from envgraph.env.compiled._changes import Changes, StaticPatterns, blocks_of, calls_of, plan_of
+from envgraph.env.compiled._changes import Changes, StaticPatterns, blocks_of, plans_of
 from envgraph.env.compiled._facts import Facts, Module
 from envgraph.env.compiled._inlining import inlined
 from envgraph.env.compiled._layout import (
@@ -157,10 +157,10 @@ class _Program:
         self._layout = layout
         self._metamodel = engine.model.metamodel
         library = engine.library
-        plans = [plan_of(engine, one) for one in calls_of(behaviour) if one.rule is not None]
+        plans = plans_of(engine, behaviour)
         self._changes = Changes.of(plans, self._metamodel)
         layout.created = self._changes.created
-        layout.renumbered = not self._changes.created.isdisjoint(self._changes.deleted)
+        layout.renumbered = self._changes.recurring
         self._check(plans)
         calls = CallGraph(library)
         static = StaticPatterns(self._changes, library, calls)

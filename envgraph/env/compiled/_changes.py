@@ -117,6 +117,11 @@ class Changes:
                 found.add(plan.body)
         return found.result()
 
+    @property
+    def recurring(self) -> bool:
+        """Whether objects come and go, so that others may take the places of those that went."""
+        return not self.created.isdisjoint(self.deleted)
+
     def fixed_class(self, name: str, exact: bool = False) -> bool:
         """Whether always the same objects are of a class."""
         members = {name} if exact else {*self.metamodel.concrete(name)}
@@ -177,9 +182,9 @@ class _Found:
                 case _:
                     raise AssertionError(change)
         for delete in body.deletes:
-            self._delete(body.classes[delete.node], delete.span or body.span)
+            self._delete(body.classes[delete.node])
         for retype in body.retypes:
-            self._retype(body.classes[retype.node], retype.cls, retype.span or body.span)
+            self._retype(body.classes[retype.node], retype.cls)
         for new in body.creates:
             self.created.add(new.cls)
             self._group(self.created)
@@ -207,16 +212,15 @@ class _Found:
                 self.references.add(reference.index)
                 self.references.update(() if opposite is None else (opposite.index,))
 
-    def _delete(self, cls: str | None, span: Span | None) -> None:
+    def _delete(self, cls: str | None) -> None:
         assert cls is not None
         concrete = self.metamodel.concrete(cls)
         self._group(concrete)
-        self.deleted.update(concrete)
-        for one in concrete:
-            for feature in self.metamodel.features(one).values():
-                if isinstance(feature, Reference) and feature.containment:
-                    raise NotCompiled(f"containers that a rule deletes (`{one}`)", span)
-        self._passing(concrete)
+        inside = contained(self.metamodel, concrete)
+        for one in inside:
+            self._group([one])
+        self.deleted.update(concrete, inside)
+        self._passing([*concrete, *inside])
 
     def _passing(self, concrete: Iterable[str]) -> None:
         """Objects come or go: what they have changes, and what is linked to them."""
@@ -232,18 +236,20 @@ class _Found:
             ):
                 self.references.add(reference.index)
 
-    def _retype(self, cls: str | None, new: str, span: Span | None) -> None:
+    def _retype(self, cls: str | None, new: str) -> None:
+        """An object changes its class, and with it what it may have."""
         assert cls is not None
         old = self.metamodel.concrete(cls)
-        features = self.metamodel.features(new)
         for one in old:
-            if self.metamodel.features(one) != features:
-                raise NotCompiled(f"a retyping that changes what an object has (`{one}` to `{new}`)", span)
-        for reference in self.metamodel.references:
-            for one in old:
-                if self.metamodel.is_a(one, reference.target) != self.metamodel.is_a(new, reference.target):
-                    message = f"a retyping after which links are not allowed any more (`{one}` to `{new}`)"
-                    raise NotCompiled(message, span)
+            has, will = (
+                {f.index for f in self.metamodel.features(each).values() if isinstance(f, Attribute)}
+                for each in (one, new)
+            )
+            self.written |= has ^ will
+            for reference in self.metamodel.references:
+                ends = reference.owner, reference.target
+                if any(self.metamodel.is_a(one, end) and not self.metamodel.is_a(new, end) for end in ends):
+                    self._reference(reference)
         self._group([*old, new])
 
     def _group(self, classes: Iterable[str]) -> None:
@@ -266,6 +272,28 @@ class _Found:
             frozenset(self.deleted),
             frozenset(growing),
         )
+
+
+def plans_of(engine: Engine, behaviour: Behaviour) -> list[RulePlan]:
+    """The plans of all rules that a behaviour calls.
+
+    Raises:
+        NotCompiled: see `plan_of`.
+    """
+    return [plan_of(engine, one) for one in calls_of(behaviour) if one.rule is not None]
+
+
+def contained(metamodel: Metamodel, classes: Iterable[str]) -> tuple[str, ...]:
+    """The concrete classes of what objects of some concrete classes may contain, at any depth."""
+    found: dict[str, None] = {}
+    waiting = [*classes]
+    for cls in waiting:  # grows meanwhile
+        for feature in metamodel.features(cls).values():
+            if isinstance(feature, Reference) and feature.containment:
+                new = [one for one in metamodel.concrete(feature.target) if one not in found]
+                found.update(dict.fromkeys(new))
+                waiting += new
+    return tuple(found)
 
 
 class StaticPatterns:

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 from envgraph import code
 from envgraph.code import dataclass
 from envgraph.env.compiled._layout import NOBODY, ONE, ZERO, call, cell, plus, table
-from envgraph.env.compiled._refused import NotCompiled
 from envgraph.env.compiled._tables import LinkColumn, LinkMatrix, Links, One, Values, keys_of
 from envgraph.match.plan import LiveSizes
 from envgraph.metamodel import Reference
@@ -53,22 +52,23 @@ class Connections:
     def kept(self, reference: Reference) -> tuple[LinkColumn | LinkMatrix, bool]:
         """Where the links of a reference that changes are kept, and whether it is that reference and no opposite.
 
-        Raises:
-            NotCompiled: both of its ends are one.
+        Those of a reference that is its own opposite are kept in both directions.
         """
         metamodel = self._facts.metamodel
         opposite = metamodel.opposite(reference)
-        if opposite == reference:
-            raise NotCompiled(f"a reference that is its own opposite, and changes (`{reference}`)")
         if opposite is not None and opposite.index < reference.index:
             return self.kept(opposite)[0], False
-        ends = [metamodel.concrete(end) for end in (reference.owner, reference.target)]
+        ends = [self._facts.changes.becoming(end) for end in (reference.owner, reference.target)]
         one_source = self._one(reference, forward=False)
         if reference.many and not one_source:
             return LinkMatrix(reference, *ends), True
         source, target = self._sizes.extent(reference.owner), self._sizes.extent(reference.target)
         at_source = not reference.many and (not one_source or source <= target)
         return LinkColumn(reference, at_source, ends[not at_source]), True
+
+    def symmetric(self, reference: Reference) -> bool:
+        """Whether a reference is its own opposite."""
+        return self._facts.metamodel.opposite(reference) == reference
 
     def column(self, reference: Reference) -> tuple[LinkColumn, bool]:
         """The same for one that has a single target or a single source."""
@@ -158,7 +158,9 @@ class Connections:
             values = Values(keys, far, (far,), Links(reference).types(facts.library)[far])
             return table(plus(facts.layout.offset(values), node))
         kept, same = self.kept(reference)
-        if isinstance(kept, LinkColumn) and kept.at_source is (forward is same):
+        if isinstance(kept, LinkColumn) and (
+            kept.at_source is (forward is same) or self.symmetric(reference)
+        ):
             place, guard = self.near(kept, node, sure=sure)
             return code.Choice(guard[0], place, NOBODY) if guard else place
         if not self._one(reference, forward):

@@ -8,6 +8,7 @@ from typing import Literal
 from envgraph import code
 from envgraph.code import dataclass
 from envgraph.env.compiled._blocks import Frame, Slots
+from envgraph.env.compiled._changes import contained
 from envgraph.env.compiled._layout import NOBODY, ZERO
 from envgraph.env.compiled._member import absent
 from envgraph.env.compiled._refused import NotCompiled
@@ -88,6 +89,8 @@ def _linked(
     yield Claim("owner", target, reference.target, present=target)
     first, start, end = _canonical(metamodel, reference, source, target)
     yield Claim("added", start, first, end, present=target)
+    if opposite == reference:
+        yield Claim("added", end, first, start, present=target)
     if reference.upper == 1:
         yield Claim("end", source, reference, target, target, forced)
     if opposite is not None and opposite.upper == 1:
@@ -200,10 +203,10 @@ class Pairs:
         assert isinstance(a.what, Reference)
         assert b.other is not None
         near, far = b.node, b.other
-        if a.what == self._metamodel.opposite(b.what):  # type: ignore[arg-type]
+        if a.what != b.what:
+            if a.what != self._metamodel.opposite(b.what):  # type: ignore[arg-type]
+                return None
             near, far = far, near
-        elif a.what != b.what:
-            return None
         differ = code.Operation("!=", (_value(a, sa), sb[far]))
         return self._all([self._same(a.node, fa, sa, near, fb, sb), differ], a, sa, b, sb)
 
@@ -212,10 +215,13 @@ class Pairs:
         found: list[code.Expression | None] = []
         for link in frame.plan.links:
             reference, source, target = _canonical(self._metamodel, link.reference, link.source, link.target)
-            if reference == a.what:
+            if reference != a.what:
+                continue
+            symmetric = self._metamodel.opposite(reference) == reference
+            for start, end in [(source, target), (target, source)] if symmetric else [(source, target)]:
                 ends = [
-                    self._same(a.node, frame, slots, source, frame, slots),
-                    self._same(a.other, frame, slots, target, frame, slots),
+                    self._same(a.node, frame, slots, start, frame, slots),
+                    self._same(a.other, frame, slots, end, frame, slots),
                 ]
                 if None not in ends:
                     both = code.joined("and", [end for end in ends if end is not None], True)
@@ -305,3 +311,38 @@ def _check_order(site: Site) -> None:
                 )
             if feature is not None and changing.setdefault(feature, frame.plan) is not frame.plan:
                 raise NotCompiled(f"`{feature}` in several blocks of a rule", frame.plan.span)
+
+
+def check_kept(site: Site) -> None:
+    """The rule is refused where something that it keeps or changes has gone with its container.
+
+    Raises:
+        NotCompiled: blocks delete containers beside what these may contain.
+    """
+    metamodel, frames = site.facts.metamodel, site.blocks.frames
+    deletes = [(delete, frame.plan) for frame in frames for delete in frame.plan.deletes]
+    doomed = [one for delete, plan in deletes for one in metamodel.concrete(plan.classes[delete.node] or "")]
+    endangered = contained(metamodel, doomed)
+    for frame in frames:
+        slots = dict.fromkeys(frame.plan.kept)
+        slots.update(dict.fromkeys(c.node for c in claims_of(frame, metamodel) if c.kind == "touched"))
+        if len(frames) > 1 and not site.plan.lossy:  # else it makes no difference which of them goes first
+            slots.update(dict.fromkeys(delete.node for delete in frame.plan.deletes))
+        for slot in slots:
+            cls = frame.classes.get(slot)
+            if slot in frame.new or not any(cls is None or metamodel.overlap(one, cls) for one in endangered):
+                continue
+            if len(frames) > 1 or cls is None:
+                first, plan = deletes[0]
+                raise NotCompiled(
+                    "containers that blocks delete beside their contents", first.span or plan.span
+                )
+            _check_alive(site, slot, cls)
+
+
+def _check_alive(site: Site, slot: int, cls: str) -> None:
+    """The rule is refused unless the object in a slot is there, or was to be deleted."""
+    alive = site.facts.alive(site.slots[slot], cls)
+    if alive is not None:
+        same = [code.equal(site.slots[slot], site.slots[delete.node]) for delete in site.rule.plan.deletes]
+        site.unless(code.joined("or", [alive, *same], False))

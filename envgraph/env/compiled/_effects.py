@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from envgraph import code
-from envgraph.env.compiled._contradictions import check_agreement, fitted
+from envgraph.env.compiled._contradictions import check_agreement, check_kept, fitted
 from envgraph.env.compiled._links import Links
 from envgraph.env.compiled._matching import Matching
 from envgraph.env.compiled._member import absent
@@ -21,6 +21,7 @@ from envgraph.rewrite.plans import (
     RulePlan,
     SetTargets,
     SetValue,
+    Unlink,
 )
 
 
@@ -52,8 +53,10 @@ class Effects:
         self._each(self._compute_all)
         if body.nested or body.coinciding or body.contended:
             check_agreement(self._site)
-        phases = self._unlink_all, self._delete_all, self._retype_all, self._create_all, self._link_all
-        for phase in phases:
+        for phase in (self._unlink_all, self._delete_all):
+            self._each(phase)
+        check_kept(self._site)
+        for phase in (self._retype_all, self._create_all, self._link_all):
             self._each(phase)
         self._each(self._set_all)
         return self._site.written()
@@ -90,7 +93,9 @@ class Effects:
 
     def _delete_all(self) -> None:
         for delete in self._site.body.deletes:
-            self._objects.delete(delete)
+            made = self._site.collected(lambda each=delete: self._objects.delete(each))  # type: ignore[misc]
+            outside = self._objects.outside(delete)
+            self._site.add(*([code.If(code.joined("and", outside, True), made)] if outside else made))
 
     def _retype_all(self) -> None:
         for retype in self._site.body.retypes:
@@ -123,12 +128,19 @@ class Effects:
         for gone, other in self._site.body.identified:
             self._site.unless(code.Operation("!=", (self._site.slots[gone], self._site.slots[other])))
         for one, another in self._site.body.identified_links:
-            ends, others = (one.source, one.target), (another.source, another.target)
+            others = (another.source, another.target)
             if one.reference != another.reference:
                 others = others[::-1]
-            pairs = zip(ends, others, strict=True)
-            same = [code.equal(self._site.slots[end], self._site.slots[other]) for end, other in pairs]
-            self._site.unless(code.inverse(code.joined("and", same, True)))
+            self._different(one, others)
+            if self._facts.links.symmetric(one.reference):
+                self._different(one, others[::-1])
+
+    def _different(self, link: Unlink, others: tuple[int, int]) -> None:
+        """The rule is refused where a link has the ends that stand in two slots."""
+        slots = self._site.slots
+        pairs = zip((link.source, link.target), others, strict=True)
+        same = [code.equal(slots[end], slots[other]) for end, other in pairs]
+        self._site.unless(code.inverse(code.joined("and", same, True)))
 
     # --- values
 

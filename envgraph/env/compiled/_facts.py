@@ -352,7 +352,7 @@ class Facts:
         self, attribute: Attribute, node: code.Expression, *, sure: bool
     ) -> tuple[code.Index, list[code.Expression]]:
         """The cell of an attribute that changes, and what has to hold before it is looked at."""
-        classes = self.metamodel.concrete(attribute.owner)
+        classes = self.changes.becoming(attribute.owner)
         column = AttributeColumn(attribute, classes)
         place, guard = self.place(classes, node, sure=sure)
         return cell(plus(self.layout.offset(column), place), column.is_float), guard

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from envgraph import code
 from envgraph.env.compiled._blocks import Frame
+from envgraph.env.compiled._changes import contained
 from envgraph.env.compiled._connections import LinkCell
+from envgraph.env.compiled._containers import inside
 from envgraph.env.compiled._layout import NOBODY, ZERO, call
-from envgraph.env.compiled._refused import NotCompiled
 from envgraph.env.compiled._site import Site
 from envgraph.env.compiled._tables import LinkColumn
 from envgraph.metamodel import Reference
@@ -25,21 +26,33 @@ class Links:
         self._site = site
         self._facts = site.facts
 
-    def _cell(self, source: int, reference: Reference, target: int) -> LinkCell:
-        """The cell that keeps a link between the objects in two slots."""
+    def _cells(self, source: int, reference: Reference, target: int) -> list[LinkCell]:
+        """The cells that keep a link between the objects in two slots: two if it is its own opposite."""
         slots, sure = self._site.slots, self._site.sure
-        certain = sure(source, reference.owner), sure(target, reference.target)
-        return self._facts.links.cell(reference, slots[source], slots[target], sure=certain)
+        ends = (
+            [(source, target), (target, source)]
+            if self._facts.links.symmetric(reference)
+            else [(source, target)]
+        )
+        return [
+            self._facts.links.cell(
+                reference,
+                slots[one],
+                slots[other],
+                sure=(sure(one, reference.owner), sure(other, reference.target)),
+            )
+            for one, other in ends
+        ]
 
     def linked(self, source: int, reference: Reference, target: int) -> code.Expression:
         if self._facts.changes.fixed_feature(reference):
             raise AssertionError(reference)
-        return code.joined("and", self._cell(source, reference, target).tests, True)
+        return code.joined("and", self._cells(source, reference, target)[0].tests, True)
 
     def unlink(self, unlink: Unlink) -> None:
-        kept = self._cell(unlink.source, unlink.reference, unlink.target)
+        cells = self._cells(unlink.source, unlink.reference, unlink.target)
         test = self.linked(unlink.source, unlink.reference, unlink.target)
-        self._site.add(code.If(test, (code.Assign(kept.place, kept.unlinked),)))
+        self._site.add(code.If(test, tuple(code.Assign(kept.place, kept.unlinked) for kept in cells)))
 
     def leave_containers(self, move: Rehome) -> None:
         """An object leaves its container, unless that is where it is to go."""
@@ -95,14 +108,15 @@ class Links:
 
         def write() -> None:
             if content is not None:
-                self._check_contents(content, end)
+                container = source if content == target and reference.containment else target
+                self._check_contents(content, container, end)
                 self._check_homeless(content, end, reference)
             self._check_room(reference, self._site.slots[source], source, forward=True)
             self._check_room(reference, self._site.slots[target], target, forward=False)
-            kept = self._cell(source, reference, target)
-            for test in kept.guard:
+            cells = self._cells(source, reference, target)
+            for test in dict.fromkeys(test for kept in cells for test in kept.guard):
                 self._site.unless(test)
-            self._site.add(code.Assign(kept.place, kept.linked))
+            self._site.add(*(code.Assign(kept.place, kept.linked) for kept in cells))
 
         made = self._site.collected(write)
         there = code.Operation(">=", (self._site.slots[target], ZERO))
@@ -110,21 +124,24 @@ class Links:
         test = code.Operation("and", (there, missing_)) if target in self._site.types else missing_
         self._site.add(code.If(test, made))
 
-    def _check_contents(self, content: int, cls: str) -> None:
-        """An object that enters a container contains nothing that it could enter."""
-        if content in self._site.frame.new:
-            self._check_new_contents(content)
+    def _check_contents(self, content: int, container: int, cls: str) -> None:
+        """An object that enters a container does not contain it, at any depth."""
+        facts, site = self._facts, self._site
+        if content in site.frame.new and all(holder != content for _, holder, _ in self._housed()):
             return
-        metamodel = self._facts.metamodel
-        for one in metamodel.concrete(cls):
-            for feature in metamodel.features(one).values():
-                if isinstance(feature, Reference) and feature.containment:
-                    raise NotCompiled(f"containers that a rule moves (`{one}`)", self._site.body.span)
+        inner = contained(facts.metamodel, facts.metamodel.concrete(site.frame.classes.get(content) or cls))
+        holder = site.frame.classes.get(container)
+        if any(holder is None or facts.metamodel.overlap(one, holder) for one in inner):
+            found = call(inside(facts), site.slots[content], site.slots[container])
+            site.unless(code.inverse(found))
 
     def _check_homeless(self, content: int, cls: str, entered: Reference) -> None:
         """The rule is refused where an object is in another container, by another reference than the one it enters."""
-        new = self._site.frame.new.get(content), content
-        if new[0] is self._site.frame and [inside for inside, _ in self._housed()].count(new) == 1:
+        maker = self._site.frame.new.get(content)
+        entering = [
+            node for node, _, frame in self._housed() if node == content and frame.new.get(node) is maker
+        ]
+        if maker is self._site.frame and len(entering) == 1:
             return
         metamodel, cls = self._facts.metamodel, self._site.frame.classes.get(content) or cls
         for reference in metamodel.references:
@@ -136,31 +153,17 @@ class Links:
                 held = self._held_cell(reference, self._site.slots[content], cls)
                 self._site.unless(code.Operation("<", (held, ZERO)))
 
-    def _check_new_contents(self, content: int) -> None:
-        """What contains a new object is not inside of it, as far as the rule puts it together."""
-        first: tuple[Frame | None, int] = self._site.frame.new[content], content
-        above = [first]
-        for one in above:  # grows meanwhile
-            above += [other for inside, other in self._housed() if inside == one and other not in above]
-            if (one, first) in self._housed():
-                raise NotCompiled("objects that contain each other", self._site.body.span)
-
-    def _housed(self) -> list[tuple[tuple[Frame | None, int], tuple[Frame | None, int]]]:
-        """What gets a container, and that: slots with what creates their objects."""
-        found: list[tuple[tuple[Frame | None, int], tuple[Frame | None, int]]] = []
+    def _housed(self) -> list[tuple[int, int, Frame]]:
+        """What gets a container, and that: slots, in the rule or a block."""
+        found: list[tuple[int, int, Frame]] = []
         for frame in self._site.blocks.frames:
-            pairs = [(move.node, move.container) for move in frame.plan.moves]
+            found += [(move.node, move.container, frame) for move in frame.plan.moves]
             for link in frame.plan.links:
                 opposite = self._facts.metamodel.opposite(link.reference)
                 if link.reference.containment:
-                    pairs.append((link.target, link.source))
+                    found.append((link.target, link.source, frame))
                 elif opposite is not None and opposite.containment:
-                    pairs.append((link.source, link.target))
-            found += [
-                ((frame.new.get(inside), inside), (frame.new.get(outside), outside))
-                for inside, outside in pairs
-                if inside in frame.new
-            ]
+                    found.append((link.source, link.target, frame))
         return found
 
     def _check_room(self, reference: Reference, node: code.Expression, slot: int, *, forward: bool) -> None:
@@ -192,8 +195,12 @@ class Links:
             def write() -> None:
                 for test in guard:
                     site.unless(test)
+                if links.symmetric(reference):
+                    self._hold(stored, old, NOBODY)
                 self._make_room(stored, reference, target)
                 site.add(code.Assign(old, target))  # type: ignore[arg-type]
+                if links.symmetric(reference):
+                    self._hold(stored, target, source)
         else:
             found = links.other_end(reference, source, forward=True, sure=False)
             assert found is not None

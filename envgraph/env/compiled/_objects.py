@@ -5,10 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from envgraph import code
-from envgraph.env.compiled._layout import NOBODY, ZERO, cell, plus
+from envgraph.env.compiled._bodies import CAPACITY
+from envgraph.env.compiled._changes import contained
+from envgraph.env.compiled._containers import deleting, ends_of, inside, left, word_of
+from envgraph.env.compiled._layout import NOBODY, TOP, ZERO, call, plus
 from envgraph.env.compiled._member import absent
 from envgraph.env.compiled._site import Site
-from envgraph.env.compiled._tables import WORD, ClassSet, LinkColumn
+from envgraph.env.compiled._tables import LinkColumn
 from envgraph.env.compiled._terms import literal
 from envgraph.metamodel import Attribute, Reference
 from envgraph.rewrite.plans import ChangeClass, Delete, New
@@ -31,39 +34,55 @@ class Objects:
         group = facts.changes.group_of(new.cls)
         assert group is not None
         self._site.add(code.Assign(there, facts.place(group, node, sure=True)[0]))
-        self._site.add(code.Assign(self._word(group, new.cls, there), _bit_at(there), "|="))
+        self._site.add(code.Assign(word_of(facts, group, new.cls, there), _bit_at(there), "|="))
         for attribute in facts.metamodel.features(new.cls).values():
             if isinstance(attribute, Attribute) and not attribute.many:
-                place, _ = facts.attribute_cell(attribute, node, sure=True)
-                value = attribute.initial
-                assert not isinstance(value, tuple)
-                self._site.add(code.Assign(place, literal(facts, value, attribute.type).number))
+                self._begin(attribute, node)
 
     def retype(self, retype: ChangeClass) -> None:
-        group = self._facts.changes.group_of(retype.cls)
+        """An object is of another class: what that has not goes, and is refused if it is links; what it adds comes."""
+        facts, node, new = self._facts, self._site.slots[retype.node], retype.cls
+        cls, group = self._site.body.classes[retype.node], facts.changes.group_of(new)
+        assert cls is not None
         assert group is not None
-        place = self._leave_sets(group, retype.node)
-        word = self._word(group, retype.cls, place)
-        self._site.add(code.Assign(word, _bit_at(place), "|="))
+        for old in facts.metamodel.concrete(cls):
+            changed = self._site.collected(lambda old=old: self._become(old, new, node))  # type: ignore[misc]
+            if old != new and changed:
+                self._site.add(code.If(facts.is_instance(node, old, exact=True), changed))
+        self._leave_sets(group, retype.node)
+        place = facts.place(group, node, sure=True)[0]
+        self._site.add(code.Assign(word_of(facts, group, new, place), _bit_at(place), "|="))
 
-    def _leave_sets(self, group: tuple[str, ...], slot: int) -> code.Expression:
+    def _become(self, old: str, new: str, node: code.Expression) -> None:
+        metamodel = self._facts.metamodel
+        for reference, forward in ends_of(metamodel, [old]):
+            if not metamodel.is_a(new, reference.owner if forward else reference.target):
+                self._drop(reference, node, old, forward=forward, clears=self._site.plan.lossy)
+        before, after = (
+            {f.index: f for f in metamodel.features(cls).values() if isinstance(f, Attribute) and not f.many}
+            for cls in (old, new)
+        )
+        for index, attribute in before.items():
+            if index not in after:
+                place = self._facts.attribute_cell(attribute, node, sure=True)[0]
+                self._site.add(code.Assign(place, absent(attribute.type)))
+        for index, attribute in after.items():
+            if index not in before:
+                self._begin(attribute, node)
+
+    def _begin(self, attribute: Attribute, node: code.Expression) -> None:
+        """An attribute has its initial value."""
+        place, _ = self._facts.attribute_cell(attribute, node, sure=True)
+        value = attribute.initial
+        assert not isinstance(value, tuple)
+        self._site.add(code.Assign(place, literal(self._facts, value, attribute.type).number))
+
+    def _leave_sets(self, group: tuple[str, ...], slot: int) -> None:
         """An object is in none of the sets of its group."""
-        facts = self._facts
-        place = facts.module.fresh("p")
-        self._site.add(code.Assign(place, facts.place(group, self._site.slots[slot], sure=True)[0]))
-        for cls in group:
-            word = self._word(group, cls, place)
-            rest = code.Operation(
-                "&", (word, code.Operation("^", (code.Constant(2**WORD - 1), _bit_at(place))))
-            )
-            self._site.add(code.Assign(word, rest))
-        return place
-
-    def _word(self, group: tuple[str, ...], cls: str, place: code.Expression) -> code.Index:
-        offset = self._facts.layout.offset(ClassSet(group, cls))
-        return cell(plus(offset, code.Operation(">>", (place, code.Constant(5)))))
+        self._site.add(*left(self._facts, group, self._site.slots[slot], sure=True))
 
     def delete(self, delete: Delete) -> None:
+        """An object goes, with all that it contains."""
         cls = self._site.body.classes[delete.node]
         assert cls is not None
         facts, node = self._facts, self._site.slots[delete.node]
@@ -71,14 +90,13 @@ class Objects:
         concrete = metamodel.concrete(cls)
         if not concrete:
             return
-        for reference in metamodel.references:
+        if contained(metamodel, concrete):
+            self._delete_whole(concrete, delete.node)
+            return
+        for reference, forward in ends_of(metamodel, concrete):
             opposite = metamodel.opposite(reference)
-            if opposite is not None and opposite.index < reference.index:
-                continue
-            if metamodel.overlap(cls, reference.owner):
-                self._drop(reference, node, cls, forward=True)
-            if metamodel.overlap(cls, reference.target):
-                self._drop(reference, node, cls, forward=False)
+            content = reference.containment if not forward else opposite is not None and opposite.containment
+            self._drop(reference, node, cls, forward=forward, clears=content or self._site.plan.lossy)
         attributes = {
             f.index: f
             for one in concrete
@@ -92,15 +110,37 @@ class Objects:
         assert group is not None
         self._leave_sets(group, delete.node)
 
-    def _drop(self, reference: Reference, node: code.Expression, cls: str, *, forward: bool) -> None:
-        """The links of an object that goes, at one end of a reference: refused where they would dangle."""
+    def outside(self, delete: Delete) -> list[code.Expression]:
+        """Tests that an object does not go along with another one that the rule deletes."""
+        facts, slots, classes = self._facts, self._site.slots, self._site.body.classes
+        found: list[code.Expression] = []
+        for other in self._site.body.deletes:
+            inner = contained(facts.metamodel, facts.metamodel.concrete(classes[other.node] or ""))
+            if other is not delete and any(
+                facts.metamodel.overlap(one, classes[delete.node] or "") for one in inner
+            ):
+                within = call(inside(facts), slots[other.node], slots[delete.node])
+                same = code.equal(slots[other.node], slots[delete.node])
+                found.append(code.Operation("or", (same, code.inverse(within))))
+        return found
+
+    def _delete_whole(self, concrete: tuple[str, ...], slot: int) -> None:
+        """An object that may contain others goes with them."""
+        facts, site = self._facts, self._site
+        function = deleting(facts, concrete, site.plan.lossy)
+        levels = len(site.blocks.frames) - 1
+        facts.module.uses(function, levels)
+        top = plus(TOP, code.Operation("*", (CAPACITY, code.Constant(levels))))
+        gone = code.Operation("<", (call(function, site.slots[slot], top=top), ZERO))
+        site.add(code.If(gone, (site.leave,)))
+
+    def _drop(
+        self, reference: Reference, node: code.Expression, cls: str, *, forward: bool, clears: bool
+    ) -> None:
+        """The links of an object at one end of a reference go, or are a refusal."""
         facts = self._facts
-        opposite = facts.metamodel.opposite(reference)
         kept, _ = facts.links.kept(reference)
-        content = reference.containment if not forward else opposite is not None and opposite.containment
-        clears = content or self._site.plan.lossy
-        end = reference.owner if forward else reference.target
-        sure = facts.metamodel.is_a(cls, end)
+        sure = facts.metamodel.is_a(cls, reference.owner if forward else reference.target)
         if isinstance(kept, LinkColumn) and kept.at_source is forward:
             place, guard = facts.links.near(kept, node, sure=sure)
             if not clears:

@@ -76,9 +76,9 @@ class Twin:
                 value = (floats if column.is_float else state)[start + place]
                 if number >= len(objects) or not model.alive(node := objects[number]):
                     continue
-                if number in member.spare and model.class_of(node) not in column.classes:
-                    continue
                 if isinstance(column, AttributeColumn):
+                    if not model.metamodel.is_a(model.class_of(node), column.attribute.owner):
+                        continue
                     model.set_value(node, column.attribute, member.decoded(value, column.attribute.type))
                 elif value >= 0:
                     other = objects[int(value)]

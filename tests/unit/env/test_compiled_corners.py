@@ -42,6 +42,7 @@ class Yard {
     refers Spot[0..1] west opposite east
     refers Man[0..2] men opposite at
     refers Spot[0..1] mark
+    refers Spot[0..3] near opposite near
     string[*] marks
 }
 class Pit extends Spot
@@ -72,7 +73,10 @@ class Pit extends Spot
 }
 class Heavy extends Item
 
-class Box { contains Item[0..1] item refers Spot[*] likes int size = 1 }
+abstract class Crate {}
+class Plain extends Crate { int size = 7 }
+class Box extends Crate { contains Item[0..1] item contains Box[0..*] inner refers Spot[*] likes int size = 1 }
+class Chest extends Box { int depth = 0 refers Man[0..1] lock }
 """
 
 MODEL = """
@@ -215,6 +219,131 @@ CORNERS = {
         observe count find kept(_, _) up to 9
         """,
         "pattern kept(m : Man, i : Item) { Man.bag(m, i); }",
+    ),
+    "references that are their own opposites": Corner(
+        """
+        rule befriend(m : Man, n : Man) { lhs { m : Man; n : Man; } modify { set m.friend = n; } }
+        rule alone(m : Man) { lhs { m : Man; } modify { set m.friend = none; } }
+        rule join { lhs { m : Man; n : Man; } modify { create m -friend-> n; } }
+        rule part { lhs { m : Man -friend-> n : Man; } modify { delete m -friend-> n; } }
+        rule touch { lhs { s : Spot; t : Spot; neg Spot.near(t, s); } modify { create s -near-> t; } }
+        rule away { lhs { s : Spot -near-> t : Spot; check s.x <= t.x; } modify { delete s -near-> t; } }
+        rule hop { lhs { s : Spot -near-> t : Spot; u : Spot; } modify { delete s -near-> t; create u -near-> s; } }
+        @semantics(spo) rule kill { lhs { s : Spot -near-> t : Spot; check s.x > 1; } modify { delete t; } }
+        rule kiss { lhs { y : Yard; }
+            forall { lhs { m : Man; n : Man; check m.name < n.name; neg Man.friend(m, _); neg Man.friend(n, _); }
+                modify { set n.friend = m; } } modify { } }
+        rule web { lhs { s : Spot; }
+            forall { lhs { t : Spot; neg Spot.near(s, t); check t.x < 3; } modify { create t -near-> s; } }
+            forall { lhs { s -near-> t : Spot; check t.x > 1; } modify { delete t -near-> s; } } modify { } }
+        """,
+        """
+        action befriend(m : Man, n : Man) = befriend(m, n) reward 1
+        action alone(m : Man) = alone(m)
+        action join = join() reward 2
+        action part = part() reward 3 else reward -1
+        action touch = touch() reward 4
+        action away = away() reward 5
+        action hop = hop() reward 6
+        action kill = 0.1: kill()
+        action kiss = kiss() reward 7
+        action web = web() reward 8
+        on find friends(m, n) reward 0.1
+        on find loop(s) reward s.x
+        on find far(s, t) reward 0.01
+        observe m.friend among Man or none for m : Man
+        observe count find touching(s) up to 9
+        """,
+        """
+        pattern friends(m : Man, n : Man) { Man.friend(m, n); check(m.hunger > 0); }
+        pattern loop(s : Spot) { Spot.near(s, s); }
+        pattern touching(s : Spot) { Spot.near(_, s); }
+        pattern close(s : Spot, t : Spot) { Spot.near(s, t); }
+        pattern far(s : Spot, t : Spot) { find close+(s, t); k == count Spot.near(s, _); check(k > 1); }
+        """,
+        head="",
+    ),
+    "containers that go with what they contain": Corner(
+        """
+        rule smash { lhs { b : Box; } modify { delete b; } }
+        @semantics(spo) rule burn { lhs { b : Box; check b.size > 1; } modify { delete b; } }
+        rule pack { lhs { b : Box; i : Item; neg Box.item(b, _); } modify { move i to b.item; } }
+        rule nest { lhs { b : Box; c : Box; } modify { move c to b.inner; } }
+        rule inside { lhs { b : Box -item-> i : Item; c : Box; } modify { delete b; set c.size += 1; } }
+        @semantics(spo) rule rob { lhs { b : Box -item-> i : Item; } modify { delete b; set i.weight = 2.0; } }
+        rule out { lhs { b : Box -inner-> c : Box; y : Yard; } modify { move c to y.boxes; } }
+        rule like { lhs { b : Box; s : Spot; neg Box.likes(b, s); } modify { create b -likes-> s; } }
+        @semantics(spo) rule sweep { lhs { y : Yard; }
+            forall { lhs { b : Box; check b.size > 2; } modify { delete b; } } modify { } }
+        @semantics(spo) rule kill(m : Man) { lhs { m : Man; check m.hunger < 3; } modify { delete m; } }
+        rule both { lhs { b : Box; i : Item; } modify { delete i; delete b; } }
+        rule two { lhs { b : Box; c : Box; } modify { delete b; delete c; } }
+        rule wrap { lhs { y : Yard; b : Box; }
+            modify { create y -boxes-> c : Box { size = 1 }; move b to c.inner; } }
+        """,
+        """
+        action smash = 0.3: smash() reward 1
+        action burn = 0.3: burn() reward 2
+        action pack = pack() reward 3
+        action nest = nest() reward 4
+        action inside = 0.3: inside() reward 5
+        action rob = 0.3: rob() reward 6
+        action out = out() reward 7
+        action like = 0.3: like() reward 8
+        action sweep = 0.2: sweep() reward 9
+        action kill(m : Man) = 0.1: kill(m)
+        action wrap = wrap() reward 0.5
+        action both = 0.1: both() | 0.1: two() reward 11
+        on find within(_, c) reward c.size * 0.1
+        on find packed(i) reward i.weight
+        observe count find within(_, _) up to 9
+        observe count find packed(_) up to 5
+        """,
+        """
+        pattern within(b : Box, c : Box) { Box.inner(b, c); }
+        pattern packed(i : Item) { Box.item(_, i); }
+        """,
+        head="",
+    ),
+    "classes that change, and with them what objects have": Corner(
+        """
+        rule harden { lhs { b : Box; } modify { retype b : Chest; } }
+        @semantics(spo) rule force { lhs { b : Box; } modify { retype b : Chest; } }
+        rule soften { lhs { b : Chest; check b.depth > 1; } modify { retype b : Box; } }
+        rule deepen { lhs { b : Chest; } modify { set b.depth += 1; } }
+        rule lock { lhs { b : Chest; m : Man; } modify { set b.lock = m; } }
+        rule seal { lhs { b : Box; } modify { retype b : Chest; set b.depth = 5; } }
+        rule like { lhs { b : Box; s : Spot; neg Box.likes(b, s); } modify { create b -likes-> s; } }
+        rule grow { lhs { b : Plain; } modify { set b.size += 1; } }
+        @semantics(spo) rule flatten { lhs { b : Crate; } modify { retype b : Plain; } }
+        rule make { lhs { y : Yard; c == count Box(_); check c < 5; }
+            modify { create y -boxes-> b : Chest { depth = 2 }; } }
+        @semantics(spo) rule drop { lhs { b : Chest; check b.depth > 4; } modify { delete b; } }
+        """,
+        """
+        action harden = harden() reward 1 else reward -1
+        action force = force() reward 2
+        action soften = soften() reward 3
+        action deepen = deepen() reward 4
+        action lock = lock() reward 5
+        action like = 0.3: like()
+        action grow = grow() reward 6
+        action flatten = 0.3: flatten() reward 7
+        action make = make()
+        action drop = drop() reward 8
+        on find deep(_, n) reward n * 0.1
+        on find sized(_, n) reward n
+        on find locked(m) reward 10
+        observe count find deep(_, _) up to 5
+        observe count find liked(_) up to 5
+        """,
+        """
+        pattern deep(b : Chest, n : int) { Chest.depth(b, n); }
+        pattern sized(b : Box, n : int) { Box.size(b, n); }
+        pattern locked(m : Man) { Chest.lock(_, m); }
+        pattern liked(s : Spot) { Box.likes(_, s); }
+        """,
+        head="",
     ),
     "agents that go, or change their class": Corner(
         """
@@ -1080,11 +1209,9 @@ REFUSED = {
     "strings that a rule puts together": 'lhs { s : Spot; } modify { set s.tag += "x"; }',
     "keys that change": "lhs { s : Spot; } modify { set s.x += 1; }",
     "many values that a rule sets": 'lhs { s : Spot; } modify { set s.marks = ["x"]; }',
-    "a reference that is its own opposite": "lhs { m : Man; n : Man; } modify { set m.friend = n; }",
-    "containers that a rule deletes": "lhs { b : Box; } modify { delete b; }",
-    "containers that a rule moves": "lhs { y : Yard; b : Box; } modify { move b to y.boxes; }",
+    "containers that blocks delete": "lhs { y : Yard; } forall { lhs { b : Box; i : Item; } "
+    "modify { delete b; delete i; } } modify { }",
     "containers that are set": "lhs { b : Box; i : Item; } modify { set b.item = i; }",
-    "a retyping that changes what an object has": "lhs { b : Box; } modify { retype b : Item; }",
     "a product of products": "lhs { s : Spot; } modify { set s.n = s.n * s.n * s.n; }",
     "the function `ceil`": "lhs { s : Spot; } modify { set s.n = ceil(s.f); }",
     "an int beyond 32 bits": "lhs { s : Spot; } modify { set s.n = 5000000000; }",

@@ -1,0 +1,169 @@
+"""Containers: what is inside of what, and the deletion of an object with all that it contains."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from envgraph import code
+from envgraph.env.compiled._bodies import CAPACITY
+from envgraph.env.compiled._changes import contained
+from envgraph.env.compiled._facts import Facts
+from envgraph.env.compiled._layout import NOBODY, ONE, RI, TOP, ZERO, cell, entry, failed, plus
+from envgraph.env.compiled._member import absent
+from envgraph.env.compiled._tables import WORD, ClassSet, LinkColumn
+from envgraph.metamodel import Attribute, Metamodel, Reference
+
+REFUSED = failed("REFUSED"), code.Return(NOBODY)
+
+
+def inside(facts: Facts) -> str:
+    """The function that says whether a container is an object, or inside of it."""
+    node, above, found = (facts.module.fresh("v", "object") for _ in range(3))
+
+    def write() -> tuple[Sequence[code.Local], code.Body]:
+        up: list[code.Statement] = [code.Assign(found, NOBODY)]
+        for reference in facts.metamodel.references:
+            if reference.containment:
+                end = facts.links.other_end(reference, above, forward=False, sure=False)
+                assert end is not None, "an object has one container"
+                up.append(code.If(code.Operation("<", (found, ZERO)), (code.Assign(found, end),)))
+        body = code.If(code.equal(above, node), (code.Return(code.TRUE),)), *up, code.Assign(above, found)
+        there = code.Operation(">=", (above, ZERO))
+        return [node, above], (code.While(there, body), code.Return(code.FALSE))
+
+    return facts.module.once("inside", "inside", write)
+
+
+def deleting(facts: Facts, classes: tuple[str, ...], lossy: bool) -> str:
+    """The function that deletes an object of some concrete classes with what it contains; -1 if that is refused.
+
+    The objects stand in column 0 of the rows from `top` on, and are marked by number in column 1.
+
+    Args:
+        facts: reads the model.
+        classes: of the object.
+        lossy: links to objects that stay go, too; else they are a refusal, but for that to the container.
+    """
+    return facts.module.once(("delete", classes, lossy), "delete", lambda: _deleting(facts, classes, lossy))
+
+
+def _deleting(facts: Facts, classes: tuple[str, ...], lossy: bool) -> tuple[Sequence[code.Local], code.Body]:
+    root, node = facts.module.fresh("v", "object"), facts.module.fresh("v", "object")
+    count, number, stride = (facts.module.fresh(prefix) for prefix in "nks")
+    facts.module.width = max(facts.module.width, 2)
+    every = tuple(dict.fromkeys((*classes, *contained(facts.metamodel, classes))))
+    read = code.Assign(node, entry(RI, plus(TOP, number), ZERO))
+    each = code.call("range", count)
+    body: list[code.Statement] = [
+        code.Assign(stride, facts.layout.stride()),
+        code.If(code.Operation(">", (stride, CAPACITY)), (failed("OVERFLOW"), code.Return(NOBODY))),
+        code.For(number, code.call("range", stride), (code.Assign(_mark(number), ZERO),)),
+        code.Assign(count, ZERO),
+        *_put(root, count),
+        code.Assign(number, ZERO),
+        code.While(
+            code.Operation("<", (number, count)),
+            (read, code.Assign(number, ONE, "+="), *_contents(facts, every, node, count)),
+        ),
+    ]
+    if not lossy:
+        body.append(code.For(number, each, (read, *_dangling(facts, every, node, number))))
+    body.append(code.For(number, each, (read, *_erased(facts, every, node))))
+    return [root], (*body, code.Return(ZERO))
+
+
+def _mark(node: code.Expression) -> code.Index:
+    return entry(RI, plus(TOP, node), ONE)
+
+
+def _put(node: code.Expression, count: code.Local) -> tuple[code.Statement, ...]:
+    stored = code.Assign(entry(RI, plus(TOP, count), ZERO), node)
+    return stored, code.Assign(_mark(node), ONE), code.Assign(count, ONE, "+=")
+
+
+def _contents(
+    facts: Facts, classes: Sequence[str], node: code.Local, count: code.Local
+) -> Iterator[code.Statement]:
+    for reference, forward in ends_of(facts.metamodel, classes):
+        opposite = facts.metamodel.opposite(reference)
+        if reference.containment if forward else opposite is not None and opposite.containment:
+            block = code.Block()
+            content = facts.links.follow(block, reference, node, forward=forward, sure=False)
+            block.add(*_put(content, count))
+            yield from block.body()
+
+
+def _dangling(
+    facts: Facts, classes: Sequence[str], node: code.Local, number: code.Local
+) -> Iterator[code.Statement]:
+    """The rule is refused if an object has links to one that stays, or the first one to itself."""
+    for reference, forward in ends_of(facts.metamodel, classes):
+        opposite = facts.metamodel.opposite(reference)
+        block = code.Block()
+        other = facts.links.follow(block, reference, node, forward=forward, sure=False)
+        first = code.equal(number, ZERO)
+        loop = code.Operation("and", (first, code.equal(other, node)))
+        stays: code.Expression = code.Operation("or", (code.equal(_mark(other), ZERO), loop))
+        if (opposite is not None and opposite.containment) if forward else reference.containment:
+            stays = code.Operation("and", (stays, code.inverse(first)))
+        block.add(code.If(stays, REFUSED))
+        yield from block.body()
+
+
+def _erased(facts: Facts, classes: Sequence[str], node: code.Local) -> Iterator[code.Statement]:
+    """Statements after which an object has no links and no values, and is in no set."""
+    links = facts.links
+    for reference, forward in ends_of(facts.metamodel, classes):
+        kept, _ = links.kept(reference)
+        if isinstance(kept, LinkColumn) and kept.at_source is forward:
+            place, guard = links.near(kept, node, sure=False)
+            yield code.If(code.joined("and", guard, True), (code.Assign(place, NOBODY),))
+            continue
+        block = code.Block()
+        _, link = links.each(block, reference, node, forward=forward, sure=False)
+        block.add(code.Assign(link.place, link.unlinked))
+        yield from block.body()
+    attributes = {
+        feature: None
+        for cls in classes
+        for feature in facts.metamodel.features(cls).values()
+        if isinstance(feature, Attribute) and not feature.many
+    }
+    for attribute in attributes:
+        place, guard = facts.attribute_cell(attribute, node, sure=False)
+        yield code.If(code.joined("and", guard, True), (code.Assign(place, absent(attribute.type)),))
+    for group in dict.fromkeys(facts.changes.group_of(cls) for cls in classes):
+        assert group is not None
+        yield from left(facts, group, node, sure=False)
+
+
+def left(
+    facts: Facts, group: tuple[str, ...], node: code.Expression, *, sure: bool
+) -> Iterator[code.Statement]:
+    """Statements after which an object is in none of the sets of a group."""
+    found, guard = facts.place(group, node, sure=sure)
+    place = facts.module.fresh("p")
+    rest = code.Operation("^", (code.Constant(2**WORD - 1), code.call("bit_at", place)))
+    body = [
+        code.Assign(word, code.Operation("&", (word, rest)))
+        for word in (word_of(facts, group, cls, place) for cls in group)
+    ]
+    whole = (code.Assign(place, found), *body)
+    yield from (code.If(code.joined("and", guard, True), whole),) if guard else whole
+
+
+def word_of(facts: Facts, group: tuple[str, ...], cls: str, place: code.Expression) -> code.Index:
+    """The word of a set that has the object at a place of its group."""
+    offset = facts.layout.offset(ClassSet(group, cls))
+    return cell(plus(offset, code.Operation(">>", (place, code.Constant(5)))))
+
+
+def ends_of(metamodel: Metamodel, classes: Sequence[str]) -> Iterator[tuple[Reference, bool]]:
+    """Every end of a reference, of opposites those of the first, at which objects of some classes may be."""
+    for reference in metamodel.references:
+        opposite = metamodel.opposite(reference)
+        if opposite is not None and opposite.index < reference.index:
+            continue
+        for end, forward in ((reference.owner, True), (reference.target, False)):
+            if any(metamodel.is_a(cls, end) for cls in classes):
+                yield reference, forward
