@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from envgraph.behaviour import Behaviour, check_behaviour, is_gone, readings
 from envgraph.code import dataclass
 from envgraph.env._agents import Agents, Seat
-from envgraph.env._keys import KeyIndex, indexed_classes
+from envgraph.env._keys import KeyIndex, indexed_classes, key_attributes
 from envgraph.env._observing import component_names
 from envgraph.env._prepared import Choices, PreparedAction, PreparedClause, PreparedEach, Scope
 from envgraph.env._program import Program, worst
@@ -21,7 +21,7 @@ from envgraph.env._together import Together
 from envgraph.env._too_many import TooManyOutcomes
 from envgraph.env.scene._scene import DRAW_HINT, Painter
 from envgraph.errors import InvalidArgument, ResolutionError, Severity
-from envgraph.graph import Savepoint
+from envgraph.graph import Model, Savepoint
 from envgraph.match import Row
 from envgraph.rewrite import Engine
 
@@ -96,6 +96,7 @@ class Simulator:
         self._agents = Agents(behaviour, engine, self.keys)
         self._model = engine.model
         self._start: Savepoint | None = None
+        self._fresh = _first_new(engine.model, self.keys)
         self._needed = [one for one in readings(behaviour) if one.always and one.callers]
         self.turn = self._first = self._agents.after(-1)
         self.did = False
@@ -210,8 +211,8 @@ class Simulator:
         return allowed_or_all(np.array(can))
 
     def state_key(self) -> tuple[int, int]:
-        """What tells states apart: the model, and whose turn it is."""
-        return self._model.state_hash(), self.turn
+        """What tells states apart: the model, and whose turn it is; of new objects the order in which they came."""
+        return self._model.state_hash(self._fresh), self.turn
 
     def look(self) -> tuple[int, ...]:
         """The components of the observation that are no number in a range."""
@@ -375,3 +376,10 @@ class Simulator:
             assert clause.apply is not None
             if position == 0 or clause.holds(row):  # nothing can have changed before the first
                 clause.apply.run(clause.scope(program.bound, row), choices, self._model)
+
+
+def _first_new(model: Model, keys: KeyIndex) -> int | None:
+    """The id of the first object that a rule creates; None if objects are known by such ids in other members."""
+    first = model.store.next_id
+    unnamed = (cls for cls in keys.keys if not key_attributes(model.metamodel, cls))
+    return None if any(key >= (first,) for cls in unnamed for key in keys.of_class(cls)) else first

@@ -21,7 +21,7 @@ class TooManyStates(EvaluationError):
             f"environment `{behaviour.name}` has more than {most}",
             behaviour.span,
             'do without a table (`engine="compiled"`, `envgraph.learn.train_program`), or raise the limit; where rules '
-            "create objects, states may have no end: keep a pool of objects, and a flag that says which are there",
+            "create objects, states may have no end: let the rules ask how many there are",
         )
 
     @classmethod

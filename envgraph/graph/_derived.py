@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from envgraph.graph._hashing import class_code, node_salts, value_code
+from envgraph.graph._hashing import recomputed_total
 from envgraph.graph._journal import IndexedSet
 from envgraph.graph._relation import Ends
 from envgraph.graph._store import Store
@@ -57,21 +57,3 @@ def _sources(store: Store, forward: Ends, backward: Ends) -> None:
     for target, sources in enumerate(backward):
         for source in [source for source in sources if target not in forward[source]]:
             store.drop_end(backward, target, source)
-
-
-def recomputed_total(store: Store) -> int:
-    """The sum behind the state hash, from the facts alone."""
-    first, second = node_salts(0, len(store.classes))
-    total = 0
-    for node in store.nodes():
-        total += first[node] * class_code(store.metamodel.class_list[store.classes[node]])
-        for attribute, column in zip(store.metamodel.attributes, store.values, strict=True):
-            value = column[node]
-            if value is not None:
-                total += first[node] * value_code(attribute, value)
-        for relation in store.relations:
-            for target in relation.forward[node]:
-                if relation.flipped or (relation.symmetric and target < node):
-                    continue
-                total += relation.code * first[node] * second[target]
-    return total

@@ -20,7 +20,10 @@ from typing import TYPE_CHECKING
 from envgraph.metamodel import Attribute, Class, Reference, Value, Values
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from envgraph.graph._model import Model
+    from envgraph.graph._store import Store
 
 BLOCK = 1024
 """Numbers of nodes are drawn in blocks of this size."""
@@ -68,10 +71,46 @@ def value_code(attribute: Attribute, value: Value | Values) -> int:
     return code(f"value {attribute} {value!r}")
 
 
-def state_hash(model: Model) -> int:
+def state_hash(model: Model, since: int | None = None) -> int:
     """A 64-bit hash of all facts by identity: (node, class), (node, attribute, value), (source, reference, target).
 
     Kept incrementally, and the same in every process. Names of objects and the order of links do not count.
+
+    Args:
+        model: the model.
+        since: objects with this id and greater ones count as if they had the ids from here on, in their order; that
+            takes a look at every fact, unless they have.
     """
-    total = model.store.total.to_bytes(40, "little", signed=True)
-    return int.from_bytes(blake2b(total, digest_size=8).digest(), "little")
+    total = model.store.total if since is None else _total_since(model.store, since)
+    return int.from_bytes(
+        blake2b(total.to_bytes(40, "little", signed=True), digest_size=8).digest(), "little"
+    )
+
+
+def _total_since(store: Store, first: int) -> int:
+    """`total`, where the objects with ids from `first` on count as if their ids had no gaps."""
+    nodes = [node for node in range(first, store.next_id) if store.classes[node] >= 0]
+    if nodes == [*range(first, first + len(nodes))]:
+        return store.total
+    salts = [*store.salts[0]], [*store.salts[1]]
+    for place, node in enumerate(nodes, first):
+        salts[0][node], salts[1][node] = store.salts[0][place], store.salts[1][place]
+    return recomputed_total(store, salts)
+
+
+def recomputed_total(store: Store, salts: tuple[Sequence[int], Sequence[int]] | None = None) -> int:
+    """The sum behind the state hash, from the facts alone; with other numbers of the nodes, if they are given."""
+    first, second = salts or node_salts(0, len(store.classes))
+    total = 0
+    for node in store.nodes():
+        total += first[node] * class_code(store.metamodel.class_list[store.classes[node]])
+        for attribute, column in zip(store.metamodel.attributes, store.values, strict=True):
+            value = column[node]
+            if value is not None:
+                total += first[node] * value_code(attribute, value)
+        for relation in store.relations:
+            for target in relation.forward[node]:
+                if relation.flipped or (relation.symmetric and target < node):
+                    continue
+                total += relation.code * first[node] * second[target]
+    return total

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sized
 from itertools import pairwise
 
-from envgraph.graph._derived import recomputed_total
+from envgraph.graph._hashing import recomputed_total
 from envgraph.graph._journal import Extent, IndexedSet
 from envgraph.graph._relation import Ends, Relation
 from envgraph.graph._store import Store

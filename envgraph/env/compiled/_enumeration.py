@@ -16,7 +16,8 @@ from envgraph.env._sampling import MOST_OUTCOMES
 from envgraph.env._tabular import Tabular, allowed_or_all
 from envgraph.env._too_many import TooManyStates, check_entries
 from envgraph.env.compiled._batch import Batch, longer
-from envgraph.env.compiled._kernels import CAPACITY
+from envgraph.env.compiled._growth import grown
+from envgraph.env.compiled._kernels import CAPACITY, FULL
 from envgraph.env.compiled._layout import ERROR, TURN
 from envgraph.env.compiled._listing import DONE, PAUSED, SPACE
 from envgraph.env.compiled._native import has_numba
@@ -50,14 +51,20 @@ def enumerated(
         TooManyStates: as `explore`.
         EvaluationError: an observation without a value.
         RuleError: a rule matches but cannot be applied.
-        NotCompiled: in some state there is more than a program has space for, or a larger int; or rules delete objects
-            that others have created, which makes states equal that differ on the live engine, by the ids of objects.
+        NotCompiled: in some state there is more than a program has space for, or a larger int.
     """
-    if program.layout.renumbered:
-        raise NotCompiled("objects that rules create and delete: a table of the live engine tells them apart")
-    return Visit(program, member, limit, progress).table()
+    while True:
+        visit = Visit(program, member, limit, progress)
+        try:
+            return visit.table()
+        except NotCompiled:
+            if not visit.full or program.spare >= MOST_SPARE:
+                raise
+        program = grown(program)
 
 
+MOST_SPARE: Final = 1_024
+"""More objects than rules make where there is a table."""
 FEW: Final = 2_000
 FEW_OUTCOMES: Final = 20_000
 """States, and outcomes, that the live engine visits in less time than it takes to load a compiled program."""
@@ -124,6 +131,7 @@ class Visit:
         starts: where the outcomes of each state and action begin.
         to, chance, reward, ended: of each outcome.
         did: whether each action of a state did something in one of its outcomes, 0 or 1.
+        full: whether it ended because there is no space for new objects.
     """
 
     def __init__(self, program: Program, member: int, limit: int, progress: Progress | None) -> None:
@@ -133,6 +141,7 @@ class Visit:
         arrays = program.arrays
         self._tables = program.tables
         self._space = space_of(program.space)
+        self.full = False
         self._draw = np.zeros(3 + 2 * CHOICES)
         self._actions = len(program.action_names)
         self.states = np.zeros((FIRST, arrays.ints.shape[1]), dtype=np.int64)
@@ -179,7 +188,7 @@ class Visit:
             if how == DONE:
                 return self._result(states, used, beginnings, chances)
             if how not in (SPACE, PAUSED):
-                self._raise(head, action)
+                self._raise(head, action, states)
             if self._progress is not None:
                 self._progress(states, made)
             if how == SPACE:
@@ -216,7 +225,7 @@ class Visit:
             if how == DONE:
                 return states, self.to[:used].copy(), self.chance[:used].copy()
             if how != SPACE:
-                self._raise(-1, 0)
+                self._raise(-1, 0, states)
             if states > self._limit:
                 raise TooManyStates(self._program.behaviour, self._limit)
             self._grow(0, len(self.to))
@@ -238,8 +247,8 @@ class Visit:
             for name in ("to", "ended", "chance", "reward"):
                 setattr(self, name, longer(getattr(self, name), 4 * len(self.to)))
 
-    def _raise(self, state: int, action: int) -> None:
-        """Let the live engine say what went wrong.
+    def _raise(self, state: int, action: int, row: int) -> None:
+        """Let the live engine say what went wrong in a row.
 
         Raises:
             RuleError, EvaluationError: what the live engine says.
@@ -256,6 +265,7 @@ class Visit:
         ):
             for _ in outcomes:
                 simulator.observe()
+        self.full = bool(self.states[row, ERROR] == FULL)
         bounds = f"{CAPACITY} matches of a question, {program.spare} new objects, an int of 32 bits"
         raise NotCompiled(f"more than there is space for: {bounds}")
 

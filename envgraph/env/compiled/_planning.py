@@ -308,7 +308,7 @@ class _Search(Visit):
             if how == SPACE:
                 self._grow(states, 0)
             elif how != PAUSED:
-                self._raise(head, action)
+                self._raise(head, action, states)
 
     def _cut(self, first: int, last: int, kept: np.ndarray[tuple[int], np.dtype[np.int64]]) -> int:
         """Keep some states of the last layer, and forget the others; how many there are then."""

@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from envgraph.env import enumerate_states
+from envgraph.env import EnvgraphEnv, EnvgraphLiveEnv, Simulator, enumerate_states
+from envgraph.env._too_many import TooManyStates
 from envgraph.env.compiled import Batch, CompiledVectorEnv, NotCompiled, enumerated, program_of
 from envgraph.errors import EvaluationError
 from tests.profile import NIGHTLY
@@ -164,29 +165,49 @@ def test_compiled_by_numba_too(name: str, tmp_path: Path) -> None:
     step_side_by_side(mutants(engine, behaviour, 4), behaviour, 4 * STEPS, native=True)
 
 
-def test_a_table_of_states_with_new_objects_is_that_of_the_live_engine(tmp_path: Path) -> None:
-    rules = """
-        rule born { lhs { y : Yard; n == count Box(_); check n < 4; }
-            modify { create y -boxes-> b : Box { size = n }; } }
-        rule grow { lhs { b : Box; check b.size < 4; } modify { set b.size += 1; } }
-        """
-    query = "pattern big(b : Box) { Box.size(b, 4); }\npattern boxes(b : Box) { Box(b); }"
-    body = (
-        "action born = born() reward 1\naction grow = grow() reward 0.5\non find big(_) terminate success\n"
-    )
-    engine, behaviour = written(tmp_path, Corner(rules, body + "observe count find boxes(_) up to 9", query))
-    found = enumerated(program_of(engine.copy(), behaviour, native=False, spare=2))
+BOUNDED = """
+rule born { lhs { y : Yard; n == count Box(_); check n < 4; } modify { create y -boxes-> b : Box { size = n }; } }
+rule grow { lhs { b : Box; check b.size < 4; } modify { set b.size += 1; } }
+@semantics(spo) rule gone { lhs { b : Box; check b.size == 3; } modify { delete b; } }
+rule nested { lhs { b : Box; c : Box; check b.size > c.size; neg Box.inner(c, _); } modify { move c to b.inner; } }
+"""
+BOXES = "pattern big(b : Box) { Box.size(b, 4); }\npattern boxes(b : Box) { Box(b); }"
+BEARS = "action born = born() reward 1\naction grow = grow() reward 0.5\non find big(_) terminate success\n"
+
+
+@pytest.mark.parametrize(
+    "actions", ["", "action gone = gone()\n", "action gone = gone()\naction nest = nested()\n"]
+)
+def test_a_table_of_states_with_new_objects_is_that_of_the_live_engine(actions: str, tmp_path: Path) -> None:
+    corner = Corner(BOUNDED, actions + BEARS + "observe count find boxes(_) up to 9", BOXES)
+    engine, behaviour = written(tmp_path, corner)
+    found = enumerated(program_of(engine.copy(), behaviour, native=False, spare=1))
     wanted = enumerate_states(engine, behaviour)
     assert found.n_states == wanted.n_states > 20
-    for name in ("next_state", "probability", "reward", "terminated", "observation"):
+    for name in ("next_state", "probability", "reward", "terminated", "observation", "allowed"):
         assert np.array_equal(getattr(found, name), getattr(wanted, name))
 
 
-def test_states_that_differ_by_ids_alone_are_no_table(tmp_path: Path) -> None:
-    corner = Corner(MADE + DROP, "action make = make(adam, _)\naction drop = drop()\nobserve adam.kind")
-    engine, behaviour = written(tmp_path, corner)
-    with pytest.raises(NotCompiled, match="objects that rules create and delete"):
-        enumerated(program_of(engine, behaviour, native=False))
+def test_states_that_differ_by_ids_alone_are_one(tmp_path: Path) -> None:
+    rules = BOUNDED.replace("size = n", "size = 3").replace("check b.size < 4", "check b.size > 9")
+    body = "action born = 0.7: born() reward 1 else reward -1\naction gone = gone()\n"
+    body += "observe count find boxes(_) up to 9"
+    engine, behaviour = written(tmp_path, Corner(rules, body, BOXES))
+    table = enumerate_states(engine, behaviour)
+    assert table.n_states == 3
+    row, live = EnvgraphEnv(table), EnvgraphLiveEnv(Simulator(engine, behaviour))
+    assert row.reset(seed=2)[0] == live.reset(seed=2)[0]
+    for action in np.random.default_rng(0).integers(2, size=100).tolist():
+        assert row.step(action)[:3] == live.step(action)[:3]
+
+
+def test_where_objects_have_no_bound_there_are_too_many_states(tmp_path: Path) -> None:
+    engine, behaviour = written(tmp_path, Corner(BORN, "action born = born()\nobserve adam.kind"))
+    program = program_of(engine, behaviour, native=False, spare=2)
+    with pytest.raises(TooManyStates, match="let the rules ask how many there are"):
+        enumerate_states(engine, behaviour, limit=20)
+    with pytest.raises(TooManyStates):
+        enumerated(program, limit=20)
 
 
 CROWD = """

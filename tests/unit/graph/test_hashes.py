@@ -64,6 +64,20 @@ def test_order_and_names_do_not_count():
     assert model.state_hash() == other.state_hash()
 
 
+def test_gaps_between_ids_need_not_count():
+    model, (ann, ben, eve, tom) = people("ann", "ben", "eve", "tom")
+    other, (ann2, eve2, tom2) = people("ann", "eve", "tom")
+    eve.likes, eve2.likes = [tom, ann], [tom2, ann2]
+    tom.friends, tom2.friends = [eve], [eve2]
+    ben.delete()
+    assert model.state_hash() != other.state_hash()
+    assert model.state_hash(since=0) == model.state_hash(since=ben.id) == other.state_hash(since=0)
+    assert other.state_hash(since=0) == other.state_hash()
+    assert model.state_hash(since=eve.id) != other.state_hash()
+    tom.likes, eve.likes = [eve, ann], []  # other objects: their order counts
+    assert model.state_hash(since=0) != other.state_hash()
+
+
 def test_equal_floats_have_equal_hashes():
     one, (ann,) = people("ann")
     other, (ben,) = people("ben")
