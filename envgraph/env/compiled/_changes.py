@@ -73,14 +73,15 @@ def _check(plan: RulePlan, call: RuleCall) -> None:
         for change in body.sets:
             if isinstance(change, Increase) and change.attribute.type is Scalar.STRING:
                 raise NotCompiled(f"strings that a rule puts together (`{plan.name}`)", change.span)
-            if isinstance(change, SetValues | ChangeTargets) or _many_valued(change):
+            if isinstance(change, SetValues) or (
+                not isinstance(change, ChangeTargets) and _many_valued(change)
+            ):
                 raise NotCompiled(f"many values that a rule sets (`{plan.name}`)", change.span)
 
 
-def _many_valued(change: SetValue | Increase | SetTargets | SetValues | ChangeTargets) -> bool:
+def _many_valued(change: SetValue | Increase | SetTargets) -> bool:
     """Whether a change is one of a feature with many values."""
-    feature = change.reference if isinstance(change, SetTargets | ChangeTargets) else change.attribute
-    return feature.many
+    return (change.reference if isinstance(change, SetTargets) else change.attribute).many
 
 
 @dataclass(frozen=True, slots=True)
@@ -174,7 +175,7 @@ class _Found:
             self._enters(created.get(move.node) or body.classes[move.node], move.reference)
         for change in body.sets:
             match change:
-                case SetTargets(_, reference):
+                case SetTargets(_, reference) | ChangeTargets(_, reference):
                     self._reference(reference)
                     self._set_containment(reference, change.span)
                 case SetValue(_, attribute) | Increase(_, attribute):

@@ -16,9 +16,11 @@ from envgraph.env.compiled._site import Site
 from envgraph.env.compiled._terms import Term, as_float
 from envgraph.metamodel import Attribute, Metamodel, Reference, Scalar
 from envgraph.pattern import Constant, EnumLiteral, StaticType
-from envgraph.rewrite.plans import BlockPlan, Increase, SetTargets, SetValue
+from envgraph.rewrite.plans import BlockPlan, ChangeTargets, Increase, SetTargets, SetValue
 
-Kind = Literal["gone", "touched", "class", "owner", "value", "removed", "added", "targets", "end"]
+Kind = Literal[
+    "gone", "touched", "class", "owner", "value", "removed", "withdrawn", "added", "targets", "end"
+]
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,6 +73,15 @@ def claims_of(frame: Frame, metamodel: Metamodel) -> Iterator[Claim]:
                 yield Claim("targets", node, reference, values[0] if values else None)
                 for value in values:
                     yield from _linked(metamodel, reference, node, value, forced=True)
+            case ChangeTargets(node, reference, operator, values):
+                yield Claim("touched", node)
+                yield Claim("owner", node, reference.owner)
+                for value in values:
+                    if operator == "+=":
+                        yield from _linked(metamodel, reference, node, value, forced=True)
+                    else:
+                        first, source, target = _canonical(metamodel, reference, node, value)
+                        yield Claim("withdrawn", source, first, target, present=value)
             case _:
                 raise AssertionError(change)
     for unlink in plan.unlinks:
@@ -151,9 +162,10 @@ class Pairs:
             case "value", "value" if a.what == b.what and not (a.forced and b.forced):
                 if not (a.forced or b.forced):
                     parts.append(self._differing(a, fa, sa, b, fb, sb))
-            case "removed", "added" if a.what == b.what:
+            case "removed" | "withdrawn", "added" if a.what == b.what:
                 parts.append(self._same(a.other, fa, sa, b.other, fb, sb))
-                parts += self._not_added(a, fa, sa)
+                if a.kind == "removed":
+                    parts += self._not_added(a, fa, sa)
             case "targets", "targets" if a.what == b.what:
                 parts.append(code.Operation("!=", (_value(a, sa), _value(b, sb))))
             case "targets", "added":
@@ -302,7 +314,9 @@ def _check_order(site: Site) -> None:
     for frame in site.blocks.frames:
         for change in frame.plan.sets:
             feature: Attribute | Reference | None = None
-            if isinstance(change, Increase) and change.attribute.type is Scalar.FLOAT:
+            if isinstance(change, ChangeTargets):
+                feature, _, _ = _canonical(site.facts.metamodel, change.reference, 0, 0)
+            elif isinstance(change, Increase) and change.attribute.type is Scalar.FLOAT:
                 feature = change.attribute
             elif isinstance(change, SetTargets):
                 opposite = site.facts.metamodel.opposite(change.reference)

@@ -16,6 +16,7 @@ from envgraph.env.compiled._terms import Term, Terms, named
 from envgraph.metamodel import Attribute, Scalar
 from envgraph.pattern import ObjectType, StaticType
 from envgraph.rewrite.plans import (
+    ChangeTargets,
     Compute,
     Increase,
     RulePlan,
@@ -120,6 +121,8 @@ class Effects:
                     self._increase(change)
                 case SetTargets():
                     self._links.set_target(change)
+                case ChangeTargets():
+                    self._links.change_targets(change)
                 case _:
                     raise AssertionError(change)
 

@@ -12,7 +12,7 @@ from envgraph.env.compiled._site import Site
 from envgraph.env.compiled._tables import LinkColumn
 from envgraph.metamodel import Reference
 from envgraph.pattern import ObjectType
-from envgraph.rewrite.plans import Link, Rehome, SetTargets, Unlink
+from envgraph.rewrite.plans import ChangeTargets, Link, Rehome, SetTargets, Unlink
 
 
 class Links:
@@ -212,6 +212,24 @@ class Links:
                 self._hold(stored, target, source)
 
         site.add(code.If(code.Operation("!=", (old, target)), site.collected(write)))
+
+    def change_targets(self, change: ChangeTargets) -> None:
+        """Targets are added, or removed; where the opposite of an added one is single and taken, its holder lets go."""
+        opposite = self._facts.metamodel.opposite(change.reference)
+        for value in change.values:
+            if change.operator == "-=":
+                made = self._site.collected(
+                    lambda value=value: self.unlink(Unlink(change.object, change.reference, value))  # type: ignore[misc]
+                )
+            elif opposite is not None and opposite.upper == 1:
+                made = self._site.collected(
+                    lambda value=value: self.set_target(SetTargets(value, opposite, (change.object,)))  # type: ignore[misc]
+                )
+            else:
+                self.link(Link(change.object, change.reference, value))
+                continue
+            there = code.Operation(">=", (self._site.slots[value], ZERO))
+            self._site.add(*([code.If(there, made)] if value in self._site.types else made))
 
     def _hold(self, stored: LinkColumn, holder: code.Expression, other: code.Expression) -> None:
         """The cell of an object, if there is that object, has another."""

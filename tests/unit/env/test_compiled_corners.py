@@ -263,6 +263,42 @@ CORNERS = {
         """,
         head="",
     ),
+    "targets that are added and taken away": Corner(
+        """
+        rule like(m : Man) { lhs { m : Man; i : Item; } modify { set m.likes += i; } }
+        rule unlike(m : Man) { lhs { m : Man; i : Item; } modify { set m.likes -= i; } }
+        rule fan { lhs { i : Item; m : Man; } modify { set i.fans += m; } }
+        rule visit { lhs { m : Man; } modify { set m.visited += m.at; } }
+        rule invite { lhs { s : Spot; m : Man; check s.x > 0; } modify { set s.men += m; } }
+        rule dismiss { lhs { s : Spot -men-> m : Man; } modify { set s.men -= m; } }
+        rule near { lhs { s : Spot; t : Spot; } modify { set s.near += t; } }
+        rule far { lhs { s : Spot; t : Spot; } modify { set s.near -= t; } }
+        rule both { lhs { m : Man; i : Item; j : Item; } modify { set m.likes -= i; set m.likes += j; } }
+        rule wants { lhs { m : Man; } modify { set m.likes += m.wants; set m.wants = none; } }
+        rule all { lhs { m : Man; } forall { lhs { s : Spot; } modify { set m.visited += s; } } modify { } }
+        rule none { lhs { m : Man; }
+            forall { lhs { m -visited-> s : Spot; } modify { set m.visited -= s; } } modify { } }
+        """,
+        """
+        action like(m : Man) = like(m) reward 1
+        action unlike(m : Man) = unlike(m) reward 2
+        action fan = fan() reward 3
+        action visit = visit() reward 4
+        action invite = invite() reward 5
+        action dismiss = dismiss() reward 6
+        action near = near() reward 7
+        action far = far() reward 8
+        action both = both() reward 9
+        action wants = wants() reward 10
+        action all = 0.2: all() | 0.3: none()
+        on find liked(_, i) reward i.id * 0.1
+        on find seen(_, s) reward s.x
+        observe m.at among Spot or none for m : Man
+        observe count find seen(_, _) up to 9
+        """,
+        "pattern liked(m : Man, i : Item) { Man.likes(m, i); } pattern seen(m : Man, s : Spot) { Man.visited(m, s); }",
+        head="",
+    ),
     "containers that go with what they contain": Corner(
         """
         rule smash { lhs { b : Box; } modify { delete b; } }
