@@ -8,7 +8,6 @@ from types import MappingProxyType
 from envgraph.behaviour import Agent, Behaviour, RuleCall
 from envgraph.code import dataclass
 from envgraph.env.compiled._refused import NotCompiled, standing
-from envgraph.errors import Span
 from envgraph.match.plan import CallGraph
 from envgraph.metamodel import Attribute, Metamodel, Reference, Scalar
 from envgraph.pattern import (
@@ -177,7 +176,10 @@ class _Found:
             match change:
                 case SetTargets(_, reference) | ChangeTargets(_, reference):
                     self._reference(reference)
-                    self._set_containment(reference, change.span)
+                    if houses(reference, self.metamodel) and not _alone(change, body):
+                        raise NotCompiled(
+                            f"containers that are set among others (`{reference}`)", change.span
+                        )
                 case SetValue(_, attribute) | Increase(_, attribute):
                     self.written.add(attribute.index)
                 case _:
@@ -197,11 +199,6 @@ class _Found:
         if reference.containment or (opposite is not None and opposite.containment):
             content = reference.target if reference.containment else reference.owner
             self._enters(content, reference)
-
-    def _set_containment(self, reference: Reference, span: Span | None) -> None:
-        opposite = self.metamodel.opposite(reference)
-        if reference.containment or (opposite is not None and opposite.containment):
-            raise NotCompiled(f"containers that are set (`{reference}`); `move` is compiled", span)
 
     def _enters(self, content: str | None, entered: Reference) -> None:
         """An object enters a container: it leaves another."""
@@ -282,6 +279,20 @@ def plans_of(engine: Engine, behaviour: Behaviour) -> list[RulePlan]:
         NotCompiled: see `plan_of`.
     """
     return [plan_of(engine, one) for one in calls_of(behaviour) if one.rule is not None]
+
+
+def houses(reference: Reference, metamodel: Metamodel) -> bool:
+    """Whether one end of a reference contains the other."""
+    opposite = metamodel.opposite(reference)
+    return reference.containment or (opposite is not None and opposite.containment)
+
+
+def _alone(change: SetTargets | ChangeTargets, body: BlockPlan) -> bool:
+    """Whether a change of a container is the only thing by which a rule puts something into another one."""
+    if isinstance(change, ChangeTargets) or body.kind != "rule" or body.nested or body.moves or body.deletes:
+        return False
+    others = [one for one in body.sets if one is not change and isinstance(one, SetTargets | ChangeTargets)]
+    return not (others or body.links or body.coinciding or body.contended)
 
 
 def contained(metamodel: Metamodel, classes: Iterable[str]) -> tuple[str, ...]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from envgraph import code
+from envgraph.env.compiled._changes import houses
 from envgraph.env.compiled._contradictions import check_agreement, check_kept, fitted
 from envgraph.env.compiled._links import Links
 from envgraph.env.compiled._matching import Matching
@@ -119,6 +120,8 @@ class Effects:
                     self._set(change)
                 case Increase():
                     self._increase(change)
+                case SetTargets(_, reference) if houses(reference, self._facts.metamodel):
+                    self._links.set_container(change)
                 case SetTargets():
                     self._links.set_target(change)
                 case ChangeTargets():

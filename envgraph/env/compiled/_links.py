@@ -213,6 +213,51 @@ class Links:
 
         site.add(code.If(code.Operation("!=", (old, target)), site.collected(write)))
 
+    def set_container(self, change: SetTargets) -> None:
+        """An object is put into a container, out of any other, or is in none."""
+        site, reference, value = self._site, change.reference, change.values[0] if change.values else None
+        contains = reference if reference.containment else self._facts.metamodel.opposite(reference)
+        assert contains is not None
+        source, target = site.slots[change.object], NOBODY if value is None else site.slots[value]
+        old = self._facts.local(ObjectType(""))
+        found = self._facts.links.other_end(reference, source, forward=True, sure=False)
+        assert found is not None
+        site.add(code.Assign(old, found))
+        there = code.Operation(">=", (target, ZERO))
+
+        def write() -> None:
+            if reference.containment:
+                self._let_go(contains, old, contains.target, code.Operation(">=", (old, ZERO)))
+            else:
+                self._let_go(contains, source, contains.target, None)
+            if value is not None:
+                ends = change.object, value
+                entering = ends if reference.containment else ends[::-1]
+                site.add(code.If(there, site.collected(lambda: self._put(contains, *entering))))
+
+        site.add(code.If(code.Operation("!=", (old, target)), site.collected(write)))
+
+    def _put(self, reference: Reference, container: int, content: int) -> None:
+        """An object enters a container, which has room: what is alone there leaves."""
+        site, metamodel = self._site, self._facts.metamodel
+        cls, node = site.frame.classes.get(content) or reference.target, site.slots[content]
+        for other in metamodel.references:
+            if other.containment and metamodel.overlap(cls, other.target):
+                self._let_go(other, node, cls, None)
+        if reference.upper == 1:
+            inside_ = self._facts.local(ObjectType(""))
+            found = self._facts.links.other_end(reference, site.slots[container], forward=True, sure=False)
+            assert found is not None
+            site.add(code.Assign(inside_, found))
+            self._let_go(reference, inside_, reference.target, code.Operation(">=", (inside_, ZERO)))
+        else:
+            self._check_room(reference, site.slots[container], container, forward=True)
+        self._check_contents(content, container, reference.target)
+        (kept,) = self._cells(container, reference, content)
+        for test in kept.guard:
+            site.unless(test)
+        site.add(code.Assign(kept.place, kept.linked))
+
     def change_targets(self, change: ChangeTargets) -> None:
         """Targets are added, or removed; where the opposite of an added one is single and taken, its holder lets go."""
         opposite = self._facts.metamodel.opposite(change.reference)

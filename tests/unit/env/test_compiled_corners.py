@@ -75,7 +75,9 @@ class Heavy extends Item
 
 abstract class Crate {}
 class Plain extends Crate { int size = 7 }
-class Box extends Crate { contains Item[0..1] item contains Box[0..*] inner refers Spot[*] likes int size = 1 }
+class Box extends Crate { contains Item[0..1] item contains Box[0..3] inner opposite outer
+    refers Box[0..1] outer opposite inner contains Box[0..1] lid opposite under refers Box[0..1] under opposite lid
+    refers Spot[*] likes int size = 1 }
 class Chest extends Box { int depth = 0 refers Man[0..1] lock }
 """
 
@@ -260,6 +262,41 @@ CORNERS = {
         pattern touching(s : Spot) { Spot.near(_, s); }
         pattern close(s : Spot, t : Spot) { Spot.near(s, t); }
         pattern far(s : Spot, t : Spot) { find close+(s, t); k == count Spot.near(s, _); check(k > 1); }
+        """,
+        head="",
+    ),
+    "containers that are set": Corner(
+        """
+        rule put(i : Item) { lhs { b : Box; i : Item; check b.size < 5; } modify { set b.item = i; } }
+        rule empty { lhs { b : Box; } modify { set b.item = none; set b.size += 1; } }
+        rule take { lhs { b : Box; m : Man; } modify { set b.item = m.wants; } }
+        rule bag { lhs { m : Man; i : Item; } modify { create m -bag-> i; } }
+        rule inside { lhs { b : Box; c : Box; } modify { set c.outer = b; } }
+        rule out { lhs { b : Box; } modify { set b.outer = none; } }
+        rule crate { lhs { b : Box; c : Box; check b.size > 1; } modify { set c.lid = b; } }
+        rule lid { lhs { b : Box; c : Box; } modify { set c.under = b.outer; } }
+        rule want(m : Man) { lhs { m : Man; i : Item; } modify { set m.wants = i; } }
+        """,
+        """
+        action put(i : Item) = put(i) reward 1
+        action empty = empty() reward 2
+        action take = take() reward 3
+        action bag = 0.2: bag() reward 4
+        action inside = inside() reward 5
+        action out = out() reward 6
+        action crate = crate() reward 7
+        action lid = lid() reward 8
+        action want(m : Man) = want(m)
+        on find within(_, c) reward c.size * 0.1
+        on find packed(i) reward i.weight
+        on find over(_, c) reward c.size
+        observe count find within(_, _) up to 9
+        observe count find packed(_) up to 5
+        """,
+        """
+        pattern within(b : Box, c : Box) { Box.inner(b, c); }
+        pattern packed(i : Item) { Box.item(_, i); }
+        pattern over(b : Box, c : Box) { Box.lid(b, c); }
         """,
         head="",
     ),
@@ -1247,7 +1284,7 @@ REFUSED = {
     "many values that a rule sets": 'lhs { s : Spot; } modify { set s.marks = ["x"]; }',
     "containers that blocks delete": "lhs { y : Yard; } forall { lhs { b : Box; i : Item; } "
     "modify { delete b; delete i; } } modify { }",
-    "containers that are set": "lhs { b : Box; i : Item; } modify { set b.item = i; }",
+    "containers that are set among others": "lhs { b : Box; i : Item; } modify { set b.item = i; set i.pair = i; }",
     "a product of products": "lhs { s : Spot; } modify { set s.n = s.n * s.n * s.n; }",
     "the function `ceil`": "lhs { s : Spot; } modify { set s.n = ceil(s.f); }",
     "an int beyond 32 bits": "lhs { s : Spot; } modify { set s.n = 5000000000; }",
