@@ -1,0 +1,133 @@
+"""Agents that act together: a step is one action of each of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import chain
+
+from envgraph import code
+from envgraph.behaviour import Agent, Observation
+from envgraph.env._prepared import Types
+from envgraph.env._together import in_order, joint_names, numbered_names
+from envgraph.env.compiled._clauses import ACTION, Clauses
+from envgraph.env.compiled._layout import ONE, ZERO, call
+from envgraph.env.compiled._observations import SEEN, Observations
+from envgraph.env.compiled._turn import END, NOTHING, TOTAL, Clause, Turn
+from envgraph.env.compiled._writer import Writer
+
+
+class Joint:
+    """Writes a step in which all agents act; the docstring of `Simulator` says what that is.
+
+    Args:
+        clauses: of the behaviour.
+        seats: names of the agents, and the numbers of their blocks.
+
+    Raises:
+        EvaluationError: they have too many actions together.
+
+    Attributes:
+        action_names: of a step.
+        shape, observation_names: sizes and names of the components of an observation: those of each agent, then the
+            shared ones.
+    """
+
+    def __init__(self, clauses: Clauses, seats: Sequence[tuple[str, int]]) -> None:
+        self._clauses, self._seats = clauses, seats
+        self.action_names = joint_names([name for name, _ in seats], clauses.moves[0].names)
+        blocks = clauses.blocks
+        own = [(name, clauses.sizes(self._seen(blocks[number], shared=False))) for name, number in seats]
+        own.append(("shared", clauses.sizes(self._seen(blocks[0], shared=True))))
+        self.shape = tuple(chain(*(sizes for _, sizes in own)))
+        self.observation_names = numbered_names([(who, len(sizes)) for who, sizes in own])
+
+    def bodies(self) -> tuple[code.Body, code.Body, code.Body]:
+        """A step, whether each agent could do its own action, and what all agents see."""
+        return self._step(), self._may(), self._look()
+
+    def begin(self, writer: Writer) -> None:
+        """Nobody is first."""
+
+    def _step(self) -> code.Body:
+        clauses, fresh = self._clauses, self._clauses.module.fresh
+        with clauses.module.writing():
+            writer, players = clauses.writer(NOTHING), []
+            for block, node, digit in self._digits(writer):
+                there = self._there(writer, node, block)
+                players.append(clauses.player(writer, block, node, digit, fresh("total", "float"), there))
+            turn = Turn(writer, players, list(self._in_order()))
+            turn.write()
+            clauses.check_needed(writer, players[0].scope, turn.did)
+            clauses.tidy(writer)
+            writer.add(code.Return(code.tuple_of(TOTAL, END, ONE)))
+            name = clauses.module.add("turn", (ACTION,), writer.written())
+        return (code.Return(call(name, ACTION)),)
+
+    def _may(self) -> code.Body:
+        """Whether each agent that is there could do its action, or none at all."""
+        clauses = self._clauses
+        may = [*map(clauses.may, range(len(clauses.blocks)))]
+        names = code.Constant(len(clauses.moves[0].names))
+        with clauses.module.writing():
+            writer = clauses.writer(code.Return(ONE))
+            for block, node, digit in self._digits(writer):
+                there, other = self._there(writer, node, block), clauses.module.fresh("a")
+                idle = [] if there is None else [code.equal(there, ONE)]
+                idle.append(code.equal(call(may[block], node, digit), ZERO))
+                could = code.If(call(may[block], node, other), (code.Return(ZERO),))
+                others = code.For(other, code.call("range", names), (could,))
+                writer.add(code.If(code.joined("and", idle, True), (others,)))
+            writer.add(code.Return(ONE))
+            name = clauses.module.add("may", (ACTION,), writer.written())
+        return (code.Return(call(name, ACTION)),)
+
+    def _digits(self, writer: Writer) -> Iterator[tuple[int, code.Local, code.Local]]:
+        """Writes for each agent which object it is, and what it does; with the number of its block."""
+        left, names = self._clauses.module.fresh("left"), code.Constant(len(self._clauses.moves[0].names))
+        writer.assign(left, ACTION)
+        for place, (_, block) in enumerate(self._seats):
+            node, digit = self._object(writer, place), self._clauses.module.fresh("a")
+            writer.assign(digit, code.Operation("%", (left, names)))
+            writer.assign(left, code.call("quotient", left, names))
+            yield block, node, digit
+
+    def _object(self, writer: Writer, place: int) -> code.Local:
+        """The object of an agent."""
+        node = self._clauses.module.fresh("self", "object")
+        writer.assign(node, self._clauses.seat("object", code.Constant(place)))
+        return node
+
+    def _there(self, writer: Writer, node: code.Local, block: int) -> code.Local | None:
+        """Whether an agent is there; None if it always is."""
+        cls = self._clauses.behaviour.agents[block].cls
+        if self._clauses.changes.fixed_class(cls):
+            return None
+        there = self._clauses.module.fresh("there")
+        writer.assign(there, code.Choice(self._clauses.facts.is_instance(node, cls), ONE, ZERO))
+        return there
+
+    def _in_order(self) -> Iterator[Clause]:
+        effects = [self._clauses.effects(self._clauses.blocks[block]) for _, block in self._seats]
+        ours = {id(effect) for effect in self._clauses.behaviour.effects}
+        written = [[(effect, id(effect) in ours) for effect, _ in own] for own in effects]
+        for number, place in in_order(written):
+            effect, types = effects[number][place]
+            yield Clause(effect, types, number, written[number][place][1])
+
+    def _look(self) -> code.Body:
+        clauses = self._clauses
+        with clauses.module.writing():
+            writer = clauses.writer(code.Return(ZERO))
+            observations = Observations(writer, clauses.keys, self.shape)
+            for place, (_, number) in enumerate(self._seats):
+                block, node = clauses.blocks[number], self._object(writer, place)
+                observations.write(self._seen(block, shared=False), clauses.scope(block, node)[0])
+            observations.write(self._seen(clauses.blocks[0], shared=True), clauses.scope(None)[0])
+            observations.end()
+            name = clauses.module.add("look", (SEEN,), writer.written())
+        return (code.Return(call(name, SEEN)),)
+
+    def _seen(self, block: Agent | None, *, shared: bool) -> list[tuple[Observation, Types]]:
+        """The clauses of a block, or the shared ones."""
+        ours = {id(observation) for observation in self._clauses.behaviour.observations}
+        return [each for each in self._clauses.observed(block) if (id(each[0]) in ours) is shared]
