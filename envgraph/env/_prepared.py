@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import reduce
+from itertools import groupby
+from operator import add
 from typing import Protocol, TypeVar
 
 from envgraph.behaviour import Action, Effect, Observation, ObserveRange, RuleCall
@@ -142,6 +145,7 @@ class PreparedClause:
         matches: the rows of its named variables on the present state.
         holds: whether one of them is still a match.
         names: the named variables.
+        one: the weight of a match where one of them is drawn; None where each has its turn.
     """
 
     matches: Callable[[], list[Row]]
@@ -150,10 +154,45 @@ class PreparedClause:
     reward: Reward | None
     ends: int
     apply: Alternatives | None
+    one: Reward | None
 
     def scope(self, bound: Scope, row: Row) -> Scope:
         """What names stand for at one of its matches."""
         return {**bound, **dict(zip(self.names, row, strict=True))}
+
+
+Pending = tuple[Scope, PreparedClause, Row]
+"""A match whose `apply` is to run, and what the names outside of it stand for."""
+
+
+def run_pending(pending: Sequence[Pending], choices: Choices, model: Model) -> None:
+    """Run the `apply`s of some matches, clause by clause in turn, each only if its match still is one.
+
+    Raises:
+        EvaluationError: a weight is negative, or has no value.
+    """
+    first = True
+    for _, group in groupby(pending, key=lambda one: id(one[1])):
+        turns = [(clause, clause.scope(bound, row), row) for bound, clause, row in group]
+        if turns[0][0].one is not None:
+            turns = [turn for turn in turns if first or turn[0].holds(turn[2])]
+            turns = turns[(place := _drawn(turns, choices)) : place + 1]
+        for clause, scope, row in turns:
+            if first or clause.holds(row):  # nothing can have changed before the first
+                assert clause.apply is not None
+                clause.apply.run(scope, choices, model)
+            first = False
+
+
+def _drawn(turns: Sequence[tuple[PreparedClause, Scope, Row]], choices: Choices) -> int:
+    """The place of one of some matches, drawn by weight: each by its share in what is left. Behind all for none."""
+    weights = [0.0 if clause.one is None else clause.one(scope) for clause, scope, _ in turns]
+    left = reduce(add, weights, 0.0)  # `sum` rounds otherwise from Python 3.12 on
+    for place, weight in enumerate(weights):
+        if weight > 0.0 and choices.choose([min(weight / left, 1.0)]) is not None:
+            return place
+        left -= weight
+    return len(turns)
 
 
 @dataclass(frozen=True, slots=True)

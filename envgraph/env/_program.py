@@ -274,7 +274,20 @@ class Program:
             self._reward(effect.reward, types),
             ENDS[effect.end],
             self._alternatives(effect.apply) if effect.apply else None,
+            self._weight(effect.one),
         )
+
+    def _weight(self, one: Expression | None) -> Reward | None:
+        if one is None:
+            return None
+
+        def weight(scope: Scope) -> float:
+            value = _number(one, scope, self._read, "a weight")
+            if value < 0.0:
+                raise EvaluationError(f"{value:g} is no weight", one.span, "a number from 0 on")
+            return value
+
+        return weight
 
     def _ask(self, condition: PatternCall | Negation, types: Types) -> Question:
         return self._added(lambda name: condition_question(name, condition, types))

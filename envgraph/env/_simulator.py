@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator
 from math import prod
 
 import numpy as np
@@ -13,7 +13,15 @@ from envgraph.code import dataclass
 from envgraph.env._agents import Agents, Seat
 from envgraph.env._keys import KeyIndex, indexed_classes, key_attributes
 from envgraph.env._observing import component_names
-from envgraph.env._prepared import Choices, PreparedAction, PreparedClause, PreparedEach, Scope
+from envgraph.env._prepared import (
+    Choices,
+    Pending,
+    PreparedAction,
+    PreparedClause,
+    PreparedEach,
+    Scope,
+    run_pending,
+)
 from envgraph.env._program import Program, worst
 from envgraph.env._sampling import MOST_OUTCOMES, Draw, all_choices
 from envgraph.env._tabular import allowed_or_all
@@ -22,7 +30,6 @@ from envgraph.env._too_many import TooManyOutcomes
 from envgraph.env.scene._scene import DRAW_HINT, Painter
 from envgraph.errors import InvalidArgument, ResolutionError, Severity
 from envgraph.graph import Model, Savepoint
-from envgraph.match import Row
 from envgraph.rewrite import Engine
 
 GOES_ON, SUCCESS, FAILURE = 0, 1, 2
@@ -304,7 +311,7 @@ class Simulator:
         shared.done.clear()
         for reset in shared.resets:
             if isinstance(reset, PreparedClause):
-                self._apply(shared, [(reset, row) for row in reset.matches()], choices)
+                run_pending([(shared.bound, reset, row) for row in reset.matches()], choices, self._model)
             elif reset.apply is not None:
                 reset.apply.run(shared.bound, choices, self._model)
         self._check_needed(shared)
@@ -323,7 +330,7 @@ class Simulator:
             if isinstance(effect, PreparedEach) and effect.apply is not None:
                 effect.apply.run(program.bound, choices, model)
         reward, terminated, pending = self._judge(program, action, scope, done)
-        self._apply(program, pending, choices)
+        run_pending(pending, choices, self._model)
         if terminated == GOES_ON and program.done:
             self._check_needed(program)
         self.turn = self._agents.after(self.turn)
@@ -347,11 +354,11 @@ class Simulator:
 
     def _judge(
         self, program: Program, action: PreparedAction, scope: Scope, done: Scope | None
-    ) -> tuple[float, int, list[tuple[PreparedClause, Row]]]:
+    ) -> tuple[float, int, list[Pending]]:
         """Reward and end of a step on the present state, and the matches whose `apply` is to run."""
         effects = program.effects
         total, terminated = 0.0, GOES_ON
-        pending: list[tuple[PreparedClause, Row]] = []
+        pending: list[Pending] = []
         for position in range(len(effects) + 1):
             if position == action.before:
                 reward = action.else_reward if done is None else action.reward
@@ -366,16 +373,8 @@ class Simulator:
                 total += effect.reward(effect.scope(program.bound, row)) if effect.reward else 0.0
                 terminated = worst(terminated, effect.ends)
                 if effect.apply is not None:
-                    pending.append((effect, row))
+                    pending.append((program.bound, effect, row))
         return total, terminated, pending
-
-    def _apply(
-        self, program: Program, pending: Sequence[tuple[PreparedClause, Row]], choices: Choices
-    ) -> None:
-        for position, (clause, row) in enumerate(pending):
-            assert clause.apply is not None
-            if position == 0 or clause.holds(row):  # nothing can have changed before the first
-                clause.apply.run(clause.scope(program.bound, row), choices, self._model)
 
 
 def _first_new(model: Model, keys: KeyIndex) -> int | None:

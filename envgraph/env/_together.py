@@ -12,17 +12,13 @@ from envgraph.behaviour import Behaviour, Effect
 from envgraph.code import dataclass
 from envgraph.env._agents import Agents, Seat
 from envgraph.env._keys import KeyIndex
-from envgraph.env._prepared import Choices, Component, PreparedClause, PreparedEach
+from envgraph.env._prepared import Choices, Component, Pending, PreparedClause, PreparedEach, run_pending
 from envgraph.env._program import Program, worst
 from envgraph.errors import Diagnostic, EvaluationError, ResolutionError
 from envgraph.graph import Model
-from envgraph.match import Row
 
 MOST_JOINT_ACTIONS = 100_000
 """As many as an agent may have."""
-
-Pending = list[tuple["Clause", PreparedClause, Row]]
-"""Matches whose `apply` is to run."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,16 +123,13 @@ class Together:
         for clause in clauses:
             if isinstance(clause.effect, PreparedEach) and clause.effect.apply is not None:
                 clause.effect.apply.run(clause.program.bound, choices, self._model)
-        pending: Pending = []
+        pending: list[Pending] = []
         judged = [(clause, *_judged(clause, pending)) for clause in clauses]
         moves = [move() for move in done]
         gained = [(clause, gains) for clause, gains, _ in judged]
         paid = {move.seat: _total(move, gained, common=True) for move in moves}
         self.rewards = tuple(paid.get(place, 0.0) for place in range(len(self._seats)))
-        for place, (clause, effect, row) in enumerate(pending):
-            assert effect.apply is not None
-            if place == 0 or effect.holds(row):  # nothing can have changed before the first
-                effect.apply.run(effect.scope(clause.program.bound, row), choices, self._model)
+        run_pending(pending, choices, self._model)
         return _of_all(moves, paid, gained), reduce(worst, (ends for *_, ends in judged), 0)
 
     def _do(self, place: int, number: int, choices: Choices) -> Callable[[], Move]:
@@ -148,14 +141,14 @@ class Together:
         return lambda: Move(place, reward(scope if done is None else done) if reward else 0.0, action.before)
 
 
-def _judged(clause: Clause, pending: Pending) -> tuple[list[float], int]:
+def _judged(clause: Clause, pending: list[Pending]) -> tuple[list[float], int]:
     """The rewards of a clause on the present state, and the end; matches whose `apply` is to run go to `pending`."""
     effect, bound = clause.effect, clause.program.bound
     if isinstance(effect, PreparedEach):
         return [effect.reward(bound)] if effect.reward else [], 0
     rows = effect.matches()
     if effect.apply is not None:
-        pending += [(clause, effect, row) for row in rows]
+        pending += [(bound, effect, row) for row in rows]
     gains = [effect.reward(effect.scope(bound, row)) for row in rows] if effect.reward else []
     return gains, effect.ends if rows else 0
 

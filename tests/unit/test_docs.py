@@ -115,7 +115,13 @@ def problems(extra: dict[str, str], *roots: str) -> tuple[Diagnostic, ...]:
 
 def inside_environment(clauses: str) -> str:
     """Clauses as a whole environment file."""
-    files = ("garden.behaviour.query", "garden.behaviour.rules", "garden.death.query", "garden.death.rules")
+    files = (
+        "garden.behaviour.query",
+        "garden.behaviour.rules",
+        "garden.death.query",
+        "garden.death.rules",
+        "garden.weather.rules",
+    )
     imports = "".join(f'import "{name}"\n' for name in files)
     return f"{imports}\nenvironment Garden(hedgehog : Hedgehog) {{\n{clauses}}}\n"
 

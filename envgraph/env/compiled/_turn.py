@@ -16,7 +16,7 @@ from envgraph.code import dataclass
 from envgraph.env._prepared import Types
 from envgraph.env._program import ENDS
 from envgraph.env.compiled._bodies import CAPACITY
-from envgraph.env.compiled._layout import NOBODY, ONE, TOP, ZERO, call, plus
+from envgraph.env.compiled._layout import NOBODY, ONE, TOP, ZERO, D, call, plus
 from envgraph.env.compiled._refused import standing
 from envgraph.env.compiled._terms import Term, named
 from envgraph.env.compiled._writer import Called, Writer, zero_of
@@ -334,10 +334,63 @@ class Turn:
         writer.assign(first, ONE)
         for each in self._pending:
             row = writer.module.fresh("i")
+            rows = code.call("range", each.number)
+            if each.effect.one is not None:
+                self._apply_one(each, each.effect.one, row, first)
+                continue
             body = writer.collected(lambda each=each, row=row: self._apply_row(each, row, first))  # type: ignore[misc]
-            writer.add(code.For(row, code.call("range", each.number), body))
+            writer.add(code.For(row, rows, body))
 
     def _apply_row(self, each: Pending, row: code.Local, first: code.Local) -> None:
+        scope, holds = self._held(each, row, first)
+
+        def write() -> None:
+            self._remember(self.writer.alternatives(each.effect.apply, scope).done)
+
+        self.writer.when(code.equal(holds, ONE), write)
+
+    def _apply_one(self, each: Pending, one: Expression, row: code.Local, first: code.Local) -> None:
+        """One of the matches is drawn by weight: each by its share in what is left."""
+        writer, rows = self.writer, code.call("range", each.number)
+        left, weight, share = (writer.module.fresh(name, "float") for name in ("left", "w", "p"))
+        none = code.Constant(0.0)
+
+        def weighed(then: Callable[[Mapping[str, Term]], None]) -> code.Body:
+            def inside() -> None:
+                scope, holds = self._held(each, row, first)
+
+                def weigh() -> None:
+                    writer.assign(weight, writer.number(one, scope))
+                    writer.fail_if(code.Operation("<", (weight, none)))
+                    then(scope)
+
+                writer.when(code.equal(holds, ONE), weigh)
+
+            return writer.collected(inside)
+
+        def draw(scope: Mapping[str, Term]) -> None:
+            writer.assign(share, code.call("min", code.Operation("/", (weight, left)), code.Constant(1.0)))
+            lacking = code.Operation("-", (code.Constant(1.0), share))
+            drawn = code.equal(code.call("choose", D, code.tuple_of(share), lacking), ZERO)
+
+            def apply() -> None:
+                self._remember(writer.alternatives(each.effect.apply, scope).done)
+                writer.add(code.Leave("break"))
+
+            writer.when(drawn, apply)
+
+        def turn(scope: Mapping[str, Term]) -> None:
+            writer.when(code.Operation(">", (weight, none)), lambda: draw(scope))
+            writer.add(code.Assign(left, weight, "-="))
+
+        writer.assign(left, none)
+        writer.add(code.For(row, rows, weighed(lambda _: writer.add(code.Assign(left, weight, "+=")))))
+        writer.add(code.For(row, rows, weighed(turn)))
+
+    def _held(
+        self, each: Pending, row: code.Local, first: code.Local
+    ) -> tuple[Mapping[str, Term], code.Local]:
+        """What names stand for at a match, and whether it still is one."""
         writer, question = self.writer, each.question
         scope = {
             **self.players[each.clause.player].scope,
@@ -358,11 +411,7 @@ class Turn:
             held = code.joined("or", [held, *self._gone(each.clause, question)], False)
         writer.assign(holds, code.Choice(code.Operation("or", (code.equal(first, ONE), held)), ONE, ZERO))
         writer.assign(first, ZERO)
-
-        def write() -> None:
-            self._remember(writer.alternatives(each.effect.apply, scope).done)
-
-        writer.when(code.equal(holds, ONE), write)
+        return scope, holds
 
 
 def _names(expression: Expression, names: Sequence[str]) -> bool:

@@ -9,7 +9,7 @@ import pytest
 
 from envgraph.env import Simulator, explore
 from envgraph.env.compiled import enumerated, program_of
-from envgraph.errors import LoadError
+from envgraph.errors import EvaluationError, LoadError
 from tests.unit.env.coins import PARAMETERS, loaded, sides
 from tests.unit.env.side_by_side import step_side_by_side
 
@@ -72,3 +72,38 @@ def test_mistakes_in_resets_are_reported() -> None:
     ):
         with pytest.raises(LoadError, match=said):
             loaded(TURNS + clause)
+
+
+def test_one_of_the_matches_is_drawn_by_weight() -> None:
+    found = starts("on reset find worth(coin, value) apply one value: turnOver(coin)")
+    assert found == pytest.approx({"a": 2 / 3, "b": 1 / 3}), "a is worth 1, b 2"
+    found = starts(
+        "on reset find pair(one, _) apply one turnOver(one)\n"
+        "on reset find down(coin) apply one coin.value: turnBack(coin)"
+    )
+    assert found == pytest.approx({"ab": 0.5 * 2 / 6 + 0.5 * 1 / 5, "bc": 0.5 * 4 / 5, "ac": 0.5 * 4 / 6})
+    assert starts("on reset find up(coin) apply one 0: turnOver(coin)") == {"ab": 1.0}
+
+
+def test_one_of_the_matches_in_a_step() -> None:
+    clause = "action wait = nothing()\non find worth(coin, value) reward 1.0 apply one (value - 1): turnOver(coin)\n"
+    assert starts(
+        clause + "on find down(coin) apply 0.5: turnBack(coin)\non find up(coin) apply one turnOver(coin)"
+    ) == {"ab": 1.0}
+    table = explore(*loaded(TURNS + clause, NAMED)).tabular
+    wait = table.action_names.index("wait")
+    assert table.reward[0, wait].max() == 2.0 and table.probability[0, wait].max() == 1.0, "a has no weight"
+
+
+def test_a_weight_has_to_be_a_number_that_is_not_negative() -> None:
+    said = "-1 is no weight"
+    with pytest.raises(EvaluationError, match=said):
+        starts("on reset find worth(coin, value) apply one (1 - value): turnOver(coin)")
+    for clause, said in (
+        ("each step apply one turn()", "`one` is one of the matches"),
+        ("on reset apply one turn()", "`one` is one of the matches"),
+        ("on reset find up(c) apply one 1: turn() | 2: turn()", "one match is drawn, and one rule"),
+        ("on reset find up(coin) apply one coin.side: turnOver(coin)", "expected `float`"),
+    ):
+        with pytest.raises(LoadError, match=said):
+            loaded(TURNS + clause, NAMED)
