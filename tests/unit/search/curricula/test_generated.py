@@ -26,6 +26,8 @@ from envgraph.search import (
     resume,
     write_family,
 )
+from envgraph.solve import evaluate
+from envgraph.solve.learning import TrainingSettings, train_curriculum
 from tests.profile import AT_NIGHT
 
 FILE = str(data_path("rules", "burning_forest", "teaching.toml"))
@@ -88,6 +90,7 @@ def test_a_file_of_a_bundled_domain_has_a_short_name(tmp_path: Path, monkeypatch
     assert Domain.load("burning_forest/teaching.toml").spec.name == "BurningForestTeaching"
     assert Domain.load("burning_forest/budgets.toml").spec.name == "BurningForestBudgets"
     assert Domain.load("keydoor/teaching.toml").spec.name == "KeyDoorTeaching"
+    assert Domain.load("network/teaching.toml").spec.name == "RoutingTeaching"
     assert not load_workspace(["burning_forest/teaching.toml"]).diagnostics
     with pytest.raises(LoadError, match=r"did you mean `teaching[.]toml`"):
         Domain.load("burning_forest/teachin.toml")
@@ -153,6 +156,30 @@ def test_a_target_may_have_too_many_states_for_a_table(tmp_path: Path) -> None:
     assert family.value is not None and 0.0 < family.value < 1.0
     again = generate("network", tmp_path / "again.sqlite", overrides=overrides)
     assert (again.members, again.value) == (family.members, family.value)
+
+
+@AT_NIGHT
+@needs_numba
+def test_a_family_without_a_grid_teaches_what_the_target_alone_does_not(tmp_path: Path) -> None:
+    family = generate(
+        "network/teaching.toml", tmp_path / "run.sqlite", overrides=["objective.effort=150_000_000"]
+    )
+    tables = [family.explored(member).tabular for member in family.members]
+    settings = TrainingSettings.from_spec(family.domain.spec.training, limit=family.limit)
+    solved = [
+        [
+            evaluate(
+                train_curriculum(some, settings, rng, steps=[3_000 // len(some)] * len(some)).q,
+                tables[-1],
+                1,
+                settings.limit,
+                rng,
+            ).success_rate
+            for rng in map(np.random.default_rng, range(20))
+        ]
+        for some in (tables, tables[-1:])
+    ]
+    assert np.mean(solved[0]) > 0.8 and np.mean(solved[1]) == 0.0
 
 
 @needs_numba
