@@ -15,7 +15,7 @@ from envgraph.errors import InvalidArgument
 from envgraph.solve._distance import steps_to_success
 from envgraph.solve.learning._programs import InProgram, train_learner
 from envgraph.solve.learning._settings import TrainingSettings
-from envgraph.solve.learning._stage import Stage, Table, flatten
+from envgraph.solve.learning._stage import Stage, Table, compact, flatten
 from envgraph.solve.learning._training import action_values, available_backends, initial_values
 
 EPISODES = 16
@@ -66,7 +66,8 @@ class Learners:
         """
         from envgraph.solve.learning._compiled import learn, run
 
-        settings, target, count = replace(self._settings, checkpoint=steps), self._target, len(streams)
+        settings, count = replace(self._settings, checkpoint=steps), len(streams)
+        *tables, target = compact((*tables, self._target))
         rows = streams.copy()
         values = np.repeat(initial_values(target, settings)[None], count, axis=0)
         epsilons = np.full(count, settings.epsilon.start)

@@ -1,5 +1,6 @@
 """Learners side by side are learners of the trainer."""
 
+from dataclasses import replace
 from importlib.util import find_spec
 
 import numpy as np
@@ -64,6 +65,24 @@ def test_streams_are_left_as_they_are_and_decide_alone() -> None:
     assert np.array_equal(rows, before)
     apart = [learners.judge(tables, rows[place : place + 1], 500).scores[0] for place in range(4)]
     assert together.tolist() == apart
+
+
+@needs_numba
+def test_observations_that_nobody_meets_take_no_space() -> None:
+    """Ten billion rows of values would not fit; what is learned is what is learned without them."""
+    tables = [random_table(seed, 3, 2) for seed in (3, 4)]
+    wide = [
+        replace(one, observation=one.observation.astype(np.int64) * 10**9, n_observations=10**10)
+        for one in tables
+    ]
+    settings = TrainingSettings(steps_per_environment=300, limit=30)
+    found = [
+        Learners(settings, some[-1])
+        .judge([flatten(one) for one in some], streams(generators(20)), 300)
+        .scores
+        for some in (tables, wide)
+    ]
+    assert np.array_equal(*found) and found[0].std() > 0.0
 
 
 def test_distances_are_those_of_a_search_from_each_state() -> None:
