@@ -74,7 +74,11 @@ def test_of_too_many_observations_those_that_occur_have_values(monkeypatch: pyte
 def scattered(table: Tabular) -> Tabular:
     """The same environment, with its observations among a hundred thousand."""
     return replace(
-        table, observation=table.observation * 16_000 + 3, n_observations=10**5, observation_shape=(10, 10**4)
+        table,
+        observation=table.observation * 16_000 + 3,
+        n_observations=10**5,
+        observation_shape=(10, 10**4),
+        observation_names=("at", "seen"),
     )
 
 
