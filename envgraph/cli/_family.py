@@ -244,8 +244,8 @@ def _outcome(outcome: Outcome) -> dict[str, Any]:
         "maximum": maximum,
         "bins": list(outcome.bins),
     }
-    if outcome.objective is not None:
-        found["objective"] = dict(zip(("kind", "value"), outcome.objective, strict=True))
+    if outcome.objective:
+        found["objective"] = dict(outcome.objective)
     return found
 
 

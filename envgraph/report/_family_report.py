@@ -55,7 +55,7 @@ def family_report(
 def _order(family: Family) -> str:
     """How the members follow each other; the initial model is the target even where others are harder."""
     target, spec = family.members[-1], family.domain.spec
-    if spec.objective is not None and spec.curriculum.order is None:
+    if spec.climbs and spec.curriculum.order is None:
         return f"In the order that was searched for; the target {target.name}, the initial model, comes last."
     if target.initial:
         return f"Ordered from the easiest to the hardest; the target {target.name}, the initial model, comes last."

@@ -15,7 +15,7 @@ from envgraph.search._certified import (
     verify,
 )
 from envgraph.search._components import Components, Context
-from envgraph.search._diversity import BinnedEntropy, Bounded, FamilyMeasure, Gini, Swaps, Variance
+from envgraph.search._diversity import BinnedEntropy, Bounded, Gini, Statistic, Swaps, Variance
 from envgraph.search._domain import Domain, Reachable, domain_problems, option_problems
 from envgraph.search._environment import (
     make,
@@ -27,12 +27,15 @@ from envgraph.search._environment import (
     register,
 )
 from envgraph.search._evolution import Evolution, Settings
+from envgraph.search._families import Candidate, FamilyMeasure, Over, Pool
 from envgraph.search._family import Family, Member, family_of, run_file
 from envgraph.search._family_file import family_schema, open_family, read_family, write_family
 from envgraph.search._ga4cl import GridVariant, grid_rows, read_ga4cl, retype_grid, write_ga4cl
 from envgraph.search._generate import evolve, export_ga4cl, generate, import_ga4cl, resume
 from envgraph.search._lineage import LineageStep, lineage
 from envgraph.search._measures import MatchCount, PatternValue, ShortestPath, ShortestPlan
+from envgraph.search._objective import Condition, Objective, Term
+from envgraph.search._objective_text import FamilyCall, WrongCall
 from envgraph.search._optimise_file import optimise_domain
 from envgraph.search._options import Options
 from envgraph.search._outcome import Outcome, why_low
@@ -85,7 +88,9 @@ __all__ = [
     "BeamSearch",
     "BinnedEntropy",
     "Bounded",
+    "Candidate",
     "Components",
+    "Condition",
     "Constraint",
     "Context",
     "CountWithin",
@@ -94,6 +99,7 @@ __all__ = [
     "Evolution",
     "ExactSelection",
     "Family",
+    "FamilyCall",
     "FamilyMeasure",
     "Forbid",
     "Generation",
@@ -108,12 +114,15 @@ __all__ = [
     "MatchCount",
     "Member",
     "NoValue",
+    "Objective",
     "Optimum",
     "Options",
     "Outcome",
+    "Over",
     "ParentSelection",
     "PathComplexity",
     "PatternValue",
+    "Pool",
     "Problem",
     "RandomParents",
     "Reachable",
@@ -129,9 +138,11 @@ __all__ = [
     "ShortestPlan",
     "SimulatedAnnealing",
     "Solution",
+    "Statistic",
     "Strategy",
     "SurvivorSelection",
     "Swaps",
+    "Term",
     "TournamentParents",
     "Trace",
     "TreeSearch",
@@ -139,6 +150,7 @@ __all__ = [
     "Variation",
     "Verification",
     "Walk",
+    "WrongCall",
     "acceptance",
     "caption",
     "certificate_texts",

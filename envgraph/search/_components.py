@@ -16,7 +16,7 @@ from envgraph.graph import Model
 from envgraph.lang import numeric_parameters
 from envgraph.metamodel import Metamodel, Scalar
 from envgraph.pattern import Constant, Library
-from envgraph.search._diversity import BinnedEntropy, FamilyMeasure, Gini, Variance
+from envgraph.search._diversity import BinnedEntropy, Gini, Statistic, Variance
 from envgraph.search._expressed import Expressed, named, read_expression
 from envgraph.search._measures import (
     LIMIT,
@@ -29,6 +29,7 @@ from envgraph.search._measures import (
     ShortestPath,
     ShortestPlan,
 )
+from envgraph.search._objective_text import FAMILY_MEASURES, FamilyFactory
 from envgraph.search._options import Options
 from envgraph.search._paths import PathComplexity
 from envgraph.search._problem import IndividualMeasure
@@ -43,7 +44,7 @@ from envgraph.search._selection import (
     SurvivorSelection,
     TournamentParents,
 )
-from envgraph.search.curricula import MOST_STATES, ChainTransfer, Learning, Levels, Objective
+from envgraph.search.curricula import MOST_STATES, ChainTransfer, Judged, Learning, Levels
 from envgraph.search.optimising import Annealing, Beam, HillClimb, Strategy, TreeSearch
 from envgraph.solve.learning import TrainingSettings
 
@@ -65,7 +66,9 @@ class Context:
         library: the patterns of the family; None where they have errors.
         initial: the initial model; None where there are errors.
         certifier: of the environments, if the family has one; all measures share it.
-        others: the measures above, for a measure: each with what counts where it has no value, infinite for nothing.
+        others: the measures above, for a measure, and all of them for an objective: each with what counts where it has
+            no value, infinite for nothing.
+        diversity: how diverse a family is, for an objective.
     """
 
     metamodel: Metamodel
@@ -76,6 +79,7 @@ class Context:
     initial: Model | None = None
     certifier: Certifier | None = None
     others: Mapping[str, tuple[IndividualMeasure, float]] = field(default_factory=dict)
+    diversity: Statistic | None = None
 
     @classmethod
     def of(
@@ -93,11 +97,11 @@ class Context:
 
 
 MeasureFactory = Callable[[Options, Context], IndividualMeasure]
-DiversityFactory = Callable[[Options, Context], FamilyMeasure]
+DiversityFactory = Callable[[Options, Context], Statistic]
 ParentsFactory = Callable[[Options, Context], ParentSelection]
 SurvivorsFactory = Callable[[Options, Context], SurvivorSelection]
 StrategyFactory = Callable[[Options, Context], Strategy]
-ObjectiveFactory = Callable[[Options, Context], Callable[[Levels, int], Objective]]
+ObjectiveFactory = Callable[[Options, Context], Callable[[Levels, int], Judged]]
 """What it gives makes the objective, from the levels that it will see and the number of threads that it may take."""
 
 
@@ -162,19 +166,19 @@ def _value(options: Options, context: Context) -> IndividualMeasure:
     return PatternValue(pattern, place, whole=type_ is Scalar.INT)
 
 
-def _binned_entropy(options: Options, context: Context) -> FamilyMeasure:
+def _binned_entropy(options: Options, context: Context) -> Statistic:
     low, high = options.range("range", getattr(context.measured, "range", (0.0, 1.0)))
     bins = options.integer("bins", context.spec.search.population, 1, MOST_BINS)
     return BinnedEntropy(bins, low, high, whole=getattr(context.measured, "whole", False))
 
 
-def _learning(options: Options, context: Context) -> Callable[[Levels, int], Objective]:
+def _learning(options: Options, context: Context) -> Callable[[Levels, int], Judged]:
     steps = options.integers("steps", [context.spec.training.steps_per_environment], 1, _MOST_STEPS)
     limit = context.spec.limit or (context.behaviour.limit if context.behaviour else None)
     settings = TrainingSettings.from_spec(context.spec.training, limit=limit)
     seed = context.spec.seed
 
-    def made(levels: Levels, workers: int) -> Objective:
+    def made(levels: Levels, workers: int) -> Judged:
         try:
             return Learning(settings, levels.target, steps, seed, workers)
         except NotCompiled as reason:
@@ -190,10 +194,10 @@ def _learning(options: Options, context: Context) -> Callable[[Levels, int], Obj
     return made
 
 
-def _chain_transfer(options: Options, context: Context) -> Callable[[Levels, int], Objective]:
+def _chain_transfer(options: Options, context: Context) -> Callable[[Levels, int], Judged]:
     del context
 
-    def made(levels: Levels, workers: int) -> Objective:
+    def made(levels: Levels, workers: int) -> Judged:
         del workers
         try:
             return ChainTransfer(levels.target)
@@ -265,6 +269,7 @@ class Components:
             }
         )
     )
+    family: Mapping[str, FamilyFactory] = field(default_factory=lambda: MappingProxyType(FAMILY_MEASURES))
     objective: Mapping[str, ObjectiveFactory] = field(
         default_factory=lambda: MappingProxyType(
             {
@@ -320,8 +325,9 @@ class Components:
     def with_(self, role: str, kind: str, factory: Callable[..., object]) -> Components:
         """A copy in which a kind of a role is made by a factory.
 
-        The roles are "measure", "diversity", "objective", "parents", "survivors" and "strategy". With the role
-        "function", `factory` is the code of the function of that name which the domain's queries declare.
+        The roles are "measure", "diversity", "family", "objective", "parents", "survivors" and "strategy". A factory
+        of the role "family" gets what the file has, a `FamilyCall`, and the context. With the role "function",
+        `factory` is the code of the function of that name which the domain's queries declare.
         """
         known = getattr(self, role)
         return replace(self, **{role: MappingProxyType({**known, kind: factory})})

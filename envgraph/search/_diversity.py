@@ -1,7 +1,7 @@
-"""Measures of a family: one number for the values of its members.
+"""Statistics of a family: one number for the values of its members.
 
-A family measure also offers *swaps*, the score after exchanging one member, because survivor selection asks for
-little else: for binned entropy that is a constant amount of work instead of a pass over the family.
+A statistic may offer *swaps*, the score after exchanging one member, because survivor selection asks for little else:
+for binned entropy that is a constant amount of work instead of a pass over the family.
 """
 
 from __future__ import annotations
@@ -25,42 +25,23 @@ class Swaps(Protocol):
         """Exchange the two."""
 
 
-class FamilyMeasure(Protocol):
-    """A measure of a whole family; larger is more diverse."""
+class Statistic(Protocol):
+    """One number of the values of a family, whatever their order; larger is more diverse.
+
+    It may also have `swaps(values, members) -> Swaps`, exchanges from the family of `members`, which are indices into
+    `values`: without it the statistic is computed anew for each.
+    """
 
     def score(self, values: Sequence[float]) -> float:
-        """The measure of a family with these values, in any order."""
-
-    def swaps(self, values: Sequence[float], members: Sequence[int]) -> Swaps:
-        """Swaps starting from the family of `members`, which are indices into `values`."""
+        """The statistic of a family with these values."""
 
 
 @runtime_checkable
 class Bounded(Protocol):
-    """A family measure that knows how diverse a family can be at most; a search stops there."""
+    """A statistic, or a measure of families, that knows how large it can be at most; a search stops there."""
 
     def maximum(self, size: int) -> float:
         """The largest score of a family of so many members."""
-
-
-class RecomputedSwaps:
-    """Swaps for any family measure, by computing the score anew."""
-
-    def __init__(self, measure: FamilyMeasure, values: Sequence[float], members: Sequence[int]) -> None:
-        self._measure = measure
-        self._values = values
-        self._members = list(members)
-        self._score = measure.score([values[index] for index in members])
-
-    def delta(self, leaving: int, entering: int) -> float:
-        """Score after the exchange minus score before it."""
-        exchanged = [self._values[entering if index == leaving else index] for index in self._members]
-        return self._measure.score(exchanged) - self._score
-
-    def swap(self, leaving: int, entering: int) -> None:
-        """Exchange the two."""
-        self._members[self._members.index(leaving)] = entering
-        self._score = self._measure.score([self._values[index] for index in self._members])
 
 
 @dataclass(frozen=True, slots=True)
@@ -180,10 +161,6 @@ class Gini:
     def maximum(self, size: int) -> float:
         """The coefficient where one member has all."""
         return 1 - 1 / size if size else 0.0
-
-    def swaps(self, values: Sequence[float], members: Sequence[int]) -> Swaps:
-        """Swaps by recomputation."""
-        return RecomputedSwaps(self, values, members)
 
 
 @dataclass(frozen=True, slots=True)

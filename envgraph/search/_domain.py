@@ -40,9 +40,11 @@ from envgraph.metamodel import Metamodel
 from envgraph.pattern import conformance_patterns, key_patterns
 from envgraph.rewrite import Engine
 from envgraph.search._components import MOST_BINS, Components, Context
-from envgraph.search._diversity import BinnedEntropy, FamilyMeasure
+from envgraph.search._diversity import BinnedEntropy, Statistic
 from envgraph.search._evolution import Settings
 from envgraph.search._measures import ShortestPlan
+from envgraph.search._objective import Objective
+from envgraph.search._objective_text import read_objective
 from envgraph.search._options import LARGEST, Options
 from envgraph.search._problem import (
     Constraint,
@@ -55,7 +57,7 @@ from envgraph.search._problem import (
 )
 from envgraph.search._samples import SampleSettings
 from envgraph.search._selection import ExactSelection, SurvivorSelection
-from envgraph.search.curricula import CurriculumSettings, Levels, Objective
+from envgraph.search.curricula import CurriculumSettings, Judged, Levels
 from envgraph.search.optimising import Strategy
 
 EFFORT, MOST_LANES = 4_000_000_000, 1_000
@@ -181,7 +183,9 @@ class Domain:
     def wrong_options(self) -> list[Diagnostic]:
         """All that is wrong with the options of the components."""
         problems: list[Diagnostic] = []
-        for make in (self._measures, self.settings, self.curriculum_search, self.samples, self.strategy):
+        for make in (
+            self._measures, self.settings, self.objective, self.curriculum_search, self.samples, self.strategy
+        ):  # fmt: skip
             try:
                 make()
             except LoadError as error:
@@ -250,9 +254,37 @@ class Domain:
             diversity=diversity,
             diversity_of=str(self.spec.diversity.options["of"]),
             otherwise=otherwise,
+            objective=self.objective(),
+            behaviour=self.behaviour,
+            order=None if self.spec.curriculum.order is None else str(self.spec.curriculum.order),
+            target_last=self.spec.curriculum.initial == "last",
         )
 
-    def _measures(self) -> tuple[dict[str, IndividualMeasure], dict[str, float], FamilyMeasure]:
+    def objective(self) -> Objective | None:
+        """What a family is to be, where the file has `[objective]` with expressions.
+
+        Raises:
+            LoadError: what is wrong with it; all problems at once.
+        """
+        spec = self.spec.objective
+        if spec is None or self.spec.climbs:
+            return None
+        measures, otherwise, diversity = self._measures()
+        others = {name: (one, otherwise.get(name, inf)) for name, one in measures.items()}
+        context = replace(self._context(), others=others, diversity=diversity)
+        objective, problems = _whole_family(spec, context, self.components)
+        for key, given in (("target", self.spec.search.target), ("stagnation", self.spec.search.stagnation)):
+            if given is not None:
+                message = f"`{key}` is about the diversity, and the family has an objective"
+                hint = (
+                    "leave it out: the search ends after `generations`, or where nothing better is possible"
+                )
+                problems.append(Diagnostic("bad-objective", message, spec.span(), hint))
+        if has_errors(problems):
+            raise LoadError(problems)
+        return objective
+
+    def _measures(self) -> tuple[dict[str, IndividualMeasure], dict[str, float], Statistic]:
         """The measures of an individual, what counts without a value, and the measure of a family."""
         spec, context, problems = self.spec, self._context(), list[Diagnostic]()
         measures: dict[str, IndividualMeasure] = {}
@@ -305,7 +337,8 @@ class Domain:
 
     def _too_many(self, survival: SurvivorSelection) -> list[Diagnostic]:
         """An error where a generation may have more families to choose from than are tried."""
-        search, bins = self.spec.search, self.spec.diversity.kind == "binned_entropy"
+        search = self.spec.search
+        bins = self.spec.diversity.kind == "binned_entropy" and self.spec.objective is None
         if bins or not isinstance(survival, ExactSelection) or not self.spec.evolves:
             return []
         free = search.population - search.keep_initial
@@ -316,16 +349,18 @@ class Domain:
         hint = (
             "write `hill_climbing`, a smaller `population`, or `binned_entropy`, of which not all are tried"
         )
+        if self.spec.objective is not None:
+            hint = "write `hill_climbing`, or a smaller `population`"
         return [Diagnostic("too-many-families", message, search.survivors.span(), hint)]
 
-    def curriculum_search(self) -> tuple[Callable[[Levels, int], Objective], CurriculumSettings] | None:
+    def curriculum_search(self) -> tuple[Callable[[Levels, int], Judged], CurriculumSettings] | None:
         """The objective, made from levels and a number of threads, and how to search; None for the genetic algorithm.
 
         Raises:
             LoadError: options that make no sense; all problems at once.
         """
         spec, search = self.spec.objective, self.spec.search
-        if spec is None:
+        if spec is None or not self.spec.climbs:
             return None
         options = Options(spec)
         settings = _climb(options, search.population)
@@ -459,7 +494,12 @@ class Domain:
         objective, size = self.spec.objective, self.spec.search.population
         demanded = None if objective is None else objective.options.get("diversity")
         most = problem.maximum(size)
-        if objective is None or demanded is None or (demanded == "maximum" and most < inf):
+        if (
+            objective is None
+            or not self.spec.climbs
+            or demanded is None
+            or (demanded == "maximum" and most < inf)
+        ):
             return []
         message, hint = f"a family of {size} is at most {most:g} diverse", 'write `diversity = "maximum"`'
         if demanded == "maximum":
@@ -554,7 +594,9 @@ def option_problems(spec: FamilySpec, workspace: Workspace) -> list[Diagnostic]:
                 options.number("otherwise", 0.0, -LARGEST, LARGEST)
             made[component.kind](options, context)
             problems += _finished(options)
-    if spec.objective is not None and spec.objective.kind in known.objective:
+    if spec.objective is not None and not spec.climbs:
+        problems += _whole_family(spec.objective, context, known)[1]
+    elif spec.objective is not None and spec.objective.kind in known.objective:
         options = Options(spec.objective)
         _climb(options, spec.search.population)
         known.objective[spec.objective.kind](options, context)
@@ -573,6 +615,17 @@ def domain_problems(spec: FamilySpec, workspace: Workspace) -> list[Diagnostic]:
         except LoadError as error:
             problems += error.diagnostics
     return problems
+
+
+def _whole_family(
+    spec: ComponentSpec, context: Context, components: Components
+) -> tuple[Objective, list[Diagnostic]]:
+    """What a family is to be, and all that is wrong with what the file says of it."""
+    found, problems = read_objective(spec, context, components.family)
+    options = Options(spec)
+    for key in ("maximise", "minimise", "subject_to"):
+        options.given(key)
+    return found, problems + _finished(options)
 
 
 def _climb(options: Options, population: int) -> CurriculumSettings:

@@ -21,11 +21,12 @@ from numpy.random import Generator, SeedSequence, default_rng
 from envgraph.code import dataclass
 from envgraph.graph import Version, model_to_json
 from envgraph.lang import Strength
-from envgraph.search._diversity import FamilyMeasure
+from envgraph.search._families import Candidate, FamilyMeasure, Pool
 from envgraph.search._problem import Problem
 from envgraph.search._selection import ParentSelection, SurvivorSelection
 from envgraph.search._store import Generation, Individual, RunStore, Trace, dump_json
 from envgraph.search._variation import Variation
+from envgraph.search.curricula import Level, Levels
 
 _SELECTION = 1 << 32
 """Spawn key of the survivor selection of a generation; larger than any number of a child."""
@@ -71,25 +72,23 @@ class _Member:
     """An individual in memory: its version is held, so that the engine can go back to it."""
 
     individual: Individual
-    version: Version
-    value: float
+    level: Level
 
 
 class _Losses(Sequence[float]):
     """Fitness for parent selection: what the family would lose without each member. Only computed when asked for."""
 
-    def __init__(self, measure: FamilyMeasure, values: list[float]) -> None:
-        self._measure = measure
-        self._values = values
+    def __init__(self, measure: FamilyMeasure, pool: Pool) -> None:
+        self._measure, self._pool = measure, pool
 
     def __len__(self) -> int:
-        return len(self._values)
+        return len(self._pool)
 
     @cached_property
     def _losses(self) -> list[float]:
-        score, values = self._measure.score, self._values
-        whole = score(values)
-        return [whole - score([*values[:place], *values[place + 1 :]]) for place in range(len(values))]
+        score, family, members = self._measure.score, self._pool.family, [*range(len(self._pool))]
+        whole = score(family(members))
+        return [whole - score(family([*members[:place], *members[place + 1 :]])) for place in members]
 
     @overload
     def __getitem__(self, place: int) -> float: ...
@@ -114,8 +113,7 @@ class Evolution:
         self._settings = settings
         self._seed = seed
         self._store = store
-        problem.valid()  # from the first question on patterns are kept current, unless a version is held by then
-        self._origin = problem.engine.commit()
+        self._levels = Levels(problem, problem.behaviour)
         self._next_id = store.next_id()
         self._started = time.monotonic()
         self._members: list[_Member] = []
@@ -135,6 +133,11 @@ class Evolution:
         for generation in self:
             report(generation)
         self._store.write_models(self.models())
+        objective = self._problem.objective
+        if objective is not None:
+            family = self.family()
+            found = {"values": objective.values(family), "lacking": objective.lacking(family)}
+            self._store.set("objective", found)
         return self.current
 
     def __iter__(self) -> Iterator[Generation]:
@@ -146,7 +149,7 @@ class Evolution:
         """JSON text of the model of every current member, by id of the individual."""
         texts = {}
         for member in self._members:
-            self._problem.engine.checkout(member.version, discard=True)
+            self._problem.engine.checkout(member.level.version, discard=True)
             texts[member.individual.id] = dump_json(model_to_json(self._problem.engine.model))
         return texts
 
@@ -173,7 +176,7 @@ class Evolution:
         """Steps 4.2 to 4.4: one generation."""
         settings = self._settings
         parents = settings.parents.select(
-            _Losses(self._problem.diversity, [member.value for member in self._members]),
+            _Losses(self._problem.family_measures[0], self._pool(self._members)),
             settings.population,
             self._generator(number, _SELECTION + 1),
         )
@@ -199,10 +202,20 @@ class Evolution:
         """Step 4.4: the members of the pool that together are the most diverse family."""
         size = min(self._settings.population, len(pool))
         pinned = [0] if self._settings.keep_initial else []
-        chosen = self._settings.survivors.select(
-            [member.value for member in pool], size, pinned, list(range(size)), self._problem.diversity, rng
-        )
+        chosen = self._settings.survivors.select(self._pool(pool), size, pinned, list(range(size)), rng)
         return [pool[index] for index in chosen]
+
+    def _pool(self, members: Sequence[_Member]) -> Pool:
+        problem = self._problem
+        key = None if problem.objective is None else self._key
+        return Pool([one.level for one in members], problem.family_measures, problem.diversity_of, key)
+
+    def _key(self, member: Candidate) -> tuple[float, ...]:
+        """The place of a member in the order of the curriculum: the initial model is the last, or of its equals."""
+        problem = self._problem
+        initial = isinstance(member, Level) and member.version is self._levels.origin
+        order = member.measures[problem.order or problem.diversity_of]
+        return (problem.target_last and initial, order, initial)
 
     def _finished(self) -> bool:
         """Step 4.5."""
@@ -218,8 +231,16 @@ class Evolution:
 
     def _at_maximum(self) -> bool:
         """Whether no family of the wanted size is more diverse."""
-        size, current = self._settings.population, self.current
-        return len(current.members) == size and current.diversity >= self._problem.maximum(size) - _SAME
+        size, current, objective = self._settings.population, self.current, self._problem.objective
+        if len(current.members) < size:
+            return False
+        if objective is not None:
+            return objective.reached(self.family())
+        return current.diversity >= self._problem.maximum(size) - _SAME
+
+    def family(self) -> list[Candidate]:
+        """The members of the last generation, in the order of the curriculum."""
+        return self._pool(self._members).family(range(len(self._members)))
 
     def _note(self, number: int, diversity: float) -> None:
         """Keep the best diversity, and the generation that first reached it; the same after a resumption."""
@@ -232,7 +253,7 @@ class Evolution:
         self, parent: _Member, rng: Generator, vary: Callable[[Generator], Trace | None]
     ) -> tuple[Trace, dict[str, float]] | None:
         """Vary the parent until the result is valid and has its measures; the engine then stands at it."""
-        self._problem.engine.checkout(parent.version, discard=True)
+        self._problem.engine.checkout(parent.level.version, discard=True)
         return self._variation.attempts(rng, vary)
 
     def _accept(
@@ -250,29 +271,36 @@ class Evolution:
             state_hash=f"{problem.engine.model.state_hash():016x}",
         )
         self._next_id += 1
-        version = self._origin if parent is None else problem.engine.commit()
-        return _Member(individual, version, measures[problem.diversity_of])
+        version = self._levels.origin if parent is None else problem.engine.commit()
+        return self._member(individual, version)
+
+    def _member(self, individual: Individual, version: Version) -> _Member:
+        level = Level(version, (), int(individual.state_hash, 16), individual.measures, self._levels)
+        return _Member(individual, level)
 
     def _restore(self, id_: int) -> _Member:
         """A stored individual, by replaying its rule traces from the initial model."""
         engine = self._problem.engine
-        engine.checkout(self._origin, discard=True)
+        engine.checkout(self._levels.origin, discard=True)
         *_, individual = line = self._store.lineage(id_)
         for ancestor in line:
             engine.replay(ancestor.trace)
         if f"{engine.model.state_hash():016x}" != individual.state_hash:
             raise self._store.damaged(f"individual {id_} does not follow from its trace")
-        if self._problem.diversity_of not in individual.measures:
-            raise self._store.damaged(f"individual {id_} has no measure `{self._problem.diversity_of}`")
-        version = engine.commit() if individual.parent is not None else self._origin
-        return _Member(individual, version, individual.measures[self._problem.diversity_of])
+        lacking = [one for one in self._problem.measures if one not in individual.measures]
+        if lacking:
+            raise self._store.damaged(f"individual {id_} has no measure `{lacking[0]}`")
+        version = engine.commit() if individual.parent is not None else self._levels.origin
+        return self._member(individual, version)
 
     def _generator(self, generation: int, child: int) -> Generator:
         return default_rng(SeedSequence(self._seed, spawn_key=(generation, child)))
 
     def _write(self, number: int, born: Sequence[Individual]) -> Generation:
         members = tuple(member.individual.id for member in self._members)
-        score = self._problem.diversity.score([member.value for member in self._members])
+        score = self._problem.diversity.score(
+            [one.individual.measures[self._problem.diversity_of] for one in self._members]
+        )
         generation = Generation(
             number, members, score, len(born), dict(sorted(self._variation.reasons.items()))
         )

@@ -69,27 +69,61 @@ def read_expression(
     Returns:
         The expression, None where it has mistakes; and those, each at its place.
     """
-    try:
-        body = Pattern("x", parameters=f"{_RESULT} : float", body=f"{_BEFORE}{text}{_AFTER}").bodies[0]
-    except LoadError as error:
-        return None, [
-            replace(one, span=_within(one.span, text, place, len(_BEFORE))) for one in error.diagnostics
-        ]
-    match body.constraints:
-        case (Comparison(left=Variable(), right=Evaluation(expression=expression)),):
-            pass
-        case _:
-            message, hint = "this is not one expression", f"{OTHERS} `2 * {names[0] if names else 'length'}`"
-            return None, [Diagnostic("syntax-error", message, place, hint)]
+    expression, problems = parsed_expression(text, place, f"{OTHERS} `2 * {names[0] if names else 'length'}`")
+    if expression is None:
+        return None, problems
     unknown = [
-        Diagnostic("unknown-measure", f"unknown measure `{one.name}`", one.span, _hint(one.name, names))
+        Diagnostic(
+            "unknown-measure",
+            f"unknown measure `{one.name}`",
+            within(one.span, text, place),
+            _hint(one.name, names),
+        )
         for one in variables_in(expression)
         if one.name not in names
     ]
-    scope = {one.name: Scalar.FLOAT for one in variables_in(expression)}
-    _, wrong = check_expression(expression, scope, metamodel, expected=Scalar.FLOAT)
-    problems = [replace(one, span=_within(one.span, text, place, len(_BEFORE))) for one in (*unknown, *wrong)]
+    scope = dict.fromkeys(named(expression), Scalar.FLOAT)
+    problems = [*unknown, *checked_expression(expression, scope, metamodel, text, place)]
     return (None if problems else expression), problems
+
+
+def parsed_expression(text: str, place: Span | None, hint: str) -> tuple[Expression | None, list[Diagnostic]]:
+    """Read an expression, whatever its names mean.
+
+    Args:
+        text: as in a query.
+        place: where the text stands, between quotation marks.
+        hint: what to write where it is no expression.
+
+    Returns:
+        The expression, None where it has mistakes, or is nested too deeply; and those, each at its place.
+    """
+    try:
+        body = Pattern("x", parameters=f"{_RESULT} : float", body=f"{_BEFORE}{text}{_AFTER}").bodies[0]
+    except LoadError as error:
+        return None, [replace(one, span=within(one.span, text, place)) for one in error.diagnostics]
+    match body.constraints:
+        case (Comparison(left=Variable(), right=Evaluation(expression=expression)),):
+            return expression, []
+        case _:
+            return None, [Diagnostic("syntax-error", "this is not one expression", place, hint)]
+
+
+def checked_expression(
+    expression: Expression,
+    scope: Mapping[str, Scalar],
+    metamodel: Metamodel,
+    text: str,
+    place: Span | None,
+) -> list[Diagnostic]:
+    """What is wrong with an expression that is to be a number, each at its place in the file.
+
+    Args:
+        scope: types of its variables.
+        text, place: as for `parsed_expression`.
+    """
+    _, wrong = check_expression(expression, scope, metamodel, expected=Scalar.FLOAT)
+    return [replace(one, span=within(one.span, text, place)) for one in wrong]
 
 
 def named(expression: Expression) -> tuple[str, ...]:
@@ -101,9 +135,9 @@ def _hint(name: str, names: Sequence[str]) -> str:
     return name_hint(name, names) or "measures above this one can be named"
 
 
-def _within(span: Span | None, text: str, place: Span | None, before: int) -> Span | None:
+def within(span: Span | None, text: str, place: Span | None) -> Span | None:
     """The place of a part of the text in the file; that of the whole where the file spells the text otherwise."""
     if span is None or place is None or place.text[1:-1] != text:
         return place
-    start, end = (min(max(0, at - before), len(text)) for at in (span.start, span.end))
+    start, end = (min(max(0, at - len(_BEFORE)), len(text)) for at in (span.start, span.end))
     return place.source.span(place.start + 1 + start, place.start + 1 + max(start, end))

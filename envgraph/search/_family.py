@@ -14,15 +14,17 @@ from numpy.typing import NDArray
 from envgraph.code import dataclass
 from envgraph.env import Behaviour, Explored, KeyIndex, Scene, scene_of
 from envgraph.env.compiled import Borrowed, Program, program_of
-from envgraph.errors import InvalidArgument, LoadError, Note, did_you_mean, listed
+from envgraph.errors import EvaluationError, InvalidArgument, LoadError, Note, did_you_mean, listed
 from envgraph.graph import Model, model_from_json
 from envgraph.lang import Bundle
 from envgraph.rewrite import Engine
 from envgraph.search._components import Components
 from envgraph.search._domain import Domain
+from envgraph.search._object_facts import described, differing
+from envgraph.search._problem import number
 from envgraph.search._replayed import Derived, Replay
 from envgraph.search._shown import family_html, member_html, member_svg, member_text
-from envgraph.search._split import described, differing, split
+from envgraph.search._split import split
 from envgraph.search._store import Individual, RunStore
 from envgraph.search._tables import Record, Tables, table_name
 
@@ -68,7 +70,8 @@ class Family:
         members: from the easiest to the hardest by the measure that orders the curriculum, then the initial model.
         domain: what the texts say, with the overrides.
         overrides: what held instead of what the family file says, such as "seed=5".
-        value: what the objective gives it, where it was searched for as a whole in a run; else None.
+        objective: what a run with an objective has made of it: value by what is written in `[objective]`.
+        lacking: conditions of the objective that do not hold, by what is written there, and by how much.
         tables: where the states of the members are kept once they have been enumerated.
     """
 
@@ -77,13 +80,19 @@ class Family:
     members: tuple[Member, ...]
     domain: Domain = field(compare=False, repr=False)
     overrides: tuple[str, ...] = ()
-    value: float | None = None
+    objective: Mapping[str, float] = field(default_factory=dict)
+    lacking: Mapping[str, float] = field(default_factory=dict)
     tables: Tables = field(default_factory=Tables.of_user, compare=False, repr=False)
     _explored: dict[tuple[str, bool], Explored] = field(default_factory=dict, compare=False, repr=False)
     _keys: KeyIndex | None = field(default=None, compare=False, repr=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "members", tuple(replace(one, _family=self) for one in self.members))
+
+    @property
+    def value(self) -> float | None:
+        """What counts most in the objective; None without one."""
+        return next(iter(self.objective.values()), None)
 
     @cached_property
     def keys(self) -> KeyIndex:
@@ -348,7 +357,7 @@ def ordered(
     names a measure.
     """
     curriculum = domain.spec.curriculum
-    if domain.spec.objective is not None and curriculum.order is None:
+    if domain.spec.climbs and curriculum.order is None:
         return tuple(Member(f"E{place}", *one) for place, one in enumerate(found, start=1))
     measure = order_of(domain)
     last = curriculum.initial == "last"
@@ -430,7 +439,22 @@ def family_of(store: RunStore, domain: Domain) -> Family:
     members = tuple(
         replace(one, certificates=certificates.get(one.individual or 0, {})) for one in ordered(domain, found)
     )
-    return Family(store.name, store.bundle(), members, domain, domain.overrides, store.value, tables)
+    values, failing = _worth(store, domain)
+    return Family(store.name, store.bundle(), members, domain, domain.overrides, values, failing, tables)
+
+
+def _worth(store: RunStore, domain: Domain) -> tuple[dict[str, float], dict[str, float]]:
+    """What a run says of its objective: values, and what is lacking."""
+    found, spec = store.objective, domain.spec.objective
+    try:
+        known = {spec.kind: found["value"]} if spec and "value" in found else found.get("values", {})
+        return _numbers(known), _numbers(found.get("lacking", {}))
+    except (EvaluationError, TypeError, ValueError) as error:
+        raise store.damaged("setting `objective` is no table of numbers") from error
+
+
+def _numbers(found: Any) -> dict[str, float]:
+    return {str(name): number(value, f"`{name}`") for name, value in dict(found).items()}
 
 
 def lacking_measures(domain: Domain, measures: Mapping[str, float]) -> list[str]:

@@ -153,7 +153,7 @@ def resume(
         domain = domain_of(store.bundle(), [*store.overrides, *changed], str(store.path), components)
         if changed:
             if not domain.spec.evolves:
-                what = "an objective" if domain.spec.objective else "samples"
+                what = "an objective" if domain.spec.climbs else "samples"
                 raise InvalidArgument(f"{store_path} has {what}, and no generations to go on to")
             store.set("overrides", list(domain.overrides))
         if domain.spec.evolves or last is None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import field
 from itertools import groupby
 from math import inf
 
@@ -30,14 +31,14 @@ class Outcome:
         maximum: what it can be for so many members as the family should have; infinite where that is not known.
         unit: "bits", or "" where it has none.
         bins: number of each member's bin, from 1, in the order of the curriculum; empty where there are no bins.
-        objective: kind of what the family was searched for by, and its value; None for the genetic algorithm.
+        objective: what the family was searched for by, and its value; {} without an objective.
     """
 
     diversity: float
     maximum: float
     unit: str = ""
     bins: tuple[int, ...] = ()
-    objective: tuple[str, float] | None = None
+    objective: Mapping[str, float] = field(default_factory=dict)
 
     @classmethod
     def of(cls, family: Family) -> Outcome:
@@ -45,8 +46,7 @@ class Outcome:
         problem = family.domain.problem(family.domain.engine())
         values, measure = _values(family, problem), problem.diversity
         maximum = problem.maximum(family.domain.spec.size)
-        spec, value = family.domain.spec.objective, family.value
-        objective = None if spec is None or value is None else (spec.kind, value)
+        objective = family.objective
         if not isinstance(measure, BinnedEntropy):
             return cls(measure.score(values), maximum, objective=objective)
         bins = tuple(measure.bin(value) + 1 for value in values)
@@ -59,19 +59,21 @@ class Outcome:
         if len(self.bins) > _MOST_REPORTED:
             counts = [f"{number} ({count:,})" for number, count in sorted(Counter(self.bins).items())]
             bins = f", members in bins {', '.join(counts)}"
-        objective = "{} {:.3f}, ".format(*self.objective) if self.objective else ""
+        objective = "".join(f"{name} {value:.3f}, " for name, value in self.objective.items())
         return f"{objective}diversity {self.diversity:.3f}{limit}{unit}{bins}"
 
 
 def why_low(family: Family, store: RunStore) -> Diagnostic | None:
     """Why the family of a run is less diverse than a family can be, and what would help; None where it is not.
 
-    The first of these that holds: members are missing, values lie outside of the range, no model came to some bins, the
-    search ended too soon.
+    The first of these that holds: a condition of the objective fails, members are missing, values lie outside of the
+    range, no model came to some bins, the search ended too soon.
     """
     outcome = Outcome.of(family)
     wanted, found = family.domain.spec.size, len(family.members)
     low = family.domain.spec.samples is None and outcome.diversity < outcome.maximum - _SAME
+    if family.lacking:
+        return _lacking(family)
     if family.domain.spec.objective is not None or (found >= wanted and (not low or outcome.maximum == inf)):
         return None  # the objective is what was to be large
     problem, spec = family.domain.problem(family.domain.engine()), family.domain.spec
@@ -108,6 +110,17 @@ def why_low(family: Family, store: RunStore) -> Diagnostic | None:
     return Diagnostic(
         "low-diversity", f"the diversity is below its maximum: {message}", span, hint, Severity.WARNING
     )
+
+
+def _lacking(family: Family) -> Diagnostic:
+    """The condition of an objective that is farthest from being satisfied."""
+    text, excess = max(family.lacking.items(), key=lambda one: one[1])
+    spec = family.domain.spec.objective
+    texts = spec.options.get("subject_to", []) if spec else []
+    place = f"subject_to[{texts.index(text)}]" if isinstance(texts, list) and text in texts else "subject_to"
+    message = f"the family does not satisfy `{text}`: {excess:.3g} is lacking"
+    hint = "more generations, mutations that change more, or a condition that is easier to satisfy"
+    return Diagnostic("unsatisfied", message, spec.span(place) if spec else None, hint, Severity.WARNING)
 
 
 def _stronger(strength: Strength) -> str:

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import field
 from math import inf, isfinite, isnan
 from numbers import Real
-from typing import Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from envgraph.code import dataclass
 from envgraph.errors import EvaluationError, with_article
@@ -24,7 +24,12 @@ from envgraph.pattern import (
     Variable,
 )
 from envgraph.rewrite import Engine
-from envgraph.search._diversity import BinnedEntropy, Bounded, FamilyMeasure, Gini, Swaps, Variance
+from envgraph.search._diversity import BinnedEntropy, Bounded, Gini, Statistic, Swaps, Variance
+from envgraph.search._families import FamilyMeasure, Over
+
+if TYPE_CHECKING:
+    from envgraph.env import Behaviour
+    from envgraph.search._objective import Objective
 
 
 class Constraint(Protocol):
@@ -164,18 +169,26 @@ class Problem:
         mutations: names of rules, units and groups.
         constraints: all must hold in a valid model; the cheapest first.
         measures: what is recorded of each individual, by name.
-        diversity: what a family maximises.
-        diversity_of: name of the measure that it reads.
+        diversity: how diverse a family is, by one measure of its members; what it maximises without an objective.
+        diversity_of: name of that measure.
         otherwise: what counts, by the name of a measure, for models that have no value of it; others are not valid.
+        objective: what a family is to be instead of as diverse as can be.
+        behaviour: of the environments, where there are some; for objectives that read tables.
+        order: name of the measure that orders the members of a family, by default that of the diversity.
+        target_last: whether the initial model is the last member, and not ordered like the others.
     """
 
     engine: Engine
     mutations: tuple[str, ...]
     constraints: Sequence[Constraint]
     measures: Mapping[str, IndividualMeasure]
-    diversity: FamilyMeasure
+    diversity: Statistic
     diversity_of: str
     otherwise: Mapping[str, float] = field(default_factory=dict)
+    objective: Objective | None = None
+    behaviour: Behaviour | None = None
+    order: str | None = None
+    target_last: bool = True
     _checks: Sequence[Constraint] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -193,6 +206,13 @@ class Problem:
     def violations(self) -> Iterator[Constraint]:
         """The constraints that the model violates, in their order, each looked at when it is asked for."""
         return (constraint for constraint in self.constraints if not constraint.holds(self.engine))
+
+    @property
+    def family_measures(self) -> tuple[FamilyMeasure, ...]:
+        """What families are compared by, what counts most first."""
+        return (
+            (Over(self.diversity, self.diversity_of),) if self.objective is None else self.objective.measures
+        )
 
     def maximum(self, size: int) -> float:
         """How diverse a family of so many members can be at most; infinite where that is not known."""
@@ -243,33 +263,44 @@ def number(value: object, what: str) -> float:
     raise EvaluationError(f"{what} is no number: it returned {found}", hint=hint)
 
 
-class _Checked:
-    """A family measure of the user, whose numbers are numbers."""
+def finite(value: object, what: str) -> float:
+    """What a measure of the user's returned for a family, as a number.
 
-    def __init__(self, measure: FamilyMeasure) -> None:
-        self._measure = measure
-        self._what = f"diversity `{type(measure).__name__}`"
+    Raises:
+        EvaluationError: it is none, or infinite.
+    """
+    found = number(value, what)
+    if not isfinite(found):
+        raise EvaluationError(f"{what} is infinite", hint="return a finite number for every family")
+    return found
+
+
+class _Checked:
+    """A statistic of the user, whose numbers are numbers."""
+
+    def __init__(self, statistic: Statistic) -> None:
+        self._statistic = statistic
+        self._what = f"diversity `{type(statistic).__name__}`"
 
     def score(self, values: Sequence[float]) -> float:
-        return self.finite(self._measure.score(values))
-
-    def swaps(self, values: Sequence[float], members: Sequence[int]) -> Swaps:
-        return _CheckedSwaps(self, self._measure.swaps(values, members))
+        return finite(self._statistic.score(values), self._what)
 
     def maximum(self, size: int) -> float:
-        return number(self._measure.maximum(size), self._what) if isinstance(self._measure, Bounded) else inf
+        bounded = self._statistic
+        return number(bounded.maximum(size), self._what) if isinstance(bounded, Bounded) else inf
 
-    def finite(self, value: object) -> float:
-        found = number(value, self._what)
-        if not isfinite(found):
-            raise EvaluationError(f"{self._what} is infinite", hint="return a finite number for every family")
-        return found
+    def __getattr__(self, name: str) -> Any:
+        """`swaps`, where the statistic has them."""
+        if name != "swaps":
+            raise AttributeError(name)
+        make = self._statistic.swaps  # type: ignore[attr-defined]  # raises what Python raises
+        return lambda values, members: _CheckedSwaps(make(values, members), self._what)
 
 
 class _CheckedSwaps:
-    def __init__(self, checked: _Checked, swaps: Swaps) -> None:
-        self._checked, self._swaps = checked, swaps
+    def __init__(self, swaps: Swaps, what: str) -> None:
+        self._swaps, self._what = swaps, what
         self.swap = swaps.swap
 
     def delta(self, leaving: int, entering: int) -> float:
-        return self._checked.finite(self._swaps.delta(leaving, entering))
+        return finite(self._swaps.delta(leaving, entering), self._what)

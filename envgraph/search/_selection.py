@@ -1,14 +1,13 @@
 """Choosing parents, and choosing the survivors that together are the most diverse family.
 
-Of families that are equally diverse, the one whose values vary most is chosen: with all members in one bin no exchange
-changes the entropy, and chance alone may take thousands of generations to come to another bin. What is equal in that,
-too, is drawn at random, so that a population drifts where nothing tells its members apart.
+`Pool` says which family is better. What is equal is drawn at random, so that a population drifts where nothing tells
+its members apart.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from itertools import combinations, product
+from collections.abc import Sequence
+from itertools import chain, combinations, product
 from math import comb, exp, fsum
 from typing import Protocol
 
@@ -17,19 +16,8 @@ from numpy.random import Generator
 
 from envgraph.code import dataclass
 from envgraph.errors import InvalidArgument
-from envgraph.search._diversity import BinnedEntropy, FamilyMeasure, Variance
-
-_DIGITS = 12
-"""Scores that agree in so many decimals are the same: sums of swap deltas carry rounding errors."""
-
-_TIE = 10**-_DIGITS
-
-
-def _scaled(values: Sequence[float]) -> list[float]:
-    """The values on [0, 1], so that `_TIE` is small beside differences of their variances."""
-    low, high = min(values), max(values)
-    width = high - low
-    return [(value - low) / width if width > 0 else 0.0 for value in values]
+from envgraph.search._diversity import BinnedEntropy, Swaps
+from envgraph.search._families import DIGITS, TIE, Over, Pool
 
 
 class ParentSelection(Protocol):
@@ -43,17 +31,15 @@ class SurvivorSelection(Protocol):
     """Which of a pool of candidates form the next population."""
 
     def select(
-        self, values: Sequence[float], size: int, pinned: Sequence[int], start: Sequence[int],
-        measure: FamilyMeasure, rng: Generator,
-    ) -> list[int]:  # fmt: skip
+        self, pool: Pool, size: int, pinned: Sequence[int], start: Sequence[int], rng: Generator
+    ) -> list[int]:
         """The chosen indices into the pool, ascending.
 
         Args:
-            values: one number for each candidate, what the family measure reads.
+            pool: the candidates, and what families of them are worth.
             size: how many to choose, at most the size of the pool.
             pinned: candidates that must be chosen.
             start: a family to start from, `size` candidates that include the pinned ones.
-            measure: what the chosen family maximises.
             rng: source of all random choices.
         """
 
@@ -129,33 +115,33 @@ class SimulatedAnnealing:
             )
 
     def select(
-        self, values: Sequence[float], size: int, pinned: Sequence[int], start: Sequence[int],
-        measure: FamilyMeasure, rng: Generator,
-    ) -> list[int]:  # fmt: skip
+        self, pool: Pool, size: int, pinned: Sequence[int], start: Sequence[int], rng: Generator
+    ) -> list[int]:
         """The best family met, the last one among equals."""
         fixed = list(pinned)
         free = [index for index in start if index not in fixed]
-        rest = [index for index in range(len(values)) if index not in start]
+        rest = [index for index in range(len(pool)) if index not in start]
         best = list(free)
         if not free or not rest or size <= len(fixed):
             return sorted([*fixed, *best])
-        swaps = measure.swaps(values, [*fixed, *free])
-        variances = Variance().swaps(_scaled(values), [*fixed, *free])
+        first, *others = pool.swaps([*fixed, *free])
         leaving = rng.integers(len(free), size=self.rounds).tolist()
         entering = rng.integers(len(rest), size=self.rounds).tolist()
-        score = best_score = spread = best_spread = 0.0
+        now = found = [0.0] * (1 + len(others))
         for place, other, lowest in zip(leaving, entering, self._lowest_accepted(rng), strict=True):
             out, into = free[place], rest[other]
-            delta = swaps.delta(out, into)
-            if delta >= lowest:
-                spread += variances.delta(out, into)
-                swaps.swap(out, into)
-                variances.swap(out, into)
+            delta = first.delta(out, into)
+            if (delta if len(others) == 1 else _decisive(delta, others[:-1], out, into)) >= lowest:
+                now = [
+                    now[0] + delta,
+                    *[score + one.delta(out, into) for score, one in zip(now[1:], others, strict=True)],
+                ]
+                first.swap(out, into)
+                for one in others:
+                    one.swap(out, into)
                 free[place], rest[other] = into, out
-                score += delta
-                gain = score - best_score
-                if gain > _TIE or (gain > -_TIE and spread > best_spread - _TIE):
-                    best, best_score, best_spread = free[:], max(score, best_score), spread
+                if not _worse(now, found):
+                    best, found = free[:], [max(now[0], found[0]), *now[1:]]
         return sorted([*fixed, *best])
 
     def _lowest_accepted(self, rng: Generator) -> list[float]:
@@ -169,14 +155,25 @@ class SimulatedAnnealing:
         return lowest
 
 
+def _decisive(delta: float, others: Sequence[Swaps], out: int, into: int) -> float:
+    """What an exchange changes by the first measure that it changes."""
+    later = (one.delta(out, into) for one in others)
+    return next((one for one in chain((delta,), later) if abs(one) > TIE), 0.0)
+
+
+def _worse(scores: Sequence[float], others: Sequence[float]) -> bool:
+    """Whether the first scores that are not the same are less."""
+    gains = (one - other for one, other in zip(scores, others, strict=True))
+    return next((gain for gain in gains if abs(gain) > TIE), 0.0) < 0
+
+
 @dataclass(frozen=True, slots=True)
 class HillClimbing:
     """The best single exchange, again and again, until none helps."""
 
     def select(
-        self, values: Sequence[float], size: int, pinned: Sequence[int], start: Sequence[int],
-        measure: FamilyMeasure, rng: Generator,
-    ) -> list[int]:  # fmt: skip
+        self, pool: Pool, size: int, pinned: Sequence[int], start: Sequence[int], rng: Generator
+    ) -> list[int]:
         """A family that no single exchange improves.
 
         Before the climb each member in turn makes room for a random candidate, where that loses nothing.
@@ -184,45 +181,29 @@ class HillClimbing:
         del size  # the start has it
         fixed = list(pinned)
         free = [index for index in start if index not in fixed]
-        rest = rng.permutation([index for index in range(len(values)) if index not in start]).tolist()
-        swaps = measure.swaps(values, [*fixed, *free])
-        variances = Variance().swaps(_scaled(values), [*fixed, *free])
+        rest = rng.permutation([index for index in range(len(pool)) if index not in start]).tolist()
+        swaps = pool.swaps([*fixed, *free])
 
-        def gain(out: int, into: int) -> tuple[float, float]:
-            score, spread = (one.delta(free[out], rest[into]) for one in (swaps, variances))
-            return round(score, _DIGITS), round(spread, _DIGITS)
+        def gain(out: int, into: int) -> tuple[float, ...]:
+            return tuple([round(one.delta(free[out], rest[into]), DIGITS) for one in swaps])
 
         def exchange(out: int, into: int) -> None:
-            for one in (swaps, variances):
+            for one in swaps:
                 one.swap(free[out], rest[into])
             free[out], rest[into] = rest[into], free[out]
 
+        nothing = (0.0,) * len(swaps)
         if rest:
             for out, into in enumerate(rng.integers(len(rest), size=len(free)).tolist()):
-                if gain(out, into) >= (0, 0):
+                if gain(out, into) >= nothing:
                     exchange(out, into)
         steps = list(product(range(len(free)), range(len(rest))))
         while steps:
             best = max(steps, key=lambda step: gain(*step))
-            if gain(*best) <= (0, 0):
+            if gain(*best) <= nothing:
                 break
             exchange(*best)
         return sorted([*fixed, *free])
-
-
-class _Ranking:
-    """Candidates in a random order, so that the first of equals is any of them, and how good families of them are."""
-
-    def __init__(self, values: Sequence[float], measure: FamilyMeasure, rng: Generator) -> None:
-        self._values, self._scaled, self._measure = values, _scaled(values), measure
-        self.order: list[int] = rng.permutation(len(values)).tolist()
-
-    def __call__(self, family: Iterable[int]) -> tuple[float, float]:
-        """Larger is better: the score, then the variance of the values."""
-        family = tuple(family)
-        score = self._measure.score([self._values[index] for index in family])
-        spread = Variance().score([self._scaled[index] for index in family])
-        return round(score, _DIGITS), round(spread, _DIGITS)
 
 
 @dataclass(frozen=True, slots=True)
@@ -236,22 +217,18 @@ class BeamSearch:
     width: int = 16
 
     def select(
-        self, values: Sequence[float], size: int, pinned: Sequence[int], start: Sequence[int],
-        measure: FamilyMeasure, rng: Generator,
-    ) -> list[int]:  # fmt: skip
+        self, pool: Pool, size: int, pinned: Sequence[int], start: Sequence[int], rng: Generator
+    ) -> list[int]:
         """The best family found; the start, if that is better."""
-        rank = _Ranking(values, measure, rng)
+        order = rng.permutation(len(pool)).tolist()  # the first of equals is any of them
         beam: list[tuple[int, ...]] = [tuple(sorted(pinned))]
         for _ in range(size - len(pinned)):
             # A dict, and a sort that keeps the order of equals: no set decides.
             grown = dict.fromkeys(
-                tuple(sorted((*family, index)))
-                for family in beam
-                for index in rank.order
-                if index not in family
+                tuple(sorted((*family, index))) for family in beam for index in order if index not in family
             )
-            beam = sorted(grown, key=rank, reverse=True)[: self.width]
-        return sorted(max([*beam, start], key=rank))
+            beam = sorted(grown, key=pool.rank, reverse=True)[: self.width]
+        return sorted(max([*beam, start], key=pool.rank))
 
 
 def _filled(
@@ -290,16 +267,16 @@ class ExactSelection:
     limit: int = 200_000
 
     def select(
-        self, values: Sequence[float], size: int, pinned: Sequence[int], start: Sequence[int],
-        measure: FamilyMeasure, rng: Generator,
-    ) -> list[int]:  # fmt: skip
+        self, pool: Pool, size: int, pinned: Sequence[int], start: Sequence[int], rng: Generator
+    ) -> list[int]:
         """A family that is as good as any."""
         del start
-        rank = _Ranking(values, measure, rng)
-        others = [index for index in rank.order if index not in pinned]
+        order = rng.permutation(len(pool)).tolist()  # the first of equals is any of them
+        others = [index for index in order if index not in pinned]
         wanted = size - len(pinned)
         if comb(len(others), wanted) > self.limit:
-            if isinstance(measure, BinnedEntropy):
-                return sorted(_filled(values, wanted, pinned, others, measure))
+            match pool.measures:
+                case (Over(statistic=BinnedEntropy() as bins, of=of),):
+                    return sorted(_filled(pool.values(of), wanted, pinned, others, bins))
             raise InvalidArgument(f"{comb(len(others), wanted)} families are too many to try: use annealing")
-        return sorted(max(([*pinned, *chosen] for chosen in combinations(others, wanted)), key=rank))
+        return sorted(max(([*pinned, *chosen] for chosen in combinations(others, wanted)), key=pool.rank))

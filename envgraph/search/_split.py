@@ -3,49 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
-import numpy as np
 from numpy.random import default_rng
-from numpy.typing import NDArray
 
 from envgraph.errors import InvalidArgument
 from envgraph.graph import Model
-from envgraph.search._object_facts import object_facts
+from envgraph.search._object_facts import described, differing
 
 if TYPE_CHECKING:
     from envgraph.search._family import Member
-
-_ROWS: Final = 64
-"""Members that are compared with all others at once: with 10,000 members of 100 objects that takes 64 MB."""
-
-
-def described(models: Iterable[Model]) -> NDArray[np.int32]:
-    """A number for each object of each model [models, objects], the same where nothing of the object differs.
-
-    An object is what has the same id; see `object_facts` for what belongs to it. 0 stands for one that a model lacks.
-    Models are looked at one after the other.
-    """
-    numbers: dict[tuple[object, ...], int] = {}
-    rows = [
-        [
-            numbers.setdefault(one, len(numbers) + 1) if one[0] != -1 else 0
-            for one in zip(*object_facts(model), strict=True)
-        ]
-        for model in models
-    ]
-    found = np.zeros((len(rows), max(map(len, rows))), np.int32)
-    for place, row in enumerate(rows):
-        found[place, : len(row)] = row
-    return found
-
-
-def differing(one: NDArray[np.int32], other: NDArray[np.int32]) -> NDArray[np.int64]:
-    """In how many objects each of some members differs from each of others [one, other]."""
-    parts = [
-        (one[start : start + _ROWS, None] != other[None]).sum(axis=2) for start in range(0, len(one), _ROWS)
-    ]
-    return np.concatenate(parts) if parts else np.zeros((0, len(other)), np.int64)
 
 
 def split(

@@ -216,11 +216,14 @@ class RunStore:
         return InvalidArgument(f"{self.path} is damaged: {message}")
 
     @property
-    def value(self) -> float | None:
-        """What the objective gives the family, of a run that searched for it as a whole."""
+    def objective(self) -> dict[str, object]:
+        """What is known of the objective of a run that has ended; {} where there is none.
+
+        Either its "value", of a family that was searched for as a whole, or the "values" of what was to be large or
+        small, by their texts, and how much is "lacking" by which condition.
+        """
         with self._reading("setting `objective`"):
-            found = self.settings().get("objective")
-            return None if found is None else _number(_object(found)["value"])
+            return dict(_object(self.settings().get("objective", {})))
 
     @property
     def certificates(self) -> dict[int, dict[str, float | None]]:

@@ -22,6 +22,9 @@ Scheduled = Literal[
 ]
 Strength = Literal["single", "heavy_tailed"]
 
+EXPRESSIONS = "expressions"
+"""The kind of an objective that is what expressions over measures of families say."""
+
 
 @dataclass(frozen=True, slots=True)
 class Name:
@@ -212,7 +215,8 @@ class FamilySpec:
         limit: steps of an episode, where the environment's own limit is overridden.
         measures: in the order of the file; at least one.
         diversity: `options["of"]` is the name of a measure.
-        objective: what a family is worth as a whole; None: families are as diverse as can be.
+        objective: what a family is worth as a whole; None: families are as diverse as can be. Either of a kind, or
+            with the options `maximise`, `minimise` and `subject_to`: then its kind is `EXPRESSIONS`.
         samples: how many members are drawn, and of which kinds; None: a family is searched for.
         optimise: which model is searched for, if not a family.
         audit: what students see, and how they learn, where scores of levels are audited.
@@ -250,7 +254,12 @@ class FamilySpec:
     @property
     def evolves(self) -> bool:
         """Whether the genetic algorithm makes the family, generation after generation."""
-        return self.objective is None and self.samples is None
+        return not self.climbs and self.samples is None
+
+    @property
+    def climbs(self) -> bool:
+        """Whether the family is searched for as a whole, and not selected from a population of models."""
+        return self.objective is not None and self.objective.kind != EXPRESSIONS
 
     @property
     def size(self) -> int:

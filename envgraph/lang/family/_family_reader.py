@@ -13,6 +13,7 @@ from typing import Any, Final, TypeVar, get_args
 from envgraph.code import dataclass
 from envgraph.errors import Diagnostic, LoadError, Source, Span, did_you_mean, quoted
 from envgraph.lang.family._family import (
+    EXPRESSIONS,
     ComponentSpec,
     ConstraintsSpec,
     CurriculumSpec,
@@ -242,6 +243,15 @@ class _Reader:
 
     def _objective(self, top: Section) -> ComponentSpec | None:
         section = top.table("objective")
+        if {"maximise", "minimise"} & set(section.data):
+            if "kind" in section:
+                hint = "leave out `kind`, or `maximise` and `minimise`"
+                message = "an objective has a kind, or expressions"
+                section.error("bad-objective", message, section.span("kind"), hint)
+            return section.options("objective", EXPRESSIONS, "kind")
+        if "subject_to" in section and "kind" not in section:
+            section.missing("maximise", 'write `maximise = ["entropy(complexity)"]`, or another expression')
+            return None
         return section.component("objective", None) if section.there else None
 
     def _optimise(self, top: Section, measures: tuple[ComponentSpec, ...]) -> OptimiseSpec | None:

@@ -99,7 +99,7 @@ class _Checker:
             yield from self._component(measure, "measure")
             yield from self._measure(measure)
         yield from self._component(spec.diversity, "diversity")
-        if spec.objective is not None:
+        if spec.objective is not None and spec.climbs:
             yield from self._component(spec.objective, "objective")
         yield from self._component(spec.search.parents, "parents")
         yield from self._component(spec.search.survivors, "survivors")
@@ -128,7 +128,7 @@ class _Checker:
             return
         plans = [measure.span() for measure in self._spec.measures if measure.kind in NEED_ENVIRONMENT]
         outcomes = [outcome.span for outcome in self._spec.constraints.reachable]
-        objective = [self._spec.objective.span()] if self._spec.objective else []
+        objective = [self._spec.objective.span()] if self._spec.objective and self._spec.climbs else []
         for span in (*plans, *outcomes, *objective):
             hint = 'write `environment = "name.environment"` at the top'
             yield Diagnostic(

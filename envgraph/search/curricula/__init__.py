@@ -7,7 +7,7 @@ measures and tables, such as how often a learner that is trained on one after th
 from envgraph.search.curricula._climb import CurriculumProgress, CurriculumSearch, CurriculumSettings
 from envgraph.search.curricula._levels import MOST_STATES, Level, Levels
 from envgraph.search.curricula._moves import Moves
-from envgraph.search.curricula._objectives import ChainTransfer, Learning, Objective, value_of
+from envgraph.search.curricula._objectives import ChainTransfer, Judged, Learning, value_of
 from envgraph.search.curricula._starts import Starts
 
 __all__ = [
@@ -16,11 +16,11 @@ __all__ = [
     "CurriculumProgress",
     "CurriculumSearch",
     "CurriculumSettings",
+    "Judged",
     "Learning",
     "Level",
     "Levels",
     "Moves",
-    "Objective",
     "Starts",
     "value_of",
 ]

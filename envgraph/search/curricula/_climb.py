@@ -17,7 +17,7 @@ from envgraph.env.compiled import NotCompiled
 from envgraph.errors import InvalidArgument
 from envgraph.search.curricula._levels import Level, Levels
 from envgraph.search.curricula._moves import Family, Moves
-from envgraph.search.curricula._objectives import LEAST, Objective, value_of
+from envgraph.search.curricula._objectives import LEAST, Judged, value_of
 from envgraph.search.curricula._starts import Easing, Starts
 
 Scores = NDArray[np.float64]
@@ -119,7 +119,7 @@ class CurriculumSearch:
     """
 
     levels: Levels
-    objective: Objective
+    objective: Judged
     settings: CurriculumSettings
     seed: int
     report: Callable[[CurriculumProgress], None] = lambda progress: None

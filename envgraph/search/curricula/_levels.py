@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field
-from typing import Any, Final, cast
+from functools import cached_property
+from typing import Any, Final, TypeVar, cast
 
 from envgraph.code import dataclass
 from envgraph.env import Behaviour, KeyIndex, Tabular, TooManyStates, indexed_classes
 from envgraph.env.compiled import Program, Tables, program_over
 from envgraph.errors import EvaluationError, InvalidArgument, RuleError
-from envgraph.graph import Version
+from envgraph.graph import Model, Version
 from envgraph.rewrite import Row
 from envgraph.search._problem import NoValue, Problem
 from envgraph.search._store import Trace
@@ -20,18 +21,21 @@ from envgraph.solve.learning import InProgram, Table, flatten
 MOST_STATES: Final = 50_000
 """Of a member that has a table: thousands are tried."""
 
+T = TypeVar("T")
+
 Firings = Sequence[tuple[str, Row]]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Level:
-    """A member of a family.
+    """A member of a family; a `Candidate`.
 
     Attributes:
         version: of the model.
         trace: the rules that lead to it from the target, and their matches.
         state: hash of the model.
         measures: value of every measure, by name.
+        model: see `Candidate`.
         tabular: its reachable states; this and the others are made when they are first asked for.
         table: the same, for learners.
         place: where learners find it that need no table: the only member of a compiled program.
@@ -42,29 +46,36 @@ class Level:
     state: int
     measures: Mapping[str, float]
     _levels: Levels = field(repr=False)
-    _made: dict[str, Any] = field(default_factory=dict, repr=False)
+    _made: dict[object, Any] = field(default_factory=dict, repr=False)
+
+    @property
+    def model(self) -> Model:
+        self._levels.go_to(self.version)
+        return self._levels.engine.model
 
     @property
     def tabular(self) -> Tabular:
-        return cast(Tabular, self._once("tabular", self._levels.tabular_of))
+        return self.once("tabular", lambda: self._levels.tabular_of(self))
 
     @property
     def table(self) -> Table:
-        return cast(Table, self._once("table", lambda level: flatten(level.tabular)))
+        return self.once("table", lambda: flatten(self.tabular))
 
     @property
     def place(self) -> InProgram:
-        return cast(InProgram, self._once("place", self._levels.place_of))
+        return self.once("place", lambda: self._levels.place_of(self))
 
-    def _once(self, name: str, make: Callable[[Level], object]) -> object:
-        if name not in self._made:
+    def once(self, key: object, make: Callable[[], T]) -> T:
+        """See `Candidate`; that there are too many states is kept, too."""
+        if key not in self._made:
             try:
-                self._made[name] = make(self)
+                self._made[key] = make()
             except TooManyStates as error:
-                self._made[name] = error
-        if isinstance(self._made[name], TooManyStates):
-            raise self._made[name]
-        return self._made[name]
+                self._made[key] = error
+        found = self._made[key]
+        if isinstance(found, TooManyStates):
+            raise found
+        return cast(T, found)
 
 
 class Levels:
@@ -72,26 +83,56 @@ class Levels:
 
     Args:
         problem: says what is valid, and measures; its engine stands at the target.
-        behaviour: of the environments.
+        behaviour: of the environments; None where there are none, and so no tables.
 
     Attributes:
-        target: the last member of each family.
         rejected: how many models were no members, by what was wrong with them.
+        origin: the version of the target.
         made: how many tables and programs were made.
     """
 
-    def __init__(self, problem: Problem, behaviour: Behaviour) -> None:
-        self.problem, self.behaviour, self.engine = problem, behaviour, problem.engine
-        self.keys = KeyIndex.of(self.engine.model, indexed_classes(behaviour, self.engine.model.metamodel))
+    def __init__(self, problem: Problem, behaviour: Behaviour | None) -> None:
+        self.problem, self.engine = problem, problem.engine
         self.rejected: Counter[str] = Counter()
         self.made = 0
-        self._tables = Tables(behaviour, MOST_STATES)
+        self._behaviour = behaviour
         self._program: Program | None = None
         problem.valid()  # from the first question on patterns are kept current, unless a version is held by then
-        target = self._level(self.engine.commit(), ())
+        self.origin = self.engine.commit()
+
+    @cached_property
+    def target(self) -> Level:
+        """The last member of each family.
+
+        Raises:
+            InvalidArgument: the initial model is no member.
+        """
+        self.go_to(self.origin)
+        target = self._level(self.origin, ())
         if target is None:
             raise InvalidArgument(f"the target is no member of a family: {next(iter(self.rejected))}")
-        self.target = target
+        return target
+
+    @property
+    def behaviour(self) -> Behaviour:
+        """Of the environments.
+
+        Raises:
+            InvalidArgument: there are none.
+        """
+        if self._behaviour is None:
+            raise InvalidArgument("the family has no environment: its family file names none")
+        return self._behaviour
+
+    @cached_property
+    def keys(self) -> KeyIndex:
+        """Numbers of objects: those of the target."""
+        self.go_to(self.origin)
+        return KeyIndex.of(self.engine.model, indexed_classes(self.behaviour, self.engine.model.metamodel))
+
+    @cached_property
+    def _tables(self) -> Tables:
+        return Tables(self.behaviour, MOST_STATES)
 
     def here(self, trace: Trace) -> Level | None:
         """The level of the present model, which is committed; None, and a reason is counted, if it is none."""
@@ -127,8 +168,9 @@ class Levels:
             EvaluationError, RuleError: as `explore`; `TooManyStates` if there are more than 50,000.
         """
         self.made += 1
+        tables, keys = self._tables, self.keys
         self.go_to(level.version)
-        return self._tables.table(self.engine, self.keys)
+        return tables.table(self.engine, keys)
 
     def place_of(self, level: Level) -> InProgram:
         """The place of a level in a program; programs have one text as long as the levels allow it.
@@ -137,8 +179,9 @@ class Levels:
             NotCompiled: something in its behaviour only the live engine has.
         """
         self.made += 1
+        keys = self.keys
         self.go_to(level.version)
-        self._program = program_over(self._program, self.engine, self.behaviour, self.keys)
+        self._program = program_over(self._program, self.engine, self.behaviour, keys)
         self._program.functions("learn")  # compiled before threads ask for it
         return InProgram(self._program, 0)
 

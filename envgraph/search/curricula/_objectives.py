@@ -27,7 +27,7 @@ LEAST: Final = -1e9
 Judge = Callable[[NDArray[np.uint64], int], Judgement]
 
 
-class Objective(Protocol):
+class Judged(Protocol):
     """Scores of a family; larger is better."""
 
     @property

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from envgraph.errors import InvalidArgument
-from envgraph.search import BinnedEntropy, Gini, Variance
+from envgraph.search import BinnedEntropy, Gini
 
 values = st.lists(st.floats(0, 1, allow_nan=False), min_size=2, max_size=12)
 
@@ -79,21 +79,3 @@ def test_gini_is_half_the_relative_mean_absolute_difference(sample: list[float])
 def test_gini_refuses_negative_values() -> None:
     with pytest.raises(InvalidArgument):
         Gini().score([-1.0, 3.0])
-
-
-@given(values, st.data())
-@pytest.mark.parametrize("measure", [BinnedEntropy(5), Gini(), Variance()])
-def test_swaps_agree_with_the_score(
-    measure: BinnedEntropy | Gini | Variance, sample: list[float], data: st.DataObject
-) -> None:
-    pool = [*sample, *data.draw(values)]
-    members = list(range(len(sample)))
-    rest = list(range(len(sample), len(pool)))
-    swaps = measure.swaps(pool, members)
-    for _ in range(4):
-        out, into = data.draw(st.sampled_from(members)), data.draw(st.sampled_from(rest))
-        before = measure.score([pool[index] for index in members])
-        members[members.index(out)], rest[rest.index(into)] = into, out
-        after = measure.score([pool[index] for index in members])
-        assert swaps.delta(out, into) == pytest.approx(after - before, abs=1e-9)
-        swaps.swap(out, into)

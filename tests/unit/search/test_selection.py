@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import log2
+from typing import cast
 
 import pytest
 from hypothesis import given
@@ -14,17 +15,34 @@ from envgraph.errors import InvalidArgument, LoadError
 from envgraph.search import (
     BeamSearch,
     BinnedEntropy,
+    Candidate,
     Domain,
     ElitistParents,
     ExactSelection,
     HillClimbing,
+    Over,
+    Pool,
     RandomParents,
     SimulatedAnnealing,
+    Statistic,
     SurvivorSelection,
     TournamentParents,
     Variance,
     acceptance,
 )
+
+
+class Valued:
+    """A candidate of which only a number is known."""
+
+    def __init__(self, value: float) -> None:
+        self.measures = {"value": value}
+
+
+def pool(values: Sequence[float], statistic: Statistic) -> Pool:
+    candidates = cast("list[Candidate]", [Valued(value) for value in values])
+    return Pool(candidates, [Over(statistic, "value")], "value")
+
 
 SELECTIONS = [SimulatedAnnealing(), HillClimbing(), BeamSearch(), ExactSelection()]
 
@@ -34,7 +52,7 @@ def test_survivors_reach_the_maximum_entropy_where_each_bin_has_a_candidate(
     selection: SurvivorSelection,
 ) -> None:
     values = [0.95, 0.9, 0.91, 0.92, 0.93, 0.94, 0.05, 0.2, 0.4, 0.6, 0.7, 0.06]
-    chosen = selection.select(values, 6, [0], list(range(6)), BinnedEntropy(6), default_rng(1))
+    chosen = selection.select(pool(values, BinnedEntropy(6)), 6, [0], list(range(6)), default_rng(1))
     assert BinnedEntropy(6).score([values[index] for index in chosen]) == pytest.approx(log2(6))
     assert 0 in chosen
 
@@ -45,7 +63,7 @@ def test_survivors_are_distinct_keep_the_pinned_and_are_never_worse(
     selection: SurvivorSelection, values: list[float], seed: int
 ) -> None:
     measure = BinnedEntropy(3)
-    chosen = selection.select(values, 3, [1], [0, 1, 2], measure, default_rng(seed))
+    chosen = selection.select(pool(values, measure), 3, [1], [0, 1, 2], default_rng(seed))
     assert chosen == sorted(set(chosen)) and len(chosen) == 3 and 1 in chosen
     assert measure.score([values[i] for i in chosen]) >= measure.score(values[:3]) - 1e-9
 
@@ -53,8 +71,10 @@ def test_survivors_are_distinct_keep_the_pinned_and_are_never_worse(
 @given(values=st.lists(st.floats(0, 1), min_size=5, max_size=9), seed=st.integers(0, 2**32))
 def test_annealing_reaches_what_trying_all_families_reaches(values: list[float], seed: int) -> None:
     measure = BinnedEntropy(4)
-    best = ExactSelection().select(values, 4, [0], [0, 1, 2, 3], measure, default_rng(0))
-    found = SimulatedAnnealing(rounds=2000).select(values, 4, [0], [0, 1, 2, 3], measure, default_rng(seed))
+    best = ExactSelection().select(pool(values, measure), 4, [0], [0, 1, 2, 3], default_rng(0))
+    found = SimulatedAnnealing(rounds=2000).select(
+        pool(values, measure), 4, [0], [0, 1, 2, 3], default_rng(seed)
+    )
     assert measure.score([values[i] for i in found]) == pytest.approx(
         measure.score([values[i] for i in best])
     )
@@ -63,7 +83,9 @@ def test_annealing_reaches_what_trying_all_families_reaches(values: list[float],
 def test_annealing_is_a_function_of_its_generator() -> None:
     values = default_rng(5).random(40).tolist()
     runs = [
-        SimulatedAnnealing().select(values, 10, [0], list(range(10)), BinnedEntropy(10), default_rng(seed))
+        SimulatedAnnealing().select(
+            pool(values, BinnedEntropy(10)), 10, [0], list(range(10)), default_rng(seed)
+        )
         for seed in (7, 7, 8)
     ]
     assert runs[0] == runs[1]
@@ -72,7 +94,7 @@ def test_annealing_is_a_function_of_its_generator() -> None:
 @pytest.mark.parametrize("selection", SELECTIONS, ids=lambda selection: type(selection).__name__)
 def test_survivors_drift_among_families_that_nothing_tells_apart(selection: SurvivorSelection) -> None:
     found = {
-        tuple(selection.select([0.9] * 6, 3, [0], [0, 1, 2], BinnedEntropy(3), default_rng(seed)))
+        tuple(selection.select(pool([0.9] * 6, BinnedEntropy(3)), 3, [0], [0, 1, 2], default_rng(seed)))
         for seed in range(20)
     }
     assert len(found) > 5
@@ -82,7 +104,7 @@ def test_survivors_drift_among_families_that_nothing_tells_apart(selection: Surv
 def test_of_families_of_equal_score_the_one_that_varies_most_survives(selection: SurvivorSelection) -> None:
     values = [1.0, 0.95, 0.96, 0.97, 0.94, 0.99]
     for seed in range(20):
-        chosen = selection.select(values, 3, [0], [0, 1, 2], BinnedEntropy(3), default_rng(seed))
+        chosen = selection.select(pool(values, BinnedEntropy(3)), 3, [0], [0, 1, 2], default_rng(seed))
         assert chosen in ([0, 1, 4], [0, 4, 5])  # as far down as it goes, or both ends
         assert Variance().score([values[i] for i in chosen]) > Variance().score(values[:3])
 
@@ -90,12 +112,12 @@ def test_of_families_of_equal_score_the_one_that_varies_most_survives(selection:
 @pytest.mark.parametrize("selection", SELECTIONS, ids=lambda selection: type(selection).__name__)
 def test_a_family_that_is_better_than_all_others_stays(selection: SurvivorSelection) -> None:
     values = [0.1, 0.35, 0.9, 0.2, 0.4, 0.8]
-    assert selection.select(values, 3, [0], [0, 1, 2], BinnedEntropy(3), default_rng(3)) == [0, 1, 2]
+    assert selection.select(pool(values, BinnedEntropy(3)), 3, [0], [0, 1, 2], default_rng(3)) == [0, 1, 2]
 
 
 def test_annealing_survives_a_temperature_that_underflows() -> None:
     cold = SimulatedAnnealing(rounds=5000, initial_temperature=0.1, cooling_rate=0.5)
-    assert len(cold.select([0.1, 0.2, 0.9, 0.8], 2, [], [0, 1], BinnedEntropy(2), default_rng(1))) == 2
+    assert len(cold.select(pool([0.1, 0.2, 0.9, 0.8], BinnedEntropy(2)), 2, [], [0, 1], default_rng(1))) == 2
 
 
 def test_acceptance_follows_the_metropolis_rule() -> None:
@@ -126,7 +148,7 @@ class Downhill:
 def test_annealing_accepts_worse_families_by_that_rule(temperature: float) -> None:
     measure = Downhill()
     constant = SimulatedAnnealing(rounds=10_000, initial_temperature=temperature, cooling_rate=1.0)
-    constant.select([0.1, 0.2], 1, [], [0], measure, default_rng(8))
+    constant.select(pool([0.1, 0.2], measure), 1, [], [0], default_rng(8))
     assert measure.made / 10_000 == pytest.approx(acceptance(0.1, temperature), abs=0.02)
 
 
@@ -138,7 +160,7 @@ def test_impossible_annealing_is_refused(arguments: dict[str, float]) -> None:
 
 def test_exhaustive_selection_refuses_too_many_families() -> None:
     with pytest.raises(InvalidArgument, match="annealing"):
-        ExactSelection(limit=10).select([0.1] * 20, 5, [], list(range(5)), Variance(), default_rng(0))
+        ExactSelection(limit=10).select(pool([0.1] * 20, Variance()), 5, [], list(range(5)), default_rng(0))
 
 
 def test_random_parents_are_uniform() -> None:
@@ -163,7 +185,7 @@ def test_filled_bins_have_the_entropy_that_trying_all_families_finds(
 ) -> None:
     measure, size = BinnedEntropy(bins), max(size, len(pinned))
     found, best = (
-        selection.select(values, size, pinned, [], measure, default_rng(3))
+        selection.select(pool(values, measure), size, pinned, [], default_rng(3))
         for selection in (ExactSelection(limit=0), ExactSelection())
     )
     assert found == sorted(set(found)) and len(found) == size and set(pinned) <= set(found)
@@ -177,7 +199,7 @@ def test_filled_bins_of_a_large_pool_are_never_worse_than_annealing() -> None:
         rng = default_rng(seed)
         values, measure = (rng.random(60) ** 3).tolist(), BinnedEntropy(20)
         chosen = [
-            selection.select(values, 20, [0], list(range(20)), measure, default_rng(seed))
+            selection.select(pool(values, measure), 20, [0], list(range(20)), default_rng(seed))
             for selection in (ExactSelection(), SimulatedAnnealing(rounds=3000))
         ]
         exact, annealed = (measure.score([values[one] for one in each]) for each in chosen)

@@ -1,0 +1,344 @@
+"""Measures of families: what they say, by an independent computation, and families that are searched for by them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from itertools import combinations, pairwise, permutations
+from math import log, log2
+from pathlib import Path
+from typing import TypeVar, cast
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.random import default_rng
+
+from envgraph.errors import EvaluationError, LoadError
+from envgraph.graph import Model
+from envgraph.metamodel import Attribute, Class, Metamodel, Reference, Scalar
+from envgraph.search import (
+    BeamSearch,
+    BinnedEntropy,
+    Candidate,
+    Components,
+    Context,
+    Domain,
+    ExactSelection,
+    FamilyCall,
+    FamilyMeasure,
+    Gini,
+    HillClimbing,
+    Outcome,
+    Over,
+    Pool,
+    SimulatedAnnealing,
+    Variance,
+    generate,
+    resume,
+    why_low,
+)
+from envgraph.search._family_measures import (
+    ChainTransfer,
+    Coverage,
+    Distance,
+    Distinct,
+    Evenness,
+    Fewest,
+    Most,
+    Rising,
+)
+from envgraph.search._store import RunStore
+from envgraph.solve import chain_transfer
+
+T = TypeVar("T")
+LAMPS = Metamodel(
+    "lamps",
+    [Class("Lamp", features=(Attribute("on", Scalar.BOOL), Reference("next", "Lamp", 0, 1)))],
+)
+
+
+class Lamps:
+    """A candidate: a ring of lamps, some of which are on."""
+
+    def __init__(self, on: Sequence[bool]) -> None:
+        self.on, self.state = on, hash(tuple(on))
+        self.measures = {"lit": float(sum(on)), "first": float(on[0])}
+        self._kept: dict[object, object] = {}
+        self.model = Model(LAMPS)
+        nodes = [self.model.create("Lamp") for _ in on]
+        for node, after, lit in zip(nodes, [*nodes[1:], nodes[0]], on, strict=True):
+            node.on, node.next = lit, after
+
+    def once(self, key: object, make: Callable[[], T]) -> T:
+        if key not in self._kept:
+            self._kept[key] = make()
+        return cast(T, self._kept[key])
+
+
+def family(*rings: Sequence[bool]) -> list[Candidate]:
+    return cast("list[Candidate]", [Lamps(ring) for ring in rings])
+
+
+rings = st.lists(st.lists(st.booleans(), min_size=4, max_size=4), min_size=2, max_size=6)
+BINS = BinnedEntropy(3, 0, 4)
+UNORDERED: list[FamilyMeasure] = [
+    Over(BINS, "lit"), Over(Gini(), "lit"), Over(Variance(), "lit"), Over(Coverage(BINS), "lit"),
+    Over(Fewest(BINS), "lit"), Over(Most(BINS), "lit"),
+    Distance(least=False), Distance(least=True), Distinct(),
+]  # fmt: skip
+ORDERED: list[FamilyMeasure] = [Over(Evenness(), "lit"), Over(Rising(), "lit")]
+
+
+@given(rings)
+def test_distances_are_those_of_all_pairs(found: list[list[bool]]) -> None:
+    apart = [sum(a != b for a, b in zip(one, other, strict=True)) for one, other in combinations(found, 2)]
+    members = family(*found)
+    assert Distance(least=False).score(members) == pytest.approx(sum(apart) / len(apart))
+    assert Distance(least=True).score(members) == min(apart)
+    assert Distance(least=True).score(members[:1]) == Distance(least=False).score([]) == 0.0
+
+
+@given(rings)
+def test_isomorphic_members_are_no_distinct_ones(found: list[list[bool]]) -> None:
+    turned = [min(tuple(one[i:] + one[:i]) for i in range(4)) for one in found]  # a ring has no beginning
+    assert Distinct().score(family(*found)) == len(set(turned)) / len(turned)
+
+
+@given(st.lists(st.floats(0, 4), min_size=2, max_size=7))
+def test_statistics_by_bins_and_along_the_order(values: list[float]) -> None:
+    counts = [sum(low <= value < high for value in values) for low, high in ((0, 2), (2, 5))]
+    halves = BinnedEntropy(2, 0, 4)
+    assert Coverage(halves).score(values) == sum(count > 0 for count in counts) / 2
+    assert (Fewest(halves).score(values), Most(halves).score(values)) == (min(counts), max(counts))
+    steps = [abs(b - a) for a, b in pairwise(values)]
+    assert Rising().score(values) == sum(b >= a for a, b in pairwise(values)) / len(steps)
+    shares = [step / sum(steps) for step in steps if sum(steps)]
+    even = -sum(share * log(share) for share in shares if share)
+    expected = even / log(len(steps)) if len(steps) > 1 else float(sum(steps) > 0)
+    assert Evenness().score(values) == pytest.approx(expected, abs=1e-9)
+    assert Evenness().score(values) == pytest.approx(Evenness().score(values[::-1]))
+
+
+@given(rings)
+@pytest.mark.parametrize("measure", [*UNORDERED, *ORDERED], ids=str)
+def test_measures_keep_their_bounds_and_do_not_mind_the_order_where_they_say_so(
+    measure: FamilyMeasure, found: list[list[bool]]
+) -> None:
+    members = family(*found)
+    score = measure.score(members)
+    assert 0.0 <= score <= getattr(measure, "maximum", lambda size: 1e9)(len(members)) + 1e-9
+    if measure in UNORDERED:
+        others = [measure.score(list(one)) for one in list(permutations(members))[:24]]
+        assert others == pytest.approx([score] * len(others))
+
+
+@given(rings, rings, st.data())
+@pytest.mark.parametrize("measure", [*UNORDERED, *ORDERED], ids=str)
+def test_exchanges_agree_with_the_score(
+    measure: FamilyMeasure, found: list[list[bool]], others: list[list[bool]], data: st.DataObject
+) -> None:
+    pool = Pool(family(*found, *others), [measure], "lit", lambda one: (one.measures["first"],))
+    inside, outside = list(range(len(found))), list(range(len(found), len(pool)))
+    swaps = pool.swaps(inside)[0]
+    for _ in range(3):
+        out, into = data.draw(st.sampled_from(inside)), data.draw(st.sampled_from(outside))
+        before = measure.score(pool.family(inside))
+        inside[inside.index(out)], outside[outside.index(into)] = into, out
+        after = measure.score(pool.family(inside))
+        assert swaps.delta(out, into) == pytest.approx(after - before, abs=1e-9)
+        swaps.swap(out, into)
+
+
+# --- families of a file
+
+DOMAIN = "burning_forest"
+BOTH = ['objective.maximise=["entropy(complexity)", "mean_distance"]', "search.population=4"]
+
+
+def made(
+    path: Path, *overrides: str, generations: int = 30, components: Components | None = None
+) -> tuple[Domain, Outcome, dict[str, float]]:
+    found = generate(
+        DOMAIN, path / "run.sqlite", overrides=overrides, generations=generations, components=components
+    )
+    return found.domain, Outcome.of(found), dict(found.lacking)
+
+
+def candidates(count: int) -> list[Candidate]:
+    rng = default_rng(3)
+    return family(*([bool(one < 0.5) for one in rng.random(4)] for _ in range(count)))
+
+
+def pool_of(overrides: Sequence[str], members: Sequence[Candidate]) -> Pool:
+    """Candidates whose measure `complexity` is a share of their lamps."""
+    for one in members:
+        cast(Lamps, one).measures["complexity"] = one.measures["lit"] / 4
+    objective = Domain.load(DOMAIN, overrides=overrides).objective()
+    assert objective is not None
+    return Pool(members, objective.measures, "complexity", lambda one: (one.measures["complexity"],))
+
+
+OBJECTIVES = [
+    BOTH,
+    ['objective.maximise=["mean_distance"]', 'objective.subject_to=["entropy(complexity, 0, 1, 4) >= 1.5"]'],
+    ['objective.maximise=["2 * evenness(complexity) - gini(complexity)", "least_distance"]'],
+    [
+        'objective.minimise=["variance(complexity)"]',
+        'objective.subject_to=["distinct == 1", "rising(complexity) >= 1"]',
+    ],
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("overrides", OBJECTIVES, ids=str)
+def test_exact_selection_equals_brute_force_and_no_other_is_better(overrides: list[str]) -> None:
+    pool = pool_of(overrides, candidates(9))
+    best = max(pool.rank(one) for one in combinations(range(9), 4) if 0 in one)
+    found = ExactSelection().select(pool, 4, [0], [0, 1, 2, 3], default_rng(0))
+    assert pool.rank(found) == best
+    for selection in (SimulatedAnnealing(), HillClimbing(), BeamSearch()):
+        other = selection.select(pool, 4, [0], [0, 1, 2, 3], default_rng(1))
+        assert pool.rank([0, 1, 2, 3]) <= pool.rank(other) <= best
+
+
+def test_what_counts_most_comes_first() -> None:
+    """By hand: of all families with the most entropy, the one with the greatest mean distance."""
+    pool = pool_of(BOTH, candidates(10))
+    families = [*combinations(range(10), 4)]
+
+    def entropy(members: Sequence[int]) -> float:
+        values = [pool.candidates[one].measures["complexity"] for one in members]
+        shares = [sum(min(int(v * 4), 3) == one for v in values) / 4 for one in range(4)]
+        return round(-sum(share * log2(share) for share in shares if share), 9)
+
+    def apart(members: Sequence[int]) -> int:
+        lamps = [cast(Lamps, pool.candidates[one]).on for one in members]
+        return sum(
+            int(a != b) for one, other in combinations(lamps, 2) for a, b in zip(one, other, strict=True)
+        )
+
+    found = ExactSelection().select(pool, 4, [], [0, 1, 2, 3], default_rng(0))
+    assert (entropy(found), apart(found)) == max((entropy(one), apart(one)) for one in families)
+
+
+def test_a_family_has_the_values_of_its_objective_and_the_seed_has_one_result(tmp_path: Path) -> None:
+    _, outcome, lacking = made(tmp_path / "a", *BOTH, 'objective.subject_to=["distinct >= 1"]')
+    again = made(tmp_path / "b", *BOTH, 'objective.subject_to=["distinct >= 1"]')[1]
+    assert (outcome.objective, outcome.bins) == (again.objective, again.bins)
+    with RunStore.open(tmp_path / "a" / "run.sqlite") as store:
+        found = resume(store.path, generations=31)
+        assert why_low(found, store) is None or not lacking
+    distances = found.distances()
+    mean = sum(int(distances[a, b]) for a, b in combinations(range(4), 2)) / 6
+    assert found.objective["mean_distance"] == pytest.approx(mean)
+    assert list(found.objective) == ["entropy(complexity)", "mean_distance"] and not lacking
+    assert str(Outcome.of(found)).startswith("entropy(complexity) ")
+
+
+def test_a_condition_that_fails_is_told(tmp_path: Path) -> None:
+    overrides = ['objective.maximise=["mean_distance"]', 'objective.subject_to=["mean_distance >= 1000"]']
+    found = generate(DOMAIN, tmp_path / "run.sqlite", overrides=overrides, generations=2)
+    with RunStore.open(tmp_path / "run.sqlite") as store:
+        warning = why_low(found, store)
+    assert found.lacking == {"mean_distance >= 1000": pytest.approx(1000 - found.objective["mean_distance"])}
+    assert warning is not None and warning.code == "unsatisfied"
+
+
+def test_chain_transfer_of_a_family_is_that_of_its_tables(tmp_path: Path) -> None:
+    overrides = ['objective.maximise=["chain_transfer"]', "search.population=3"]
+    found = generate(DOMAIN, tmp_path / "run.sqlite", overrides=overrides, generations=2)
+    tables = [found.explored(one).tabular for one in found.members]
+    assert found.objective["chain_transfer"] == pytest.approx(chain_transfer(tables))
+    assert ChainTransfer().maximum(3) == 0.0
+
+
+class Lit:
+    """A measure of one's own: fires in neighbours, by the models; it counts how it is asked."""
+
+    def __init__(self, changing: bool) -> None:
+        self.changed = 0
+        if changing:
+            self.change = self._change
+
+    def score(self, members: Sequence[Candidate]) -> float:
+        fires = [len(one.model.extent("BurningTile")) for one in members]
+        return float(sum(abs(a - b) for a, b in pairwise(fires)))
+
+    def _change(self, members: Sequence[Candidate], leaving: int, entering: Candidate) -> float:
+        self.changed += 1
+        family = [entering if place == leaving else one for place, one in enumerate(members)]
+        family.sort(key=lambda one: (one is members[-1], one.measures["complexity"]))
+        return self.score(family) - self.score(members)
+
+
+@pytest.mark.parametrize("changing", [False, True])
+def test_a_measure_of_ones_own_sees_the_models_in_their_order(tmp_path: Path, changing: bool) -> None:
+    mine, calls = Lit(changing), list[FamilyCall]()
+
+    def factory(call: FamilyCall, context: Context) -> FamilyMeasure:
+        calls.append(call)
+        return mine
+
+    components = Components().with_("family", "lit", factory)
+    overrides = ['objective.maximise=["lit(complexity, 3) + 1"]', "search.population=4"]
+    _, outcome, _ = made(tmp_path, *overrides, generations=5, components=components)
+    assert str(calls[0]) == "lit(complexity, 3)" and outcome.objective["lit(complexity, 3) + 1"] > 1
+    assert bool(mine.changed) == changing
+
+
+def test_a_measure_of_ones_own_that_is_no_number_is_named(tmp_path: Path) -> None:
+    class Wrong:
+        def score(self, members: Sequence[Candidate]) -> float:
+            return float("nan")
+
+    components = Components().with_("family", "wrong", lambda call, context: Wrong())
+    with pytest.raises(EvaluationError, match="measure of families `wrong` is no number"):
+        made(tmp_path, 'objective.maximise=["-wrong"]', generations=1, components=components)
+
+
+@pytest.mark.parametrize(
+    ("override", "message", "place"),
+    [
+        ('maximise=["entropi(complexity)"]', "unknown measure of families `entropi`", "entropi"),
+        ('maximise=["entropy(komplexity)"]', "unknown measure `komplexity`", "entropy"),
+        ('maximise=["1 + complexity"]', "unknown measure of families `complexity`", "complexity"),
+        ('maximise=["entropy(complexity, 5)"]', "the range goes from the lower", "entropy"),
+        ('maximise=["entropy(complexity + 1)"]', "`entropy` is of measures by their names", "entropy"),
+        ('maximise=["gini"]', "`gini` is of one measure", "gini"),
+        ('maximise=["mean_distance(complexity)"]', "`mean_distance` is of the members themselves", "mean_distance"),
+        ('maximise=["mean_distance +"]', "unexpected", None),
+        ('maximise=["distinct > 0"]', "expected `float`, found `bool`", None),
+        ("maximise=[3]", "`maximise` is a list of expressions", None),
+        ("maximise=3", "`maximise` is a list of expressions", None),
+        ("maximise=[]", "the objective has nothing to maximise", None),
+    ],
+)  # fmt: skip
+def test_mistakes_are_told_at_their_place(override: str, message: str, place: str | None) -> None:
+    with pytest.raises(LoadError) as error:
+        Domain.load(DOMAIN, overrides=[f"objective.{override}"])
+    found = [one for one in error.value.diagnostics if message in one.message]
+    assert found and found[0].hint, [str(one) for one in error.value.diagnostics]
+    if place is not None:
+        assert found[0].span is not None and found[0].span.text == place
+
+
+@pytest.mark.parametrize(
+    ("overrides", "message"),
+    [
+        (['objective.subject_to=["distinct >= 1"]'], "no `maximise`"),
+        (['objective.maximise=["distinct"]', 'objective.minimise=["most(complexity)"]'], "exclude each other"),
+        (['objective.maximise=["distinct"]', 'objective.kind="learning"'], "has a kind, or expressions"),
+        (['objective.maximise=["distinct"]', 'objective.subject_to=["distinct"]'], "compares nothing"),
+        (['objective.maximise=["distinct"]', 'objective.subjectto=["distinct >= 1"]'], "unknown key `subjectto`"),
+        (['objective.maximise=["distinct"]', "search.stagnation=3"], "`stagnation` is about the diversity"),
+    ],
+)  # fmt: skip
+def test_what_does_not_go_together_is_told(overrides: list[str], message: str) -> None:
+    with pytest.raises(LoadError) as error:
+        Domain.load(DOMAIN, overrides=overrides)
+    assert any(message in one.message and one.hint for one in error.value.diagnostics), str(error.value)
+
+
+def test_all_mistakes_of_an_objective_are_told_at_once() -> None:
+    with pytest.raises(LoadError) as error:
+        Domain.load(DOMAIN, overrides=['objective.maximise=["foo", "bar", "distinct"]'])
+    assert len(error.value.diagnostics) == 2
