@@ -1,8 +1,9 @@
-"""Changes of a family as a whole: a rule at one match, applied to several members at once."""
+"""Changes of a family as a whole: a rule at one match in several members at once, crossover, and exchange."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Final
 
 from numpy.random import Generator
 
@@ -12,14 +13,21 @@ from envgraph.search.curricula._levels import Level, Levels
 
 Family = tuple[Level, ...]
 
+EXCHANGED: Final = 0.05
+"""Share of the moves that exchange two members in the order."""
+CROSSED: Final = 0.1
+"""Share of the changes that are crossovers."""
+
 
 class Moves:
     """Draws changes of families.
 
     A change draws a member and an application of a mutation there, as the genetic algorithm does, and repeats it, at
     the same objects, in an interval of the members: all before that one, all behind it, itself alone, or any interval
-    around it. Where the rule does not match it is left out. The target is never changed. A move is one to three
-    changes; either all members that it touches are valid, different from all others, and as diverse as demanded, or
+    around it. Where the rule does not match it is left out. A crossover repeats in one member some of what made another
+    one different, at the same objects: all members descend from the target, so an object is the same in all of them.
+    The target is never changed. A move is one to three changes or crossovers, or the exchange of two members in the
+    order; either all members that it touches are valid, different from all others, and as diverse as demanded, or
     nothing is changed.
 
     Args:
@@ -34,8 +42,12 @@ class Moves:
         """Another family, or None if what was drawn is none."""
         drafts = list(family)
         changed: dict[int, Trace] = {}
+        if len(family) > 2 and rng.random() < EXCHANGED:
+            one, other = rng.permutation(len(family) - 1)[:2].tolist()
+            drafts[one], drafts[other] = drafts[other], drafts[one]
+            return tuple(drafts)
         for _ in range(min(3, int(rng.geometric(0.6)))):
-            self._change(drafts, changed, rng)
+            (self._cross if rng.random() < CROSSED else self._change)(drafts, changed, rng)
         for place, trace in changed.items():
             self._levels.go_to(family[place].version)
             if not self._levels.replayed(trace):
@@ -78,3 +90,23 @@ class Moves:
                 if not (levels.replayed(changed.get(other, ())) and levels.replayed(firings)):
                     continue
             changed[other] = changed.get(other, ()) + firings
+
+    def _cross(self, family: Sequence[Level], changed: dict[int, Trace], rng: Generator) -> None:
+        """Draw one crossover: adds what of the steps that only another member has can be repeated in a member."""
+        levels = self._levels
+        place, other = int(rng.integers(len(family) - 1)), int(rng.integers(len(family)))
+        mine, theirs = family[place].trace, family[other].trace
+        shared = next(
+            (at for at, (one, two) in enumerate(zip(mine, theirs, strict=False)) if one != two),
+            min(len(mine), len(theirs)),
+        )
+        steps = theirs[shared:]
+        if not steps:
+            return
+        first, end = sorted(rng.integers(len(steps) + 1, size=2).tolist())
+        levels.go_to(family[place].version)
+        if not levels.replayed(changed.get(place, ())):
+            return
+        repeated = tuple(step for step in steps[first:end] if levels.replayed((step,)))
+        if repeated:
+            changed[place] = changed.get(place, ()) + repeated
