@@ -7,7 +7,7 @@ patterns make closures, negations and nested terms of a clause mean what they me
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 
 from envgraph.code import dataclass
 from envgraph.errors import Span
@@ -16,15 +16,13 @@ from envgraph.pattern import (
     Body,
     Comparison,
     Constraint,
-    Evaluation,
     Negation,
     Parameter,
     Pattern,
     PatternCall,
-    Relation,
     Variable,
     terms_of,
-    variables_in,
+    variables_of_terms,
 )
 
 PACKAGE = "#environment"
@@ -52,7 +50,7 @@ def condition_question(name: str, condition: PatternCall | Negation, scope: Mapp
         scope: names that are bound, and the names of their types.
     """
     relation = condition.relation if isinstance(condition, Negation) else condition
-    used = tuple(dict.fromkeys(v.name for v in _variables(relation) if v.name in scope))
+    used = tuple(dict.fromkeys(v.name for v in variables_of_terms(terms_of(relation)) if v.name in scope))
     free: dict[str, Span | None] = {}
     if not isinstance(condition, Negation):
         for term in terms_of(relation):
@@ -65,8 +63,8 @@ def condition_question(name: str, condition: PatternCall | Negation, scope: Mapp
 
 def count_question(name: str, call: PatternCall, scope: Mapping[str, str]) -> Question:
     """How many matches a call has; variables that are not bound are counted through."""
-    used = tuple(dict.fromkeys(v.name for v in _variables(call) if v.name in scope))
-    taken = {v.name for v in _variables(call)}
+    used = tuple(dict.fromkeys(v.name for v in variables_of_terms(call.arguments) if v.name in scope))
+    taken = {v.name for v in variables_of_terms(call.arguments)}
     total = next(
         word for word in ("total", *(f"total{n}" for n in range(len(taken) + 1))) if word not in taken
     )
@@ -79,7 +77,7 @@ def count_question(name: str, call: PatternCall, scope: Mapping[str, str]) -> Qu
 def mentioned(condition: PatternCall | Negation) -> set[str]:
     """The names in a condition."""
     relation = condition.relation if isinstance(condition, Negation) else condition
-    return {variable.name for variable in _variables(relation)}
+    return {variable.name for variable in variables_of_terms(terms_of(relation))}
 
 
 def is_asked(variable: Variable, scope: Mapping[str, object]) -> bool:
@@ -98,16 +96,3 @@ def _helper(
         strategy="search",
         span=span,
     )
-
-
-def _variables(relation: Relation) -> Iterator[Variable]:
-    for term in terms_of(relation):
-        match term:
-            case Variable():
-                yield term
-            case Evaluation():
-                yield from variables_in(term.expression)
-            case Aggregate():
-                yield from _variables(term.over)
-            case _:
-                pass

@@ -2,7 +2,15 @@
 
 from envgraph.errors import shorten
 from envgraph.pattern._analysis import Entry, UnknownNames
-from envgraph.pattern._bodies import children, navigations, terms_in, terms_of, variables_in, with_children
+from envgraph.pattern._bodies import (
+    children,
+    navigations,
+    terms_in,
+    terms_of,
+    variables_in,
+    variables_of_terms,
+    with_children,
+)
 from envgraph.pattern._conformance import conformance_patterns, key_patterns
 from envgraph.pattern._functions import DeclaredFunction, FunctionDeclaration
 from envgraph.pattern._library import PATHS, VALUES, Library
@@ -219,6 +227,7 @@ __all__ = [
     "value_of",
     "variables",
     "variables_in",
+    "variables_of_terms",
     "with_children",
 ]
 

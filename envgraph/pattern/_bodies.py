@@ -207,6 +207,15 @@ def variables_in(expression: Expression) -> Iterator[Variable]:
         yield from variables_in(child)
 
 
+def variables_of_terms(terms: Sequence[Term]) -> Iterator[Variable]:
+    """The same of terms, those nested in aggregates included."""
+    for term in subterms(terms):
+        if isinstance(term, Variable):
+            yield term
+        elif isinstance(term, Evaluation):
+            yield from variables_in(term.expression)
+
+
 def depth(expression: Expression) -> int:
     """Number of levels; a long chain such as `a + b - c ...` is one, a short one as many as it has operators.
 

@@ -6,6 +6,7 @@ import re
 
 from envgraph.errors import Span, did_you_mean, quoted
 from envgraph.lang.interchange._xmi_document import Document
+from envgraph.lang.read._features import is_concrete
 from envgraph.lang.read._imports import near_uri
 from envgraph.lang.syntax._xml import XSI, namespaces
 from envgraph.metamodel import Package, Reference, simple_name
@@ -77,12 +78,7 @@ class Namespaces:
             if package is None and not near_uri(self.scope[prefix], self._reading.packages):
                 return None
         cls = self._home(simple, package, span)
-        if cls is None:
-            return None
-        if metamodel.classes[cls].abstract:
-            kinds = metamodel.concrete(cls)
-            hint = f"its concrete classes are {quoted(kinds)}" if kinds else "it has no concrete subclass"
-            self._document.report("abstract-class", f"`{simple}` is abstract", span, hint)
+        if cls is None or not is_concrete(metamodel, cls, simple, self._document.report, span):
             return None
         return cls
 

@@ -7,7 +7,7 @@ from typing import Protocol
 
 from envgraph.errors import Note, RuleError, Span, TypeMismatch, did_you_mean, plural, quoted
 from envgraph.graph import Model
-from envgraph.metamodel import Attribute, EnumType, Reference, Value
+from envgraph.metamodel import Attribute, EnumType, Metamodel, Reference, Value
 
 Place = Span | Callable[[], Span]
 """Where something stands, or how to find that out when it is needed."""
@@ -55,6 +55,16 @@ def unknown_literal(type_: EnumType, word: str, names: Sequence[str], report: Re
     """Report a literal that an enum does not have; `names` are those that can be written."""
     hint = did_you_mean(word, names) or f"its literals are {quoted(names)}"
     report("unknown-literal", f"`{type_.name}` has no literal `{word}`", span, hint)
+
+
+def is_concrete(metamodel: Metamodel, cls: str, shown: str, report: Report, span: Span) -> bool:
+    """Whether a class can have objects; else that is reported of what it is called."""
+    if not metamodel.classes[cls].abstract:
+        return True
+    kinds = metamodel.concrete(cls)
+    hint = f"its concrete classes are {quoted(kinds)}" if kinds else "it has no concrete subclass"
+    report("abstract-class", f"`{shown}` is abstract", span, hint)
+    return False
 
 
 def has_room(reference: Reference, count: int, report: Report, where: Place) -> bool:

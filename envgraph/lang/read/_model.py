@@ -25,7 +25,7 @@ from envgraph.errors import (
     with_article,
 )
 from envgraph.graph import Model
-from envgraph.lang.read._features import add_link, has_room
+from envgraph.lang.read._features import add_link, has_room, is_concrete
 from envgraph.lang.read._grid import Cell, Entry, GridText, read_grid
 from envgraph.lang.read._imports import Import
 from envgraph.lang.read._model_values import NO_VALUE, Reports, kind_of, value_of, values_of
@@ -191,12 +191,7 @@ class _Reader:
                 hint = "several packages have one of this name: their objects can be in `.xmi` and JSON files"
             self.reports.report("unknown-class", f"unknown class `{cls}`", span, hint)
             return False
-        if metamodel.classes[cls].abstract:
-            kinds = metamodel.concrete(cls)
-            hint = f"its concrete classes are {quoted(kinds)}" if kinds else "it has no concrete subclass"
-            self.reports.report("abstract-class", f"`{cls}` is abstract", span, hint)
-            return False
-        return True
+        return is_concrete(metamodel, cls, cls, self.reports.report, span)
 
     def _free(self, name: Token) -> bool:
         if str(name) not in self._names:

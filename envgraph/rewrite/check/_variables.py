@@ -7,7 +7,6 @@ from itertools import chain, combinations
 
 from envgraph.errors import Span
 from envgraph.pattern import (
-    Aggregate,
     Check,
     Closure,
     Comparison,
@@ -17,11 +16,10 @@ from envgraph.pattern import (
     LeftSide,
     Negation,
     PathConstraint,
-    Term,
     Variable,
     terms_in,
-    terms_of,
     variables_in,
+    variables_of_terms,
 )
 
 
@@ -34,20 +32,7 @@ def mentioned(constraint: Constraint) -> Iterator[Variable]:
     """Every place of a variable in a constraint, those that are quantified in it included."""
     if isinstance(constraint, Check):
         yield from variables_in(constraint.expression)
-    yield from _in_terms(terms_in(constraint))
-
-
-def _in_terms(terms: Iterable[Term]) -> Iterator[Variable]:
-    for term in terms:
-        match term:
-            case Variable():
-                yield term
-            case Evaluation():
-                yield from variables_in(term.expression)
-            case Aggregate():
-                yield from _in_terms(terms_of(term.over))
-            case _:
-                pass
+    yield from variables_of_terms(terms_in(constraint))
 
 
 def _visible(constraint: Constraint) -> Iterator[Variable]:

@@ -36,13 +36,11 @@ from envgraph.pattern import Expression as Term
 from envgraph.rewrite._plan import (
     Absorb,
     BlockPlan,
-    ChangeClass,
     ChangeTargets,
     Compute,
     Delete,
     Increase,
     Link,
-    New,
     Rehome,
     SetTargets,
     SetValue,
@@ -60,8 +58,6 @@ _VERBS: Final = (
 
 Namer = Callable[[int], code.Local | code.Index]
 """What stands for a slot."""
-
-Carried = Compute | Unlink | Delete | ChangeClass | New | Absorb | Rehome | Link | Assign_
 
 
 class Writer:
