@@ -231,8 +231,8 @@ class ClosureOperator(Operator):
             by = old.get(other, ABSENT)
             if by == node:
                 cut[other] = None
-            elif by is None and (node == start or node in old) and not (self.reflexive and other == start):
-                return None
+            elif by is None and node in old and not (self.reflexive and other == start):
+                return None  # a step from the start itself has never been the only way to such a node
         if not cut:
             return NOTHING, NOTHING
         following, before = self._steps.next, self._steps.before
