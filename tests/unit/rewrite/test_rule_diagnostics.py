@@ -63,6 +63,8 @@ def test_each_mistake_is_reported_once_and_exactly(title: str, text: str, expect
         "rule r { lhs { a : Item -kids-> b : Item; c : Box; } modify { retype b : Special; move b to c.content; } }",
         "rule r { lhs { a : Item -kids-> b : Item; } rhs { a; b : Special; } }",
         "rule r(i : Item) { lhs { i -kids-> b; } modify { retype b : Box; set b.must = i; delete i -kids-> b; } }",
+        "rule r(i : Item) { lhs { b : Item -parent-> i; } "
+        "modify { retype b : Box; set b.must = i; delete b -parent-> i; } }",
         "rule r(i : Item) { lhs { b : Box; i : Item; } modify { retype b : Item; } }",
         "derive d = retype among { Item, Special };",
         "rule r { lhs { a : Item -kids-> b : Item; } modify { delete a; delete b; } }",
