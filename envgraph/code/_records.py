@@ -100,7 +100,7 @@ def _comparisons(fields: tuple[Field[Any], ...], frozen: bool) -> dict[str, Any]
 
 
 def _refusals(names: list[str]) -> dict[str, Any]:
-    """Return what is frozen does not change; to copy and to pickle it, its state is put in place all the same."""
+    """Return methods of frozen classes: nothing is assigned; to copy and to pickle, the state is put in place."""
 
     def __setattr__(self: Any, name: str, value: object) -> None:
         raise FrozenInstanceError(f"cannot assign to field {name!r}")

@@ -390,7 +390,7 @@ class History:
         settle(journal)
 
     def check_integrity(self) -> None:
-        """Assert that nothing is kept that nobody can go back to, and that the versions hang together."""
+        """Assert that nothing is kept that nobody can go back to, and that the versions are connected."""
         assert self._store.recording or not (self._store.journal or self.versions.held or self._stack)
         assert len(self._store.journal) % 4 == 0
         self.versions.check_integrity()

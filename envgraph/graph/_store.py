@@ -38,7 +38,7 @@ class Store:
         next_id: id of the next new object; the columns are longer, and empty from there on.
         journal: see `_journal`.
         recording: whether there is a state to go back to, so that changes are journalled.
-        epoch: grows wherever undoing may lead to: what is recorded as a whole must be so again after that.
+        epoch: grows at each state that undoing may lead to; what is journalled as a whole is copied once in each.
         loading: whether the model is being built without a journal.
         total: the sum behind the state hash.
         revision: grows with every change and every restoration.

@@ -267,7 +267,7 @@ class VersionTree:
                 raise
 
     def check_integrity(self) -> None:
-        """Assert that the tree hangs together, and holds nothing that could have been freed."""
+        """Assert that the tree is connected, and holds nothing that could have been freed."""
         path = []
         vertex = self.current
         while vertex is not None:

@@ -26,7 +26,7 @@ def reachable_sets(
 ) -> dict[Any, Reached]:
     """Return what each start reaches by one or more steps; with `reflexive`, itself too.
 
-    Nodes of one component share one dict, so a graph that hangs together costs no more than its nodes; a node that no
+    Nodes of one component share one dict, so a connected graph costs no more than its nodes; a node that no
     circle leads back to has a tree. Components are found by Tarjan's algorithm (1972), each after all that it leads to.
 
     >>> edges = {1: [2], 2: [1, 3], 3: [4], 4: []}
@@ -54,7 +54,7 @@ def _shared(component: list[Any], exits: Iterable[Any], reached: Mapping[Any, Re
 
 
 def _tree(start: Any, exits: Iterable[Any], reached: Mapping[Any, Reached]) -> Tree:
-    """Return what hangs together in either of two trees does so in both, whichever wins where they disagree."""
+    """Merge the trees of what follows; where two know a node, the path to it is whole in either."""
     found = Tree()
     for node in exits:
         if node not in found:

@@ -48,7 +48,7 @@ class Branches:
         return self.choose(len(weights))
 
     def random(self) -> float:
-        """Return where only chance decides, as in functions of the user: always the same.
+        """Where only chance decides, as in functions of the user: always the same.
 
         Rules and units choose among a number of things, and ask `choose`.
         """

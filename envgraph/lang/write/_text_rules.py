@@ -454,7 +454,7 @@ def _if(step: If) -> If:
 
 
 def _asked_again(condition: Constraint | Applicable) -> Constraint | Applicable:
-    """Return what is asked of a rule with one argument is read like a type."""
+    """Return what an `if` asks, as it is read: a rule with one argument is taken for a type."""
     if not isinstance(condition, Applicable) or len(condition.arguments) != 1:
         return condition
     (argument,) = condition.arguments

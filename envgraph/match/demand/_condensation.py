@@ -18,7 +18,7 @@ class TooLarge(Exception):
 class Condensation:
     """What the nodes of a graph reach by one or more steps, made for the part that has been asked about.
 
-    Nodes that reach each other share one integer, so a graph that hangs together costs no more than its nodes.
+    Nodes that reach each other share one integer, so a connected graph costs no more than its nodes.
 
     >>> steps = {1: [2], 2: [1, 3], 3: []}
     >>> reached = Condensation(steps.__getitem__)

@@ -21,7 +21,7 @@ Step = tuple[Any, Any]
 """An edge, from near the start to further away."""
 
 Patch = tuple[Any, Reached, Reached, Reached]
-"""A start, what goes from its tree, what hangs elsewhere in it, and what comes; what goes may come again."""
+"""A start; the nodes cut from its tree, those with another parent, those added. What is cut may be added again."""
 
 Difference = tuple[list[Any], list[Any]]
 """What was reached and is no more, and what is reached and was not."""
@@ -185,8 +185,8 @@ class ClosureOperator(Operator):
             if loss is None:
                 anew.append(start)
                 continue
-            cut, hung = loss
-            # Starts that reach each other reach the same, and share it: what hangs together costs no more than its
+            cut, reattached = loss
+            # Starts that reach each other reach the same, and share it: a connected graph costs no more than its
             # nodes. Only the last that was extended is tried, which finds most.
             if start in common and first in old and first not in cut:
                 changes.append((start, common))
@@ -199,8 +199,8 @@ class ClosureOperator(Operator):
                     changes.append((start, new))
                     if come:
                         first, common = start, new
-            elif cut or hung or come:
-                patches.append((start, cut, hung, come))
+            elif cut or reattached or come:
+                patches.append((start, cut, reattached, come))
         for each in patches:
             self._apply(*each)
         if anew:
@@ -220,9 +220,9 @@ class ClosureOperator(Operator):
             self._replace(start, old, new, differences[pair])
 
     def _cut(self, start: Any, old: Reached, lost: list[Step]) -> tuple[Reached, Reached] | None:
-        """Return what is not reached any more without some steps, and what hangs from another node then.
+        """Return what is not reached any more without some steps, and what has another parent in the tree then.
 
-        None if only a new search can tell. Only what hangs from a lost step in the tree is looked at: it is saved by
+        None if only a new search can tell. Only what is below a lost step in the tree is looked at: it is saved by
         any step from the rest of the tree (as in Even and Shiloach, An On-Line Edge-Deletion Problem, 1981, but
         without their levels).
         """
@@ -238,7 +238,7 @@ class ClosureOperator(Operator):
         following, before = self._steps.next, self._steps.before
         todo = list(cut)
         for node in todo:
-            # What hangs from the start hangs from the root, also if a circle leads back to it.
+            # Children of the start are children of the root, also if a circle leads back to it.
             if node != start:
                 for other in following(node):
                     if other not in cut:
@@ -248,22 +248,22 @@ class ClosureOperator(Operator):
                             todo.append(other)
                         elif by is None and not (self.reflexive and other == start):
                             return None
-        hung: Reached = {}
+        reattached: Reached = {}
         saved = []
         for node in todo:
             for by in before(node):
                 if by == start or (by in old and by not in cut):
-                    hung[node] = by
+                    reattached[node] = by
                     del cut[node]
                     saved.append(node)
                     break
         for node in saved:
             for other in following(node):
                 if other in cut:
-                    hung[other] = node
+                    reattached[other] = node
                     del cut[other]
                     saved.append(other)
-        return cut, hung
+        return cut, reattached
 
     def _come(self, start: Any, old: Reached, cut: Reached, gained: list[Step]) -> Reached:
         """Return what is reached with new steps, too, and from where; of what is cut off, what is reached again."""
@@ -290,7 +290,7 @@ class ClosureOperator(Operator):
         following = self._steps.next
         return any(start in following(node) for node in come)
 
-    def _apply(self, start: Any, cut: Reached, hung: Reached, come: Reached) -> None:
+    def _apply(self, start: Any, cut: Reached, reattached: Reached, come: Reached) -> None:
         """Change the tree of a start, and tell.
 
         Since a savepoint or a version a tree is copied once; then it is changed in place, and undoing puts the old
@@ -314,7 +314,7 @@ class ClosureOperator(Operator):
             self._owned[start] = self.store.epoch
         for node in cut:
             del new[node]
-        new |= hung
+        new |= reattached
         new |= come
         if self._inverse is not None:
             self._index(self._inverse, start, gone, fresh)
@@ -392,12 +392,12 @@ class ClosureOperator(Operator):
         for (start,) in self.begun:
             reached = self.reached[start]
             assert reached.keys() == self._reach(start).keys(), self.name
-            assert all(self._hangs(node, start, reached) for node in reached), self.name
+            assert all(self._is_connected(node, start, reached) for node in reached), self.name
         if self._inverse is not None:
             self._inverse.check([(other, start) for (start,) in self.begun for other in self.reached[start]])
 
-    def _hangs(self, node: Any, start: Any, reached: Reached) -> bool:
-        """Return whether a node hangs from the start by steps that there are, as far as that is known."""
+    def _is_connected(self, node: Any, start: Any, reached: Reached) -> bool:
+        """Return whether the path from the start to a node has only steps that there are, as far as that is known."""
         passed = {node}
         while True:
             by = reached[node]

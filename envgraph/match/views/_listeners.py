@@ -168,7 +168,7 @@ class Listeners:
 
     @guarded
     def muted(self) -> Iterator[None]:
-        """Nobody is notified of what happens in the block, at whose end the state must be the one at its start."""
+        """Notify nobody of what happens in the block; at its end the state must be that at its start."""
         self._kept.settle()
         logs = {pattern: view.rows.log for pattern, view in self._kept.views.items()}
         try:

@@ -82,7 +82,7 @@ class ViewMatcher(Matcher):
     def watch_later(self, *patterns: str) -> None:
         """Watch patterns when something is next asked, there is no state to go back to, and no other matcher watches.
 
-        For patterns that say so themselves: those that nothing enumerates, or that are too deep, are passed over.
+        For patterns declared `incremental`. Those that cannot be enumerated, or are nested too deeply, are passed over.
         """
         calls = self.demand.calls
         possible = (name for name in patterns if not self.library.inputs(name))

@@ -200,9 +200,9 @@ class NetworkBuilder:
         return with_values(body, attributes) if attributes else body
 
     def _with_apart(self, body: Conjunction, place: str) -> Conjunction:
-        """The body with what hangs together with no parameter as views of their own: there it is, or it is not.
+        """The body, with goals that no variable connects with a parameter in views of their own.
 
-        Its solutions would multiply the derivations of every match.
+        Of these only the existence of a solution matters; their number would multiply the derivations of every match.
         """
         fixed = frozenset(number for number, _ in body.constants)
         pending = [goal for goal in body.goals if not fixed.issuperset(variables(goal))]

@@ -46,7 +46,7 @@ class _Partition:
 
 
 class Partitions:
-    """How tightly the variables of a body hang together.
+    """How tightly the variables of a body are connected.
 
     Variables equal to constants are left out, and so are those that are quantified inside a negation or an aggregate.
     An eval and an aggregate determine their result, so they tie it to what they read, as long as that is one part.

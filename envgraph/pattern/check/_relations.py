@@ -307,7 +307,7 @@ def _branches(path: ResolvedPath) -> list[str]:
 
 
 def _counted_once(path: ResolvedPath, function: str) -> str:
-    """Return what a path leads to is a set, which matters where it branches on the way."""
+    """Return a note that what a path leads to is a set, which matters where it branches on the way."""
     last = path.steps[-1]
     if isinstance(last, Reference):
         return f"one `{last.target}` that `{path}` leads to in several ways is {_ONCE[function]} once"

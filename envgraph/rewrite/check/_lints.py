@@ -157,7 +157,7 @@ def _check_homeless(changes: Changes, name: str) -> None:
             return
     if before and homeless(metamodel.concrete(before), after, metamodel):
         old, new = with_article(before), with_article(after)
-        message = f"nothing that contains {old} can contain {new}: no `{name}` in a container becomes one"
+        message = f"what contains {old} cannot contain {new}: in a container `{name}` cannot be retyped"
         hint = f"write `move {name} to ..`, or delete the link to its container"
         changes.scope.warn("homeless", message, changes.spans.get(name), hint)
 

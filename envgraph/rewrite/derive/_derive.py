@@ -60,7 +60,7 @@ def _check_containers(derivation: Derivation, metamodel: Metamodel) -> Iterator[
         for before, after in ways:
             if homeless([before], after, metamodel):
                 old, new = with_article(before), with_article(after)
-                message = f"nothing that contains {old} can contain {new}: none in a container becomes one"
+                message = f"what contains {old} cannot contain {new}: in a container none can be retyped"
                 hint = f"leave `{name}` out, or write a rule that moves the object"
                 span = _class_span(derivation, position)
                 yield Diagnostic("homeless", message, span, hint, Severity.WARNING)

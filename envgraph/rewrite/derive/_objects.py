@@ -133,7 +133,7 @@ def _delete(builder: RuleBuilder, cls: str) -> Operator:
 
 
 def _delete_together(builder: RuleBuilder, plan: Plan) -> Operator:
-    """Return what was created together goes together."""
+    """Delete together what was created together."""
     classes = {number: plan.new[number] for number in plan.tops}
     names = {number: builder.node(variable_for(cls), cls, exact=True) for number, cls in classes.items()}
     for one, other in combinations(names.values(), 2):
@@ -201,7 +201,7 @@ class _Gone:
                         yield Body((*self.typed, TypeConstraint(cls, Variable("part")), way))
 
     def short(self, end: End) -> Iterator[Body]:
-        """Ways in which somebody who stays and is linked to them is left short, or is to be left alone."""
+        """Yield bodies in which an object that stays has too few links afterwards, or is to be left alone."""
         links = [(*self.typed, way, end.path("part", "far")) for way in self.each("part", end.near)]
         if end.association.frozen:
             yield from map(Body, links)
@@ -278,7 +278,7 @@ def _spread(builder: RuleBuilder, plan: Plan) -> Operator:
 
 
 def _rehome(builder: RuleBuilder, cls: str) -> Iterator[Operator]:
-    """Whatever would be left short goes over to one other object of the class."""
+    """Link whatever would have too few links to one other object of the class."""
     name, other = builder.node(variable_for(cls), cls, exact=True), builder.node("other", cls)
     builder.differ(name, other)
     if _all_over(builder, cls, name, other):
@@ -288,7 +288,7 @@ def _rehome(builder: RuleBuilder, cls: str) -> Iterator[Operator]:
 
 
 def _share(builder: RuleBuilder, cls: str, end: End) -> Operator:
-    """As rehoming, but of those that would be left short at one end, one goes over to a third object."""
+    """As rehoming, but of those that would have too few links at one end, one is linked to a third object."""
     name, other = builder.node(variable_for(cls), cls, exact=True), builder.node("other", cls)
     third = builder.node("third", cls)
     for one, two in combinations((name, other, third), 2):
@@ -311,7 +311,7 @@ def _goes_over(end: End, elsewhere: int = 0) -> bool:
 
 
 def _all_over(builder: RuleBuilder, cls: str, name: str, other: str, shared: End | None = None) -> bool:
-    """At every end, who would be left short goes over to the other object; whether there is such an end.
+    """Link, at every end, what would have too few links to the other object; return whether there is such an end.
 
     At the shared end one link goes elsewhere.
     """

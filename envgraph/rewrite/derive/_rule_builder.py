@@ -136,12 +136,12 @@ class RuleBuilder:
         self._hom.append((inner, outer))
 
     def lacking(self, end: End, near: str, *but: str) -> None:
-        """Forbid that an object at the other end would be left short of links, or is one that is left alone.
+        """Forbid that an object at the other end has too few links afterwards, or is to be left alone.
 
         Args:
             end: at which an object of the left side is linked to others now.
             near: the object.
-            but: objects of the left side that are not left short.
+            but: objects of the left side that keep enough links.
         """
         if end.association.frozen:
             self.ask([Negation(end.path(near, "_"))])

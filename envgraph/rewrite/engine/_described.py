@@ -180,7 +180,7 @@ class Steps:
 
     @contextmanager
     def _block(self, close: Callable[[Sequence], None]) -> Iterator[None]:
-        """Yield what is said inside; at the end it becomes a step, or a part of one."""
+        """Collect what is said inside; at the end it becomes a step, or a part of one."""
         self._open.append([])
         yield
         close(Sequence(tuple(self._open.pop())))

@@ -61,7 +61,7 @@ class EngineHistory:
 
     @guarded
     def recording(self) -> Iterator[Trace]:
-        """Yield what is applied inside, in order, for `replay`; `trace_to_text` writes it.
+        """Record what is applied inside, in order, for `replay`; `trace_to_text` writes it.
 
         What a transaction inside undoes is left out. What a Python rule does is one application, and happens when
         its function is called again.
@@ -77,7 +77,7 @@ class EngineHistory:
 
     @guarded
     def listing(self, trace: Trace) -> Iterator[Trace]:
-        """Yield what is applied inside is added to a trace."""
+        """Add what is applied inside to a trace."""
         self.recorders = [*self.recorders, trace]
         try:
             yield trace
@@ -87,7 +87,7 @@ class EngineHistory:
 
     @guarded
     def unrecorded(self) -> Iterator[None]:
-        """Yield what is applied inside is part of what is being applied."""
+        """Make what is applied inside a part of what is being applied."""
         recorders = self.recorders
         self.recorders = []
         try:

@@ -195,7 +195,7 @@ class Events:
             matcher.listeners.deliver()
 
     def muted(self) -> AbstractContextManager[None]:
-        """Return what changes inside the block activates no event rule."""
+        """Let changes inside the block activate no event rule."""
         return NOTHING if self._conflicts is None else self._conflicts.muted()
 
     @guarded

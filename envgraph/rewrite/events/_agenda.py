@@ -161,7 +161,7 @@ class ConflictSet:
 
     @guarded
     def muted(self) -> Iterator[None]:
-        """Yield what changes inside the block activates nothing, and empties the conflict set."""
+        """Let changes inside the block activate nothing, and empty the conflict set."""
         self.run()
         self._muted = True
         try:

@@ -28,7 +28,7 @@ class Notices:
         if (rule, link) in self._told:
             return
         message = f"rule `{rule}` creates {source} -{link.reference.name}-> {target}, which is there already"
-        hint = "it stays one link; a `not` block can ask that there is none; this is told once"
+        hint = "it stays one link; a `not` block can ask that there is none; this is reported once"
         notice = Diagnostic("existing-link", message, link.span, hint, Severity.WARNING)
         self._told[rule, link] = notice
         logging.getLogger("envgraph").warning("%s", notice)
