@@ -184,9 +184,9 @@ class History:
         self._stack.pop()
         if not self._stack:
             self._settle()
-            self._tell_released()
+            self._notify_released()
 
-    def _tell_released(self) -> None:
+    def _notify_released(self) -> None:
         for follower in self._store.followers[:]:
             follower.released()
 
@@ -253,7 +253,7 @@ class History:
         for follower in store.followers:
             follower.settle()
         version = self.versions.commit()
-        self._tell_released()
+        self._notify_released()
         return version
 
     def checkout(self, version: Version, discard: bool) -> None:

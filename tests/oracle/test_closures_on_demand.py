@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from envgraph.graph import Model
 from envgraph.match import FREE, CompiledMatcher, NaiveMatcher
-from envgraph.match.demand import _closure_aggregates as _tally
+from envgraph.match.demand import _closure_aggregates as _aggregates
 from envgraph.match.demand import _closures, _condensation
 from envgraph.metamodel import Attribute, Class, Metamodel, Reference, Scalar
 from envgraph.pattern import Library
@@ -198,8 +198,18 @@ MANY = {(_closures, "FEW_VISITED"): 0, (_closures, "TIMES"): 0}
         {},
         MANY,
         {(_closures, "FEW_VISITED"): 4, (_closures, "TIMES"): 1, (_condensation, "MOST_BYTES"): 0},
-        {**MANY, (_closures, "FEW_REACHED"): 0, (_tally, "CLASS"): 0, (_tally, "MOST_CLASSES"): 10**6},
-        {**MANY, (_closures, "FEW_REACHED"): 0, (_tally, "MOST_CLASSES"): 0, (_tally, "DENSE"): 10**6},
+        {
+            **MANY,
+            (_closures, "FEW_REACHED"): 0,
+            (_aggregates, "CLASS"): 0,
+            (_aggregates, "MOST_CLASSES"): 10**6,
+        },
+        {
+            **MANY,
+            (_closures, "FEW_REACHED"): 0,
+            (_aggregates, "MOST_CLASSES"): 0,
+            (_aggregates, "DENSE"): 10**6,
+        },
         {(_closures, "FEW_VISITED"): 10, (_closures, "TIMES"): 1, (_closures, "MOST_KEPT"): 6},
     ],
     ids=[

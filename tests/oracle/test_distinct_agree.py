@@ -92,7 +92,7 @@ def answers(model: Model, library: Library, questions: list[tuple[str, tuple[obj
 )
 @given(seed=st.integers(0, 2**32))
 @example(seed=5)
-def test_sieves_change_neither_results_nor_their_order(seed: int) -> None:
+def test_distinct_sets_change_neither_results_nor_their_order(seed: int) -> None:
     dice = Random(seed)
     model, library = places(dice, 6), Library(PLACES)
     asked = patterns(dice)
@@ -115,14 +115,14 @@ def test_sieves_change_neither_results_nor_their_order(seed: int) -> None:
             assert_rows(compiled, each.name, arguments, rows)
             dice.choice(QUESTIONS)(compiled, each.name, arguments, rows)
             questions.append((each.name, arguments))
-    with_sieves = answers(model, library, questions)
+    with_sets = answers(model, library, questions)
     with pytest.MonkeyPatch.context() as patch:
         for module in (_generate, _sources):
             patch.setattr(module, "distinct_places", lambda *_: {})
-        assert answers(model, library, questions) == with_sieves
+        assert answers(model, library, questions) == with_sets
 
 
-def test_there_are_sieves_to_test() -> None:
+def test_there_are_distinct_sets_to_test() -> None:
     library = Library(PLACES)
     library.add(pattern("far(a : Place, b : Place)", [path("Place.to.near.to.near", "a", "b")]))
     assert CompiledMatcher(Model(PLACES), library).source("far", (0,)).count(" not in ") == 3

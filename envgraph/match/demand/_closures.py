@@ -83,7 +83,7 @@ class ClosureView:
         self._edges: dict[bool, dict[Any, list[Any]]] = {True: {}, False: {}}
         self._joined: dict[Call, set[Any] | None] = {}
         self._values: dict[tuple[Call, int], Any] = {}
-        self._tallies: dict[tuple[ClosureAggregation, tuple[Any, ...]], ClosureAggregate | None] = {}
+        self._aggregates: dict[tuple[ClosureAggregation, tuple[Any, ...]], ClosureAggregate | None] = {}
         self._condensed: dict[bool, Condensation] = {}
         self._forget()
         self._revision = -1
@@ -99,7 +99,7 @@ class ClosureView:
     def _drop(self, size: int) -> None:
         """What is remembered goes, to make room for something of some size."""
         kept: tuple[dict[Any, Any], ...] = (self._reached, self._reaching, *self._edges.values())
-        for each in (*kept, self._joined, self._values, self._tallies):
+        for each in (*kept, self._joined, self._values, self._aggregates):
             each.clear()
         self._size = size
 
@@ -202,7 +202,7 @@ class ClosureView:
             function: Callable[..., Any],
             arguments: tuple[Any, ...],
             others: tuple[Any, ...],
-            tallying: ClosureAggregation | None = None,
+            aggregation: ClosureAggregation | None = None,
             given: tuple[Any, ...] = (),
         ) -> Any:
             if self._revision != store.revision:
@@ -223,7 +223,11 @@ class ClosureView:
                 reached |= condensed.bit(start)
             elif question in values:
                 return values[question]
-            found = None if tallying is None else self._tallied(tallying, given, condensed, reached)
+            found = (
+                None
+                if aggregation is None
+                else self._closure_aggregate(aggregation, given, condensed, reached)
+            )
             value = function(*arguments) if found is None else found[0]
             if not alone:
                 self._remember(1)
@@ -232,23 +236,25 @@ class ClosureView:
 
         return alike
 
-    def _tallied(
-        self, tallying: ClosureAggregation, given: tuple[Any, ...], condensed: Condensation, reached: int
+    def _closure_aggregate(
+        self, aggregation: ClosureAggregation, given: tuple[Any, ...], condensed: Condensation, reached: int
     ) -> tuple[Any] | None:
         """The value for what is reached, if that is much, from the second question with the same arguments on."""
-        call = tallying, given
+        call = aggregation, given
         if reached.bit_count() < FEW_REACHED:
             return None
-        if call not in self._tallies:
-            self._tallies[call] = None
+        if call not in self._aggregates:
+            self._aggregates[call] = None
             return None
-        tally = self._tallies[call]
-        if tally is None:
-            rows = list(tallying.rows(*given))
+        aggregate = self._aggregates[call]
+        if aggregate is None:
+            rows = list(aggregation.rows(*given))
             self._remember(len(rows) + 1)
-            tally = self._tallies[call] = ClosureAggregate(tallying.function, tallying.column, rows)
-        tally.catch_up(condensed.nodes)
-        return tally.value(reached)
+            aggregate = self._aggregates[call] = ClosureAggregate(
+                aggregation.function, aggregation.column, rows
+            )
+        aggregate.catch_up(condensed.nodes)
+        return aggregate.value(reached)
 
     # --- whether it is reached
 
@@ -362,5 +368,5 @@ class ClosureView:
 
     def _give_up(self) -> None:
         self._condensed.clear()
-        self._tallies.clear()
+        self._aggregates.clear()
         self._too_large = True

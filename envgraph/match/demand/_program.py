@@ -25,6 +25,7 @@ from envgraph.match.generate._symbols import (
     Builtin,
     ClassTable,
     Closed,
+    ClosureAggregateOf,
     ClosureQuestion,
     Column,
     Held,
@@ -33,7 +34,6 @@ from envgraph.match.generate._symbols import (
     Recursive,
     Source,
     Symbol,
-    Tallied,
     Valued,
     View,
 )
@@ -200,16 +200,16 @@ class Program:
                 return _made_late(lambda: self.solver(pattern, bound))
             case Closed():
                 return self._closure(symbol)
-            case Tallied():
-                return self._tallying(symbol)
+            case ClosureAggregateOf():
+                return self._aggregation(symbol)
             case Held():
                 raise AssertionError(symbol)
 
-    def _tallying(self, tallied: Tallied) -> ClosureAggregation:
-        column = 0 if tallied.column is None else 1 + tallied.wanted.index(tallied.column)
-        ends = Ends(tallied.pattern, tallied.start, tallied.given, tallied.wanted)
+    def _aggregation(self, symbol: ClosureAggregateOf) -> ClosureAggregation:
+        column = 0 if symbol.column is None else 1 + symbol.wanted.index(symbol.column)
+        ends = Ends(symbol.pattern, symbol.start, symbol.given, symbol.wanted)
         rows = _made_late(lambda: self.build(ends_source(self.planner, ends)))
-        return ClosureAggregation(tallied.function, column, rows)
+        return ClosureAggregation(symbol.function, column, rows)
 
     def _remembering(self, function: Function) -> Function:
         """The function with its answers in the present state: where calls meet again, work would double at each."""

@@ -213,7 +213,8 @@ class Translation:
                 steps, sink.variables, {*self._bindings.names, *self._bindings.constants}, of, self.around
             )
         self._distinct.place(
-            steps, {number: each for number, each in found.items() if number < len(steps) or sink.sieved}
+            steps,
+            {number: each for number, each in found.items() if number < len(steps) or sink.deduplicated},
         )
 
     def _begin_searches(self, number: int, steps: Sequence[Step], shared: Mapping[int, int]) -> None:

@@ -10,11 +10,11 @@ from envgraph.match.generate._sinks import length
 from envgraph.match.generate._symbols import (
     Builtin,
     ClassTable,
+    ClosureAggregateOf,
     ClosureQuestion,
     Column,
     Mode,
     Recursive,
-    Tallied,
     Valued,
     View,
     closed,
@@ -176,7 +176,9 @@ def same_for_all(
     if alike.ends is not None:
         ends = alike.ends
         parts += [
-            module.name(Tallied(ends.pattern, ends.start, ends.given, ends.wanted, function, column)),
+            module.name(
+                ClosureAggregateOf(ends.pattern, ends.start, ends.given, ends.wanted, function, column)
+            ),
             outside,
         ]
     return code.call(module.name(closed(alike.closure, ClosureQuestion.ALIKE, alike.forward)), *parts)

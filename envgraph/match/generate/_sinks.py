@@ -31,7 +31,7 @@ class Sink:
         relay: what the caller does with the value of a continuation: "flag" returns True if it is true, "found"
             returns it unless it is None, "sum" adds it up, "each" yields what it yields, "" ignores it.
         repeatable: whether the same values again change nothing.
-        sieved: whether that is so because they are kept from it.
+        deduplicated: whether that is so because they are kept from it.
         size: how many there are so far, where that matters.
     """
 
@@ -42,7 +42,7 @@ class Sink:
     shared: tuple[code.Local, ...] = ()
     relay: str = ""
     repeatable: bool = False
-    sieved: bool = False
+    deduplicated: bool = False
     size: code.Expression = NONE_YET
 
 
@@ -122,9 +122,9 @@ def _yielding(variables: tuple[int, ...], distinct: bool) -> Sink:
     return Sink(variables, (code.Assign(OUT, empty("set")),), each, tail, (OUT,), "each", repeatable=True)
 
 
-def sieved_sink(mode: Mode, variables: tuple[int, ...]) -> Sink:
+def distinct_sink(mode: Mode, variables: tuple[int, ...]) -> Sink:
     """The sink of a view whose plan tells its values apart at its end."""
-    return replace(view_sink(mode, True, variables), variables=variables, repeatable=True, sieved=True)
+    return replace(view_sink(mode, True, variables), variables=variables, repeatable=True, deduplicated=True)
 
 
 def gathering(

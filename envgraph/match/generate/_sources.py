@@ -10,10 +10,10 @@ from envgraph.match.generate._generate import Translation
 from envgraph.match.generate._relations import same_for_all
 from envgraph.match.generate._sinks import (
     OUT,
+    distinct_sink,
     empty,
     keeping,
     row,
-    sieved_sink,
     view_sink,
     visiting,
 )
@@ -47,8 +47,8 @@ def view_source(planner: Planner, key: ViewKey, mode: Mode) -> Source:
     view = planner.view(key)
     module, block = Module(), code.Block()
     given = {position: local("v", position) for position in key.bound}
-    sieved = not view.distinct and _ends_in_sieve(planner, view.bodies, key, mode)
-    frame, bounded = view_sink(mode, view.distinct or sieved, ()), Bounded(key.pattern, searched=True)
+    deduplicated = not view.distinct and _ends_in_distinct_set(planner, view.bodies, key, mode)
+    frame, bounded = view_sink(mode, view.distinct or deduplicated, ()), Bounded(key.pattern, searched=True)
     inputs = list(given.values())
     if mode is Mode.COUNT and (search := only_search(view)):
         forward = search.source not in view.bodies[0].plan.steps[0].binds
@@ -58,7 +58,7 @@ def view_source(planner: Planner, key: ViewKey, mode: Mode) -> Source:
         conjunction = body.conjunction
         positions = key.outputs if mode is Mode.VALUES else range(len(conjunction.parameters))
         outputs = tuple(conjunction.parameters[p] for p in positions)
-        sink = sieved_sink(mode, outputs) if sieved else view_sink(mode, view.distinct, outputs)
+        sink = distinct_sink(mode, outputs) if deduplicated else view_sink(mode, view.distinct, outputs)
         translation = Translation(planner, module, conjunction, block, given)
         translation.bounded = bounded
         translation.body(body.plan, sink)
@@ -74,7 +74,7 @@ def view_source(planner: Planner, key: ViewKey, mode: Mode) -> Source:
     return module.source(module.function("view", inputs, (code.Return(counted),)))
 
 
-def _ends_in_sieve(planner: Planner, bodies: Sequence[BodyPlan], key: ViewKey, mode: Mode) -> bool:
+def _ends_in_distinct_set(planner: Planner, bodies: Sequence[BodyPlan], key: ViewKey, mode: Mode) -> bool:
     """Return whether values are better told apart by a set at the end of the plan: one that looks at fewer of them."""
     if len(bodies) != 1 or mode in (Mode.EXISTS, Mode.FIRST, Mode.EACH):
         return False

@@ -113,7 +113,7 @@ def closed(closure: ClosureAtom, question: ClosureQuestion, forward: bool = True
 
 
 @dataclass(frozen=True, slots=True)
-class Tallied:
+class ClosureAggregateOf:
     """How an aggregate is made of what a closure in a pattern reaches.
 
     Attributes:
@@ -155,7 +155,17 @@ class Held:
 
 
 Symbol = (
-    Bounded | Builtin | ClassTable | Closed | Column | Held | Literal | Recursive | Tallied | Valued | View
+    Bounded
+    | Builtin
+    | ClassTable
+    | Closed
+    | Column
+    | Held
+    | Literal
+    | Recursive
+    | ClosureAggregateOf
+    | Valued
+    | View
 )
 
 

@@ -11,13 +11,13 @@ from envgraph.match.generate._symbols import (
     Builtin,
     ClassTable,
     Closed,
+    ClosureAggregateOf,
     Column,
     Held,
     Literal,
     Recursive,
     Source,
     Symbol,
-    Tallied,
     Valued,
     View,
 )
@@ -27,7 +27,7 @@ from envgraph.pattern import ObjectType, StaticType, compile_expression
 
 _COLUMNS: Final = {"extents": "E", "values": "A", "forward": "F", "backward": "B"}
 _PREFIXES: Final[Mapping[type, str]] = {
-    **{Bounded: "m", ClassTable: "T", Closed: "r", Literal: "k", Tallied: "n", Valued: "i"},
+    **{Bounded: "m", ClassTable: "T", Closed: "r", Literal: "k", ClosureAggregateOf: "n", Valued: "i"},
     **{Recursive: "f", View: "f"},
 }
 

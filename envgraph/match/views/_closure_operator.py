@@ -303,7 +303,7 @@ class ClosureOperator(Operator):
             gone = [node for node in cut if node not in come]
             fresh = [node for node in come if node not in cut]
         if self.removing is not None and gone:
-            self._tell(self.removing, start, gone)
+            self._notify(self.removing, start, gone)
         if self._owned.get(start) == self.store.epoch:
             new = old
         else:
@@ -319,7 +319,7 @@ class ClosureOperator(Operator):
         if self._inverse is not None:
             self._index(self._inverse, start, gone, fresh)
         if self.added is not None and fresh:
-            self._tell(self.added, start, fresh)
+            self._notify(self.added, start, fresh)
 
     def _concerned(self, lost: list[Step], gained: list[Step]) -> list[Any]:
         """The starts that reach the near end of a changed step; all of them, if that is not kept."""
@@ -351,7 +351,7 @@ class ClosureOperator(Operator):
     def _replace(self, start: Any, old: Reached, new: Reached, difference: Difference) -> None:
         gone, come = difference
         if self.removing is not None:
-            self._tell(self.removing, start, gone)
+            self._notify(self.removing, start, gone)
         if self.store.recording:
             self.store.journal.extend((self.reached, start, old, SET))
         self.reached[start] = new
@@ -359,7 +359,7 @@ class ClosureOperator(Operator):
         if self._inverse is not None:
             self._index(self._inverse, start, gone, come)
         if self.added is not None:
-            self._tell(self.added, start, come)
+            self._notify(self.added, start, come)
 
     def _index(self, inverse: Groups, start: Any, gone: Iterable[Any], come: Iterable[Any]) -> None:
         for other in gone:
@@ -367,7 +367,7 @@ class ClosureOperator(Operator):
         for other in come:
             inverse.add((other, start))
 
-    def _tell(self, hook: Any, start: Any, others: Iterable[Any]) -> None:
+    def _notify(self, hook: Any, start: Any, others: Iterable[Any]) -> None:
         for other in others:
             if self.forward:
                 hook(start, other)

@@ -116,7 +116,7 @@ class Listeners:
                 changing = self._note(restored)
                 if not self._news:
                     return
-                self._tell_all()
+                self._notify_all()
                 restored = False
                 if not self._kept.up_to_date():
                     return
@@ -126,7 +126,7 @@ class Listeners:
         finally:
             self.notifying = False
 
-    def _tell_all(self) -> None:
+    def _notify_all(self) -> None:
         first: BaseException | None = None
         while self._news:
             _, call, appeared, disappeared = self._news[0]

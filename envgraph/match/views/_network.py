@@ -36,23 +36,23 @@ class Network:
         self, store: Store, library: Library, calls: CallGraph, build: Build, evaluate: Evaluate
     ) -> None:
         self._planner = ViewPlanner(library, calls, LiveSizes(library, store), self)
-        self._growth = NetworkBuilder(store, calls, self._planner, build, evaluate)
-        self._wiring = Wiring(store, self._growth, self._planner, build)
+        self._builder = NetworkBuilder(store, calls, self._planner, build, evaluate)
+        self._wiring = Wiring(store, self._builder, self._planner, build)
         self._evaluate = evaluate
         self._store = store
         self._settled = -1
-        self.operators = self._growth.operators
-        self.definitions = self._growth.definitions
+        self.operators = self._builder.operators
+        self.definitions = self._builder.definitions
 
     def view(self, pattern: str) -> Rows:
         """The operator that holds the matches of a pattern, made if there is none."""
-        view = self._growth.view(pattern)
+        view = self._builder.view(pattern)
         view.asked = True
         return view
 
     def recursive(self, pattern: str) -> Member | None:
         """The operator of a recursive pattern, if it has deltas."""
-        return self._growth.recursive(pattern)
+        return self._builder.recursive(pattern)
 
     def connect(self) -> None:
         """Make the functions of all operators, and register them in the store."""
@@ -167,14 +167,14 @@ class Network:
             pattern: qualified name.
             build: makes a function of source; asks the second argument what is held.
         """
-        needed = reached([pattern], self._growth.made_of)
+        needed = reached([pattern], self._builder.made_of)
         operators = [operator for name, operator in self.operators.items() if name in needed]
 
         def actual(delta: Delta) -> list[float]:
             tuples = tuples_of(delta, self._store, self.operators)
             return actual_rows(self._planner, delta, tuples, build, self.held)
 
-        deltas = [*self._wiring.deltas, *self._growth.spreading]
+        deltas = [*self._wiring.deltas, *self._builder.spreading]
         return explain_views(operators, deltas, self._planner, pattern, actual)
 
     def check(self) -> None:

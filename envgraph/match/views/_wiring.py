@@ -37,17 +37,17 @@ class Wiring:
 
     Args:
         store: what tells of changes.
-        growth: the operators.
+        builder: the operators.
         planner: orders goals.
         build: makes functions of source.
     """
 
-    def __init__(self, store: Store, growth: NetworkBuilder, planner: ViewPlanner, build: Build) -> None:
+    def __init__(self, store: Store, builder: NetworkBuilder, planner: ViewPlanner, build: Build) -> None:
         self.store = store
         self.deltas: list[Delta] = []
         self.turns: list[Operator] = []
         self.evaluated: list[Evaluated] = []
-        self._growth = growth
+        self._builder = builder
         self._planner = planner
         self._build = build
         self._consumers: dict[Key, list[Consumer | Delta]] = {}
@@ -61,20 +61,20 @@ class Wiring:
         self._consumers.clear()
         self._classes.clear()
         self._membership.clear()
-        self._queued = self._growth.read()
+        self._queued = self._builder.read()
         deltas = self._deltas()
         # What nobody reads is changed in place, and has all its groups by now.
-        for operator in self._growth.operators.values():
+        for operator in self._builder.operators.values():
             operator.added = operator.removing = None
             if operator.name not in self._queued:
                 self._make(operator)
-        for operator in self._growth.operators.values():
+        for operator in self._builder.operators.values():
             self._subscribe(operator)
         for key, delta in deltas:
             self.deltas.append(delta)
             self._listen(key, delta)
         self.hang()
-        queued = [each for each in self._growth.operators.values() if each.name in self._queued]
+        queued = [each for each in self._builder.operators.values() if each.name in self._queued]
         for operator in queued:
             operator.added, operator.removing = self._fan(("rows", operator.name), self._arity(operator))
         for operator in queued:  # what they read of each other is known now
@@ -84,7 +84,7 @@ class Wiring:
                 self._make(operator)
         self.turns = [
             operator
-            for operator in self._growth.operators.values()
+            for operator in self._builder.operators.values()
             if not isinstance(operator, View) or operator.name in self._queued
         ]
         self.evaluated = [operator for operator in self.turns if isinstance(operator, Evaluated)]
@@ -99,7 +99,7 @@ class Wiring:
 
     def _arity(self, operator: Operator) -> int:
         """Values in a tuple of an operator."""
-        definition = self._growth.definitions.get(operator.name)
+        definition = self._builder.definitions.get(operator.name)
         match operator:
             case Fold():
                 return len(operator.group) + 1
@@ -108,7 +108,7 @@ class Wiring:
             case _ if definition is not None:
                 return len(definition.bodies[0].parameters) if definition.bodies else 0
             case _:
-                return len(self._growth.library.parameter_types(operator.name))
+                return len(self._builder.library.parameter_types(operator.name))
 
     def _subscribe(self, operator: Operator) -> None:
         match operator:
@@ -118,7 +118,7 @@ class Wiring:
                 self._listen(("rows", operator.starts.name), (operator.ask, operator.unask))
                 gain: Hook = operator.gain
                 lose: Hook = operator.lose
-                key, crossed = self._growth.edges[operator.name]
+                key, crossed = self._builder.edges[operator.name]
                 if crossed:
                     gain, lose = _crossed(gain), _crossed(lose)
                 self._listen(key, (gain, lose))
@@ -126,7 +126,7 @@ class Wiring:
     def _deltas(self) -> list[tuple[Key, Delta]]:
         """Return what changes of which relation concern which place; for classes that is found out when they change."""
         found: list[tuple[Key, Delta]] = []
-        for name, definition in self._growth.definitions.items():
+        for name, definition in self._builder.definitions.items():
             for number, body in enumerate(definition.bodies):
                 places = occurrences(body)
                 members = tuple(place for place in places if isinstance(place.relation, InstanceAtom))
@@ -150,7 +150,7 @@ class Wiring:
         """Return whether a relation is a pattern of the same component, whose rows spread on their own."""
         if not isinstance(definition.view, Member) or key[0] != "rows":
             return False
-        return key[1] in self._growth.calls.component(definition.view.name)
+        return key[1] in self._builder.calls.component(definition.view.name)
 
     def _with_own(self, delta: Delta, view: View | Member) -> Delta:
         """The delta with an index of the view on its own rows, where that pays."""
@@ -210,7 +210,7 @@ class Wiring:
 
     def _hang_classes(self) -> None:
         """All functions are made now: one that is made later might ask for an index that has no history."""
-        store, metamodel = self.store, self._growth.library.metamodel
+        store, metamodel = self.store, self._builder.library.metamodel
         kinds = [self._kind(index) for index in range(len(metamodel.class_list))]
         hooks = {kind: self._class_hooks(kind) for kind in dict.fromkeys(kinds)}
         for index, kind in enumerate(kinds):
@@ -240,7 +240,7 @@ class Wiring:
 
     def _kind(self, cls: int) -> Kind:
         """The class atoms that hold for the direct instances of a class."""
-        metamodel = self._growth.library.metamodel
+        metamodel = self._builder.library.metamodel
         name = metamodel.class_list[cls].name
         atoms = {
             (atom.cls, atom.exact) for _, _, _, members in self._classes for atom in map(_class, members)

@@ -298,7 +298,7 @@ class _Staged:
                     self._run(instances, phase)
                     if phase == "delete":
                         self._check_kept(instances, wants)
-                        self._tell(instances)
+                        self._notify(instances)
         except REFUSALS as error:
             raise refusal(self.plan, error, self.model) from None
         return instances[0].slots
@@ -340,7 +340,7 @@ class _Staged:
         changed = tuple(node for node in wants.changed if not isinstance(node, Fresh))
         check_kept(self.model, changed, ("",) * len(changed))
 
-    def _tell(self, instances: Sequence[Instance]) -> None:
+    def _notify(self, instances: Sequence[Instance]) -> None:
         """Of links that are to be created, and are there."""
         for instance in instances:
             for link in instance.block.plan.links:

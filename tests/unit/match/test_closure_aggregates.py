@@ -7,7 +7,7 @@ from random import Random
 import pytest
 
 from envgraph.match._aggregates import aggregate
-from envgraph.match.demand import _closure_aggregates as _tally
+from envgraph.match.demand import _closure_aggregates
 from envgraph.match.demand._closure_aggregates import ClosureAggregate
 
 Rows = list[tuple[int, ...] | tuple[int, int, float]]
@@ -33,24 +33,24 @@ def rows_of(kind: str, dice: Random) -> Rows:
 @pytest.mark.parametrize("kind", ["one each", "several each", "shared", "floats"])
 @pytest.mark.parametrize("function", ["count", "sum", "avg", "min", "max"])
 @pytest.mark.parametrize("way", ["by class", "by object", "whatever is less work"])
-def test_a_tally_agrees_with_the_aggregate_of_the_tuples(
+def test_a_closure_aggregate_agrees_with_the_aggregate_of_the_tuples(
     function: str, kind: str, way: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     dice = Random(f"{function} {kind}")
     rows = rows_of(kind, dice)
     if way == "by class":
-        monkeypatch.setattr(_tally, "CLASS", 0)
+        monkeypatch.setattr(_closure_aggregates, "CLASS", 0)
     elif way == "by object":
-        monkeypatch.setattr(_tally, "MOST_CLASSES", 0)
-        monkeypatch.setattr(_tally, "DENSE", 1_000)
+        monkeypatch.setattr(_closure_aggregates, "MOST_CLASSES", 0)
+        monkeypatch.setattr(_closure_aggregates, "DENSE", 1_000)
     column = 0 if function == "count" else 2
-    tally = ClosureAggregate(function, column, rows)
+    closure = ClosureAggregate(function, column, rows)
     nodes: list[int] = []
     for node in dice.sample(range(60), 60):
         nodes.append(node)
-        tally.catch_up(nodes)
+        closure.catch_up(nodes)
         reached = [each for each in nodes if dice.random() < 0.5]
-        found = tally.value(sum(1 << nodes.index(each) for each in reached))
+        found = closure.value(sum(1 << nodes.index(each) for each in reached))
         tuples = dict.fromkeys(row[1:] for row in rows if row[0] in reached)
         expected = aggregate(function, [row[-1] for row in tuples])
         if found is not None:
@@ -60,6 +60,6 @@ def test_a_tally_agrees_with_the_aggregate_of_the_tuples(
 
 
 def test_a_sum_beyond_64_bits_has_no_value() -> None:
-    tally = ClosureAggregate("sum", 1, [(1, 2**62), (2, 2**62 + 1), (3, -2)])
-    tally.catch_up([1, 2, 3])
-    assert (tally.sum_up(0b011), tally.sum_up(0b111), tally.sum_up(0)) == (None, 2**63 - 1, 0)
+    closure = ClosureAggregate("sum", 1, [(1, 2**62), (2, 2**62 + 1), (3, -2)])
+    closure.catch_up([1, 2, 3])
+    assert (closure.sum_up(0b011), closure.sum_up(0b111), closure.sum_up(0)) == (None, 2**63 - 1, 0)

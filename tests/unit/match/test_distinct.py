@@ -145,6 +145,6 @@ def test_a_closure_over_hubs_looks_at_the_links_of_each_hub_once() -> None:
     assert matcher.looks == 12  # ten stops have a hub, and two hubs have links
 
 
-def test_what_has_one_way_back_needs_no_sieve() -> None:
+def test_what_has_one_way_back_needs_no_distinct_set() -> None:
     tree = pattern("below(a : Stop, b : Stop)", [path("Stop.parts.parts.parts.parts", "a", "b")])
     assert " not in " not in CompiledMatcher(Model(STOPS), library(tree)).source("below", (0,))
