@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from typing import Protocol
 
-from envgraph.errors import Note, RuleError, Span, TypeMismatch, did_you_mean, plural, quoted
+from envgraph.errors import RuleError, Span, TypeMismatch, did_you_mean, plural, quoted
 from envgraph.graph import Model
 from envgraph.metamodel import Attribute, EnumType, Metamodel, Reference, Value
 
@@ -13,12 +12,8 @@ Place = Span | Callable[[], Span]
 """Where something stands, or how to find that out when it is needed."""
 
 
-class Report(Protocol):
-    """Notes a mistake."""
-
-    def __call__(
-        self, code: str, message: str, span: Span, hint: str | None = None, notes: tuple[Note, ...] = ()
-    ) -> None: ...
+Report = Callable[[str, str, Span, str], None]
+"""Notes a mistake: its code, the message, where it is, and a hint."""
 
 
 def allowed_values(

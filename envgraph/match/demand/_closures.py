@@ -223,11 +223,7 @@ class ClosureView:
                 reached |= condensed.bit(start)
             elif question in values:
                 return values[question]
-            found = (
-                None
-                if aggregation is None
-                else self._closure_aggregate(aggregation, given, condensed, reached)
-            )
+            found = None if aggregation is None else self._aggregated(aggregation, given, condensed, reached)
             value = function(*arguments) if found is None else found[0]
             if not alone:
                 self._remember(1)
@@ -236,7 +232,7 @@ class ClosureView:
 
         return alike
 
-    def _closure_aggregate(
+    def _aggregated(
         self, aggregation: ClosureAggregation, given: tuple[Any, ...], condensed: Condensation, reached: int
     ) -> tuple[Any] | None:
         """The value for what is reached, if that is much, from the second question with the same arguments on."""

@@ -21,11 +21,11 @@ from envgraph.match.demand._value_index import by_value
 from envgraph.match.generate._sources import ends_source, reach_source, view_source
 from envgraph.match.generate._suspend import evaluation_source
 from envgraph.match.generate._symbols import (
+    Aggregated,
     Bounded,
     Builtin,
     ClassTable,
     Closed,
-    ClosureAggregateOf,
     ClosureQuestion,
     Column,
     Held,
@@ -200,12 +200,12 @@ class Program:
                 return _made_late(lambda: self.solver(pattern, bound))
             case Closed():
                 return self._closure(symbol)
-            case ClosureAggregateOf():
+            case Aggregated():
                 return self._aggregation(symbol)
             case Held():
                 raise AssertionError(symbol)
 
-    def _aggregation(self, symbol: ClosureAggregateOf) -> ClosureAggregation:
+    def _aggregation(self, symbol: Aggregated) -> ClosureAggregation:
         column = 0 if symbol.column is None else 1 + symbol.wanted.index(symbol.column)
         ends = Ends(symbol.pattern, symbol.start, symbol.given, symbol.wanted)
         rows = _made_late(lambda: self.build(ends_source(self.planner, ends)))

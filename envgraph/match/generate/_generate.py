@@ -214,7 +214,7 @@ class Translation:
             )
         self._distinct.place(
             steps,
-            {number: each for number, each in found.items() if number < len(steps) or sink.deduplicated},
+            {number: each for number, each in found.items() if number < len(steps) or sink.unique},
         )
 
     def _begin_searches(self, number: int, steps: Sequence[Step], shared: Mapping[int, int]) -> None:

@@ -8,9 +8,9 @@ from envgraph import code
 from envgraph.match.generate._bindings import Bindings
 from envgraph.match.generate._sinks import length
 from envgraph.match.generate._symbols import (
+    Aggregated,
     Builtin,
     ClassTable,
-    ClosureAggregateOf,
     ClosureQuestion,
     Column,
     Mode,
@@ -176,9 +176,7 @@ def same_for_all(
     if alike.ends is not None:
         ends = alike.ends
         parts += [
-            module.name(
-                ClosureAggregateOf(ends.pattern, ends.start, ends.given, ends.wanted, function, column)
-            ),
+            module.name(Aggregated(ends.pattern, ends.start, ends.given, ends.wanted, function, column)),
             outside,
         ]
     return code.call(module.name(closed(alike.closure, ClosureQuestion.ALIKE, alike.forward)), *parts)

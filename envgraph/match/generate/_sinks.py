@@ -31,7 +31,7 @@ class Sink:
         relay: what the caller does with the value of a continuation: "flag" returns True if it is true, "found"
             returns it unless it is None, "sum" adds it up, "each" yields what it yields, "" ignores it.
         repeatable: whether the same values again change nothing.
-        deduplicated: whether that is so because they are kept from it.
+        unique: whether that is so because they are kept from it.
         size: how many there are so far, where that matters.
     """
 
@@ -42,7 +42,7 @@ class Sink:
     shared: tuple[code.Local, ...] = ()
     relay: str = ""
     repeatable: bool = False
-    deduplicated: bool = False
+    unique: bool = False
     size: code.Expression = NONE_YET
 
 
@@ -124,7 +124,7 @@ def _yielding(variables: tuple[int, ...], distinct: bool) -> Sink:
 
 def distinct_sink(mode: Mode, variables: tuple[int, ...]) -> Sink:
     """The sink of a view whose plan tells its values apart at its end."""
-    return replace(view_sink(mode, True, variables), variables=variables, repeatable=True, deduplicated=True)
+    return replace(view_sink(mode, True, variables), variables=variables, repeatable=True, unique=True)
 
 
 def gathering(

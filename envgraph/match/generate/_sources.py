@@ -47,8 +47,8 @@ def view_source(planner: Planner, key: ViewKey, mode: Mode) -> Source:
     view = planner.view(key)
     module, block = Module(), code.Block()
     given = {position: local("v", position) for position in key.bound}
-    deduplicated = not view.distinct and _ends_in_distinct_set(planner, view.bodies, key, mode)
-    frame, bounded = view_sink(mode, view.distinct or deduplicated, ()), Bounded(key.pattern, searched=True)
+    unique = not view.distinct and _ends_in_distinct_set(planner, view.bodies, key, mode)
+    frame, bounded = view_sink(mode, view.distinct or unique, ()), Bounded(key.pattern, searched=True)
     inputs = list(given.values())
     if mode is Mode.COUNT and (search := only_search(view)):
         forward = search.source not in view.bodies[0].plan.steps[0].binds
@@ -58,7 +58,7 @@ def view_source(planner: Planner, key: ViewKey, mode: Mode) -> Source:
         conjunction = body.conjunction
         positions = key.outputs if mode is Mode.VALUES else range(len(conjunction.parameters))
         outputs = tuple(conjunction.parameters[p] for p in positions)
-        sink = distinct_sink(mode, outputs) if deduplicated else view_sink(mode, view.distinct, outputs)
+        sink = distinct_sink(mode, outputs) if unique else view_sink(mode, view.distinct, outputs)
         translation = Translation(planner, module, conjunction, block, given)
         translation.bounded = bounded
         translation.body(body.plan, sink)

@@ -113,7 +113,7 @@ def closed(closure: ClosureAtom, question: ClosureQuestion, forward: bool = True
 
 
 @dataclass(frozen=True, slots=True)
-class ClosureAggregateOf:
+class Aggregated:
     """How an aggregate is made of what a closure in a pattern reaches.
 
     Attributes:
@@ -155,17 +155,7 @@ class Held:
 
 
 Symbol = (
-    Bounded
-    | Builtin
-    | ClassTable
-    | Closed
-    | Column
-    | Held
-    | Literal
-    | Recursive
-    | ClosureAggregateOf
-    | Valued
-    | View
+    Bounded | Builtin | ClassTable | Closed | Column | Held | Literal | Recursive | Aggregated | Valued | View
 )
 
 

@@ -7,11 +7,11 @@ from typing import Final
 
 from envgraph import code
 from envgraph.match.generate._symbols import (
+    Aggregated,
     Bounded,
     Builtin,
     ClassTable,
     Closed,
-    ClosureAggregateOf,
     Column,
     Held,
     Literal,
@@ -27,7 +27,7 @@ from envgraph.pattern import ObjectType, StaticType, compile_expression
 
 _COLUMNS: Final = {"extents": "E", "values": "A", "forward": "F", "backward": "B"}
 _PREFIXES: Final[Mapping[type, str]] = {
-    **{Bounded: "m", ClassTable: "T", Closed: "r", Literal: "k", ClosureAggregateOf: "n", Valued: "i"},
+    **{Bounded: "m", ClassTable: "T", Closed: "r", Literal: "k", Aggregated: "n", Valued: "i"},
     **{Recursive: "f", View: "f"},
 }
 
