@@ -9,9 +9,22 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from envgraph.cli._new import KINDS, domain_environment, write_files
 from envgraph.cli._output import OutputFormat, print_json, print_line
-from envgraph.env import Adopted, adopt, explore
+from envgraph.env import (
+    DEFAULT_LIMIT,
+    Adopted,
+    EnvgraphLiveEnv,
+    Level,
+    Simulator,
+    TooManyStates,
+    Transition,
+    adopt,
+    explore,
+)
+from envgraph.env.compiled import Plans
 from envgraph.errors import InvalidArgument
 from envgraph.lang import Bundle, format_text
 from envgraph.search import Domain
@@ -19,10 +32,18 @@ from envgraph.search import Domain
 _LETTERS = "SFHG"
 """Of a lake: start, frozen, hole, goal."""
 
+_MOST_STATES = 20_000
+"""Of a level in which everything is tried, which takes half a minute."""
+_WALKS = 20
+_STEPS = 200
+"""Of random actions where a level has too many states for a table."""
+
 _Words = Mapping[str, Any]
 
 
-def adopt_environment(id: str, output: Path | None, options: Iterable[str], format: OutputFormat) -> None:
+def adopt_environment(
+    id: str, output: Path | None, options: Iterable[str], seed: int, format: OutputFormat
+) -> None:
     """Write a domain whose environment steps as one of Gymnasium does, which is tried out before.
 
     Raises:
@@ -30,7 +51,7 @@ def adopt_environment(id: str, output: Path | None, options: Iterable[str], form
             exists.
     """
     name = _name(id)
-    adopted, limit = adopt(id, **_options(options))
+    adopted, limit = adopt(id, seed, **_options(options))
     words = {
         "id": id,
         "name": name,
@@ -39,23 +60,21 @@ def adopt_environment(id: str, output: Path | None, options: Iterable[str], form
     }
     for kind, more in _ways(adopted):
         texts = _texts(kind, {**words, **more})
-        problem = _difference(adopted, texts)
+        tried = _Tried(texts)
+        problem = next(tried.differences(adopted), None)
         if problem is None:
             break
     else:
         raise InvalidArgument(f"`{id}` is not what the domain does: {problem}")
     directory = output or Path(name)
     paths = write_files({directory / file: text for file, text in texts.items()})
-    states, actions = len(adopted.outcomes), adopted.actions
     if format is OutputFormat.JSON:
         written = [path.as_posix() for path in paths]
-        print_json({"written": written, "states": states, "actions": actions, "kind": kind})
+        print_json({"written": written, "states": tried.states, "actions": tried.actions, "kind": kind})
         return
     for path in paths:
         print_line(f"wrote {path}")
-    print_line(
-        f"steps as `{id}` does: {states:,} states, {actions} actions, each outcome with its chance and reward"
-    )
+    print_line(f"steps as `{id}` does: {tried.said}")
     print_line(f"next: envgraph generate {directory}")
 
 
@@ -82,8 +101,11 @@ def _options(given: Iterable[str]) -> dict[str, Any]:
     return found
 
 
-def _ways(adopted: Adopted) -> Iterator[tuple[str, _Words]]:
+def _ways(adopted: Adopted | Level) -> Iterator[tuple[str, _Words]]:
     """The templates that may say what an environment does, the most readable first, with their words."""
+    if isinstance(adopted, Level):
+        yield "minigrid", {"level": adopted, "said": adopted.mission}
+        return
     if adopted.rows and adopted.actions == 4 and set("".join(adopted.rows)) <= {*_LETTERS}:
         yield "grid", _grid(adopted)
     yield "states", _states(adopted)
@@ -119,25 +141,32 @@ def _plain(chance: float) -> float:
 
 
 def _states(adopted: Adopted) -> _Words:
-    """States and outcomes, whatever they mean."""
+    """States and what may come of each action, whatever they mean."""
     ways = {True: "success", False: "failure", None: "none_yet"}
     states = range(len(adopted.outcomes))
-    outcomes = (
-        (state, action, share.state, share.reward)
+    acts = [
+        [
+            adopted.merged(state, action)
+            for action in range(adopted.actions if state not in adopted.endings else 0)
+        ]
         for state in states
-        if state not in adopted.endings
-        for action in range(adopted.actions)
-        for share in adopted.shares(state, action)
-        for _ in range(share.copies)
-    )
+    ]
+    most = max(len(outcomes) for rows in acts for outcomes in rows)
     return {
         "said": "states and outcomes",
         "endings": [ways[adopted.endings.get(state)] for state in states],
-        "outcomes": list(outcomes),
-        "starts": [share.state for share in adopted.first() for _ in range(share.copies)],
-        "last": adopted.actions - 1,
+        "actions": adopted.actions,
+        "most": most,
+        "acts": [[_padded(outcomes, most) for outcomes in rows] for rows in acts],
+        "starts": adopted.first(),
         "states": len(adopted.outcomes),
     }
+
+
+def _padded(outcomes: list[Transition], most: int) -> list[tuple[float, int, float]]:
+    """Chance, next state and reward of as many outcomes as any action has; more ones have the chance 0."""
+    found = [(_plain(one.probability), one.state, one.reward) for one in outcomes]
+    return found + [(0.0, *found[0][1:])] * (most - len(found))
 
 
 def _texts(kind: str, words: _Words) -> dict[str, str]:
@@ -154,9 +183,49 @@ def _formatted(name: str, text: str) -> str:
     return text if language in ("model", "toml") else format_text(language, text, name)
 
 
-def _difference(adopted: Adopted, texts: Mapping[str, str]) -> str | None:
-    """The first thing that a domain does in another way."""
-    domain = Domain.from_bundle(Bundle(("family.toml",), texts))
-    assert domain.behaviour is not None
-    table = explore(domain.engine(), domain.behaviour).tabular
-    return next(adopted.differences(table), None)
+class _Tried:
+    """A domain beside the environment that it was written for.
+
+    Attributes:
+        states: how many there are; None where they are too many for a table.
+        actions: how many there are.
+        said: what was compared.
+    """
+
+    def __init__(self, texts: Mapping[str, str]) -> None:
+        self._domain = Domain.from_bundle(Bundle(("family.toml",), texts))
+        self.states: int | None = None
+        self.actions = 0
+        self.said = ""
+
+    def differences(self, adopted: Adopted | Level) -> Iterator[str]:
+        """What it does in another way: in any state, or of a large level along some ways."""
+        engine, behaviour = self._domain.engine(), self._domain.behaviour
+        assert behaviour is not None
+        try:
+            limit = _MOST_STATES if isinstance(adopted, Level) else DEFAULT_LIMIT
+            table = explore(engine, behaviour, limit=limit).tabular
+        except TooManyStates:
+            if not isinstance(adopted, Level):
+                raise
+            yield from self._ways(adopted, Simulator(engine, behaviour))
+            return
+        self.states, self.actions = table.n_states, table.n_actions
+        each = "its reward" if isinstance(adopted, Level) else "its chance and reward"
+        self.said = f"{self.states:,} states, {self.actions} actions, each outcome with {each}"
+        yield from adopted.differences(table)
+
+    def _ways(self, level: Level, simulator: Simulator) -> Iterator[str]:
+        names = simulator.action_names
+        self.actions = len(names)
+        plan = Plans(simulator.behaviour).plan(self._domain.engine())
+        if not plan.actions and level.end != "goal":  # what that is, is guessed, and has to be tried
+            yield "no way to a success is found, and there are too many states to try all"
+            return
+        env = EnvgraphLiveEnv(simulator, observation="multi")
+        yield from level.played(env, [names.index(name) for name in plan.actions])
+        rng = np.random.default_rng(0)
+        for _ in range(_WALKS):
+            yield from level.played(env, rng.integers(len(names), size=_STEPS).tolist())
+        way = f"along a way to success of {len(plan.actions)} steps, and " if plan.actions else ""
+        self.said = f"{way}in {_WALKS} random walks of {_STEPS} steps; there are too many states to try all"

@@ -54,12 +54,17 @@ def new(name: str, directory: Path | None, domain: str | None) -> None:
     multiple=True,
     help="An option of the environment, such as is_slippery=false; may be repeated.",
 )
+@click.option("--seed", type=int, default=0, show_default=True, help="Of the level that MiniGrid draws.")
 @format_option
-def adopt(environment: str, output: Path | None, options: tuple[str, ...], format: OutputFormat) -> None:
-    """Write a domain that steps as an environment of Gymnasium does: one that tells its transitions, as FrozenLake."""
+def adopt(
+    environment: str, output: Path | None, options: tuple[str, ...], seed: int, format: OutputFormat
+) -> None:
+    """Write a domain that steps as an environment of Gymnasium does: one that tells its transitions, as FrozenLake, or
+    a level of MiniGrid.
+    """
     from envgraph.cli._adopt import adopt_environment
 
-    adopt_environment(environment, output, options, format)
+    adopt_environment(environment, output, options, seed, format)
 
 
 @app.command()

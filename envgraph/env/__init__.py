@@ -34,13 +34,14 @@ from envgraph.behaviour import (
     Token,
     check_behaviour,
 )
-from envgraph.env._adopted import Adopted, adopt
+from envgraph.env._adopted import Adopted, Transition, adopt
 from envgraph.env._agents import unbound
 from envgraph.env._explore import DEFAULT_LIMIT, Explored, enumerate_states, explore
 from envgraph.env._frozen_lake import frozen_lake
 from envgraph.env._gymnasium import EnvgraphEnv, EnvgraphLiveEnv, check_render_mode
 from envgraph.env._keys import KeyIndex, SameKey, indexed_classes, key_reader
 from envgraph.env._members import About, Members, Variants
+from envgraph.env._minigrid import Level
 from envgraph.env._model_views import GraphView, ImageView, ModelView, model_view
 from envgraph.env._reaching import can_end
 from envgraph.env._simulator import Outcome, Simulator
@@ -93,6 +94,7 @@ __all__ = [
     "ImageView",
     "Key",
     "KeyIndex",
+    "Level",
     "Mark",
     "Members",
     "ModelView",
@@ -112,6 +114,7 @@ __all__ = [
     "Tabular",
     "Token",
     "TooManyStates",
+    "Transition",
     "Variants",
     "VectorEnvironment",
     "View",

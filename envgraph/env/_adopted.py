@@ -12,13 +12,14 @@ import gymnasium
 import numpy as np
 
 from envgraph.code import dataclass
+from envgraph.env._minigrid import Level, is_minigrid
 from envgraph.env._tabular import Tabular
 from envgraph.errors import InvalidArgument
 
-_MOST_SHARES: Final = 100
-"""So many outcomes of one action are equally likely at most."""
 _MOST_STARTS: Final = 10_000
+"""So many starts are equally likely at most."""
 _TOLERANCE: Final = 1e-9
+_MINIGRID: Final = ("MiniGrid-", "BabyAI-")
 _TRIED: Final = 2_000
 """Steps: Taxi's fickle passenger shows in less than a hundred."""
 
@@ -30,14 +31,6 @@ class Transition(NamedTuple):
     state: int
     reward: float
     terminated: bool
-
-
-class Share(NamedTuple):
-    """An outcome among equally likely ones, of which it is `copies`; of a start, `reward` means nothing."""
-
-    copies: int
-    state: int
-    reward: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,22 +55,34 @@ class Adopted:
         """How many actions there are."""
         return len(self.outcomes[0])
 
-    def shares(self, state: int, action: int) -> list[Share]:
-        """What may come of an action, as equally likely outcomes, those that are the same counted.
+    def merged(self, state: int, action: int) -> list[Transition]:
+        """What may come of an action, those that are the same put together."""
+        found: dict[tuple[int, float, bool], float] = defaultdict(float)
+        for outcome in self.outcomes[state][action]:
+            found[outcome[1:]] += outcome.probability
+        return [Transition(chance, *key) for key, chance in found.items() if chance]
+
+    def first(self) -> list[int]:
+        """States in which an episode begins, all equally likely: one may stand there several times.
 
         Raises:
-            InvalidArgument: the chances are no multiples of 1/n, for an n up to 100; for the start up to 10,000.
+            InvalidArgument: the chances are no multiples of 1/n, for an n up to 10,000.
         """
-        merged: dict[tuple[int, float], float] = defaultdict(float)
-        for outcome in self.outcomes[state][action]:
-            merged[outcome.state, outcome.reward] += outcome.probability
-        copies = _copies([*merged.values()], _MOST_SHARES, f"action {action} in state {state}")
-        return [Share(n, *key) for n, key in zip(copies, merged, strict=True) if n]
-
-    def first(self) -> list[Share]:
-        """The states in which an episode begins, in the same way. Raises as `shares`."""
-        copies = _copies([*self.starts.values()], _MOST_STARTS, "the start")
-        return [Share(n, state) for n, state in zip(copies, self.starts, strict=True) if n]
+        chances = [*self.starts.values()]
+        fractions = [Fraction(chance).limit_denominator(_MOST_STARTS) for chance in chances]
+        whole = lcm(*(one.denominator for one in fractions))
+        exact = all(
+            abs(float(one) - chance) < _TOLERANCE for one, chance in zip(fractions, chances, strict=True)
+        )
+        if not exact or whole > _MOST_STARTS or sum(fractions) != 1:
+            shown = ", ".join(f"{chance:g}" for chance in chances[:5]) + (", .." if len(chances) > 5 else "")
+            message = (
+                f"the chances of the start ({shown}) are no multiples of 1/n for any n up to {_MOST_STARTS:,}"
+            )
+            raise InvalidArgument(message, "an episode begins in one of several objects, all equally likely")
+        return [
+            state for one, state in zip(fractions, self.starts, strict=True) for _ in range(int(one * whole))
+        ]
 
     def differences(self, table: Tabular) -> Iterator[str]:
         """What differs in a table whose observations are the numbers of the states; nothing if it steps identically.
@@ -111,46 +116,36 @@ def _close(one: Mapping[Any, float], other: Mapping[Any, float]) -> bool:
     return all(abs(one.get(key, 0.0) - other.get(key, 0.0)) < _TOLERANCE for key in {**one, **other})
 
 
-def _copies(chances: Sequence[float], most: int, where: str) -> list[int]:
-    """Whole numbers in the proportion of chances, whose sum is as small as can be.
+def adopt(id: str, seed: int = 0, **options: Any) -> tuple[Adopted | Level, int | None]:
+    """The transitions of an environment that tells them, as Gymnasium's toy texts do, or a level; and its time limit.
 
-    Raises:
-        InvalidArgument: the sum is above `most`.
-    """
-    fractions = [Fraction(chance).limit_denominator(most) for chance in chances]
-    whole = lcm(*(one.denominator for one in fractions))
-    exact = all(abs(float(one) - chance) < _TOLERANCE for one, chance in zip(fractions, chances, strict=True))
-    if not exact or whole > most or sum(fractions) != 1:
-        shown = ", ".join(f"{chance:g}" for chance in chances[:5]) + (", .." if len(chances) > 5 else "")
-        message = f"the chances of {where} ({shown}) are no multiples of 1/n for any n up to {most:,}"
-        hint = "objects cannot carry chances: they are written in an environment file, or matches are equally likely"
-        raise InvalidArgument(message, hint)
-    return [int(one * whole) for one in fractions]
-
-
-def adopt(id: str, **options: Any) -> tuple[Adopted, int | None]:
-    """The transitions of an environment that tells them, as those of Gymnasium's toy texts do, and its time limit.
-
-    Its unwrapped environment has `P`, for each state and action a list of (probability, next state, reward,
-    terminated); `initial_state_distrib` if it does not begin in state 0; and `desc`, if it has a map of letters.
+    Its unwrapped environment is one of MiniGrid, or it has `P`, for each state and action a list of (probability, next
+    state, reward, terminated); `initial_state_distrib` if it does not begin in state 0; and `desc`, if it has a map of
+    letters.
 
     Args:
         id: of a registered environment.
+        seed: of the level that is drawn; environments that tell their transitions draw none.
         options: of `gymnasium.make`.
 
     Raises:
-        InvalidArgument: there is no such environment, it does not tell its transitions, or an episode ends on some
-            ways into a state and goes on after others.
+        InvalidArgument: there is no such environment, it does not tell its transitions, an episode ends on some
+            ways into a state and goes on after others, or a level of MiniGrid has rules of its own.
 
     >>> adopted, limit = adopt("FrozenLake-v1")
     >>> adopted.rows, adopted.endings, limit
     (('SFFF', 'FHFH', 'FFFH', 'HFFG'), {5: False, 7: False, 11: False, 12: False, 15: True}, 100)
     """
+    known = f"minigrid:{id}" if id.startswith(_MINIGRID) else id
     try:
-        made = gymnasium.make(id, **options)
+        made = gymnasium.make(known, **options)
     except (gymnasium.error.Error, TypeError, ValueError, KeyError, ModuleNotFoundError) as error:
-        raise InvalidArgument(f"Gymnasium cannot make `{id}`: {error}") from None
+        hint = "pip install minigrid" if known != id else None
+        raise InvalidArgument(f"Gymnasium cannot make `{id}`: {error}", hint) from None
     try:
+        if is_minigrid(made.unwrapped):
+            level = Level.of(made.unwrapped, seed)
+            return level, level.limit
         adopted = _adopted(made.unwrapped)
         _try_out(made.unwrapped, adopted)
     finally:

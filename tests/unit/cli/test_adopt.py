@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import gymnasium
+import numpy as np
 import pytest
 
 from envgraph.env import explore
@@ -18,6 +19,36 @@ from tests.unit.cli.test_commands import Envgraph, envgraph, ok
 
 __all__ = ["envgraph"]
 
+
+class Odd(gymnasium.Env[Any, Any]):
+    """Chances that are no multiples of 1/n."""
+
+    def __init__(self, start: float = 1.0) -> None:
+        self.action_space = gymnasium.spaces.Discrete(2)
+        self.observation_space = gymnasium.spaces.Discrete(3)
+        self.initial_state_distrib = np.array([start, 1 - start, 0.0])
+        self.P = [
+            [[(0.12345, 1, -1.0, False), (0.87655, 0, 0.5, False)], [(1.0, 0, 0.0, False)]],
+            [
+                [(2**-0.5, 2, 2.0, True), (1 - 2**-0.5, 0, 0.0, False)],
+                [(0.25, 0, 0.1, False), (0.75, 0, 0.1, False)],
+            ],
+            [[(1.0, 2, 0.0, True)]] * 2,
+        ]
+
+    def reset(self, *, seed: int | None = None, options: Any = None) -> Any:
+        super().reset(seed=seed)
+        self.state = int(self.np_random.choice(3, p=self.initial_state_distrib))
+        return self.state, {}
+
+    def step(self, action: Any) -> Any:
+        told = self.P[self.state][action]
+        _, self.state, reward, over = told[self.np_random.choice(len(told), p=[one[0] for one in told])]
+        return self.state, reward, over, False, {}
+
+
+gymnasium.register("Odd-v0", Odd)
+
 Chances = Counter[tuple[int, float, bool]]
 
 LAKE = {"desc": ["SFFHS", "FHFFF", "FFFHG"], "success_rate": 0.8, "reward_schedule": (10, -1, -0.25)}
@@ -26,6 +57,7 @@ CASES: list[tuple[str, dict[str, Any], str]] = [
     ("FrozenLake8x8-v1", {"is_slippery": False}, "grid"),
     ("FrozenLake-v1", LAKE, "grid"),
     ("CliffWalking-v1", {"is_slippery": True}, "states"),
+    ("Odd-v0", {}, "states"),
 ]
 LONG: list[tuple[str, dict[str, Any], str]] = [
     ("Taxi-v4", {}, "states"),
@@ -98,6 +130,11 @@ def test_a_lake_has_a_family_of_lakes(envgraph: Envgraph) -> None:
         (["FrozenLake-v1", "--set", "icy=true"], "unexpected keyword argument 'icy'"),
         (["FrozenLake-v1", "--set", "icy"], "`icy` is no option of an environment"),
         (["FrozenLake-v1", "--set", "map_name=9x9"], "Gymnasium cannot make"),
+        (
+            ["Odd-v0", "--set", "start=0.12345678"],
+            "the chances of the start (0.123457, 0.876543) are no multiples",
+        ),
+        (["MiniGrid-Nothing-v0"], "Gymnasium cannot make `MiniGrid-Nothing-v0`"),
         (["Taxi-v4", "--set", "fickle_passenger=true"], "`TaxiEnv` does more than it tells: in state"),
     ],
 )

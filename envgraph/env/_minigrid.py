@@ -1,0 +1,227 @@
+"""Levels of MiniGrid as data, and whether a domain steps as they do: what `envgraph adopt` writes domains of."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from types import MappingProxyType
+from typing import Any, Final, Literal
+
+import gymnasium
+
+from envgraph.code import dataclass
+from envgraph.env._tabular import Tabular
+from envgraph.errors import InvalidArgument
+from envgraph.metamodel import LARGEST_INT
+
+_ACTIONS: Final = 7
+_WAYS: Final = ("east", "south", "west", "north")
+_TILES: Final = MappingProxyType({"wall": "#", "lava": "~", "floor": "_", "goal": "G"})
+_THINGS: Final = MappingProxyType({"key": "Key", "ball": "Ball", "box": "Box"})
+_DOORS: Final = "DABCEFHIJKLMNOPQRSTUVWXYZ"
+_DISCOUNT: Final = 0.9
+_TOLERANCE: Final = 1e-9
+
+End = Literal["goal", "held", "opened"]
+"""What a success is: to be on a goal, to hold a certain thing, or to have opened the door."""
+
+_Place = tuple[int, int]
+_State = tuple[tuple[Any, ...], _Place, int, Any, tuple[tuple[bool, bool], ...]]
+"""What is on the cells, where the agent is and which way it looks, what it carries; of each door: open, locked."""
+
+
+@dataclass(frozen=True, slots=True)
+class LevelDoor:
+    """A door, and the letter that stands for it in the rows; `lock` is "open", "closed" or "locked"."""
+
+    letter: str
+    colour: str
+    lock: str
+
+
+@dataclass(frozen=True, slots=True)
+class LevelThing:
+    """A "Key", "Ball" or "Box" with a name: somewhere, or inside of the box that has its name in `inside`."""
+
+    name: str
+    cls: str
+    colour: str
+    place: _Place | None = None
+    inside: str | None = None
+
+
+class Level:
+    """A level of MiniGrid as it is after a reset, whose environment is walked through to compare others with it.
+
+    Attributes:
+        end: what a success is.
+        mission: what the agent is told to do.
+        rows: a letter for each cell: `#` a wall, `.` nothing, `~` lava, `_` painted floor, `G` a goal, or a door's.
+        doors: those that are alike are one.
+        things: what can be carried; what is inside of a box stands before it.
+        start, facing: where the agent is, (column, row), and which way it looks.
+        limit: steps of an episode.
+    """
+
+    def __init__(self, inner: Any, end: End) -> None:
+        self.end = end
+        self.mission = str(inner.mission)
+        self.limit: int = inner.max_steps
+        self.start: _Place = int(inner.agent_pos[0]), int(inner.agent_pos[1])
+        self.facing = _WAYS[inner.agent_dir]
+        self.doors: list[LevelDoor] = []
+        self.things: list[LevelThing] = []
+        self._inner = inner
+        self._locks = [cell for cell in inner.grid.grid if cell is not None and cell.type == "door"]
+        places = [[(x, y) for x in range(inner.width)] for y in range(inner.height)]
+        self.rows = tuple("".join(map(self._letter, row)) for row in places)
+        self._first = self._state()
+        values = inner.width * inner.height + 1
+        if (
+            values ** (1 + len(self.things)) * 3 ** len(self._locks) * 4 * (len(self.things) + 1)
+            > LARGEST_INT
+        ):
+            message = f"a level of {values - 1} cells and {len(self.things)} things has too many observations"
+            raise InvalidArgument(message, "up to 2**63 - 1 can be numbered")
+
+    @classmethod
+    def of(cls, inner: Any, seed: int) -> Level:
+        """The level that `reset(seed=seed)` draws.
+
+        Raises:
+            InvalidArgument: its steps or rewards are not MiniGrid's own, or it has things that are not known here.
+        """
+        base = _base(inner)
+        inner.reset(seed=seed)
+        inner.gen_obs = dict  # it takes most of the time of a step, and nobody looks
+        ends: tuple[End, ...] = ("goal",) if type(inner).step is base.step else _ends(inner)
+        if not ends or type(inner)._reward is not base._reward or inner.action_space.n != _ACTIONS:
+            hint = "known are levels of a goal, of a thing to be picked up, and of a door to be opened"
+            raise InvalidArgument(f"`{type(inner).__name__}` has rules of its own for a step", hint)
+        return cls(inner, ends[0])
+
+    def _letter(self, place: _Place) -> str:
+        cell = self._inner.grid.get(*place)
+        if cell is None:
+            return "."
+        if cell.type in _TILES:
+            return _TILES[cell.type]
+        if cell.type == "door":
+            return self._door(
+                cell.color, "open" if cell.is_open else "locked" if cell.is_locked else "closed"
+            )
+        self._thing(cell, place)
+        return "."
+
+    def _door(self, colour: str, lock: str) -> str:
+        for door in self.doors:
+            if (door.colour, door.lock) == (colour, lock):
+                return door.letter
+        self.doors.append(LevelDoor(_DOORS[len(self.doors)], colour, lock))
+        return self.doors[-1].letter
+
+    def _thing(self, found: Any, place: _Place | None) -> str:
+        """Add a thing, after what is inside of it; its name."""
+        if found.type not in _THINGS:
+            raise InvalidArgument(
+                f"there is a {found.type} at {place}, which is not known", f"known are {[*_THINGS]}"
+            )
+        inside = None if found.contains is None else self._thing(found.contains, None)
+        target = self.end == "held" and found is self._inner.obj
+        name = "target" if target else f"thing{len(self.things)}"
+        self.things.append(LevelThing(name, _THINGS[found.type], found.color, place, inside))
+        return name
+
+    def differences(self, table: Tabular) -> Iterator[str]:
+        """What a table does in another way; nothing if it steps identically.
+
+        Both are walked through side by side, every action in every state; a state of one has to be one of the other.
+        """
+        if len(table.start_states) != 1 or not table.deterministic or table.n_actions != _ACTIONS:
+            yield "it has chances, or other actions"
+            return
+        start = int(table.start_states[0])
+        known, seen, todo = {start: _key(self._first)}, {_key(self._first)}, [(start, self._first)]
+        while todo:
+            state, before = todo.pop()
+            for action in range(_ACTIONS):
+                told = self._step(before, action)
+                here = state, action, 0
+                to, over = int(table.next_state[here]), int(table.terminated[here])
+                yield from _apart(action, told, (float(table.reward[here]), over))
+                after = self._state()
+                if over or known.get(to) == _key(after):
+                    continue
+                if to in known or _key(after) in seen:
+                    yield f"action {action} leads to another state"
+                known[to] = _key(after)
+                seen.add(known[to])
+                todo.append((to, after))
+
+    def played(self, env: gymnasium.Env[Any, Any], actions: Iterable[int]) -> Iterator[str]:
+        """What an environment does in another way along some actions.
+
+        Its first components are the cell where the agent is, row by row, and which way it looks.
+        """
+        env.reset(seed=0)
+        state = self._first
+        for action in actions:
+            told = self._step(state, action)
+            seen, reward, over, _, info = env.step(action)
+            yield from _apart(action, told, (float(reward), (1 if info["success"] else 2) if over else 0))
+            if over:
+                return
+            state = self._state()
+            (x, y), way = state[1:3]
+            if [*map(int, seen[:2])] != [y * self._inner.width + x, way]:
+                yield f"action {action} leads elsewhere"
+
+    def _step(self, before: _State, action: int) -> tuple[float, int]:
+        """Reward, and how it ended: 0 not at all, 1 in success, 2 in failure; steps cost a share of the discount."""
+        inner = self._inner
+        cells, inner.agent_pos, inner.agent_dir, inner.carrying, locks = before
+        inner.grid.grid, inner.step_count = [*cells], 0
+        for door, lock in zip(self._locks, locks, strict=True):
+            door.is_open, door.is_locked = lock
+        _, paid, over, *_ = inner.step(action)
+        success = over and paid > 0
+        return float(paid) - (0.0 if success else _DISCOUNT / self.limit), (
+            1 if success else 2
+        ) if over else 0
+
+    def _state(self) -> _State:
+        inner = self._inner
+        place = int(inner.agent_pos[0]), int(inner.agent_pos[1])
+        locks = tuple((door.is_open, door.is_locked) for door in self._locks)
+        return tuple(inner.grid.grid), place, int(inner.agent_dir), inner.carrying, locks
+
+
+def is_minigrid(inner: Any) -> bool:
+    """Whether an environment is one of MiniGrid."""
+    return _base(inner) is not None
+
+
+def _base(inner: Any) -> Any:
+    """The class of all environments of MiniGrid, if this is one of them; the package is not imported for it."""
+    named = (cls for cls in type(inner).__mro__ if cls.__name__ == "MiniGridEnv")
+    return next((cls for cls in named if cls.__module__.startswith("minigrid.")), None)
+
+
+def _ends(inner: Any) -> tuple[End, ...]:
+    """What may be a success where a step does more than that of other levels."""
+    ends: list[End] = []
+    if getattr(inner, "obj", None) is not None and inner.obj in inner.grid.grid:
+        ends.append("held")
+    if getattr(getattr(inner, "door", None), "type", None) == "door":
+        ends.append("opened")
+    return tuple(ends)
+
+
+def _key(state: _State) -> Any:
+    """A state that can be compared: objects are the same or not, whatever they look like."""
+    cells, place, way, carried, locks = state
+    return tuple(map(id, cells)), place, way, id(carried), locks
+
+
+def _apart(action: int, told: tuple[float, int], found: tuple[float, int]) -> Iterator[str]:
+    if told[1] != found[1] or abs(told[0] - found[0]) > _TOLERANCE:
+        yield f"action {action} gives {found[0]:g} and end {found[1]}, not {told[0]:g} and {told[1]}"

@@ -1,0 +1,109 @@
+"""Levels of the real MiniGrid become domains that step as they do: `make test-integrations` installs it, and runs this.
+
+It is no `test_*.py`: `make test` does without.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+
+import envgraph
+from tests.unit.cli.test_commands import Envgraph, ok
+from tests.unit.cli.test_commands import envgraph as envgraph_command
+
+pytest.importorskip("minigrid")  # modules are imported in `make test`, too, for their doctests
+
+__all__ = ["envgraph_command"]
+
+pytestmark = pytest.mark.filterwarnings("default")  # theirs, not ours to fix
+
+LEVELS = [
+    ("Empty-5x5-v0", 0, 0.955),
+    ("DoorKey-5x5-v0", 3, None),
+    ("LavaGapS5-v0", 1, None),
+    ("MultiRoom-N2-S4-v0", 1, None),
+    ("Unlock-v0", 2, None),
+    ("KeyCorridorS3R1-v0", 1, None),
+]
+
+
+@pytest.mark.parametrize(("level", "seed", "first"), LEVELS)
+def test_a_level_steps_as_it_does_there(
+    envgraph_command: Envgraph, level: str, seed: int, first: float | None
+) -> None:
+    """Side by side under random actions and along the best policy, whose return is MiniGrid's."""
+    said = ok(
+        envgraph_command("adopt", f"MiniGrid-{level}", "-o", "mine", "--seed", seed, "--format", "json")
+    )
+    assert said.json["kind"] == "minigrid" and said.json["states"] > 20  # type: ignore[index, call-overload]
+    assert "no problems" in ok(envgraph_command("check", "mine")).out
+    texts = [str(path) for path in Path("mine").iterdir() if path.suffix != ".toml"]
+    assert "would" not in envgraph_command("format", "--check", *texts).out
+    ours = envgraph.make(domain="mine", observation="dict")
+    theirs: Any = gymnasium.make(f"MiniGrid-{level}")
+    table = ours.unwrapped.tabular
+    rng = np.random.default_rng(0)
+    values = _values(table)
+    won = 0
+    for episode in range(20):
+        ours.reset(seed=0)
+        theirs.reset(seed=seed)
+        total, state = 0.0, int(table.start_states[0])
+        for _ in range(ours.spec.max_episode_steps):
+            best = (table.reward[state, :, 0] + values[table.next_state[state, :, 0]]).argmax()
+            action = int(best) if episode == 0 else int(rng.integers(7))
+            state = int(table.next_state[state, action, 0])
+            seen, reward, over, cut, info = ours.step(action)
+            _, paid, ended, stopped, _ = theirs.step(action)
+            total += reward
+            inner = theirs.unwrapped
+            assert (over, cut and not over) == (ended, stopped and not ended)
+            if not over:
+                assert seen["hero at"] == inner.agent_pos[1] * inner.width + inner.agent_pos[0]
+                assert seen["hero facing"] == inner.agent_dir
+            if over or cut:
+                break
+        if info["success"]:
+            assert total == pytest.approx(paid) and paid > 0
+            won += 1
+            assert episode or first is None or paid == pytest.approx(first)
+        else:
+            assert paid == 0
+    assert won
+
+
+def _values(table: Any) -> Any:
+    values = np.zeros(table.n_states)
+    for _ in range(200):
+        values = (table.reward[:, :, 0] + values[table.next_state[:, :, 0]]).max(axis=1)
+    return values
+
+
+@pytest.mark.parametrize(
+    "level", ["Dynamic-Obstacles-5x5-v0", "GoToDoor-5x5-v0", "Fetch-5x5-N2-v0", "MemoryS7-v0"]
+)
+def test_levels_with_rules_of_their_own_are_refused(envgraph_command: Envgraph, level: str) -> None:
+    done = envgraph_command("adopt", f"MiniGrid-{level}")
+    assert done.code == 1 and "has rules of its own for a step" in done.err and not list(Path().iterdir())
+
+
+def test_a_large_level_is_tried_along_ways(envgraph_command: Envgraph) -> None:
+    said = ok(envgraph_command("adopt", "MiniGrid-DoorKey-16x16-v0", "-o", "large")).out
+    assert "in 20 random walks of 200 steps; there are too many states to try all" in said
+
+
+def test_boxes_give_what_is_inside(envgraph_command: Envgraph) -> None:
+    ok(envgraph_command("adopt", "MiniGrid-ObstructedMaze-1Dlhb-v0", "-o", "maze"))
+    text = Path("maze/mini_grid_obstructed_maze_1_dlhb.model").read_text()
+    assert " : Box {" in text and ", inside = thing" in text and "target : Ball" in text
+
+
+def test_a_level_has_a_family(envgraph_command: Envgraph) -> None:
+    ok(envgraph_command("adopt", "MiniGrid-DoorKey-5x5-v0", "-o", "doors"))
+    made = ok(envgraph_command("generate", "doors", "--generations", 5, "--name", "five", "--format", "json"))
+    assert made.json["diversity"] > 1  # type: ignore[index, call-overload]
