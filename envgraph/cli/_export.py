@@ -10,7 +10,7 @@ from envgraph.cli._output import print_line, printable_json
 from envgraph.errors import EvaluationError, InvalidArgument, did_you_mean
 from envgraph.files import replace_file
 from envgraph.search import Family, export_ga4cl, family_svg, open_family, write_family
-from envgraph.search.export import copy_templates, write_frozen_lake, write_package, write_tables
+from envgraph.search.export import MINIGRID, copy_templates, write_frozen_lake, write_package, write_tables
 
 _TEXTS: dict[str, Callable[[Family], str]] = {
     "family": write_family,
@@ -18,7 +18,8 @@ _TEXTS: dict[str, Callable[[Family], str]] = {
     "svg": family_svg,
     "frozenlake": write_frozen_lake,
 }
-_FOLDERS = ("python", "compiled")
+_FOLDERS = ("python", "compiled", "minigrid")
+_OF_MINIGRID = ("Level", "Wall", "Lava", "Tile", "Goal", "Door", "Thing", "Hero")
 _KNOWN = (*_TEXTS, "npz", *_FOLDERS)
 
 
@@ -34,7 +35,7 @@ def export_family(
     if format in ("family", "ga4cl", "frozenlake") and output is not None and output.suffix == ".svg":
         raise InvalidArgument(f"`{output}` would be JSON", "write `--format svg` for a picture")
     if output is None and format not in _TEXTS:
-        what = "a package" if format in _FOLDERS else "a file of arrays"
+        what = "a folder" if format in _FOLDERS else "a file of arrays"
         hint = "`-o FOLDER` says where" if format in _FOLDERS else "`-o FILE` says where"
         raise InvalidArgument(f"format `{format}` is {what}", hint)
     family = open_family(run, directory)
@@ -42,6 +43,8 @@ def export_family(
         _export_text(family, format, output)
     elif format == "python":
         _export_package(family, output, templates)
+    elif format == "minigrid":
+        _export_levels(family, output)
     elif format == "compiled":
         _export_program(family, output)
     else:
@@ -71,6 +74,17 @@ def _export_package(family: Family, output: Path, templates: Path | None) -> Non
         print_line(f"pip install {output}")
         print_line(f"import {output.name}")
         print_line(f"env = {output.name}.make({family.members[-1].name!r})")
+
+
+def _export_levels(family: Family, output: Path) -> None:
+    """Write the levels of a family as a module for MiniGrid."""
+    lacking = [name for name in _OF_MINIGRID if name not in family.domain.metamodel.classes]
+    if lacking:
+        message = f"format `minigrid` has levels of MiniGrid, and the metamodel has no class `{lacking[0]}`"
+        raise InvalidArgument(message, "`envgraph adopt MiniGrid-..` writes domains with all that is needed")
+    for path in write_package(family, output, MINIGRID):
+        print_line(f"wrote {path}")
+    print_line(f'gymnasium.make("levels:{family.name}-{family.members[-1].name}-v0")')
 
 
 def _export_program(family: Family, output: Path) -> None:

@@ -58,6 +58,7 @@ class Level:
         rows: a letter for each cell: `#` a wall, `.` nothing, `~` lava, `_` painted floor, `G` a goal, or a door's.
         doors: those that are alike are one.
         things: what can be carried; what is inside of a box stands before it.
+        exit: the door to be opened, (column, row), if that is what a success is.
         start, facing: where the agent is, (column, row), and which way it looks.
         limit: steps of an episode.
     """
@@ -68,6 +69,7 @@ class Level:
         self.limit: int = inner.max_steps
         self.start: _Place = int(inner.agent_pos[0]), int(inner.agent_pos[1])
         self.facing = _WAYS[inner.agent_dir]
+        self.exit: _Place | None = None
         self.doors: list[LevelDoor] = []
         self.things: list[LevelThing] = []
         self._inner = inner
@@ -106,6 +108,8 @@ class Level:
         if cell.type in _TILES:
             return _TILES[cell.type]
         if cell.type == "door":
+            if self.end == "opened" and cell is self._inner.door:
+                self.exit = place
             return self._door(
                 cell.color, "open" if cell.is_open else "locked" if cell.is_locked else "closed"
             )

@@ -4,8 +4,8 @@
 whose package needs Gymnasium and NumPy alone.
 """
 
-from envgraph.search.export._package import copy_templates, write_package
+from envgraph.search.export._package import MINIGRID, copy_templates, write_package
 from envgraph.search.export._tables import write_frozen_lake, write_tables
 from envgraph.search.export._templates import Templates
 
-__all__ = ["Templates", "copy_templates", "write_frozen_lake", "write_package", "write_tables"]
+__all__ = ["MINIGRID", "Templates", "copy_templates", "write_frozen_lake", "write_package", "write_tables"]

@@ -24,6 +24,9 @@ from envgraph.search.export._templates import Templates
 TEMPLATES: Final = Path(__file__).parent / "templates"
 """Those that come with envgraph."""
 
+MINIGRID: Final = Path(__file__).parent / "minigrid"
+"""Those of levels of MiniGrid."""
+
 TABLES, PROGRAM = "tables.npz", "program"
 """Empty files of templates that stand for what the environments step by: tables, or else a package."""
 
