@@ -112,7 +112,7 @@ class Turn:
             top = writer.module.fresh("t")
             writer.assign(top, plus(TOP, code.Operation("*", (CAPACITY, code.Constant(waiting)))))
             writer.top = top
-        for local in (TOTAL, *(player.total for player in self.players)):
+        for local in dict.fromkeys((TOTAL, *(player.total for player in self.players))):
             writer.assign(local, code.Constant(0.0))
         for local in (END, ACTED, self.did):
             writer.assign(local, ZERO)
