@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from envgraph.errors import later, shorten
 from envgraph.lang.family._family import (
+    EXPRESSIONS,
     ComponentSpec,
     ConstraintsSpec,
     CurriculumSpec,
@@ -61,6 +62,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "COMPONENTS",
+    "EXPRESSIONS",
     "FORMATS",
     "LANGUAGES",
     "NEED_ENVIRONMENT",

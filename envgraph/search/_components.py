@@ -18,6 +18,7 @@ from envgraph.metamodel import Metamodel, Scalar
 from envgraph.pattern import Constant, Library
 from envgraph.search._diversity import BinnedEntropy, Gini, Statistic, Variance
 from envgraph.search._expressed import Expressed, named, read_expression
+from envgraph.search._family_measures import ChainTransfer
 from envgraph.search._measures import (
     LIMIT,
     Certifier,
@@ -44,7 +45,7 @@ from envgraph.search._selection import (
     SurvivorSelection,
     TournamentParents,
 )
-from envgraph.search.curricula import MOST_STATES, ChainTransfer, Judged, Learning, Levels
+from envgraph.search.curricula import MOST_STATES, Judged, Learning, Levels, Measured
 from envgraph.search.optimising import Annealing, Beam, HillClimb, Strategy, TreeSearch
 from envgraph.solve.learning import TrainingSettings
 
@@ -195,16 +196,15 @@ def _learning(options: Options, context: Context) -> Callable[[Levels, int], Jud
 
 
 def _chain_transfer(options: Options, context: Context) -> Callable[[Levels, int], Judged]:
-    del context
-
     def made(levels: Levels, workers: int) -> Judged:
         del workers
         try:
-            return ChainTransfer(levels.target)
+            levels.target.tabular  # noqa: B018  # so that too many states are told before there is a run
         except TooManyStates as error:
             hint = 'write `kind = "learning"`, whose learners need no table, or make the target smaller'
             place = options.spec.span("kind")
             raise LoadError([Diagnostic("too-many-states", error.message, place, hint)]) from error
+        return Measured(ChainTransfer(), context.spec.search.population)
 
     return made
 

@@ -23,6 +23,7 @@ from envgraph.errors import (
 from envgraph.files import counting
 from envgraph.graph import Model, model_from_json, model_to_json
 from envgraph.lang import (
+    EXPRESSIONS,
     NEED_ENVIRONMENT,
     Bundle,
     ComponentSpec,
@@ -57,7 +58,7 @@ from envgraph.search._problem import (
 )
 from envgraph.search._samples import SampleSettings
 from envgraph.search._selection import ExactSelection, SurvivorSelection
-from envgraph.search.curricula import CurriculumSettings, Judged, Levels
+from envgraph.search.curricula import CurriculumSettings, Judged, Levels, Measured
 from envgraph.search.optimising import Strategy
 
 EFFORT, MOST_LANES = 4_000_000_000, 1_000
@@ -254,32 +255,32 @@ class Domain:
             diversity=diversity,
             diversity_of=str(self.spec.diversity.options["of"]),
             otherwise=otherwise,
-            objective=self.objective(),
+            objective=self.objective() if self.spec.evolves else None,
             behaviour=self.behaviour,
             order=None if self.spec.curriculum.order is None else str(self.spec.curriculum.order),
             target_last=self.spec.curriculum.initial == "last",
         )
 
     def objective(self) -> Objective | None:
-        """What a family is to be, where the file has `[objective]` with expressions.
+        """What a family is to be, where `[objective]` has expressions.
 
         Raises:
             LoadError: what is wrong with it; all problems at once.
         """
-        spec = self.spec.objective
-        if spec is None or self.spec.climbs:
+        spec, search = self.spec.objective, self.spec.search
+        if spec is None or not has_expressions(spec):
             return None
         measures, otherwise, diversity = self._measures()
         others = {name: (one, otherwise.get(name, inf)) for name, one in measures.items()}
         context = replace(self._context(), others=others, diversity=diversity)
-        objective, problems = _whole_family(spec, context, self.components)
-        for key, given in (("target", self.spec.search.target), ("stagnation", self.spec.search.stagnation)):
-            if given is not None:
-                message = f"`{key}` is about the diversity, and the family has an objective"
-                hint = (
-                    "leave it out: the search ends after `generations`, or where nothing better is possible"
-                )
-                problems.append(Diagnostic("bad-objective", message, spec.span(), hint))
+        objective, problems = read_objective(spec, context, self.components.family)
+        if not self.spec.climbs:
+            problems += _finished(_expressions(spec))
+            for key, given in (("target", search.target), ("stagnation", search.stagnation)):
+                if given is not None:
+                    message = f"`{key}` is about the diversity, and the family has an objective"
+                    hint = "leave it out: the search ends after `generations`, or where nothing better is possible"
+                    problems.append(Diagnostic("bad-objective", message, spec.span(), hint))
         if has_errors(problems):
             raise LoadError(problems)
         return objective
@@ -362,9 +363,14 @@ class Domain:
         spec, search = self.spec.objective, self.spec.search
         if spec is None or not self.spec.climbs:
             return None
-        options = Options(spec)
+        options, objective = _expressions(spec), self.objective()
         settings = _climb(options, search.population)
-        made = self.components.objective[spec.kind](options, self._context())
+        made: Callable[[Levels, int], Judged]
+        if objective is None or not objective.terms:
+            made = self.components.objective[spec.kind](options, self._context())
+        else:
+            last = Measured(objective.terms[-1], search.population)
+            made = lambda levels, workers: last  # noqa: E731
         problems = _finished(options)
         if search.population < 2 or not search.keep_initial or self.spec.curriculum.initial != "last":
             message = "an objective is of families that end in the initial model and have other members"
@@ -594,13 +600,16 @@ def option_problems(spec: FamilySpec, workspace: Workspace) -> list[Diagnostic]:
                 options.number("otherwise", 0.0, -LARGEST, LARGEST)
             made[component.kind](options, context)
             problems += _finished(options)
-    if spec.objective is not None and not spec.climbs:
-        problems += _whole_family(spec.objective, context, known)[1]
-    elif spec.objective is not None and spec.objective.kind in known.objective:
-        options = Options(spec.objective)
-        _climb(options, spec.search.population)
-        known.objective[spec.objective.kind](options, context)
-        problems += _finished(options)
+    if spec.objective is not None:
+        options = _expressions(spec.objective)
+        if has_expressions(spec.objective):
+            problems += read_objective(spec.objective, context, known.family)[1]
+        if spec.climbs:
+            _climb(options, spec.search.population)
+        if spec.objective.kind in known.objective:
+            known.objective[spec.objective.kind](options, context)
+        if spec.objective.kind in (EXPRESSIONS, *known.objective):
+            problems += _finished(options)
     reported = {one.span for one in workspace.diagnostics}
     return [one for one in problems if one.span not in reported]
 
@@ -617,15 +626,20 @@ def domain_problems(spec: FamilySpec, workspace: Workspace) -> list[Diagnostic]:
     return problems
 
 
-def _whole_family(
-    spec: ComponentSpec, context: Context, components: Components
-) -> tuple[Objective, list[Diagnostic]]:
-    """What a family is to be, and all that is wrong with what the file says of it."""
-    found, problems = read_objective(spec, context, components.family)
+def has_expressions(spec: ComponentSpec) -> bool:
+    """Whether an objective has expressions over measures of families."""
+    return spec.kind == EXPRESSIONS or "subject_to" in spec.options
+
+
+def _expressions(spec: ComponentSpec) -> Options:
+    """The options of an objective, of which the expressions are read elsewhere."""
     options = Options(spec)
-    for key in ("maximise", "minimise", "subject_to"):
+    for key in ("maximise", "minimise") if spec.kind == EXPRESSIONS else ():
         options.given(key)
-    return found, problems + _finished(options)
+    options.given("subject_to")
+    if spec.kind == EXPRESSIONS:
+        options.word("search", "evolve", ("evolve", "climb"))
+    return options
 
 
 def _climb(options: Options, population: int) -> CurriculumSettings:

@@ -15,6 +15,7 @@ from envgraph.search._domain import Domain
 from envgraph.search._evolution import Evolution
 from envgraph.search._family import Family, domain_of, family_of
 from envgraph.search._ga4cl import GridVariant, grid_rows, read_ga4cl, retype_grid, write_ga4cl
+from envgraph.search._objective import Objective
 from envgraph.search._problem import Problem
 from envgraph.search._rewards import reward_schedule
 from envgraph.search._samples import SampleProgress, Sampler
@@ -175,8 +176,10 @@ def _search(
     assert domain.behaviour is not None, "check_family demands an environment for an objective"
     make, climb = search
     levels = Levels(problem, domain.behaviour)
-    whole = CurriculumSearch(levels, make(levels, workers), climb, seed, climbing)
-    return lambda store: _store(store, levels, whole.run())
+    objective = domain.objective() or Objective(())
+    judged, before = make(levels, workers), objective.measures[:-1] if objective.terms else objective.measures
+    whole = CurriculumSearch(levels, judged, climb, seed, climbing, before)
+    return lambda store: _store(store, levels, whole.run(), objective)
 
 
 def _drawn(sampler: Sampler, drawing: Drawing, store: RunStore) -> None:
@@ -188,7 +191,7 @@ def _evolved(evolution: Evolution, progress: Progress) -> None:
     evolution.run(progress)
 
 
-def _store(store: RunStore, levels: Levels, found: CurriculumProgress) -> None:
+def _store(store: RunStore, levels: Levels, found: CurriculumProgress, objective: Objective) -> None:
     """Write a family that was searched for as a whole: the target, and what leads from it to each other member."""
     born = []
     for id_, level in enumerate([found.family[-1], *found.family[:-1]]):
@@ -201,7 +204,9 @@ def _store(store: RunStore, levels: Levels, found: CurriculumProgress) -> None:
     rejected = dict(sorted(levels.rejected.items()))
     diversity = levels.diversity(found.family)
     # A run with a generation has ended: that is written last, and whole.
-    store.set("objective", {"value": found.value, "families": found.tried})
+    worth = {"values": objective.values(found.family)} if objective.terms else {"value": found.value}
+    lacking = objective.lacking(found.family)
+    store.set("objective", {**worth, "lacking": lacking, "families": found.tried})
     store.write_generation(Generation(0, members, diversity, len(born), rejected), born)
 
 

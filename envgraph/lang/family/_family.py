@@ -259,7 +259,8 @@ class FamilySpec:
     @property
     def climbs(self) -> bool:
         """Whether the family is searched for as a whole, and not selected from a population of models."""
-        return self.objective is not None and self.objective.kind != EXPRESSIONS
+        found = self.objective
+        return found is not None and (found.kind != EXPRESSIONS or found.options.get("search") == "climb")
 
     @property
     def size(self) -> int:

@@ -243,7 +243,7 @@ class _Reader:
 
     def _objective(self, top: Section) -> ComponentSpec | None:
         section = top.table("objective")
-        if {"maximise", "minimise"} & set(section.data):
+        if any(did_you_mean(key, ("maximise", "minimise")) for key in section.data):
             if "kind" in section:
                 hint = "leave out `kind`, or `maximise` and `minimise`"
                 message = "an objective has a kind, or expressions"

@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from types import MappingProxyType
 
 from envgraph.errors import Diagnostic, Span, did_you_mean, listed, name_hint, quoted
-from envgraph.lang.family._family import ComponentSpec, FamilySpec, Name
+from envgraph.lang.family._family import EXPRESSIONS, ComponentSpec, FamilySpec, Name
 from envgraph.lang.loading._workspace import Workspace
 from envgraph.metamodel import Metamodel, Reference, Scalar
 from envgraph.pattern import Derivation, Library, Rule, Unit
@@ -99,7 +99,7 @@ class _Checker:
             yield from self._component(measure, "measure")
             yield from self._measure(measure)
         yield from self._component(spec.diversity, "diversity")
-        if spec.objective is not None and spec.climbs:
+        if spec.objective is not None and spec.objective.kind != EXPRESSIONS:
             yield from self._component(spec.objective, "objective")
         yield from self._component(spec.search.parents, "parents")
         yield from self._component(spec.search.survivors, "survivors")

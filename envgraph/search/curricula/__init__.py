@@ -7,12 +7,11 @@ measures and tables, such as how often a learner that is trained on one after th
 from envgraph.search.curricula._climb import CurriculumProgress, CurriculumSearch, CurriculumSettings
 from envgraph.search.curricula._levels import MOST_STATES, Level, Levels
 from envgraph.search.curricula._moves import Moves
-from envgraph.search.curricula._objectives import ChainTransfer, Judged, Learning, value_of
+from envgraph.search.curricula._objectives import Judged, Learning, Measured, value_of
 from envgraph.search.curricula._starts import Starts
 
 __all__ = [
     "MOST_STATES",
-    "ChainTransfer",
     "CurriculumProgress",
     "CurriculumSearch",
     "CurriculumSettings",
@@ -20,6 +19,7 @@ __all__ = [
     "Learning",
     "Level",
     "Levels",
+    "Measured",
     "Moves",
     "Starts",
     "value_of",

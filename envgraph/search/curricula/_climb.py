@@ -15,9 +15,12 @@ from envgraph.code import dataclass
 from envgraph.env import TooManyStates
 from envgraph.env.compiled import NotCompiled
 from envgraph.errors import InvalidArgument
+from envgraph.search._diversity import Bounded
+from envgraph.search._families import DIGITS, FamilyMeasure
+from envgraph.search._family_measures import LEAST
 from envgraph.search.curricula._levels import Level, Levels
 from envgraph.search.curricula._moves import Family, Moves
-from envgraph.search.curricula._objectives import LEAST, Judged, value_of
+from envgraph.search.curricula._objectives import Judged, value_of
 from envgraph.search.curricula._starts import Easing, Starts
 
 Scores = NDArray[np.float64]
@@ -71,6 +74,7 @@ class _Lane:
     Attributes:
         current: the family that moves are tried on.
         best: the best one so far.
+        before: what the best one is worth by the measures that count before the objective.
         value: of the best one, estimated on seeds of its own; minus infinity before it is known.
         rng: draws moves.
     """
@@ -78,6 +82,7 @@ class _Lane:
     current: Family
     best: Family
     rng: Generator
+    before: tuple[float, ...] = ()
     value: float = -inf
 
 
@@ -108,6 +113,9 @@ class CurriculumSearch:
     meet the same seeds, which no epoch before had. A child is dropped as soon as it is clearly worse (a race), and
     takes the place of the family if it is not worse at the end. Families are compared on seeds of their own.
 
+    Measures that count before the objective are asked first: a family that is worse in them is not judged, and one that
+    is better in them takes the place of another one whatever the objective says.
+
     The result depends on the arguments alone: effort is counted, not timed.
 
     Args:
@@ -116,6 +124,7 @@ class CurriculumSearch:
         settings: how long, and how many.
         seed: the one source of randomness.
         report: called now and then with where the search stands.
+        measures: of families, that count before the objective, the one that counts most first.
     """
 
     levels: Levels
@@ -123,6 +132,7 @@ class CurriculumSearch:
     settings: CurriculumSettings
     seed: int
     report: Callable[[CurriculumProgress], None] = lambda progress: None
+    measures: Sequence[FamilyMeasure] = ()
     tried: int = field(default=0, init=False)
     _steps: int = field(default=0, init=False)
     _seeds: int = field(default=0, init=False)
@@ -144,7 +154,12 @@ class CurriculumSearch:
             InvalidArgument: none was found that is as diverse as demanded, or has different members.
         """
         lanes = [
-            _Lane(family, family, default_rng(SeedSequence(self.seed, spawn_key=(1, place))))
+            _Lane(
+                family,
+                family,
+                default_rng(SeedSequence(self.seed, spawn_key=(1, place))),
+                self._before(family),
+            )
             for place, family in enumerate(self._screened())
         ]
         rounds = len(lanes).bit_length()
@@ -155,9 +170,9 @@ class CurriculumSearch:
             share = (until - self._spent()) / len(lanes)
             for lane in lanes:
                 self._climb(lane, self._spent() + share)
-            lanes.sort(key=lambda lane: -lane.value)
+            lanes.sort(key=lambda lane: (lane.before, lane.value), reverse=True)
             lanes = lanes[: max(1, len(lanes) // 2)]
-            if lanes[0].value >= self._enough:
+            if self._is_enough(lanes[0]):
                 break
         if lanes[0].value == -inf:  # the effort was over before
             lanes[0].value = value_of(self._judged(lanes[0].best, JUDGE))
@@ -166,6 +181,16 @@ class CurriculumSearch:
     @property
     def _enough(self) -> float:
         return self.objective.most if self.settings.enough is None else self.settings.enough
+
+    def _is_enough(self, lane: _Lane) -> bool:
+        """Whether nothing better is wanted, or possible in what counts before the objective."""
+        most = (one.maximum(len(lane.best)) if isinstance(one, Bounded) else inf for one in self.measures)
+        known = zip(lane.before, most, strict=True)
+        return lane.value >= self._enough and all(value >= bound - _SAME for value, bound in known)
+
+    def _before(self, family: Sequence[Level]) -> tuple[float, ...]:
+        """What a family is worth by the measures that count before the objective."""
+        return tuple(round(one.score(family), DIGITS) for one in self.measures)
 
     def _spent(self) -> float:
         """Share of the effort."""
@@ -180,26 +205,32 @@ class CurriculumSearch:
         """As many families as there are lanes, the best first."""
         settings, rng = self.settings, default_rng(SeedSequence(self.seed, spawn_key=(0,)))
         starts = Starts(self.levels, self._moves, settings.population, self._demanded, rng)
-        pool: list[tuple[float, Family, Easing]] = []
+        pool: list[tuple[tuple[tuple[float, ...], float], Family, Easing]] = []
         births = 0
         while (self._spent() < SCREENED and births < BIRTHS + settings.effort // LEVEL) or not pool:
             births += 1
             if not pool and births > BIRTHS:
                 raise InvalidArgument(self._nothing())
-            best = sorted(pool, key=lambda one: -one[0])[: len(pool) // 4]
+            best = sorted(pool, key=_rank, reverse=True)[: len(pool) // 4]
             learnt = bool(best) and rng.random() < 0.5
             easing = best[int(rng.integers(len(best)))][2] if learnt else starts.easing(rng)
             family = starts.draw(easing, rng)
             if family is None:
                 self._steps += LEVEL // 2
                 continue
-            pool.append((value_of(self._judged(family, GLANCE)), family, easing))
+            before, most = self._before(family), max((one[0][0] for one in pool), default=())
+            value = value_of(self._judged(family, GLANCE)) if before >= most else -inf
+            self._steps += LEVEL if value == -inf else 0
+            pool.append(((before, value), family, easing))
             self.report(CurriculumProgress(family, -inf, min(1.0, self._spent()), self.tried))
-        pool.sort(key=lambda one: -one[0])
+        pool.sort(key=_rank, reverse=True)
         pool, seeds = pool[: max(settings.lanes, len(pool) // 4)], LOOK
         while len(pool) > settings.lanes:
-            pool = [(value_of(self._judged(family, seeds)), family, easing) for _, family, easing in pool]
-            pool.sort(key=lambda one: -one[0])
+            pool = [
+                ((before, value_of(self._judged(family, seeds))), family, easing)
+                for (before, _), family, easing in pool
+            ]
+            pool.sort(key=_rank, reverse=True)
             pool, seeds = pool[: max(settings.lanes, len(pool) // 3)], 2 * seeds
         return [family for _, family, _ in pool]
 
@@ -213,7 +244,7 @@ class CurriculumSearch:
     # --- improving them
 
     def _climb(self, lane: _Lane, until: float) -> None:
-        while self._spent() < until and lane.value < self._enough:
+        while self._spent() < until and not self._is_enough(lane):
             self._epoch(lane, until)
             self.report(self._progress(lane))
 
@@ -224,21 +255,26 @@ class CurriculumSearch:
         scores = self._scores(lane.current, seeds)
         error = _per_seed(scores).std() / sqrt(len(seeds))
         if lane.current is not lane.best or lane.value == -inf:
+            before = self._before(lane.current)
+            if before > lane.before:
+                lane.best, lane.before, lane.value = lane.current, before, -inf
             if value_of(scores) >= lane.value - 0.5 * error:
                 self._consider(lane)
             elif value_of(scores) < lane.value - 2 * error:
                 lane.current = lane.best
                 scores = self._scores(lane.current, seeds)
+        now = self._before(lane.current)
         for _ in range(MOVES):
             if self._spent() >= until:
                 return
             child = self._moves.draw(lane.current, lane.rng)
-            if child is None:
+            before = () if child is None else self._before(child)
+            if child is None or before < now:
                 self._steps += LEVEL // 2
                 continue
-            found = self._race(child, seeds, scores)
+            found = self._scores(child, seeds) if before > now else self._race(child, seeds, scores)
             if found is not None:
-                lane.current, scores = child, found
+                lane.current, scores, now = child, found, before
 
     def _consider(self, lane: _Lane) -> None:
         """Take the family of a lane as its best one if it is, on seeds of its own."""
@@ -287,6 +323,10 @@ class CurriculumSearch:
         first = self._seeds
         self._seeds += count if self.objective.drawn else 1
         return range(first, self._seeds)
+
+
+def _rank(one: tuple[tuple[tuple[float, ...], float], Family, Easing]) -> tuple[tuple[float, ...], float]:
+    return one[0]
 
 
 def _per_seed(scores: Scores) -> NDArray[np.float64]:

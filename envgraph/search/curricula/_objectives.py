@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
-from math import isfinite
+from math import inf
 from typing import ClassVar, Final, Protocol
 
 import numpy as np
@@ -13,16 +13,13 @@ from numpy.typing import NDArray
 
 from envgraph.env import TooManyStates
 from envgraph.env.compiled import streams
+from envgraph.search._diversity import Bounded
+from envgraph.search._families import FamilyMeasure
 from envgraph.search.curricula._levels import Level
-from envgraph.solve import chain_transfer
 from envgraph.solve.learning import Judgement, Learners, ProgramLearners, TrainingSettings
 
 SEARCHING: Final = 2
 """Spawn key of what learners of a search draw; those of experiments are others (`envgraph/learn/_experiment.py`)."""
-
-LEAST: Final = -1e9
-"""Stands for minus infinity: sums and differences of scores stay numbers."""
-
 
 Judge = Callable[[NDArray[np.uint64], int], Judgement]
 
@@ -110,23 +107,15 @@ class Learning:
         return np.concatenate(list(judged)).reshape(len(self._steps), len(rows))
 
 
-class ChainTransfer:
-    """`chain_transfer` of the tables of a family, which needs no learner.
-
-    Args:
-        target: the last member of each family.
-
-    Raises:
-        EvaluationError, RuleError: the target has no table.
-    """
+class Measured:
+    """A measure of families as an objective, which needs no learner."""
 
     drawn: ClassVar[bool] = False
-    most: ClassVar[float] = 0.0
     effort: ClassVar[int] = 0
 
-    def __init__(self, target: Level) -> None:
-        self._target = target.tabular
+    def __init__(self, measure: FamilyMeasure, size: int) -> None:
+        self._measure = measure
+        self.most = measure.maximum(size) if isinstance(measure, Bounded) else inf
 
     def scores(self, family: Sequence[Level], seeds: range) -> NDArray[np.float64]:
-        found = chain_transfer([*(level.tabular for level in family[:-1]), self._target])
-        return np.full((1, len(seeds)), found if isfinite(found) else LEAST)
+        return np.full((1, len(seeds)), self._measure.score(family))

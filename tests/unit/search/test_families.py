@@ -295,6 +295,29 @@ def test_a_measure_of_ones_own_that_is_no_number_is_named(tmp_path: Path) -> Non
         made(tmp_path, 'objective.maximise=["-wrong"]', generations=1, components=components)
 
 
+CLIMBING = [
+    'objective={ search = "climb", effort = 6e6, lanes = 2, maximise = ["entropy(complexity)", "mean_distance"] }',
+    "search.population=4",
+]
+
+
+def test_whole_families_are_searched_for_by_the_same_measures(tmp_path: Path) -> None:
+    found = generate(DOMAIN, tmp_path / "a.sqlite", overrides=CLIMBING)
+    other = generate(DOMAIN, tmp_path / "b.sqlite", overrides=CLIMBING, workers=2)
+    assert (found.objective, found.members) == (other.objective, other.members)
+    assert found.objective["entropy(complexity)"] == pytest.approx(found.diversity())
+    assert found.diversity() > 1.4 and found.members[-1].initial
+    assert found.objective["mean_distance"] == pytest.approx(found.distances().sum() / 12)
+
+
+def test_conditions_count_before_a_kind_of_objective(tmp_path: Path) -> None:
+    wanted = 'objective={ kind = "chain_transfer", effort = 4_000_000, subject_to = ["least_distance >= 3"] }'
+    found = generate(DOMAIN, tmp_path / "a.sqlite", overrides=[wanted, "search.population=3"])
+    assert list(found.objective) == ["chain_transfer"] and not found.lacking
+    distances = found.distances()
+    assert min(int(distances[a, b]) for a, b in combinations(range(3), 2)) >= 3
+
+
 @pytest.mark.parametrize(
     ("override", "message", "place"),
     [
@@ -329,6 +352,9 @@ def test_mistakes_are_told_at_their_place(override: str, message: str, place: st
         (['objective.maximise=["distinct"]', 'objective.kind="learning"'], "has a kind, or expressions"),
         (['objective.maximise=["distinct"]', 'objective.subject_to=["distinct"]'], "compares nothing"),
         (['objective.maximise=["distinct"]', 'objective.subjectto=["distinct >= 1"]'], "unknown key `subjectto`"),
+        (['objective.maximize=["distinct"]'], "unknown key `maximize`"),
+        (['objective={ maximise = ["distinct"], search = "climbing" }'], "`search` of"),
+        (['objective.maximise=["distinct"]', "objective.lanes=2"], "unknown key `lanes`"),
         (['objective.maximise=["distinct"]', "search.stagnation=3"], "`stagnation` is about the diversity"),
     ],
 )  # fmt: skip

@@ -14,13 +14,14 @@ from envgraph.env.compiled import explored, program_of
 from envgraph.errors import InvalidArgument
 from envgraph.graph import model_to_json
 from envgraph.search import Domain
+from envgraph.search._family_measures import ChainTransfer
 from envgraph.search.curricula import (
-    ChainTransfer,
     CurriculumSearch,
     CurriculumSettings,
     Learning,
     Level,
     Levels,
+    Measured,
     Moves,
     Starts,
     _climb,
@@ -203,7 +204,7 @@ def test_what_costs_no_steps_counts_too() -> None:
 
 def test_chain_transfer_is_an_objective() -> None:
     levels = levels_of("burning_forest")
-    objective = ChainTransfer(levels.target)
+    objective = Measured(ChainTransfer(), 4)
     family = started(levels, 4, None)[0]
     expected = chain_transfer([level.tabular for level in family])
     assert objective.scores(family, range(3)).tolist() == [pytest.approx([expected] * 3)]
@@ -219,7 +220,7 @@ def test_nothing_that_is_as_diverse_as_demanded_is_an_error_that_says_why(
     monkeypatch.setattr(_climb, "BIRTHS", 20)
     settings = CurriculumSettings(population=4, effort=10_000, demanded=1.99)
     with pytest.raises(InvalidArgument, match=r"no family with a diversity of 1[.]990 that leads"):
-        CurriculumSearch(levels, ChainTransfer(levels.target), settings, seed=1).run()
+        CurriculumSearch(levels, Measured(ChainTransfer(), 4), settings, seed=1).run()
 
 
 def test_a_value_leans_on_the_worst_criterion() -> None:
@@ -301,7 +302,7 @@ def test_workers_change_nothing_without_tables(monkeypatch: pytest.MonkeyPatch) 
 
 
 def test_a_family_with_a_member_that_has_no_table_is_worth_nothing() -> None:
-    class Large(ChainTransfer):
+    class Large(Measured):
         """Says of all with an odd number of fires that they have too many states."""
 
         def scores(self, family: Sequence[Level], seeds: range) -> NDArray[np.float64]:
@@ -310,7 +311,7 @@ def test_a_family_with_a_member_that_has_no_table_is_worth_nothing() -> None:
             return np.full((1, len(seeds)), -1.0)
 
     levels = levels_of("burning_forest")
-    found = CurriculumSearch(levels, Large(levels.target), replace(SETTINGS, effort=3_000_000), 1).run()
+    found = CurriculumSearch(levels, Large(ChainTransfer(), 4), replace(SETTINGS, effort=3_000_000), 1).run()
     assert found.value == -1.0
     assert not any(Fires(levels).fires(level) % 2 for level in found.family[:-1])
     assert levels.rejected["environment `BurningForest` has more than 24 states"] > 0
