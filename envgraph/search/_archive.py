@@ -31,7 +31,7 @@ class Archive:
         self._size, self._bins = size, bins
         self._cells: dict[Cell, list[int]] = {}
         self._filled: dict[int, dict[Cell, None]] = {}
-        self._quality: list[float] = []
+        self._quality: list[tuple[float, ...]] = []
         self._count = 0
 
     def __len__(self) -> int:
@@ -62,18 +62,22 @@ class Archive:
         members = cells[int(rng.integers(len(cells)))]
         return members[int(rng.integers(len(members)))]
 
-    def put(self, cell: Cell, quality: float, rng: Generator) -> tuple[int, int | None] | None:
+    def put(
+        self, cell: Cell, quality: float | tuple[float, ...], rng: Generator
+    ) -> tuple[int, int | None] | None:
         """Offer a member.
 
         Args:
             cell: its cell.
-            quality: of members in one cell larger is better; the same for all where nothing is better.
+            quality: of members in one cell larger is better, of several numbers the first counts most; the same for all
+                where nothing is better.
             rng: draws which of equals leaves.
 
         Returns:
             The number of the member, from 0 in the order in which they are kept, and that of the one that left, if one
             did; None if it is not kept.
         """
+        quality = quality if isinstance(quality, tuple) else (quality,)
         if self._count < self._size:
             return self._keep(cell, quality), None
         most = max(self._filled)
@@ -100,7 +104,7 @@ class Archive:
         worst = [place for place in places if quality[members[place]] == least]
         return worst[int(rng.integers(len(worst)))]
 
-    def _keep(self, cell: Cell, quality: float) -> int:
+    def _keep(self, cell: Cell, quality: tuple[float, ...]) -> int:
         number = len(self._quality)
         self._quality.append(quality)
         members = self._cells.setdefault(cell, [])

@@ -414,7 +414,7 @@ class Domain:
             raise LoadError(problems)
         best, attempts = spec.maximise or spec.minimise, spec.attempts or 10 * spec.count
         sense = 1 if spec.maximise else -1
-        return SampleSettings(spec.count, cover, None if best is None else str(best), sense, attempts)
+        return SampleSettings(spec.count, cover, [str(one) for one in best], sense, attempts)
 
     def strategy(self) -> Strategy:
         """How the best model is searched for, where the file has `[optimise]`; else the default.

@@ -41,14 +41,14 @@ class SampleSettings:
     Attributes:
         count: members, at least 2, the initial model among them.
         cover: measures and their bins, which are to have as many members each.
-        best: the measure by which one member is better than another in the same bins, or None.
+        best: the measures by which one member is better than another in the same bins; the first counts most.
         sense: 1 where more of it is better, else -1.
         attempts: how many models are tried.
     """
 
     count: int
     cover: Sequence[tuple[str, BinnedEntropy]]
-    best: str | None
+    best: Sequence[str]
     sense: int
     attempts: int
 
@@ -71,7 +71,7 @@ class SampleProgress:
 
 
 @dataclass(frozen=True, slots=True)
-class Candidate:
+class Offered:
     """A valid model that was not met before.
 
     Attributes:
@@ -110,7 +110,7 @@ class Sampler:
         self._tried = self._walks = 0
         measures, state = problem.measure(), problem.engine.model.state_hash()
         self._met.add(state)
-        self.put(Candidate(-1, (), measures, state), self._quality(measures), self.generator())
+        self.put(Offered(-1, (), measures, state), self._quality(measures), self.generator())
 
     def run(self, progress: Callable[[SampleProgress], None] = lambda progress: None) -> Archive:
         """Draw until there are enough, or too many attempts were made; `write` keeps what was found."""
@@ -123,15 +123,15 @@ class Sampler:
         progress(replace(self.progress, share=1.0))
         return self._archive
 
-    def candidates(self, count: int) -> list[Candidate]:
+    def candidates(self, count: int) -> list[Offered]:
         """New models, each a step from a member of the archive, which does not get them.
 
         Args:
             count: how many; fewer where no more are found in a hundred times as many attempts.
         """
-        found: list[Candidate] = []
+        found: list[Offered] = []
 
-        def note(candidate: Candidate, rng: Generator) -> None:
+        def note(candidate: Offered, rng: Generator) -> None:
             del rng  # nothing is random here
             found.append(replace(candidate, version=self._problem.engine.commit()))
 
@@ -167,10 +167,10 @@ class Sampler:
         store.write_generation(Generation(0, tuple(members), diversity, len(self._met), reasons), born)
 
     def _over(self) -> bool:
-        enough = self._archive.level and self._wanted.best is None
+        enough = self._archive.level and not self._wanted.best
         return enough or self._tried >= self._wanted.attempts
 
-    def _walk(self, length: int, offer: Callable[[Candidate, Generator], int | None]) -> None:
+    def _walk(self, length: int, offer: Callable[[Offered, Generator], int | None]) -> None:
         """Go from a member of the archive from one valid model to the next, and offer them."""
         engine, variation, rng = self._problem.engine, self._variation, self.generator()
         parent, since = self._archive.draw(rng), Trace()
@@ -188,7 +188,7 @@ class Sampler:
                 variation.reasons[REPEATED] += 1
                 continue
             self._met.add(state)
-            found = offer(Candidate(parent, since, measures, state), rng)
+            found = offer(Offered(parent, since, measures, state), rng)
             if found is not None:
                 parent, since = found, ()
             if self._over():
@@ -199,14 +199,13 @@ class Sampler:
             return self._variation.mutation(rng)
         return self._variation.several(rng, self._settings.initial_applications)
 
-    def _offer(self, found: Candidate, rng: Generator) -> int | None:
+    def _offer(self, found: Offered, rng: Generator) -> int | None:
         return self.put(found, self._quality(found.measures), rng)
 
-    def _quality(self, measures: Mapping[str, float]) -> float:
-        best = self._wanted.best
-        return 0.0 if best is None else self._wanted.sense * measures[best]
+    def _quality(self, measures: Mapping[str, float]) -> tuple[float, ...]:
+        return tuple(self._wanted.sense * measures[name] for name in self._wanted.best)
 
-    def put(self, offered: Candidate, quality: float, rng: Generator) -> int | None:
+    def put(self, offered: Offered, quality: float | tuple[float, ...], rng: Generator) -> int | None:
         """Offer a model to the archive; the number of the member, if it is kept.
 
         Args:

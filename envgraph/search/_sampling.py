@@ -11,7 +11,7 @@ from envgraph.search._domain import Domain
 from envgraph.search._family import Family, Member, ordered
 from envgraph.search._generate import stored
 from envgraph.search._replayed import Derived, Held
-from envgraph.search._samples import Candidate, Sampler
+from envgraph.search._samples import Offered, Sampler
 from envgraph.search._store import RunStore
 
 
@@ -28,7 +28,7 @@ class Sampling:
 
     def __init__(self, domain: Domain) -> None:
         wanted = domain.samples()
-        if wanted is None or wanted.best is not None:
+        if wanted is None or wanted.best:
             hint = 'overrides such as "samples.count=64" add it; scores take the place of `maximise`'
             raise InvalidArgument(
                 f"`{domain.spec.name}` needs `[samples]` without `maximise` and `minimise`", hint
@@ -37,7 +37,7 @@ class Sampling:
         domain.check_initial(problem)
         self._domain, self._engine = domain, problem.engine
         self._sampler = Sampler(problem, domain.settings(), wanted, domain.spec.seed)
-        self._asked: list[Candidate] = []
+        self._asked: list[Offered] = []
 
     def ask(self, count: int) -> Family:
         """New models, all valid and none that was asked for before: a step each from a member of the archive.

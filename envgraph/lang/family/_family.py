@@ -147,14 +147,15 @@ class SamplesSpec:
     Attributes:
         count: members of the family, the initial model among them.
         cover: measures whose bins are to have as many members each; their options are `bins` and `range`.
-        maximise, minimise: a measure by which a better member takes the place of one in the same bins; at most one.
+        maximise, minimise: measures by which a better member takes the place of one in the same bins, the one that
+            counts most first; one of the two is empty.
         attempts: how many models are tried; None for ten times as many as members.
     """
 
     count: int = 1_000
     cover: tuple[ComponentSpec, ...] = ()
-    maximise: Name | None = None
-    minimise: Name | None = None
+    maximise: tuple[Name, ...] = ()
+    minimise: tuple[Name, ...] = ()
     attempts: int | None = None
 
 

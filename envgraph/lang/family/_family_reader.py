@@ -284,10 +284,10 @@ class _Reader:
                 "bad-value", "`maximise` and `minimise` exclude each other", section.span("minimise"), hint
             )
         for key, chosen in (("maximise", spec.maximise), ("minimise", spec.minimise)):
-            if chosen is not None:
-                self._check_measure(section, key, chosen.text, names, chosen.span)
-        for one in spec.cover:
-            self._check_measure(section, "cover", one.name, names, one.key_span(""))
+            for one in chosen:
+                self._check_measure(section, key, one.text, names, one.span)
+        for covered in spec.cover:
+            self._check_measure(section, "cover", covered.name, names, covered.key_span(""))
         return spec
 
     def _curriculum(self, section: Section, measures: tuple[ComponentSpec, ...]) -> CurriculumSpec:
@@ -431,8 +431,8 @@ _FIELDS: Final[Mapping[str, Mapping[str, Field]]] = {
     "samples": {
         "count": _integer(2, _MOST),
         "cover": lambda section, key, default: _cover(section.table(key)),
-        "maximise": Section.string,
-        "minimise": Section.string,
+        "maximise": _names,
+        "minimise": _names,
         "attempts": _integer(1),
     },
     "optimise": {

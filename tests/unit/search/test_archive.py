@@ -82,3 +82,10 @@ def test_each_cell_is_drawn_as_often_however_full_it_is(crowd: int) -> None:
     rng = default_rng(3)
     drawn = sum(kept[archive.draw(rng)][0] == 0.9 for _ in range(1000))
     assert 440 < drawn < 560
+
+
+def test_of_several_qualities_the_first_counts_most() -> None:
+    archive, rng = Archive(2), default_rng(1)
+    for quality in [(0.0, 0.0), (1.0, 0.0), (1.0, 2.0), (0.0, 9.0), (1.0, 1.0)]:
+        archive.put((), quality, rng)
+    assert list(archive) == [0, 2], "the first one stays, and the best of the others"

@@ -123,7 +123,7 @@ def test_many_environments_are_stepped_by_a_program(run: Path, monkeypatch: pyte
 
 def test_with_maximise_a_bin_keeps_its_best(tmp_path: Path) -> None:
     """The measure that is covered is the one that counts: of each fifth the members at its upper end stay."""
-    given = ["samples.maximise=complexity", "samples.attempts=600", COVER]
+    given = ["samples.maximise=['complexity']", "samples.attempts=600", COVER]
     found = generate("burning_forest", tmp_path / "run.sqlite", samples=10, overrides=given)
     given[0] = "samples.minimise=complexity"
     other = generate("burning_forest", tmp_path / "other.sqlite", samples=10, overrides=given)
