@@ -15,8 +15,9 @@ from envgraph.search._certified import (
     verify,
 )
 from envgraph.search._components import Components, Context
+from envgraph.search._constraints import Reachable
 from envgraph.search._diversity import BinnedEntropy, Bounded, Gini, Statistic, Swaps, Variance
-from envgraph.search._domain import Domain, Reachable, domain_problems, option_problems
+from envgraph.search._domain import Domain, domain_problems, option_problems
 from envgraph.search._environment import (
     make,
     make_aec,

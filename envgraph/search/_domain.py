@@ -4,23 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import field, replace
-from math import comb, inf, isfinite
+from math import comb, inf
 from typing import TypeVar
 
 from envgraph.code import dataclass
-from envgraph.env import Behaviour, KeyIndex, SameKey, can_end, indexed_classes, unbound
-from envgraph.env.compiled import NotCompiled
+from envgraph.env import Behaviour, KeyIndex, indexed_classes
 from envgraph.errors import (
     Diagnostic,
-    EvaluationError,
     LoadError,
-    Note,
-    Severity,
     Source,
     has_errors,
     sort_diagnostics,
 )
-from envgraph.files import counting
 from envgraph.graph import Model, model_from_json, model_to_json
 from envgraph.lang import (
     EXPRESSIONS,
@@ -38,23 +33,18 @@ from envgraph.lang import (
     load_workspace,
 )
 from envgraph.metamodel import Metamodel
-from envgraph.pattern import conformance_patterns, key_patterns
 from envgraph.rewrite import Engine
 from envgraph.search._components import MOST_BINS, Components, Context
+from envgraph.search._constraints import constraints_of
 from envgraph.search._diversity import BinnedEntropy, Statistic
 from envgraph.search._evolution import Settings
-from envgraph.search._measures import ShortestPlan
+from envgraph.search._initial import check_initial
 from envgraph.search._objective import Objective
 from envgraph.search._objective_text import read_objective
 from envgraph.search._options import LARGEST, Options
 from envgraph.search._problem import (
-    Constraint,
-    CountWithin,
-    Forbid,
     IndividualMeasure,
-    NoValue,
     Problem,
-    Require,
 )
 from envgraph.search._samples import SampleSettings
 from envgraph.search._selection import ExactSelection, SurvivorSelection
@@ -65,63 +55,6 @@ EFFORT, MOST_LANES = 4_000_000_000, 1_000
 """Of a search for a whole family: steps of learners, which take one to two minutes; families improved at once."""
 
 Placed = TypeVar("Placed", ModelText, Behaviour)
-
-
-@dataclass(frozen=True, slots=True)
-class Reachable:
-    """Some episode ends with an outcome ("success" or "failure"); what cannot be found counts as out of reach.
-
-    Attributes:
-        plan: finds a way; the measure, where the family has it, so that one search answers both.
-    """
-
-    outcome: str
-    plan: ShortestPlan
-
-    def holds(self, engine: Engine) -> bool:
-        """Whether the outcome can be reached."""
-        end = {"success": 1, "failure": 2}[self.outcome]
-        try:
-            return isfinite(self.plan.plan(engine, end).steps)
-        except NotCompiled:
-            behaviour = self.plan.behaviour
-            with counting(f"states of {behaviour.name}") as progress:
-                return can_end(engine, behaviour, end, progress=progress)
-
-    def __str__(self) -> str:
-        return f"reachable {self.outcome}"
-
-
-@dataclass(frozen=True, slots=True)
-class DistinctKeys:
-    """No two objects of a class that the environment counts through have one key, and none lacks its key.
-
-    Attributes:
-        pattern: see `key_patterns`.
-    """
-
-    pattern: str
-
-    def holds(self, engine: Engine) -> bool:
-        """Whether the keys tell all objects apart."""
-        return not engine.matcher.exists(self.pattern, ())
-
-    def __str__(self) -> str:
-        return "each object has a key of its own"
-
-
-@dataclass(frozen=True, slots=True)
-class Bound:
-    """Each parameter of a behaviour stands for an object, and somebody can act: no environment without that."""
-
-    behaviour: Behaviour
-
-    def holds(self, engine: Engine) -> bool:
-        """Whether nothing is missing."""
-        return not has_errors(unbound(self.behaviour, engine.model))
-
-    def __str__(self) -> str:
-        return "each parameter of the environment has its object"
 
 
 @dataclass(frozen=True, slots=True)
@@ -250,7 +183,7 @@ class Domain:
         return Problem(
             engine=engine,
             mutations=tuple(str(rule) for rule in self.spec.mutation.rules),
-            constraints=self._constraints(engine, measures.values()),
+            constraints=constraints_of(self, engine, measures.values()),
             measures=measures,
             diversity=diversity,
             diversity_of=str(self.spec.diversity.options["of"]),
@@ -444,135 +377,12 @@ class Domain:
             LoadError: it does not; one diagnostic for each constraint, or for the measure, at its place. What visits
                 states is asked last, if nothing else is wrong. Or an objective demands a diversity that no family has.
         """
-        problem = problem or self.problem(self.engine())
-        spec, note = self.spec, Note("the initial model is here", self.spec.model.span)
-        demanded = self._demanded(problem)
-        if demanded:
-            raise LoadError(demanded)
-        try:
-            self.keys()
-        except EvaluationError as error:
-            hint = "the environment counts through these objects: give each of them a key of its own"
-            spans = _only(self.workspace.models, spec.model).spans
-            places = [spans.get(node) for node in error.nodes] if isinstance(error, SameKey) else []
-            if len(places) == 2 and all(places):
-                first = Note("the other object is here", places[0])
-                raise LoadError(
-                    [Diagnostic("no-key", error.message, places[1], hint, notes=(first,))]
-                ) from error
-            raise LoadError([Diagnostic("no-key", error.message, spec.model.span, hint)]) from error
-        absent = unbound(self.behaviour, self._model()) if self.behaviour else []
-        if has_errors(absent):
-            raise LoadError([replace(one, notes=(note,)) for one in absent])
-        # Whether an end can be reached is asked of a model that is otherwise as it should be.
-        known = [one for one in problem.constraints if not isinstance(one, Reachable)]
-        broken = [one for one in known if not one.holds(problem.engine)] or [*problem.violations()]
-        violated = {str(one): _evidence(problem.engine, one) for one in broken}
-        if not violated:
-            try:
-                return [*absent, *self._outside(problem, problem.measure())]
-            except NoValue as error:
-                measure = next(one for one in spec.measures if one.name == error.measure)
-                message = f"the initial model has no value of `{error.measure}`"
-                hint = "write `otherwise = 0`, or another number that counts for such models"
-                missing = Diagnostic("no-value", message, measure.span(), hint, notes=(note,))
-                raise LoadError([missing]) from error
-        named = {
-            **{f"require {name}": name.span for name in spec.constraints.require},
-            **{f"forbid {name}": name.span for name in spec.constraints.forbid},
-            **{str(CountWithin(str(name), *bounds)): name.span for name, bounds in spec.constraints.count},
-            **{f"reachable {name}": name.span for name in spec.constraints.reachable},
-        }
-        problems = [
-            Diagnostic(
-                "initial-model-invalid",
-                f"the initial model violates `{constraint}`{evidence}",
-                named.get(constraint, spec.model.span),
-                "the family is made from a model that satisfies every constraint",
-                notes=(note,) if constraint in named else (),
-            )
-            for constraint, evidence in sorted(violated.items())
-        ]
-        raise LoadError(sort_diagnostics(problems))
-
-    def _demanded(self, problem: Problem) -> list[Diagnostic]:
-        """An error where an objective demands more diversity than a family can have."""
-        objective, size = self.spec.objective, self.spec.search.population
-        demanded = None if objective is None else objective.options.get("diversity")
-        most = problem.maximum(size)
-        if (
-            objective is None
-            or not self.spec.climbs
-            or demanded is None
-            or (demanded == "maximum" and most < inf)
-        ):
-            return []
-        message, hint = f"a family of {size} is at most {most:g} diverse", 'write `diversity = "maximum"`'
-        if demanded == "maximum":
-            message = f"nobody knows how diverse a family can be by `{self.spec.diversity.kind}`"
-            hint = "write a number, the least diversity that a family may have"
-        elif isinstance(demanded, int | float) and demanded <= most:
-            return []
-        return [Diagnostic("bad-range", message, objective.span("diversity"), hint)]
-
-    def _outside(self, problem: Problem, measured: Mapping[str, float]) -> list[Diagnostic]:
-        """A warning where the initial model lies outside of the range that is divided into bins."""
-        diversity, value = problem.diversity, measured[problem.diversity_of]
-        if not isinstance(diversity, BinnedEntropy) or diversity.low <= value <= diversity.high:
-            return []
-        end = "first" if value < diversity.low else "last"
-        message = (
-            f"`{problem.diversity_of}` of the initial model is {value:g}, outside of the range "
-            f"{diversity.low:g} to {diversity.high:g}: it counts in the {end} bin"
-        )
-        low, high = min(0.0, 2 * value), max(0.0, 2 * value)
-        span = self.spec.diversity.span("range" if "range" in self.spec.diversity.options else "kind")
-        hint = f"write the range in which the values may lie, such as `range = [{low:g}, {high:g}]`, in `[diversity]`"
-        return [Diagnostic("outside-range", message, span, hint, Severity.WARNING)]
+        return check_initial(self, problem or self.problem(self.engine()))
 
     def _context(self) -> Context:
         registration = self.workspace.registration
         assert registration is not None, "there are no errors"
         return Context.of(self.metamodel, self.spec, self.behaviour, registration.library, self._model())
-
-    def _constraints(self, engine: Engine, measures: Iterable[IndividualMeasure]) -> tuple[Constraint, ...]:
-        """Conformance first, then as in the file; what enumerates states comes last."""
-        spec = self.spec.constraints
-        conformance = conformance_patterns(self.metamodel)
-        behaviour = self.behaviour
-        counted = indexed_classes(behaviour, self.metamodel) if behaviour else ()
-        keys = key_patterns(self.metamodel, counted)
-        known = set(engine.patterns)
-        engine.add(*(pattern for pattern in (*conformance, *keys) if pattern.qualified_name not in known))
-        constraints: list[Constraint] = [Forbid(pattern.qualified_name) for pattern in conformance]
-        constraints += [Require(str(name)) for name in spec.require]
-        constraints += [Forbid(str(name)) for name in spec.forbid]
-        constraints += [Forbid(name) for name in self._violations() if name not in set(map(str, spec.forbid))]
-        constraints += [CountWithin(str(name), *bounds) for name, bounds in spec.count]
-        constraints += [DistinctKeys(pattern.qualified_name) for pattern in keys]
-        if behaviour is not None:
-            constraints.append(Bound(behaviour))
-            plans = [*(one for one in measures if isinstance(one, ShortestPlan)), ShortestPlan(behaviour)]
-            constraints += [Reachable(str(outcome), plans[0]) for outcome in spec.reachable]
-        return tuple(constraints)
-
-    def _violations(self) -> list[str]:
-        """Patterns with a VIATRA `@Constraint` of severity error: a match is a violation."""
-        return [
-            pattern.qualified_name
-            for pattern in self.workspace.patterns
-            for annotation in pattern.annotations
-            if annotation.name == "Constraint" and dict(annotation.named).get("severity") == "error"
-        ]
-
-
-def _evidence(engine: Engine, violated: Constraint) -> str:
-    """What an engine finds that a constraint does not allow."""
-    if isinstance(violated, Forbid):
-        return f": there is {engine.first(violated.pattern)}"
-    if isinstance(violated, CountWithin):
-        return f": there are {engine.count(violated.pattern)}"
-    return ": no way there was found" if isinstance(violated, Reachable) else ""
 
 
 def _only(found: Sequence[Placed], file: Name) -> Placed:

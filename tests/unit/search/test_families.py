@@ -89,6 +89,10 @@ UNORDERED: list[FamilyMeasure] = [
 ORDERED: list[FamilyMeasure] = [Over(Evenness(), "lit"), Over(Rising(), "lit")]
 
 
+def named(measure: FamilyMeasure) -> str:
+    return type(getattr(measure, "statistic", measure)).__name__
+
+
 @given(rings)
 def test_distances_are_those_of_all_pairs(found: list[list[bool]]) -> None:
     apart = [sum(a != b for a, b in zip(one, other, strict=True)) for one, other in combinations(found, 2)]
@@ -120,7 +124,7 @@ def test_statistics_by_bins_and_along_the_order(values: list[float]) -> None:
 
 
 @given(rings)
-@pytest.mark.parametrize("measure", [*UNORDERED, *ORDERED], ids=str)
+@pytest.mark.parametrize("measure", [*UNORDERED, *ORDERED], ids=named)
 def test_measures_keep_their_bounds_and_do_not_mind_the_order_where_they_say_so(
     measure: FamilyMeasure, found: list[list[bool]]
 ) -> None:
@@ -133,7 +137,7 @@ def test_measures_keep_their_bounds_and_do_not_mind_the_order_where_they_say_so(
 
 
 @given(rings, rings, st.data())
-@pytest.mark.parametrize("measure", [*UNORDERED, *ORDERED], ids=str)
+@pytest.mark.parametrize("measure", [*UNORDERED, *ORDERED], ids=named)
 def test_exchanges_agree_with_the_score(
     measure: FamilyMeasure, found: list[list[bool]], others: list[list[bool]], data: st.DataObject
 ) -> None:

@@ -1,0 +1,123 @@
+"""Whether a family can begin with the initial model of a domain."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from math import inf
+from typing import TYPE_CHECKING
+
+from envgraph.env import SameKey, unbound
+from envgraph.errors import (
+    Diagnostic,
+    EvaluationError,
+    LoadError,
+    Note,
+    Severity,
+    has_errors,
+    sort_diagnostics,
+)
+from envgraph.rewrite import Engine
+from envgraph.search._constraints import Reachable
+from envgraph.search._diversity import BinnedEntropy
+from envgraph.search._problem import Constraint, CountWithin, Forbid, NoValue, Problem
+
+if TYPE_CHECKING:
+    from envgraph.search._domain import Domain
+
+
+def check_initial(domain: Domain, problem: Problem) -> list[Diagnostic]:
+    """See `Domain.check_initial`."""
+    spec, note = domain.spec, Note("the initial model is here", domain.spec.model.span)
+    demanded = _demanded(domain, problem)
+    if demanded:
+        raise LoadError(demanded)
+    try:
+        domain.keys()
+    except EvaluationError as error:
+        hint = "the environment counts through these objects: give each of them a key of its own"
+        spans = domain.model_text.spans
+        places = [spans.get(node) for node in error.nodes] if isinstance(error, SameKey) else []
+        if len(places) == 2 and all(places):
+            first = Note("the other object is here", places[0])
+            raise LoadError([Diagnostic("no-key", error.message, places[1], hint, notes=(first,))]) from error
+        raise LoadError([Diagnostic("no-key", error.message, spec.model.span, hint)]) from error
+    absent = unbound(domain.behaviour, problem.engine.model) if domain.behaviour else []
+    if has_errors(absent):
+        raise LoadError([replace(one, notes=(note,)) for one in absent])
+    # Whether an end can be reached is asked of a model that is otherwise as it should be.
+    known = [one for one in problem.constraints if not isinstance(one, Reachable)]
+    broken = [one for one in known if not one.holds(problem.engine)] or [*problem.violations()]
+    violated = {str(one): _evidence(problem.engine, one) for one in broken}
+    if not violated:
+        try:
+            return [*absent, *_outside(domain, problem, problem.measure())]
+        except NoValue as error:
+            measure = next(one for one in spec.measures if one.name == error.measure)
+            message = f"the initial model has no value of `{error.measure}`"
+            hint = "write `otherwise = 0`, or another number that counts for such models"
+            missing = Diagnostic("no-value", message, measure.span(), hint, notes=(note,))
+            raise LoadError([missing]) from error
+    named = {
+        **{f"require {name}": name.span for name in spec.constraints.require},
+        **{f"forbid {name}": name.span for name in spec.constraints.forbid},
+        **{str(CountWithin(str(name), *bounds)): name.span for name, bounds in spec.constraints.count},
+        **{f"reachable {name}": name.span for name in spec.constraints.reachable},
+    }
+    problems = [
+        Diagnostic(
+            "initial-model-invalid",
+            f"the initial model violates `{constraint}`{evidence}",
+            named.get(constraint, spec.model.span),
+            "the family is made from a model that satisfies every constraint",
+            notes=(note,) if constraint in named else (),
+        )
+        for constraint, evidence in sorted(violated.items())
+    ]
+    raise LoadError(sort_diagnostics(problems))
+
+
+def _demanded(domain: Domain, problem: Problem) -> list[Diagnostic]:
+    """An error where an objective demands more diversity than a family can have."""
+    objective, size = domain.spec.objective, domain.spec.search.population
+    demanded = None if objective is None else objective.options.get("diversity")
+    most = problem.maximum(size)
+    if (
+        objective is None
+        or not domain.spec.climbs
+        or demanded is None
+        or (demanded == "maximum" and most < inf)
+    ):
+        return []
+    message, hint = f"a family of {size} is at most {most:g} diverse", 'write `diversity = "maximum"`'
+    if demanded == "maximum":
+        message = f"nobody knows how diverse a family can be by `{domain.spec.diversity.kind}`"
+        hint = "write a number, the least diversity that a family may have"
+    elif isinstance(demanded, int | float) and demanded <= most:
+        return []
+    return [Diagnostic("bad-range", message, objective.span("diversity"), hint)]
+
+
+def _outside(domain: Domain, problem: Problem, measured: Mapping[str, float]) -> list[Diagnostic]:
+    """A warning where the initial model lies outside of the range that is divided into bins."""
+    diversity, value = problem.diversity, measured[problem.diversity_of]
+    if not isinstance(diversity, BinnedEntropy) or diversity.low <= value <= diversity.high:
+        return []
+    end = "first" if value < diversity.low else "last"
+    message = (
+        f"`{problem.diversity_of}` of the initial model is {value:g}, outside of the range "
+        f"{diversity.low:g} to {diversity.high:g}: it counts in the {end} bin"
+    )
+    low, high = min(0.0, 2 * value), max(0.0, 2 * value)
+    span = domain.spec.diversity.span("range" if "range" in domain.spec.diversity.options else "kind")
+    hint = f"write the range in which the values may lie, such as `range = [{low:g}, {high:g}]`, in `[diversity]`"
+    return [Diagnostic("outside-range", message, span, hint, Severity.WARNING)]
+
+
+def _evidence(engine: Engine, violated: Constraint) -> str:
+    """What an engine finds that a constraint does not allow."""
+    if isinstance(violated, Forbid):
+        return f": there is {engine.first(violated.pattern)}"
+    if isinstance(violated, CountWithin):
+        return f": there are {engine.count(violated.pattern)}"
+    return ": no way there was found" if isinstance(violated, Reachable) else ""
