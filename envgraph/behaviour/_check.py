@@ -215,7 +215,7 @@ class _Checker(CallChecking, ViewChecking):
             return
         inner = {**scope, **self._condition(effect.condition, scope)}
         self.reward(effect.reward, inner)
-        self.reward(effect.one, inner)
+        self.reward(effect.weight, inner)
         self.branches(effect.apply, inner)
 
     def _condition(self, condition: PatternCall | Negation, scope: Scope) -> Scope:

@@ -81,14 +81,14 @@ class OnFind:
 
     Attributes:
         end: how the episode ends where the condition holds; "truncation" is written `truncate`.
-        one: of `apply one weight: r(x)`: of all matches one is drawn by this weight. None: each has its turn.
+        weight: of `apply r(x) weight e`: of all matches one is drawn by this weight. None: each has its turn.
     """
 
     condition: PatternCall | Negation
     reward: Expression | None = None
     end: End | None = None
     apply: tuple[Branch, ...] = ()
-    one: Expression | None = None
+    weight: Expression | None = None
     span: Span | None = field(default=None, compare=False, repr=False)
 
 
@@ -101,7 +101,7 @@ class OnReset:
 
     apply: tuple[Branch, ...]
     condition: PatternCall | Negation | None = None
-    one: Expression | None = None
+    weight: Expression | None = None
     span: Span | None = field(default=None, compare=False, repr=False)
 
     @property
@@ -109,7 +109,7 @@ class OnReset:
         """The clause of a step that does the same."""
         if self.condition is None:
             return EachStep(apply=self.apply, span=self.span)
-        return OnFind(self.condition, apply=self.apply, one=self.one, span=self.span)
+        return OnFind(self.condition, apply=self.apply, weight=self.weight, span=self.span)
 
 
 @dataclass(frozen=True, slots=True)

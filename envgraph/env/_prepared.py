@@ -145,7 +145,7 @@ class PreparedClause:
         matches: the rows of its named variables on the present state.
         holds: whether one of them is still a match.
         names: the named variables.
-        one: the weight of a match where one of them is drawn; None where each has its turn.
+        weight: of a match where one of them is drawn; None where each has its turn.
     """
 
     matches: Callable[[], list[Row]]
@@ -154,7 +154,7 @@ class PreparedClause:
     reward: Reward | None
     ends: int
     apply: Alternatives | None
-    one: Reward | None
+    weight: Reward | None
 
     def scope(self, bound: Scope, row: Row) -> Scope:
         """What names stand for at one of its matches."""
@@ -174,7 +174,7 @@ def run_pending(pending: Sequence[Pending], choices: Choices, model: Model) -> N
     first = True
     for _, group in groupby(pending, key=lambda one: id(one[1])):
         turns = [(clause, clause.scope(bound, row), row) for bound, clause, row in group]
-        if turns[0][0].one is not None:
+        if turns[0][0].weight is not None:
             turns = [turn for turn in turns if first or turn[0].holds(turn[2])]
             turns = turns[(place := _drawn(turns, choices)) : place + 1]
         for clause, scope, row in turns:
@@ -186,7 +186,7 @@ def run_pending(pending: Sequence[Pending], choices: Choices, model: Model) -> N
 
 def _drawn(turns: Sequence[tuple[PreparedClause, Scope, Row]], choices: Choices) -> int:
     """The place of one of some matches, drawn by weight: each by its share in what is left. Behind all for none."""
-    weights = [0.0 if clause.one is None else clause.one(scope) for clause, scope, _ in turns]
+    weights = [0.0 if clause.weight is None else clause.weight(scope) for clause, scope, _ in turns]
     left = reduce(add, weights, 0.0)  # `sum` rounds otherwise from Python 3.12 on
     for place, weight in enumerate(weights):
         if weight > 0.0 and choices.choose([min(weight / left, 1.0)]) is not None:

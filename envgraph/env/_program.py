@@ -274,17 +274,17 @@ class Program:
             self._reward(effect.reward, types),
             ENDS[effect.end],
             self._alternatives(effect.apply) if effect.apply else None,
-            self._weight(effect.one),
+            self._weight(effect.weight),
         )
 
-    def _weight(self, one: Expression | None) -> Reward | None:
-        if one is None:
+    def _weight(self, given: Expression | None) -> Reward | None:
+        if given is None:
             return None
 
         def weight(scope: Scope) -> float:
-            value = _number(one, scope, self._read, "a weight")
+            value = _number(given, scope, self._read, "a weight")
             if value < 0.0:
-                raise EvaluationError(f"{value:g} is no weight", one.span, "a number from 0 on")
+                raise EvaluationError(f"{value:g} is no weight", given.span, "a number from 0 on")
             return value
 
         return weight

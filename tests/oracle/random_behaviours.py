@@ -203,8 +203,8 @@ class _Builder:
         for _ in range(dice.one([0, 0, 1, 2])):
             condition, free = self._condition(dice.chance(25)) if dice.chance(40) else (None, {})
             scope = {**self._scope, **free}
-            branches, one = self._applied(scope) if condition else (self._branches(scope)[0], None)
-            found = self._with(found, resets=(*found.resets, OnReset(branches, condition, one)))
+            branches, weight = self._applied(scope) if condition else (self._branches(scope)[0], None)
+            found = self._with(found, resets=(*found.resets, OnReset(branches, condition, weight)))
         return found
 
     def _agent(self, found: Behaviour, number: int, together: bool) -> Behaviour:
@@ -328,21 +328,20 @@ class _Builder:
             return EachStep(self._reward(self._scope) if not apply or dice.chance(40) else None, apply)
         condition, free = self._condition(dice.chance(25))
         scope = {**self._scope, **free}
-        apply, one = self._applied(scope) if dice.chance(35) else ((), None)
+        apply, weight = self._applied(scope) if dice.chance(35) else ((), None)
         return OnFind(
             condition,
             self._reward(scope) if dice.chance(65) else None,
             dice.one([None, None, None, "success", "failure", "truncation"]),  # type: ignore[arg-type]
             apply,
-            one,
+            weight,
         )
 
     def _applied(self, scope: dict[str, StaticType]) -> tuple[tuple[Branch, ...], Expression | None]:
         """What is done for each match, or for one that is drawn by a weight."""
         if self._dice.chance(70):
             return self._branches(scope)[0], None
-        weight = self._value(scope, Scalar.FLOAT, depth=1)
-        return (Branch(1.0, self._call(scope)[0]),), weight
+        return self._branches(scope)[0], self._value(scope, Scalar.FLOAT, depth=1)
 
     def _condition(
         self, negative: bool, scope: dict[str, StaticType] | None = None

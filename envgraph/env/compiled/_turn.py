@@ -335,8 +335,8 @@ class Turn:
         for each in self._pending:
             row = writer.module.fresh("i")
             rows = code.call("range", each.number)
-            if each.effect.one is not None:
-                self._apply_one(each, each.effect.one, row, first)
+            if each.effect.weight is not None:
+                self._apply_one(each, each.effect.weight, row, first)
                 continue
             body = writer.collected(lambda each=each, row=row: self._apply_row(each, row, first))  # type: ignore[misc]
             writer.add(code.For(row, rows, body))
@@ -349,7 +349,7 @@ class Turn:
 
         self.writer.when(code.equal(holds, ONE), write)
 
-    def _apply_one(self, each: Pending, one: Expression, row: code.Local, first: code.Local) -> None:
+    def _apply_one(self, each: Pending, given: Expression, row: code.Local, first: code.Local) -> None:
         """One of the matches is drawn by weight: each by its share in what is left."""
         writer, rows = self.writer, code.call("range", each.number)
         left, weight, share = (writer.module.fresh(name, "float") for name in ("left", "w", "p"))
@@ -360,7 +360,7 @@ class Turn:
                 scope, holds = self._held(each, row, first)
 
                 def weigh() -> None:
-                    writer.assign(weight, writer.number(one, scope))
+                    writer.assign(weight, writer.number(given, scope))
                     writer.fail_if(code.Operation("<", (weight, none)))
                     then(scope)
 

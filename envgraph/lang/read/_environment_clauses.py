@@ -40,7 +40,7 @@ from envgraph.lang.read._expressions import (
 )
 from envgraph.lang.read._query_conditions import condition_of, pattern_call_of
 from envgraph.lang.syntax._parsing import number_of, qualified_name_of, signed, tokens, trees
-from envgraph.pattern import Constant, Expression, Navigation, Negation, Parameter, PatternCall
+from envgraph.pattern import Expression, Navigation, Negation, Parameter, PatternCall
 
 _NOTHING = "nothing"
 
@@ -167,28 +167,17 @@ def each_step_of(reading: Reading, tree: Tree[Token]) -> EachStep | None:
 
 def _for_all(reading: Reading, apply: Tree[Token]) -> tuple[Branch, ...]:
     """The branches of an `apply` that has no matches to choose from."""
-    for part in trees(apply.children, "one"):
-        hint = "write `on find p(x) apply one`, or `on reset find p(x) apply one`"
-        reading.error("misplaced-part", "`one` is one of the matches of a condition", part, hint)
+    for part in trees(apply.children, "weight"):
+        hint = "write `on find p(x) apply ..`, or `on reset find p(x) apply ..`"
+        reading.error("misplaced-part", "there are no matches of which one has a weight", part, hint)
     return branches_of(reading, trees(apply.children, "branches")[0])
 
 
 def _applied(reading: Reading, apply: Tree[Token]) -> tuple[tuple[Branch, ...], Expression | None]:
-    """The branches of an `apply`, and the weight of a match if it is for one of them."""
-    branches = trees(apply.children, "branches")[0]
-    if not trees(apply.children, "one"):
-        return branches_of(reading, branches), None
-    first, *others = trees(branches.children, "branch")
-    for other in others:
-        reading.error(
-            "misplaced-part", "one match is drawn, and one rule applied to it", other, "leave it out"
-        )
-    weights = trees(first.children, "probability")
-    weight = _probability(reading, weights[0]) if weights else 1.0
-    call = _rule_call(reading, trees(first.children, "rule_call")[0])
-    return (Branch(1.0, call, reading.span(first)),), weight if isinstance(weight, Expression) else Constant(
-        weight
-    )
+    """The branches of an `apply`, and the weight of a match if one of them is drawn."""
+    branches = branches_of(reading, trees(apply.children, "branches")[0])
+    weights = trees(apply.children, "weight")
+    return branches, expression_of(reading, trees(weights[0].children)[0]) if weights else None
 
 
 def on_find_of(reading: Reading, tree: Tree[Token]) -> OnFind | None:
@@ -198,7 +187,7 @@ def on_find_of(reading: Reading, tree: Tree[Token]) -> OnFind | None:
     if not (parts.reward or parts.end or parts.apply):
         reading.error("empty-clause", "this does nothing", tree, "add `reward`, `terminate` or `apply`")
     condition = _condition(reading, asked)
-    branches, one = _applied(reading, parts.apply) if parts.apply else ((), None)
+    branches, weight = _applied(reading, parts.apply) if parts.apply else ((), None)
     if condition is None:
         return None
     return OnFind(
@@ -206,7 +195,7 @@ def on_find_of(reading: Reading, tree: Tree[Token]) -> OnFind | None:
         expression_of(reading, trees(parts.reward.children)[0]) if parts.reward else None,
         _end(parts.end) if parts.end else None,
         branches,
-        one,
+        weight,
         reading.span(tree),
     )
 
@@ -248,8 +237,8 @@ def on_reset_of(reading: Reading, tree: Tree[Token]) -> OnReset | None:
         return None
     if not asked:
         return OnReset(_for_all(reading, parts.apply), span=reading.span(tree))
-    branches, one = _applied(reading, parts.apply)
-    return OnReset(branches, condition, one, reading.span(tree)) if condition else None
+    branches, weight = _applied(reading, parts.apply)
+    return OnReset(branches, condition, weight, reading.span(tree)) if condition else None
 
 
 # --- observations ---

@@ -75,20 +75,21 @@ def test_mistakes_in_resets_are_reported() -> None:
 
 
 def test_one_of_the_matches_is_drawn_by_weight() -> None:
-    found = starts("on reset find worth(coin, value) apply one value: turnOver(coin)")
+    found = starts("on reset find worth(coin, value) apply turnOver(coin) weight value")
     assert found == pytest.approx({"a": 2 / 3, "b": 1 / 3}), "a is worth 1, b 2"
     found = starts(
-        "on reset find pair(one, _) apply one turnOver(one)\n"
-        "on reset find down(coin) apply one coin.value: turnBack(coin)"
+        "on reset find pair(one, _) apply turnOver(one) weight 1\n"
+        "on reset find down(coin) apply turnBack(coin) weight coin.value"
     )
     assert found == pytest.approx({"ab": 0.5 * 2 / 6 + 0.5 * 1 / 5, "bc": 0.5 * 4 / 5, "ac": 0.5 * 4 / 6})
-    assert starts("on reset find up(coin) apply one 0: turnOver(coin)") == {"ab": 1.0}
+    assert starts("on reset find up(coin) apply turnOver(coin) weight 0") == {"ab": 1.0}
 
 
 def test_one_of_the_matches_in_a_step() -> None:
-    clause = "action wait = nothing()\non find worth(coin, value) reward 1.0 apply one (value - 1): turnOver(coin)\n"
+    clause = "action wait = nothing()\non find worth(coin, value) reward 1.0 apply turnOver(coin) weight value - 1\n"
     assert starts(
-        clause + "on find down(coin) apply 0.5: turnBack(coin)\non find up(coin) apply one turnOver(coin)"
+        clause
+        + "on find down(coin) apply 0.5: turnBack(coin)\non find up(coin) apply turnOver(coin) weight 1"
     ) == {"ab": 1.0}
     table = explore(*loaded(TURNS + clause, NAMED)).tabular
     wait = table.action_names.index("wait")
@@ -98,12 +99,11 @@ def test_one_of_the_matches_in_a_step() -> None:
 def test_a_weight_has_to_be_a_number_that_is_not_negative() -> None:
     said = "-1 is no weight"
     with pytest.raises(EvaluationError, match=said):
-        starts("on reset find worth(coin, value) apply one (1 - value): turnOver(coin)")
+        starts("on reset find worth(coin, value) apply turnOver(coin) weight 1 - value")
     for clause, said in (
-        ("each step apply one turn()", "`one` is one of the matches"),
-        ("on reset apply one turn()", "`one` is one of the matches"),
-        ("on reset find up(c) apply one 1: turn() | 2: turn()", "one match is drawn, and one rule"),
-        ("on reset find up(coin) apply one coin.side: turnOver(coin)", "expected `float`"),
+        ("each step apply turn() weight 1", "there are no matches"),
+        ("on reset apply turn() weight 1", "there are no matches"),
+        ("on reset find up(coin) apply turnOver(coin) weight coin.side", "expected `float`"),
     ):
         with pytest.raises(LoadError, match=said):
             loaded(TURNS + clause, NAMED)
