@@ -7,7 +7,7 @@ the families that come of it are good.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import pairwise
 from typing import Final
 
@@ -24,6 +24,7 @@ from envgraph.search._store import Trace
 from envgraph.search.curricula._levels import Levels
 from envgraph.search.curricula._moves import Family, Moves
 from envgraph.solve import softened_policy
+from envgraph.solve.learning import occurring
 
 PLANS: Final = 6
 """Optimal episodes that are played on the target, to see which objects they touch."""
@@ -209,7 +210,7 @@ def _touched(levels: Levels, rng: Generator) -> list[list[int]]:
     Touched are the objects whose links or values are changed, and those that they lead to, in the order of the episode.
     """
     try:
-        policy = softened_policy(levels.target.tabular, 0.0)
+        table = levels.target.tabular
     except TooManyStates:
         levels.go_to(levels.target.version)
         try:
@@ -217,10 +218,15 @@ def _touched(levels: Levels, rng: Generator) -> list[list[int]]:
         except NotCompiled:
             states = []
         return [_changed(levels, states)]
+    (small,) = occurring([table])
+    rows = zip(table.observation.tolist(), softened_policy(small, 0.0)[small.observation], strict=True)
+    policy = dict(rows)
     return [_changed(levels, _optimal_episode(levels, policy, rng)) for _ in range(PLANS)]
 
 
-def _optimal_episode(levels: Levels, policy: NDArray[np.float64], rng: Generator) -> Iterator[Facts]:
+def _optimal_episode(
+    levels: Levels, policy: Mapping[int, NDArray[np.float64]], rng: Generator
+) -> Iterator[Facts]:
     """The facts in each state of an episode on the target; the engine is left in the last one."""
     levels.go_to(levels.target.version)
     limit = levels.behaviour.limit or levels.target.tabular.n_states
@@ -228,7 +234,7 @@ def _optimal_episode(levels: Levels, policy: NDArray[np.float64], rng: Generator
     seen = simulator.reset(rng)
     yield _facts(levels)
     for _ in range(limit):
-        outcome = simulator.step(int(rng.choice(policy.shape[1], p=policy[seen])), rng)
+        outcome = simulator.step(int(rng.choice(len(policy[seen]), p=policy[seen])), rng)
         seen = outcome.observation
         yield _facts(levels)
         if outcome.terminated:

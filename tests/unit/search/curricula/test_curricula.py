@@ -102,6 +102,14 @@ def test_families_to_begin_with_are_as_diverse_as_demanded() -> None:
     assert [levels.diversity(family) for family in families] == pytest.approx([most] * len(families))
 
 
+def test_families_to_begin_with_are_the_same_where_observations_are_numbered_anew(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    wanted = [[level.trace for level in family] for family in started(levels_of("burning_forest"), 4, None)]
+    monkeypatch.setattr("envgraph.solve.learning._training.MOST_Q_VALUES", 1)
+    assert [[level.trace for level in one] for one in started(levels_of("burning_forest"), 4, None)] == wanted
+
+
 @pytest.mark.parametrize("name", ["burning_forest", "keydoor"])
 def test_moves_make_families_of_valid_members_and_leave_versions_as_they_are(name: str) -> None:
     domain, levels, rng = Domain.load(name), levels_of(name), np.random.default_rng(1)
