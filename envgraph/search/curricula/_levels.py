@@ -193,9 +193,16 @@ class Levels:
         """Of a family."""
         return self.problem.diversity.score([self.value(level.measures) for level in family])
 
+    def _numbered(self) -> bool:
+        """Whether the target has all objects of the present model that are observed; else a reason is counted."""
+        here = KeyIndex.of(self.engine.model, [*self.keys.keys]).keys
+        new = [name for name, keys in here.items() if not {*keys} <= {*self.keys.keys[name]}]
+        self.rejected.update(f"it has a `{name}` that the target lacks, and that is observed" for name in new)
+        return not new
+
     def _level(self, version: Version | None, trace: Trace) -> Level | None:
         measures = self.measured()
-        if measures is None:
+        if measures is None or (version is None and not self._numbered()):
             return None
         state = self.engine.model.state_hash()
         return Level(version or self.engine.commit(), trace, state, measures, self)

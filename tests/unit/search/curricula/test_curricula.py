@@ -102,6 +102,20 @@ def test_families_to_begin_with_are_as_diverse_as_demanded() -> None:
     assert [levels.diversity(family) for family in families] == pytest.approx([most] * len(families))
 
 
+def test_a_model_with_an_observed_object_that_the_target_lacks_is_no_member() -> None:
+    levels = levels_of("sokoban")
+    for rule, found in (("sokoban.moveBox", True), ("sokoban.clear", False)):
+        levels.go_to(levels.target.version)
+        rows = [match.row for match in levels.engine.matches(rule, applicable=True)]
+        made = []
+        for row in rows:
+            levels.go_to(levels.target.version)
+            assert levels.replayed([(rule, row)])
+            made.append(levels.here(((rule, row),)))
+        assert rows and any(made) == found
+    assert levels.rejected["it has a `Floor` that the target lacks, and that is observed"]
+
+
 def test_families_to_begin_with_are_the_same_where_observations_are_numbered_anew(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
