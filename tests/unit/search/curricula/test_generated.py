@@ -91,6 +91,7 @@ def test_a_file_of_a_bundled_domain_has_a_short_name(tmp_path: Path, monkeypatch
     assert Domain.load("burning_forest/budgets.toml").spec.name == "BurningForestBudgets"
     assert Domain.load("keydoor/teaching.toml").spec.name == "KeyDoorTeaching"
     assert Domain.load("network/teaching.toml").spec.name == "RoutingTeaching"
+    assert Domain.load("sokoban/teaching.toml").spec.name == "SokobanTeaching"
     assert not load_workspace(["burning_forest/teaching.toml"]).diagnostics
     with pytest.raises(LoadError, match=r"did you mean `teaching[.]toml`"):
         Domain.load("burning_forest/teachin.toml")
