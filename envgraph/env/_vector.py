@@ -316,10 +316,12 @@ class EnvgraphVectorEnv(VectorEnvironmentBase):
             _pad(table.next_state.astype(np.int64), outcomes) + first
             for table, first in zip(tables, self._first, strict=True)
         ]
-        self._next = np.concatenate(shifted)
-        self._reward = np.concatenate([_pad(table.reward, outcomes) for table in tables])
-        self._ended = np.concatenate([_pad(table.terminated, outcomes) for table in tables])
-        self._sums = np.concatenate([cumulative(_pad(table.probability, outcomes)) for table in tables])
+        self._outcomes = outcomes
+        self._next = np.concatenate(shifted).ravel()  # flat: one index is found sooner than three
+        self._reward = np.concatenate([_pad(table.reward, outcomes) for table in tables]).ravel()
+        self._ended = np.concatenate([_pad(table.terminated, outcomes) for table in tables]).ravel()
+        sums = np.concatenate([cumulative(_pad(table.probability, outcomes)) for table in tables])
+        self._sums = sums.reshape(-1, outcomes)
         self._observation = np.concatenate([table.observation for table in tables]).astype(np.int64)
         self._allowed = np.concatenate([table.masks for table in tables])
         self._agent = np.concatenate([_acting(table) for table in tables]) if tables[0].agent_names else None
@@ -339,21 +341,24 @@ class EnvgraphVectorEnv(VectorEnvironmentBase):
         return np.asarray(self._allowed[self._state])
 
     def _begin(self, mask: Bools) -> None:
-        uniform = self.np_random.random(self.num_envs)
-        place = (self._start_sums[self._which] <= uniform[:, None]).sum(axis=1)
-        self._state = np.where(mask, self._starts[self._which, place], self._state)
+        uniform, which = self.np_random.random(self.num_envs)[mask], self._which[mask]
+        place = (self._start_sums[which] <= uniform[:, None]).sum(axis=1)
+        self._state[mask] = self._starts[which, place]
         self._steps = np.where(mask, 0, self._steps)
         self._done = self._done & ~mask
 
     def _advance(self, actions: Ints) -> tuple[Floats, Ints, Bools]:
         state, again = self._state, self._done
-        uniform = self.np_random.random(self.num_envs)
-        outcome = (self._sums[state, actions] <= uniform[:, None]).sum(axis=1)
-        reward = np.where(again, 0.0, self._reward[state, actions, outcome])
-        ended = np.where(again, 0, self._ended[state, actions, outcome])
-        self._state = np.where(again, state, self._next[state, actions, outcome])
+        uniform = self.np_random.random(
+            self.num_envs
+        )  # also where nothing is random: equal draws for all tables
+        at = state * self._n_actions + actions
+        if self._outcomes > 1:
+            at = at * self._outcomes + (self._sums[at] <= uniform[:, None]).sum(axis=1)
+        reward, ended, self._state = self._reward[at], self._ended[at], self._next[at]
         self._steps = self._steps + ~again
         if again.any():
+            reward[again], ended[again] = 0.0, 0
             self._begin(again)
         truncated = (ended < 0) | self._late() & (ended == 0) & ~again
         self._done = (ended > 0) | truncated
