@@ -6,7 +6,7 @@ Both step on the live engine, so that every agent can be asked at any time what 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from importlib import import_module
 from importlib.util import find_spec
 from typing import Any
@@ -36,7 +36,8 @@ class _Several:
     """What both kinds share: agents, what they see, and pictures.
 
     An agent whose object was deleted has `terminated`; one whose object has another class stays, and does nothing.
-    `state()` has what each agent sees, in the order of the agents, as components.
+    `state()` has what each agent sees, in the order of the agents, as components. A copy is made anew by `again`, and
+    begins with a reset, since an engine cannot be copied.
 
     Args:
         simulator: the engine and its behaviour; nothing else may change its model in the meantime.
@@ -45,6 +46,7 @@ class _Several:
         observation: "index", "multi", "flat" or "dict".
         cell: side of a cell in pixels.
         action_masks: whether infos have `action_mask`, int8 [actions]: what this agent could do in the present state.
+        again: makes the same; None: then it cannot be copied.
     """
 
     def __init__(
@@ -56,6 +58,7 @@ class _Several:
         observation: ObservationKind = "index",
         cell: int = 32,
         action_masks: bool = False,
+        again: Callable[[], Any] | None = None,
     ) -> None:
         if _PETTINGZOO is None:
             raise InvalidArgument(
@@ -64,6 +67,7 @@ class _Several:
         drawn = simulator.behaviour.draw is not None
         check_render_mode(render_mode, drawn=drawn)
         self.simulator = simulator
+        self._again = again
         self.metadata: dict[str, Any] = {
             "name": simulator.behaviour.name,
             "render_modes": [*RENDER_MODES] if drawn else [],
@@ -114,6 +118,9 @@ class _Several:
     def close(self) -> None:
         """Release the model."""
         self.simulator.close()
+
+    def __reduce__(self) -> Any:
+        return super().__reduce__() if self._again is None else (self._again, ())
 
     def _begin(self, seed: int | None) -> None:
         if seed is not None or self._random is None:

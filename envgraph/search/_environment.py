@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from functools import cached_property
+from functools import cached_property, partial
 from os import PathLike
 from pathlib import Path
 from typing import Any, Final, Literal, get_args
@@ -135,8 +135,7 @@ def make_aec(
     """
     from envgraph.env.multiagent import TurnEnv  # takes PettingZoo
 
-    simulator, limit = _several(family, variant, domain, max_episode_steps)
-    return TurnEnv(simulator, limit=limit, **options)
+    return _several(TurnEnv, make_aec, family, variant, domain, max_episode_steps, options)
 
 
 def make_parallel(
@@ -153,20 +152,27 @@ def make_parallel(
     """
     from envgraph.env.multiagent import TogetherEnv
 
-    simulator, limit = _several(family, variant, domain, max_episode_steps)
-    return TogetherEnv(simulator, limit=limit, **options)
+    return _several(TogetherEnv, make_parallel, family, variant, domain, max_episode_steps, options)
 
 
 def _several(
-    family: Location | None, variant: int | str | None, domain: Location | None, limit: int | None
-) -> tuple[Simulator, int | None]:
-    """The live engine of a member, and the limit of steps of an episode."""
+    kind: Callable[..., Any],
+    make: Callable[..., Any],
+    family: Location | None,
+    variant: int | str | None,
+    domain: Location | None,
+    limit: int | None,
+    options: dict[str, Any],
+) -> Any:
+    """An environment of a kind on the live engine of a member, which `make` makes again."""
     if family is not None and domain is not None:
         raise InvalidArgument("give a `family` or a `domain`, not both")
     place = None if domain is None else str(domain)
     read = _opened(place, family, () if variant is None else (variant,)).family
     engine = read.domain.engine(read.model(read.member(variant)))
-    return Simulator(engine, read.behaviour, read.keys), read.limit if limit == -1 else limit
+    simulator = Simulator(engine, read.behaviour, read.keys)
+    again = partial(make, family, variant, domain=domain, max_episode_steps=limit, **options)
+    return kind(simulator, limit=read.limit if limit == -1 else limit, again=again, **options)
 
 
 def register(

@@ -5,6 +5,7 @@ It is no `test_*.py`: `make test` does without.
 
 from __future__ import annotations
 
+import pickle
 import warnings
 from collections.abc import Callable
 from pathlib import Path
@@ -18,14 +19,16 @@ from envgraph.cli._new import copy_domain
 from envgraph.env import EnvgraphLiveEnv, Simulator
 from envgraph.env.multiagent import TogetherEnv, TurnEnv
 from envgraph.errors import InvalidArgument
+from tests.integrations.documented import run_section
 from tests.unit.env.coins import RULES, loaded
 from tests.unit.env.test_agents import HALLS, opened
-from tests.unit.test_docs import ROOT, blocks, run_python, run_shell
 
 pytest.importorskip("pettingzoo")  # modules are imported in `make test`, too, for their doctests
 
-from pettingzoo.test import api_test, parallel_api_test, parallel_seed_test, seed_test
-from pettingzoo.utils import parallel_to_aec
+with warnings.catch_warnings():  # its tests import an environment of its own in a way that it calls old
+    warnings.simplefilter("ignore", DeprecationWarning)
+    from pettingzoo.test import api_test, parallel_api_test, parallel_seed_test, seed_test
+    from pettingzoo.utils import parallel_to_aec
 
 CHASE = """
     {how}
@@ -203,16 +206,24 @@ def test_environments_of_another_kind_are_refused(together: Path) -> None:
 
 def test_the_examples_of_the_documentation_learn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    text = (ROOT / "docs" / "python.md").read_text("utf-8")
-    first = text.count("\n", 0, text.index("## Several agents"))
-    last = text.count("\n", 0, text.index("## Code from templates"))
-    found = [block for block in blocks(ROOT / "docs" / "python.md") if first < block.line < last]
+    pytest.importorskip("supersuit")
     names: dict[str, object] = {"envgraph": envgraph, "np": np}
-    for block, after in zip(found, [*found[1:], None], strict=True):
-        if block.language in ("python", "sh"):
-            printed = run_python(block, names) if block.language == "python" else run_shell(block)
-            if after is not None and block.precedes(after) and after.language == "text":
-                assert printed == after.text
+    assert run_section("## Several agents", "## Code from templates", names)[-1] == "True\n"
+
+
+def test_environments_are_copied_by_being_made_again(together: Path) -> None:
+    for env in (
+        envgraph.make_parallel(domain=together, max_episode_steps=9),
+        envgraph.make_aec(domain="warehouse"),
+    ):
+        env.reset(seed=0)
+        copy = pickle.loads(pickle.dumps(env))
+        assert copy.agents == [] and copy.possible_agents == env.possible_agents
+        assert copy.action_names == env.action_names and copy.simulator is not env.simulator
+        copy.reset(seed=0)
+        assert [copy.observe(agent) for agent in copy.agents] == [env.observe(agent) for agent in env.agents]
+    with pytest.raises(TypeError, match="an engine cannot be pickled"):
+        pickle.dumps(TurnEnv(coins()))
 
 
 @pytest.mark.parametrize("kind", [TurnEnv, TogetherEnv])

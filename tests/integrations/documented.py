@@ -1,0 +1,26 @@
+"""Runs what the documentation of Python says of the packages of others; other tests here use it."""
+
+from __future__ import annotations
+
+from tests.unit.test_docs import ROOT, Block, blocks, run_python, run_shell
+
+
+def run_section(first: str, last: str, names: dict[str, object]) -> list[str]:
+    """Run the blocks between two headings in the present directory, those that are skipped elsewhere as well.
+
+    Returns:
+        What each prints that has its text below it; that is what is there.
+    """
+    page = ROOT / "docs" / "python.md"
+    text = page.read_text("utf-8")
+    start, end = (text.count("\n", 0, text.index(heading)) for heading in (first, last))
+    found = [block for block in blocks(page) if start < block.line < end]
+    after: list[Block | None] = [*found[1:], None]
+    said = []
+    for block, below in zip(found, after, strict=True):
+        if block.language in ("python", "sh"):
+            printed = run_python(block, names) if block.language == "python" else run_shell(block)
+            if below is not None and block.precedes(below) and below.language == "text":
+                assert printed == below.text
+                said.append(printed)
+    return said

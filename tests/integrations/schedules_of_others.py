@@ -1,0 +1,50 @@
+"""Schedules in Stable-Baselines3, Syllabus and RLlib, as documented: `make test-integrations` installs and runs them.
+
+It is no `test_*.py`: `make test` needs none of them.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import envgraph
+from envgraph.env.schedules import Outcomes, Weighted, named_schedule
+from envgraph.search import generate, write_family
+from tests.integrations.documented import run_section
+
+pytest.importorskip("stable_baselines3")  # modules are imported in `make test`, too, for their doctests
+
+pytestmark = pytest.mark.filterwarnings("default")  # theirs, not ours to fix
+
+
+@pytest.mark.parametrize(
+    ("package", "first", "last"),
+    [
+        ("stable_baselines3", "### Schedules in other code bases", "**[Syllabus]"),
+        ("syllabus", "**[Syllabus]", "**RLlib.**"),
+        ("ray", "**RLlib.**", "`envgraph train --controls plr"),
+    ],
+)
+def test_a_schedule_says_what_is_played(
+    package: str, first: str, last: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What the page says, after what it has said before: a family, and an environment that goes by a schedule."""
+    pytest.importorskip(package)
+    monkeypatch.chdir(tmp_path)
+    family = generate("burning_forest", Path("run.sqlite"), seed=2, generations=30)
+    Path("family.json").write_text(write_family(family))
+    names: dict[str, object] = {"envgraph": envgraph, "np": np, "names": ["E1", "E2", "E3"]}
+    run_section("## Schedules", "### Schedules in other code bases", names)
+    told: set[int] = set()
+    tell = Weighted.tell
+
+    def noted(self: Weighted, outcomes: Outcomes) -> None:
+        told.update(outcomes.member.tolist())
+        tell(self, outcomes)
+
+    monkeypatch.setattr(Weighted, "tell", noted)
+    run_section(first, last, {**names, "named_schedule": named_schedule})
+    assert told == {0, 1, 2}
