@@ -17,7 +17,7 @@ from envgraph.env import (
     DEFAULT_LIMIT,
     Adopted,
     EnvgraphLiveEnv,
-    Level,
+    MiniGridLevel,
     Simulator,
     TooManyStates,
     Transition,
@@ -101,9 +101,9 @@ def _options(given: Iterable[str]) -> dict[str, Any]:
     return found
 
 
-def _ways(adopted: Adopted | Level) -> Iterator[tuple[str, _Words]]:
+def _ways(adopted: Adopted | MiniGridLevel) -> Iterator[tuple[str, _Words]]:
     """The templates that may say what an environment does, the most readable first, with their words."""
-    if isinstance(adopted, Level):
+    if isinstance(adopted, MiniGridLevel):
         yield "minigrid", {"level": adopted, "said": adopted.mission}
         return
     if adopted.rows and adopted.actions == 4 and set("".join(adopted.rows)) <= {*_LETTERS}:
@@ -198,24 +198,24 @@ class _Tried:
         self.actions = 0
         self.said = ""
 
-    def differences(self, adopted: Adopted | Level) -> Iterator[str]:
+    def differences(self, adopted: Adopted | MiniGridLevel) -> Iterator[str]:
         """What it does in another way: in any state, or of a large level along some ways."""
         engine, behaviour = self._domain.engine(), self._domain.behaviour
         assert behaviour is not None
         try:
-            limit = _MOST_STATES if isinstance(adopted, Level) else DEFAULT_LIMIT
+            limit = _MOST_STATES if isinstance(adopted, MiniGridLevel) else DEFAULT_LIMIT
             table = explore(engine, behaviour, limit=limit).tabular
         except TooManyStates:
-            if not isinstance(adopted, Level):
+            if not isinstance(adopted, MiniGridLevel):
                 raise
             yield from self._ways(adopted, Simulator(engine, behaviour))
             return
         self.states, self.actions = table.n_states, table.n_actions
-        each = "its reward" if isinstance(adopted, Level) else "its chance and reward"
+        each = "its reward" if isinstance(adopted, MiniGridLevel) else "its chance and reward"
         self.said = f"{self.states:,} states, {self.actions} actions, each outcome with {each}"
         yield from adopted.differences(table)
 
-    def _ways(self, level: Level, simulator: Simulator) -> Iterator[str]:
+    def _ways(self, level: MiniGridLevel, simulator: Simulator) -> Iterator[str]:
         names = simulator.action_names
         self.actions = len(names)
         plan = Plans(simulator.behaviour).plan(self._domain.engine())

@@ -41,7 +41,7 @@ from envgraph.env._frozen_lake import frozen_lake
 from envgraph.env._gymnasium import EnvgraphEnv, EnvgraphLiveEnv, check_render_mode
 from envgraph.env._keys import KeyIndex, SameKey, indexed_classes, key_reader
 from envgraph.env._members import About, Members, Variants
-from envgraph.env._minigrid import Level
+from envgraph.env._minigrid import MiniGridLevel
 from envgraph.env._model_views import GraphView, ImageView, ModelView, model_view
 from envgraph.env._reaching import can_end
 from envgraph.env._simulator import Outcome, Simulator
@@ -94,9 +94,9 @@ __all__ = [
     "ImageView",
     "Key",
     "KeyIndex",
-    "Level",
     "Mark",
     "Members",
+    "MiniGridLevel",
     "ModelView",
     "Observation",
     "ObservationKind",

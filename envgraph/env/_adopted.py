@@ -12,7 +12,7 @@ import gymnasium
 import numpy as np
 
 from envgraph.code import dataclass
-from envgraph.env._minigrid import Level, is_minigrid
+from envgraph.env._minigrid import MiniGridLevel, is_minigrid
 from envgraph.env._tabular import Tabular
 from envgraph.errors import InvalidArgument
 
@@ -116,7 +116,7 @@ def _close(one: Mapping[Any, float], other: Mapping[Any, float]) -> bool:
     return all(abs(one.get(key, 0.0) - other.get(key, 0.0)) < _TOLERANCE for key in {**one, **other})
 
 
-def adopt(id: str, seed: int = 0, **options: Any) -> tuple[Adopted | Level, int | None]:
+def adopt(id: str, seed: int = 0, **options: Any) -> tuple[Adopted | MiniGridLevel, int | None]:
     """The transitions of an environment that tells them, as Gymnasium's toy texts do, or a level; and its time limit.
 
     Its unwrapped environment is one of MiniGrid, or it has `P`, for each state and action a list of (probability, next
@@ -144,7 +144,7 @@ def adopt(id: str, seed: int = 0, **options: Any) -> tuple[Adopted | Level, int 
         raise InvalidArgument(f"Gymnasium cannot make `{id}`: {error}", hint) from None
     try:
         if is_minigrid(made.unwrapped):
-            level = Level.of(made.unwrapped, seed)
+            level = MiniGridLevel.of(made.unwrapped, seed)
             return level, level.limit
         adopted = _adopted(made.unwrapped)
         _try_out(made.unwrapped, adopted)

@@ -49,7 +49,7 @@ class LevelThing:
     inside: str | None = None
 
 
-class Level:
+class MiniGridLevel:
     """A level of MiniGrid as it is after a reset, whose environment is walked through to compare others with it.
 
     Attributes:
@@ -86,7 +86,7 @@ class Level:
             raise InvalidArgument(message, "up to 2**63 - 1 can be numbered")
 
     @classmethod
-    def of(cls, inner: Any, seed: int) -> Level:
+    def of(cls, inner: Any, seed: int) -> MiniGridLevel:
         """The level that `reset(seed=seed)` draws.
 
         Raises:

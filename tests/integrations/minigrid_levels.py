@@ -15,7 +15,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 import envgraph
-from envgraph.env import Level
+from envgraph.env import MiniGridLevel
 from tests.unit.cli.test_commands import Envgraph, ok
 from tests.unit.cli.test_commands import envgraph as envgraph_command
 
@@ -115,11 +115,5 @@ def test_a_family_goes_back_as_levels_that_step_as_its_members_do(
     for member in (f"E{place}" for place in range(1, 7)):
         env = gymnasium.make(name.replace("E6", member))
         check_env(env.unwrapped, skip_render_check=True)
-        found = Level.of(env.unwrapped, 0)
+        found = MiniGridLevel.of(env.unwrapped, 0)
         assert [*found.differences(envgraph.make("five", member).unwrapped.tabular)] == []
-
-
-def test_other_families_are_no_levels(envgraph_command: Envgraph) -> None:
-    ok(envgraph_command("generate", "burning_forest", "--generations", 1, "--name", "fires"))
-    done = envgraph_command("export", "fires", "--format", "minigrid", "-o", "out")
-    assert done.code == 1 and "the metamodel has no class `Level`" in done.err

@@ -410,6 +410,8 @@ def test_a_family_is_exported_as_code_from_templates(envgraph: Envgraph, tmp_pat
         (("--format", "npz"), "`-o FILE` says where"),
         (("--format", "npz", "--templates", "mine"), "`--format python` does"),
         (("--format", "python", "-o", "fires"), "fires exists already"),
+        (("--format", "minigrid"), "format `minigrid` is a folder"),
+        (("--format", "minigrid", "-o", "levels"), "the metamodel has no class `Level`"),
         (("--format", "python", "--templates", "none", "-o", "new"), "`envgraph templates DIR` writes some"),
     ):
         refused = envgraph("export", "a", *arguments)
