@@ -29,7 +29,7 @@ from envgraph.search._store import dump_json
 if TYPE_CHECKING:
     from envgraph.search._domain import Domain
 
-FORMAT = 4
+FORMAT = 5
 """Raised when the same texts give another table, or another file, than before."""
 
 MOST_BYTES = 2**30
