@@ -3,6 +3,7 @@
 from envgraph.errors import shorten
 from envgraph.match._matcher import FREE, Free, Matcher, Row
 from envgraph.match.demand._compiled import CompiledMatcher
+from envgraph.match.demand._sharing import Questions
 from envgraph.match.explain._explain import Explanation
 from envgraph.match.explain._why import Failure, WhyNot, Witness
 from envgraph.match.naive._naive import NaiveMatcher
@@ -16,6 +17,7 @@ __all__ = [
     "Free",
     "Matcher",
     "NaiveMatcher",
+    "Questions",
     "Row",
     "Subscription",
     "ViewMatcher",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import field
 from math import inf
 from typing import ClassVar, Final
@@ -12,6 +12,7 @@ from envgraph.env import Behaviour, KeyIndex, explore, indexed_classes
 from envgraph.env.compiled import NotCompiled, Plan, Plans, Tables
 from envgraph.files import counting
 from envgraph.graph import Model
+from envgraph.match import Row
 from envgraph.metamodel import Metamodel
 from envgraph.rewrite import Engine
 from envgraph.search._object_facts import object_facts
@@ -54,7 +55,10 @@ class PatternValue:
             OverflowError: the number has more than 308 digits.
         """
         _, pattern, arguments = engine.queries.question(self.pattern)
-        rows = engine.matcher.rows(pattern, arguments)
+        return self.read(engine.matcher.rows(pattern, arguments))
+
+    def read(self, rows: Sequence[Row]) -> float:
+        """The number in the matches of the pattern."""
         value = rows[0][self.place] if len(rows) == 1 else inf
         assert isinstance(value, int | float), "`check_family` demands a number"
         return value

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from math import inf
 from typing import Literal, NamedTuple
 
@@ -12,7 +11,7 @@ from envgraph.lang import numeric_parameters
 from envgraph.metamodel import Scalar
 from envgraph.rewrite import Engine
 from envgraph.search._measures import MatchCount, PatternValue
-from envgraph.search._problem import Constraint, CountWithin, Forbid, IndividualMeasure, Require, number
+from envgraph.search._problem import IndividualMeasure, number
 
 Sense = Literal["maximise", "minimise"]
 
@@ -47,9 +46,9 @@ class Goal:
             return cls(pattern, PatternValue(name, place, whole=type_ is Scalar.INT), sense)
         return cls(pattern, MatchCount(name), sense)
 
-    def cost(self, engine: Engine) -> float:
-        """The measure of the model at which the engine stands as a cost: less is better, infinity is no value."""
-        value = number(self.measure.evaluate(engine), f"objective `{self.name}`")
+    def cost(self, measured: object) -> float:
+        """What was measured as a cost: less is better, infinity is no value."""
+        value = number(measured, f"objective `{self.name}`")
         if value in (inf, -inf):
             value = inf if self.otherwise is None else self.otherwise
             if value == inf:
@@ -79,46 +78,3 @@ class Standing(NamedTuple):
         return self.costs != other.costs and all(
             mine <= yours for mine, yours in zip(self.costs, other.costs, strict=True)
         )
-
-
-def excess(constraint: Constraint, engine: Engine) -> Callable[[], float]:
-    """How far a model is from satisfying a constraint: matches that should not be there, or that are missing."""
-    if not isinstance(constraint, Forbid | CountWithin):
-        return lambda: 0.0 if constraint.holds(engine) else 1.0
-    low, high = (0, 0) if isinstance(constraint, Forbid) else (constraint.low, constraint.high)
-    _, pattern, arguments = engine.queries.question(constraint.pattern)
-    count = engine.matcher.count
-
-    def outside() -> float:
-        found = count(pattern, arguments)
-        return float(max(low - found, 0 if high is None else found - high, 0))
-
-    return outside
-
-
-def appraiser(
-    engine: Engine, goals: Sequence[Goal], constraints: Sequence[Constraint]
-) -> Callable[[], Standing]:
-    """A function that says what the model at which the engine stands is worth."""
-
-    excesses = [excess(constraint, engine) for constraint in constraints]
-
-    def appraise() -> Standing:
-        violation = 0.0
-        for outside in excesses:
-            violation += outside()
-        return Standing(violation, tuple([goal.cost(engine) for goal in goals]))
-
-    return appraise
-
-
-def watchable(goals: Sequence[Goal], constraints: Sequence[Constraint]) -> list[str]:
-    """The patterns that are asked about at every step."""
-    asked: list[str] = []
-    for goal in goals:
-        if isinstance(goal.measure, MatchCount | PatternValue):
-            asked.append(goal.measure.pattern)
-    for constraint in constraints:
-        if isinstance(constraint, Require | Forbid | CountWithin):
-            asked.append(constraint.pattern)
-    return list(dict.fromkeys(asked))

@@ -13,9 +13,10 @@ from envgraph.errors import InvalidArgument, TransactionError
 from envgraph.graph import Version
 from envgraph.rewrite import Engine, Trace
 from envgraph.search._problem import Constraint, CountWithin, Forbid, Require
+from envgraph.search.optimising._appraisal import Appraisal, watchable
 from envgraph.search.optimising._archive import Archive, Found, steps_of
 from envgraph.search.optimising._climbing import Annealing
-from envgraph.search.optimising._goals import Goal, Sense, appraiser, watchable
+from envgraph.search.optimising._goals import Goal, Sense
 from envgraph.search.optimising._walk import Progress, Strategy, Walk
 
 _LARGE = 256
@@ -156,7 +157,7 @@ def pursue(
         start = engine.model.state_hash()
         engine.rng = rng  # for choices inside of units
         try:
-            appraise = appraiser(engine, goals, constraints)
+            appraise = Appraisal(engine, goals, constraints)
             walk = Walk(engine, moves, appraise, rng, steps=steps, seconds=seconds, target=costs, tell=tell)
             try:
                 strategy.search(walk)

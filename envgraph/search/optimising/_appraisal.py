@@ -1,0 +1,93 @@
+"""What the model at which an engine stands is worth."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from envgraph.match import Questions, Row
+from envgraph.rewrite import Engine
+from envgraph.search._measures import MatchCount, PatternValue
+from envgraph.search._problem import Constraint, CountWithin, Forbid, Require
+from envgraph.search.optimising._goals import Goal, Standing
+
+_FIRST = 64
+"""States that are judged until plans are made for the model. They are made anew after four times as many, and so on: by
+then models have the sizes that they keep (`benchmarks/bench_assignment.py` begins without a class)."""
+
+
+class Appraisal:
+    """Says what models are worth, again and again.
+
+    Args:
+        engine: stands at the models.
+        goals, constraints: what they are judged by.
+    """
+
+    def __init__(self, engine: Engine, goals: Sequence[Goal], constraints: Sequence[Constraint]) -> None:
+        self._engine, self._watched = engine, frozenset(engine.watched)
+        self._questions: Questions | None = None
+        self._states, self._next = 0, _FIRST
+        self._excesses = [self._excess(constraint) for constraint in constraints]
+        self._costs = [self._cost(goal) for goal in goals]
+
+    def __call__(self) -> Standing:
+        """What the present model is worth."""
+        self._states += 1
+        if self._states == self._next:
+            self._next *= 4
+            self._questions = Questions(self._engine.model, self._engine.library)
+        violation = 0.0
+        for excess in self._excesses:
+            violation += excess()
+        return Standing(violation, tuple([cost() for cost in self._costs]))
+
+    def _cost(self, goal: Goal) -> Callable[[], float]:
+        measure, engine = goal.measure, self._engine
+        if not isinstance(measure, MatchCount | PatternValue):
+            return lambda: goal.cost(measure.evaluate(engine))
+        rows, count = self._asking(measure.pattern)
+        if isinstance(measure, MatchCount):
+            return lambda: goal.cost(float(count()))
+        return lambda: goal.cost(measure.read(rows()))
+
+    def _excess(self, constraint: Constraint) -> Callable[[], float]:
+        """How far a model is from satisfying a constraint: matches that should not be there, or that are missing."""
+        if not isinstance(constraint, Forbid | CountWithin):
+            return lambda: 0.0 if constraint.holds(self._engine) else 1.0
+        low, high = (0, 0) if isinstance(constraint, Forbid) else (constraint.low, constraint.high)
+        _, count = self._asking(constraint.pattern)
+
+        def outside() -> float:
+            found = count()
+            return float(max(low - found, 0 if high is None else found - high, 0))
+
+        return outside
+
+    def _asking(self, name: str) -> tuple[Callable[[], Sequence[Row]], Callable[[], int]]:
+        """The matches of a pattern, and how many there are."""
+        matcher, (_, pattern, arguments) = self._engine.matcher, self._engine.queries.question(name)
+        watched = pattern in self._watched
+
+        def rows() -> Sequence[Row]:
+            if watched or self._questions is None:
+                return matcher.rows(pattern, arguments)
+            return self._questions.rows(pattern)
+
+        def count() -> int:
+            if watched or self._questions is None:
+                return matcher.count(pattern, arguments)
+            return self._questions.count(pattern)
+
+        return rows, count
+
+
+def watchable(goals: Sequence[Goal], constraints: Sequence[Constraint]) -> list[str]:
+    """The patterns that are asked about at every step."""
+    asked: list[str] = []
+    for goal in goals:
+        if isinstance(goal.measure, MatchCount | PatternValue):
+            asked.append(goal.measure.pattern)
+    for constraint in constraints:
+        if isinstance(constraint, Require | Forbid | CountWithin):
+            asked.append(constraint.pattern)
+    return list(dict.fromkeys(asked))

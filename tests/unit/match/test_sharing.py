@@ -1,0 +1,54 @@
+"""Questions that are asked again and again: the answers are those of the matcher, whatever has changed in between."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy
+import pytest
+
+import envgraph
+from envgraph.match import Questions
+from envgraph.match.demand._sharing import _Sharing
+
+PATTERNS = ("craIndex", "cohesion", "coupling", "unassigned", "dependency", "tied", "several")
+
+
+def test_answers_are_those_of_the_matcher_after_every_change_and_rollback() -> None:
+    engine, rng = envgraph.open("assignment"), numpy.random.default_rng(3)
+    names = [engine.queries.question(name)[1] for name in PATTERNS]
+    questions = Questions(engine.model, engine.library)
+    for step in range(60):
+        chosen = engine.choose(("introduce", "assign", "move", "extract", "join"), rng)
+        assert chosen is not None
+        savepoint = engine.model.savepoint()
+        engine.fire(*chosen)
+        for kept in (True, False):
+            for name in names:
+                found = engine.matcher.rows(name, engine.queries.question(name)[2])
+                assert sorted(questions.rows(name)) == sorted(found)
+                assert questions.count(name) == len(found)
+            if kept and step % 3:
+                engine.model.release(savepoint)
+                break
+            if kept:
+                engine.model.rollback(savepoint)
+
+
+def test_what_aggregates_is_computed_once_for_an_object(monkeypatch: pytest.MonkeyPatch) -> None:
+    engine, rng, asked = envgraph.open("assignment"), numpy.random.default_rng(3), list[tuple[int, Any]]()
+    for _ in range(12):
+        chosen = engine.choose(("introduce", "move", "extract"), rng)
+        assert chosen is not None
+        engine.fire(*chosen)
+    share = _Sharing._shared
+
+    def counting(program: _Sharing, function: Callable[..., Any]) -> Callable[..., Any]:
+        return share(program, lambda value: asked.append((id(function), value)) or function(value))
+
+    monkeypatch.setattr(_Sharing, "_shared", counting)
+    questions = Questions(engine.model, engine.library)
+    for _ in range(2):
+        questions.rows(engine.queries.question("craIndex")[1])
+    assert len(asked) == len(set(asked)) > len(engine.model.nodes("Class"))
