@@ -136,13 +136,19 @@ def verify_(run: str, resume: bool, directory: Path, format: OutputFormat) -> No
 
 
 @app.command("runs")
+@click.argument("compared", nargs=-1, metavar="[RUN OTHER]", help="Two runs: what differs between them.")
 @directory_option
 @format_option
-def runs_(directory: Path, format: OutputFormat) -> None:
-    """List the runs that there are."""
-    from envgraph.cli._runs import list_runs
+def runs_(compared: tuple[str, ...], directory: Path, format: OutputFormat) -> None:
+    """List the runs that there are, or what differs between two of them: settings, texts, figures and members."""
+    from envgraph.cli._runs import compare_runs, list_runs
 
-    list_runs(directory, format)
+    if not compared:
+        list_runs(directory, format)
+    elif len(compared) == 2:
+        compare_runs(*compared, directory, format)
+    else:
+        raise InvalidArgument("two runs are compared", "name both; without any all are listed")
 
 
 @app.command()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from hashlib import sha256
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +11,7 @@ from envgraph.cli._family import TRAINING
 from envgraph.cli._options import RUNS
 from envgraph.cli._output import OutputFormat, print_json, print_line, print_table
 from envgraph.errors import InvalidArgument
-from envgraph.search import RunStore
+from envgraph.search import Member, RunStore, open_family, run_file
 
 
 def list_runs(directory: Path, format: OutputFormat) -> None:
@@ -48,6 +50,58 @@ def _run(file: Path) -> dict[str, Any]:
         return {**found, "problem": str(error)}
     results = (file.parent / TRAINING).glob("*")
     return {**found, "trained": sorted(int(one.name) for one in results if one.name.isdecimal())}
+
+
+def compare_runs(first: str, second: str, directory: Path, format: OutputFormat) -> None:
+    """Print what differs between two runs: settings, texts, figures, and the members that only one of them has.
+
+    Raises:
+        InvalidArgument: there is no such run, or it has no family yet.
+    """
+    files = [run_file(run, directory) for run in (first, second)]
+    one, other = map(_figures, files)
+    differences = {
+        name: [one.get(name), other.get(name)]
+        for name in {**one, **other}
+        if one.get(name) != other.get(name)
+    }
+    families = [open_family(file).members for file in files]
+    models = [{member.model for member in members} for members in families]
+    alone = [[m for m in members if m.model not in models[1 - n]] for n, members in enumerate(families)]
+    if format is OutputFormat.JSON:
+        only = [[{"name": m.name, **m.measures} for m in members] for members in alone]
+        print_json({"runs": [first, second], "differences": differences, "members": only})
+        return
+    rows = [(name, *map(_cell, values)) for name, values in differences.items()]
+    rows += [("member", *map(_member, pair)) for pair in zip_longest(*alone)]
+    if rows:
+        print_table(f"{first} and {second}", ("what differs", first, second), rows)
+    else:
+        print_line(f"{first} and {second} do not differ")
+
+
+def _figures(file: Path) -> dict[str, Any]:
+    """What a run is compared by, JSON-ready; of texts a hash."""
+    with RunStore.open(file) as store:
+        last = store.last_generation()
+        found: dict[str, Any] = {"family": store.name, "imported from": store.imported}
+        found |= dict(override.split("=", 1) for override in store.overrides)
+        for path, text in store.sources().items():
+            found[f"text of {path}"] = sha256(text.encode()).hexdigest()[:12]
+        found["generations"] = last.number if last else None
+        found["diversity"] = last.diversity if last else None
+        found["accepted"], found["rejected"] = store.next_id(), store.reasons().total()
+    return found
+
+
+def _cell(value: object) -> str:
+    return "" if value is None else f"{value:.3f}" if isinstance(value, float) else str(value)
+
+
+def _member(member: Member | None) -> str:
+    if member is None:
+        return ""
+    return ", ".join([member.name, *(f"{name} {value:.4g}" for name, value in member.measures.items())])
 
 
 def _row(run: dict[str, Any]) -> tuple[str, ...]:

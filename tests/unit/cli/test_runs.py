@@ -92,6 +92,23 @@ def test_runs_are_listed(envgraph: Call) -> None:
     assert two["run"] == "two" and "is no run store" in two["problem"]
 
 
+def test_two_runs_are_compared(envgraph: Call) -> None:
+    for name, seed in (("one", 5), ("two", 5), ("three", 6)):
+        envgraph(*FOREST, "--generations", 1, "--set", f"seed={seed}", "--name", name)
+    assert envgraph("runs", "one", "two") == "one and two do not differ\n"
+    lines = envgraph("runs", "one", "three").splitlines()
+    assert lines[1].split() == ["what", "differs", "one", "three"]
+    told = {line.split()[0]: line.split()[1:] for line in lines[2:]}
+    assert told["seed"] == ["5", "6"]
+    assert told["member"][:2] == ["E1,", "complexity"]
+    assert "generations" not in told
+    data = json.loads(envgraph("runs", "one", "three", "--format", "json"))
+    assert data["differences"]["seed"] == ["5", "6"]
+    assert [[member["name"] for member in members] for members in data["members"]] == [["E1"], ["E1"]]
+    assert "name both" in envgraph("runs", "one", code=1)
+    assert "four" in envgraph("runs", "one", "four", code=1)
+
+
 def test_a_run_is_replaced_with_all_that_was_made_of_it(envgraph: Call) -> None:
     envgraph(*FOREST, "--generations", 1, "--name", "a")
     envgraph("train", "a", "--steps", 50, "--seeds", 1)
