@@ -14,6 +14,7 @@ import pytest
 
 from envgraph.errors import InvalidArgument
 from envgraph.search import Generation, Individual, RunStore, generate, open_family, write_family
+from envgraph.search._store import FORMAT
 
 
 @pytest.fixture
@@ -38,6 +39,19 @@ def test_what_is_written_reads_back_equal(store: RunStore) -> None:
     assert store.reasons() == {"slow": 2, "wet": 3}
     assert store.settings() == {"format": 2, "seed": 7}
     assert store.sources() == {"a.query": "pattern"}
+
+
+def test_the_tables_are_documented(store: RunStore) -> None:
+    page = Path(__file__).parents[3] / "docs" / "architecture" / "families.md"
+    told = page.read_text(encoding="utf-8").split("## The run store")[1].split("\n## ")[0]
+    with closing(sqlite3.connect(store.path)) as file:
+        tables = [name for (name,) in file.execute("SELECT name FROM sqlite_schema WHERE type = 'table'")]
+        assert len(tables) == 5
+        for table in tables:
+            assert f"| `{table}` |" in told
+            for column in file.execute(f"PRAGMA table_info({table})"):
+                assert f"`{column[1]}`" in told
+    assert f"which is {FORMAT};" in told
 
 
 def test_members_keep_their_order(store: RunStore) -> None:
