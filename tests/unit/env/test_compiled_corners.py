@@ -1239,13 +1239,7 @@ def test_it_steps_as_the_live_engine_does(name: str, tmp_path: Path) -> None:
     step_side_by_side(mutants(engine, behaviour, 3), behaviour, STEPS, native=False)
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        "floats",
-        *(["enums", "parameters whose object goes", "closures over links that change"] if NIGHTLY else []),
-    ],
-)
+@pytest.mark.parametrize("name", CORNERS if NIGHTLY else ["floats"])
 def test_compiled_by_numba_too(name: str, tmp_path: Path) -> None:
     pytest.importorskip("numba")
     engine, behaviour = written(tmp_path, CORNERS[name])
