@@ -163,8 +163,12 @@ def _decisive(delta: float, others: Sequence[Swaps], out: int, into: int) -> flo
 
 def _worse(scores: Sequence[float], others: Sequence[float]) -> bool:
     """Whether the first scores that are not the same are less."""
-    gains = (one - other for one, other in zip(scores, others, strict=True))
-    return next((gain for gain in gains if abs(gain) > TIE), 0.0) < 0
+    for one, other in zip(scores, others, strict=True):
+        if one > other + TIE:
+            return False
+        if one < other - TIE:
+            return True
+    return False
 
 
 @dataclass(frozen=True, slots=True)
