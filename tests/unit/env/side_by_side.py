@@ -23,6 +23,8 @@ from envgraph.rewrite import Engine
 
 REPOSITORY = Path(__file__).parents[3]
 BUNDLED = REPOSITORY / "rules"
+MASKED = 500
+"""Actions of which all masks are compared: of many agents that act together there may be some ten thousand."""
 EXTRA = REPOSITORY / "tests" / "data" / "compiled"
 
 
@@ -96,7 +98,7 @@ def step_side_by_side(
                 assert batch.observation[number] == wanted, f"before step {step}, member {number}"
         actions = chosen.integers(len(program.action_names), size=len(engines))
         allowed = np.array([simulator.allowed() for simulator in live])
-        if not native:  # numba has to compile what asks
+        if not native and len(program.action_names) <= MASKED:  # numba has to compile what asks
             assert batch.allowed().tolist() == allowed.tolist(), f"before step {step}"
         expected = [
             _tried(simulator.step, int(action), stream)
