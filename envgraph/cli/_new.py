@@ -60,9 +60,9 @@ def copy_domain(directory: Path, name: str, domain: str) -> list[Path]:
 
 
 def domain_texts(source: Path, directory: Path) -> dict[Path, str]:
-    """The texts of the files of a domain, by where they would be in another directory, sorted by name."""
-    files = sorted(path for path in source.iterdir() if path.is_file())
-    return {directory / path.name: path.read_text(encoding="utf-8") for path in files}
+    """The texts of the files of a domain and of its `audit`, by where they would be in another directory, sorted."""
+    files = sorted(path for part in ("*", "audit/*") for path in source.glob(part) if path.is_file())
+    return {directory / path.relative_to(source): path.read_text(encoding="utf-8") for path in files}
 
 
 def _check_name(name: str) -> None:

@@ -461,6 +461,8 @@ def _climb(options: Options, population: int) -> CurriculumSettings:
         lanes=options.integer("lanes", 4, 1, MOST_LANES),
         enough=options.number("enough", 1.0, -LARGEST, LARGEST) if options.given("enough") else None,
         demanded=inf if isinstance(demanded, str) else demanded,
+        crossover=options.number("crossover", 0.0, 0.0, 1.0),
+        exchange=options.number("exchange", 0.0, 0.0, 1.0),
     )
 
 

@@ -54,6 +54,7 @@ class CurriculumSettings:
         lanes: families that are improved side by side, until the better half of them goes on.
         enough: the search ends at this value; None: at the most that the objective can be.
         demanded: the least diversity of a family; infinity: the largest there is; or None.
+        crossover, exchange: shares of these moves, see `Moves`.
     """
 
     population: int
@@ -61,6 +62,8 @@ class CurriculumSettings:
     lanes: int = 4
     enough: float | None = None
     demanded: float | None = None
+    crossover: float = 0.0
+    exchange: float = 0.0
 
     def __post_init__(self) -> None:
         if self.population < 2 or self.effort < 1 or self.lanes < 1:
@@ -145,7 +148,9 @@ class CurriculumSearch:
             raise InvalidArgument("nobody knows how diverse a family can be at most: demand a number")
         demanded = self.settings.demanded
         self._demanded = None if demanded is None else min(demanded, most) - _SAME
-        self._moves = Moves(self.levels, self._demanded)
+        self._moves = Moves(
+            self.levels, self._demanded, crossover=self.settings.crossover, exchange=self.settings.exchange
+        )
 
     def run(self) -> CurriculumProgress:
         """The best family that was found.

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Final
 
 from numpy.random import Generator
 
@@ -12,11 +11,6 @@ from envgraph.search._store import Trace
 from envgraph.search.curricula._levels import Level, Levels
 
 Family = tuple[Level, ...]
-
-EXCHANGED: Final = 0.05
-"""Share of the moves that exchange two members in the order."""
-CROSSED: Final = 0.1
-"""Share of the changes that are crossovers."""
 
 
 class Moves:
@@ -33,21 +27,27 @@ class Moves:
     Args:
         levels: of the members.
         demanded: the least diversity of a family, or None.
+        crossover: the share of the changes that are crossovers.
+        exchange: the share of the moves that exchange two members.
     """
 
-    def __init__(self, levels: Levels, demanded: float | None = None) -> None:
+    def __init__(
+        self, levels: Levels, demanded: float | None = None, *, crossover: float = 0.0, exchange: float = 0.0
+    ) -> None:
         self._levels, self._demanded = levels, demanded
+        self._crossover, self._exchange = crossover, exchange
 
     def draw(self, family: Family, rng: Generator) -> Family | None:
         """Another family, or None if what was drawn is none."""
         drafts = list(family)
         changed: dict[int, Trace] = {}
-        if len(family) > 2 and rng.random() < EXCHANGED:
+        if self._exchange and len(family) > 2 and rng.random() < self._exchange:
             one, other = rng.permutation(len(family) - 1)[:2].tolist()
             drafts[one], drafts[other] = drafts[other], drafts[one]
             return tuple(drafts)
         for _ in range(min(3, int(rng.geometric(0.6)))):
-            (self._cross if rng.random() < CROSSED else self._change)(drafts, changed, rng)
+            crossing = self._crossover > 0 and rng.random() < self._crossover
+            (self._cross if crossing else self._change)(drafts, changed, rng)
         for place, trace in changed.items():
             self._levels.go_to(family[place].version)
             if not self._levels.replayed(trace):

@@ -237,7 +237,7 @@ def test_schedules_that_are_not_there_are_refused(family_file: Path) -> None:
 def test_members_take_turns_in_a_vector_of_a_family(family_file: Path) -> None:
     many = envgraph.make_vec(family_file, 4, ["E1", "E6"])
     alone = [envgraph.make(family_file, name).unwrapped.tabular.n_states for name in ("E1", "E6")]  # type: ignore[attr-defined]
-    assert many.unwrapped._next.shape[0] == sum(alone)  # type: ignore[attr-defined]
+    assert many.unwrapped._observation.shape[0] == sum(alone)  # type: ignore[attr-defined]
 
 
 @pytest.mark.parametrize(

@@ -26,7 +26,6 @@ from envgraph.search.curricula import (
     Starts,
     _climb,
     _levels,
-    _moves,
     value_of,
 )
 from envgraph.solve import chain_transfer, evaluate
@@ -150,17 +149,13 @@ def test_moves_make_families_of_valid_members_and_leave_versions_as_they_are(nam
 
 
 @pytest.mark.parametrize("name", ["burning_forest", "keydoor"])
-def test_a_crossover_takes_from_another_member_what_only_that_one_has(
-    name: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_crossover_takes_from_another_member_what_only_that_one_has(name: str) -> None:
     levels, rng = levels_of(name), np.random.default_rng(4)
-    monkeypatch.setattr(_moves, "EXCHANGED", 0.0)
-    monkeypatch.setattr(_moves, "CROSSED", 1.0)
     family, found = started(levels, 4, None)[0], 0
     steps = {step for level in family for step in level.trace}
     before = [(level.state, text(levels, level)) for level in family]
-    for _ in range(40):
-        child = Moves(levels).draw(family, rng)
+    for _ in range(120):
+        child = Moves(levels, crossover=1.0).draw(family, rng)
         for one, other in zip(child or (), family, strict=False):
             if one is not other:
                 found += 1
@@ -173,11 +168,10 @@ def test_a_crossover_takes_from_another_member_what_only_that_one_has(
     assert [(level.state, text(levels, level)) for level in family] == before, "undone, all is as before"
 
 
-def test_an_exchange_changes_the_order_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_exchange_changes_the_order_alone() -> None:
     levels, rng = levels_of("burning_forest"), np.random.default_rng(5)
-    monkeypatch.setattr(_moves, "EXCHANGED", 1.0)
     family = started(levels, 4, None)[0]
-    child = Moves(levels).draw(family, rng)
+    child = Moves(levels, exchange=1.0).draw(family, rng)
     assert child is not None and child != family and child[-1] is levels.target
     assert {id(one) for one in child} == {id(one) for one in family}
 
