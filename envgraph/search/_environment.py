@@ -3,61 +3,46 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from contextlib import suppress
-from functools import cached_property, partial
-from os import PathLike
+from functools import partial
 from pathlib import Path
-from typing import Any, Final, Literal, get_args
+from typing import Any
 from warnings import warn
 
 from envgraph.env import (
     OF_MODEL,
-    About,
     EnvgraphEnv,
     EnvgraphLiveEnv,
     EnvgraphVectorEnv,
     Environment,
     EnvSpec,
-    Explored,
-    ModelView,
     ObservationKind,
     Simulator,
-    TooManyStates,
     Variants,
     VectorEnvironment,
     check_kind,
     check_render_mode,
     environment_spec,
     make_vec_spec,
-    model_view,
 )
 from envgraph.env import register as register_name
 from envgraph.env.compiled import (
     CompiledEnv,
     CompiledVectorEnv,
-    NotCompiled,
     Program,
     Streams,
-    has_numba,
 )
 from envgraph.env.registration import MAKE_VECTOR_ENVIRONMENT
 from envgraph.env.schedules import Schedule, named_schedule
-from envgraph.errors import EvaluationError, InvalidArgument
-from envgraph.files import telling
-from envgraph.graph import model_to_json
-from envgraph.search._domain import Domain
-from envgraph.search._family import Family, Member, place_of, run_file
-from envgraph.search._family_file import kept, open_family
-from envgraph.search._store import dump_json
-from envgraph.search._tables import Record, Tables
-
-Location = str | PathLike[str]
-
-MANY: Final = 100
-"""Members from which on a program is filled and compiled in less time than their states are visited in."""
-
-EngineKind = Literal["table", "compiled", "live"]
-ENGINES: Final = get_args(EngineKind)
+from envgraph.errors import InvalidArgument
+from envgraph.search._family import Family, run_file
+from envgraph.search._opened import (
+    ENGINES,
+    EngineKind,
+    Location,
+    OpenedMembers,
+    open_member_family,
+)
+from envgraph.search._tables import Record
 
 
 def make(
@@ -168,7 +153,7 @@ def _several(
     if family is not None and domain is not None:
         raise InvalidArgument("give a `family` or a `domain`, not both")
     place = None if domain is None else str(domain)
-    read = _opened(place, family, () if variant is None else (variant,)).family
+    read = open_member_family(place, family, () if variant is None else (variant,)).family
     engine = read.domain.engine(read.model(read.member(variant)))
     simulator = Simulator(engine, read.behaviour, read.keys)
     again = partial(make, family, variant, domain=domain, max_episode_steps=limit, **options)
@@ -227,7 +212,7 @@ def _located(family: Location | None, domain: Location | None) -> tuple[dict[str
     if family is not None:
         path = Path(family)
         family = str((path if path.suffix == ".json" else run_file(path)).resolve())
-    return _given(domain=place, family=family), _opened(place, family).record
+    return _given(domain=place, family=family), open_member_family(place, family).record
 
 
 def _given(**values: object) -> dict[str, Any]:
@@ -274,7 +259,7 @@ def make_environment(
     _check_observation(observation, wanted)
     if not isinstance(variant, int | str | None):
         raise InvalidArgument("one environment is of one variant", "`envgraph.make_vec` takes a list of them")
-    opened = _opened(domain, family, () if variant is None else (variant,))
+    opened = open_member_family(domain, family, () if variant is None else (variant,))
     check_render_mode(render_mode, drawn=opened.record.drawn)  # before all states are visited
     place = opened.place(variant)
     shown: dict[str, Any] = {
@@ -300,7 +285,7 @@ def make_environment(
         steps_in = "table"
         environment = EnvgraphEnv(found[0].tabular, pictures=found[0].pictures, **shown)
     if family is not None:
-        environment.of_family(_Members(domain, family, steps_in, pictures), place)
+        environment.of_family(OpenedMembers(domain, family, steps_in, pictures), place)
     if not opened.record.drawn:
         environment.metadata = {**environment.metadata, "render_modes": []}
     return environment
@@ -343,7 +328,7 @@ def make_vector_environment(
     if wanted == "live":
         raise InvalidArgument("the live engine steps one environment", 'give `vectorization_mode="sync"`')
     variants = () if variant is None else (variant,) if isinstance(variant, int | str) else tuple(variant)
-    opened = _opened(domain, family, variants)
+    opened = open_member_family(domain, family, variants)
     check_render_mode(render_mode, ("rgb_array",), drawn=opened.record.drawn)
     if schedule is not None and not variants:
         variants = tuple(opened.record.tables)
@@ -373,7 +358,7 @@ def make_vector_environment(
             [one.tabular for one in found], num_envs, pictures=pictures, **options
         )
     if family is not None:
-        environment.of_family(Variants(_Members(domain, family, "table", pictures=False), places))
+        environment.of_family(Variants(OpenedMembers(domain, family, "table", pictures=False), places))
     return environment
 
 
@@ -393,167 +378,3 @@ def _check_observation(kind: ObservationKind, engine: EngineKind | None) -> None
     if kind in OF_MODEL and engine == "table":
         hint = 'leave `engine` out, or give "compiled" or "live"'
         raise InvalidArgument(f'an observation "{kind}" is made of the model, which a table has not', hint)
-
-
-class _Opened:
-    """A family whose texts are read as soon as a table, or the record of what else it takes, is not kept."""
-
-    def __init__(self, read: Callable[[], Family], kept: Callable[[], tuple[Tables, str]]) -> None:
-        self._read = read
-        self._kept = kept
-        self._tables, self._key = kept()
-        self._refused: NotCompiled | None = None
-
-    @cached_property
-    def family(self) -> Family:
-        return self._read()
-
-    @cached_property
-    def record(self) -> Record:
-        found = self._tables.record(self._key)
-        if found is None:
-            found = self.family.record()
-            if self._key == self._kept()[1]:  # no generation was added in the meantime
-                self._tables.keep(self._key, found)
-        return found
-
-    def place(self, variant: int | str | None) -> int:
-        return place_of(variant, [*self.record.tables], self.record.family)
-
-    def stepping(
-        self, places: Sequence[int], engine: EngineKind | None, *, pictures: bool, of_model: bool = False
-    ) -> list[Explored] | Program | None:
-        """What steps some members: their tables, if no models are wanted, a program, or None for the live engine."""
-        if engine == "live":
-            return None
-        many = engine is None and len(places) > MANY and has_numba() and not pictures
-        if many:
-            with suppress(NotCompiled):
-                return self.program(places)
-        if engine == "table" or (engine is None and not of_model):
-            try:
-                shown = [f"environments: {number} of {len(places)}" for number in range(len(places))]
-                return [
-                    self.explored(place, pictures=pictures, remark=remark if len(places) > 1 else "")
-                    for place, remark in zip(places, shown, strict=True)
-                ]
-            except TooManyStates:
-                if engine == "table":
-                    raise
-        try:
-            return self.program(places)
-        except NotCompiled as refused:
-            self._refused = refused
-            if engine == "compiled":
-                raise self.refused() from None
-            return None
-
-    def program(self, places: Sequence[int]) -> Program:
-        """The program over some members; raises `NotCompiled`."""
-        return self.family.program([self.family.members[place] for place in places])
-
-    def simulator(self, place: int) -> Simulator:
-        """The live engine of a member."""
-        read = self.family
-        engine = read.domain.engine(read.model(read.members[place]))
-        return Simulator(engine, read.behaviour, read.keys)
-
-    def view(self, kind: ObservationKind) -> ModelView:
-        """How the models of the family are seen."""
-        read = self.family
-        return model_view(kind, read.behaviour, [read.model(member) for member in read.members])
-
-    def about(self, place: int) -> About:
-        """What infos tell of a member."""
-        name = [*self.record.tables][place]
-        return {"variant": name, "certificates": dict(self.record.certificates[name])}
-
-    def refused(self) -> EvaluationError:
-        """The error of a behaviour that is not compiled."""
-        assert self._refused is not None
-        message = (
-            f"environment `{self.family.behaviour.name}` is not compiled: it has {self._refused.construct}"
-        )
-        hint = 'use `engine="live"`, or `engine="table"` where there are few states'
-        return EvaluationError(message, self._refused.span, hint)
-
-    def explored(self, place: int, *, pictures: bool, remark: str) -> Explored:
-        name, table = [*self.record.tables.items()][place]
-        table = table or self.family.table_name(self.family.members[place])
-        found = self._tables.read(table, drawn=pictures and self.record.drawn)
-        if found is not None:
-            return found
-        with telling() as tell:
-            tell(remark and f"{remark}, {name}")
-            return self.family.explored(self.family.members[place], pictures=pictures)
-
-
-class _Members:
-    """The members of a family that one environment goes over to; each is read once. See `Members`."""
-
-    def __init__(
-        self, domain: str | None, family: Location | Family, engine: EngineKind, pictures: bool
-    ) -> None:
-        self._given = domain, family, engine, pictures
-        self._entered: dict[int, Any] = {}
-
-    @cached_property
-    def _opened(self) -> _Opened:
-        return _opened(*self._given[:2])
-
-    def place(self, variant: int | str) -> int:
-        return self._opened.place(variant)
-
-    def about(self, place: int) -> About:
-        return self._opened.about(place)
-
-    def entered(self, place: int) -> Any:
-        if place not in self._entered:
-            engine, pictures = self._given[2:]
-            found = self._opened.stepping([place], engine, pictures=pictures)
-            if found is None:
-                return self._opened.simulator(place)  # has a state: it is of one environment
-            self._entered[place] = found[0] if isinstance(found, list) else found
-        return self._entered[place]
-
-    def __deepcopy__(self, _: object) -> _Members:
-        return self
-
-    def __reduce__(self) -> tuple[type[_Members], tuple[Any, ...]]:
-        return _Members, self._given
-
-
-def _opened(
-    domain: str | None, family: Location | Family | None, variants: Sequence[int | str] = ()
-) -> _Opened:
-    """A family; for a domain without one, that of its own model alone."""
-    if isinstance(family, Family):
-        return _Opened(lambda: family, lambda: (Tables(()), ""))
-    if family is not None:
-        path = Path(family)
-        opened = _Opened(lambda: open_family(path), lambda: kept(path))
-        if domain is not None:
-            _check_same(opened.family, str(family), _of_model(domain), domain)
-        return opened
-    if variants:
-        raise InvalidArgument("`variant` names a member of a family: give `family` as well")
-    if domain is None:
-        raise InvalidArgument("give a `family`, or a `domain`")
-    return _Opened(lambda: _of_model(domain), lambda: (Tables(()), ""))
-
-
-def _of_model(domain: str) -> Family:
-    loaded = Domain.load(domain)
-    if loaded.behaviour is None:
-        raise InvalidArgument(f"`{domain}` has no environment: its family file names none")
-    model = dump_json(model_to_json(loaded.initial()))
-    return Family(
-        loaded.spec.name, loaded.workspace.bundle(), (Member("E1", {}, model, initial=True),), loaded
-    )
-
-
-def _check_same(opened: Family, family: str, own: Family, domain: str) -> None:
-    if (opened.behaviour, opened.limit) != (own.behaviour, own.limit):
-        raise InvalidArgument(
-            f"family `{opened.name}` is not of the environment of `{domain}`; `envgraph.make({family!r})` makes it"
-        )

@@ -127,7 +127,7 @@ def test_texts_are_read_for_the_first_environment_alone(
     run: Path, exported: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     limits = [make(stored, 1).spec.max_episode_steps for stored in (run, exported)]  # type: ignore[union-attr]
-    monkeypatch.setattr("envgraph.search._environment.open_family", None)  # what would read them
+    monkeypatch.setattr("envgraph.search._opened.open_family", None)  # what would read them
     for stored in run, exported:
         assert make(stored, "E1").spec.max_episode_steps == limits.pop(0) == 200  # type: ignore[union-attr]
         make_vec(stored, 2, variant=[1, 1]).close()
@@ -141,7 +141,7 @@ def test_a_changed_run_is_read_again(run: Path, monkeypatch: pytest.MonkeyPatch,
     with closing(sqlite3.connect(run)) as store:
         store.execute(f"UPDATE {changed} || ' '")
         store.commit()
-    monkeypatch.setattr("envgraph.search._environment.open_family", None)
+    monkeypatch.setattr("envgraph.search._opened.open_family", None)
     with pytest.raises(TypeError):
         make(run)
 

@@ -17,7 +17,7 @@ from envgraph.env import EnvgraphEnv, Explored, TooManyStates
 from envgraph.env.compiled import CompiledEnv, NotCompiled, program_of
 from envgraph.errors import EvaluationError, InvalidArgument
 from envgraph.search import Family, generate
-from envgraph.search._environment import _of_model
+from envgraph.search._opened import of_model
 from envgraph.search.export import copy_templates, write_package, write_tables
 from tests.unit.learn.small_tables import random_table
 
@@ -32,7 +32,7 @@ def forest(tmp_path_factory: pytest.TempPathFactory) -> Family:
 @pytest.fixture(scope="module")
 def halls() -> Family:
     """With too many states for tables, and agents that take turns."""
-    return _of_model("warehouse")
+    return of_model("warehouse")
 
 
 def imported(folder: Path, name: str) -> ModuleType:
