@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import closing, suppress
+from functools import partial
 from math import prod
 from typing import Any, Final
 
@@ -24,6 +25,7 @@ from envgraph.env.compiled._native import has_numba
 from envgraph.env.compiled._program import Program, program_of, program_over
 from envgraph.env.compiled._refused import NotCompiled
 from envgraph.env.compiled._world import space_of
+from envgraph.env.scene._scene import Scene
 from envgraph.rewrite import Engine
 
 CHOICES: Final = 1_000
@@ -53,10 +55,18 @@ def enumerated(
         RuleError: a rule matches but cannot be applied.
         NotCompiled: in some state there is more than a program has space for, or a larger int.
     """
+    return _visited(program, member, limit, progress, pictures=False).tabular
+
+
+def _visited(
+    program: Program, member: int, limit: int, progress: Progress | None, *, pictures: bool
+) -> Explored:
+    """The table of a member, with a picture of every state if they are wanted."""
     while True:
         visit = Visit(program, member, limit, progress)
         try:
-            return visit.table()
+            tabular = visit.table()
+            return Explored(tabular, visit.pictures(tabular.n_states) if pictures else ())
         except NotCompiled:
             if not visit.full or program.spare >= MOST_SPARE:
                 raise
@@ -80,14 +90,15 @@ def explored(
     progress: Progress | None = None,
 ) -> Explored:
     """As `explore`, with the same result; many states are visited by a compiled program where numba is installed."""
-    if pictures or limit <= FEW or not has_numba():
-        return explore(engine, behaviour, keys, limit=limit, pictures=pictures, progress=progress)
+    pictures = pictures and behaviour.draw is not None
+    live = partial(explore, engine, behaviour, keys, pictures=pictures, progress=progress)
+    if limit <= FEW or not has_numba():
+        return live(limit=limit)
     with suppress(TooManyStates):
-        return explore(engine, behaviour, keys, limit=FEW, outcomes=FEW_OUTCOMES, progress=progress)
+        return live(limit=FEW, outcomes=FEW_OUTCOMES)
     with suppress(NotCompiled):
-        program = program_of(engine, behaviour, keys=keys)
-        return Explored(enumerated(program, limit=limit, progress=progress), ())
-    return explore(engine, behaviour, keys, limit=limit, progress=progress)
+        return _visited(program_of(engine, behaviour, keys=keys), 0, limit, progress, pictures=pictures)
+    return live(limit=limit)
 
 
 LIVE_OUTCOMES: Final = 50_000
@@ -193,6 +204,16 @@ class Visit:
                 self._progress(states, made)
             if how == SPACE:
                 self._grow(states, used)
+
+    def pictures(self, states: int) -> tuple[Scene, ...]:
+        """Draw the states that were visited; equal pictures are one object."""
+        twin = self._program.twin(self._member)
+        painter, drawn, found = twin.simulator.painter(), dict[Scene, Scene](), list[Scene]()
+        for state in range(states):
+            with twin.at(self.states[state], self.floats[state]):
+                scene = painter.scene()
+            found.append(drawn.setdefault(scene, scene))
+        return tuple(found)
 
     def _world(self) -> tuple[Array, ...]:
         arrays = self._program.arrays

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -140,15 +142,31 @@ def test_few_states_of_many_outcomes_are_left_to_the_program(
     engine, behaviour = die(tmp_path)
     wanted, visited = explore(engine, behaviour).tabular, list[int]()
 
-    def counted(program: Program, **options: object) -> Tabular:
+    def counted(*arguments: object, **options: object) -> Program:
         visited.append(1)
-        return enumerated(program_of(engine, behaviour, native=False))
+        return program_of(*arguments, **options, native=False)  # type: ignore[arg-type]
 
-    monkeypatch.setattr("envgraph.env.compiled._enumeration.enumerated", counted)
+    monkeypatch.setattr("envgraph.env.compiled._enumeration.program_of", counted)
     for outcomes, programs in ((40, 0), (39, 1)):
         monkeypatch.setattr("envgraph.env.compiled._enumeration.FEW_OUTCOMES", outcomes)
         assert_equal_tables(explored(engine, behaviour).tabular, wanted)
         assert len(visited) == programs
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_pictures_of_states_that_a_program_visits_are_those_of_the_live_engine(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("numba")
+    engine, behaviour = opened(*domain(MODELS[name]))
+    wanted = explore(engine, behaviour, pictures=True)
+    monkeypatch.setattr("envgraph.env.compiled._enumeration.FEW_OUTCOMES", 1)
+    in_python = Mock(side_effect=partial(program_of, native=False))
+    monkeypatch.setattr("envgraph.env.compiled._enumeration.program_of", in_python)
+    found = explored(engine, behaviour, pictures=True)
+    in_python.assert_called_once()
+    assert_equal_tables(found.tabular, wanted.tabular)
+    assert found.pictures == wanted.pictures and len(set(found.pictures)) > 1
 
 
 def test_tables_of_many_models_of_one_engine_are_made_by_one_program(monkeypatch: pytest.MonkeyPatch) -> None:
