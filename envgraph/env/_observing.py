@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from itertools import count as count_from
 from itertools import zip_longest
 
@@ -166,8 +166,30 @@ def component_names(behaviour: Behaviour, keys: KeyIndex, count: int) -> tuple[s
     ]
     columns = [dict.fromkeys(name for name in column if name) for column in zip_longest(*rows)]
     lead = ["agent"] if len(rows) > 1 else []
+    return _different([*lead, *(" or ".join(column) for column in columns)][:count])
+
+
+def joint_component_names(
+    behaviour: Behaviour, keys: KeyIndex, seats: Iterable[tuple[str, int]]
+) -> tuple[str, ...]:
+    """Different names for what agents see that act together: what each one sees itself, then what all do.
+
+    Args:
+        behaviour: of agents that act together.
+        keys: the indices of objects.
+        seats: names of the agents, and the numbers of their blocks.
+    """
+    found = []
+    for who, number in seats:
+        agent = behaviour.agents[number]
+        for name in (name for one in agent.observations for name in _names(one, keys)):
+            found.append(f"{who.replace('.', '_')} {name.removeprefix(f'{agent.variable} ')}")
+    return _different([*found, *(name for one in behaviour.observations for name in _names(one, keys))])
+
+
+def _different(names: Iterable[str]) -> tuple[str, ...]:
     found: dict[str, None] = {}
-    for name in [*lead, *(" or ".join(column) for column in columns)][:count]:
+    for name in names:
         copies = (f"{name} {number}" for number in count_from(2))
         found[name if name not in found else next(one for one in copies if one not in found)] = None
     return tuple(found)

@@ -12,6 +12,7 @@ from envgraph.behaviour import Behaviour, Effect
 from envgraph.code import dataclass
 from envgraph.env._agents import Agents, Seat
 from envgraph.env._keys import KeyIndex
+from envgraph.env._observing import joint_component_names
 from envgraph.env._prepared import Choices, Component, Pending, PreparedClause, PreparedEach, run_pending
 from envgraph.env._program import Program, worst
 from envgraph.errors import Diagnostic, EvaluationError, ResolutionError
@@ -62,7 +63,7 @@ class Together:
     Attributes:
         rewards: of the last step, by agent; 0.0 of those that were not there.
         shape: sizes of the components of what an observer of all sees: those of each agent's own, then the shared ones.
-        observation_names: of these: "left 1", "left 2", "right 1", .. "shared 1", in the order of the file.
+        observation_names: of these, in the order of the file: "left at", "right at", .. "parcel at".
     """
 
     def __init__(self, behaviour: Behaviour, agents: Agents, model: Model, keys: KeyIndex) -> None:
@@ -71,10 +72,11 @@ class Together:
         self._seats: Sequence[Seat] = agents.seats
         self._clauses = _in_order(agents.seats)
         self.rewards = (0.0,) * len(agents.seats)
-        owned = [(seat.name, _parts(seat.program, shared=False)) for seat in agents.seats]
-        owned.append(("shared", _parts(agents.seats[0].program, shared=True)))
-        parts = [part for _, own in owned for part in own]
-        self.observation_names = numbered_names([(who, len(own)) for who, own in owned])
+        parts = [part for seat in agents.seats for part in _parts(seat.program, shared=False)]
+        parts += _parts(agents.seats[0].program, shared=True)
+        self.observation_names = joint_component_names(
+            behaviour, keys, [(seat.name, seat.block) for seat in agents.seats]
+        )
         self.shape = tuple(part.size for part in parts)
         self._reads = [(part.read, prod(self.shape[:place])) for place, part in enumerate(parts)]
 
@@ -216,11 +218,6 @@ def joint_names(agents: Sequence[str], actions: Sequence[str]) -> tuple[str, ...
         raise EvaluationError(message, None, "`envgraph.make_parallel` has an action for each agent")
     each = [[f"{agent}: {action}" for action in actions] for agent in reversed(agents)]
     return tuple(", ".join(reversed(chosen)) for chosen in product(*each))
-
-
-def numbered_names(counts: Sequence[tuple[str, int]]) -> tuple[str, ...]:
-    """Names of components, of which somebody has so many."""
-    return tuple(f"{who} {number}" for who, count in counts for number in range(1, count + 1))
 
 
 def _parts(program: Program, shared: bool) -> list[Component]:

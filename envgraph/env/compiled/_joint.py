@@ -7,8 +7,9 @@ from itertools import chain
 
 from envgraph import code
 from envgraph.behaviour import Agent, Observation
+from envgraph.env._observing import joint_component_names
 from envgraph.env._prepared import Types
-from envgraph.env._together import in_order, joint_names, numbered_names
+from envgraph.env._together import in_order, joint_names
 from envgraph.env.compiled._clauses import ACTION, Clauses
 from envgraph.env.compiled._layout import ONE, ZERO, call
 from envgraph.env.compiled._observations import SEEN, Observations
@@ -36,10 +37,9 @@ class Joint:
         self._clauses, self._seats = clauses, seats
         self.action_names = joint_names([name for name, _ in seats], clauses.moves[0].names)
         blocks = clauses.blocks
-        own = [(name, clauses.sizes(self._seen(blocks[number], shared=False))) for name, number in seats]
-        own.append(("shared", clauses.sizes(self._seen(blocks[0], shared=True))))
-        self.shape = tuple(chain(*(sizes for _, sizes in own)))
-        self.observation_names = numbered_names([(who, len(sizes)) for who, sizes in own])
+        own = [clauses.sizes(self._seen(blocks[number], shared=False)) for _, number in seats]
+        self.shape = (*chain(*own), *clauses.sizes(self._seen(blocks[0], shared=True)))
+        self.observation_names = joint_component_names(clauses.behaviour, clauses.keys, seats)
 
     def bodies(self) -> tuple[code.Body, code.Body, code.Body]:
         """A step, whether each agent could do its own action, and what all agents see."""
