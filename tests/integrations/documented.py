@@ -11,7 +11,7 @@ def run_section(first: str, last: str, names: dict[str, object]) -> list[str]:
     Returns:
         What each prints that has its text below it; that is what is there.
     """
-    page = ROOT / "docs" / "python.md"
+    page = ROOT / "docs" / "environments.md"
     text = page.read_text("utf-8")
     start, end = (text.count("\n", 0, text.index(heading)) for heading in (first, last))
     found = [block for block in blocks(page) if start < block.line < end]
