@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import reduce
 from itertools import islice
-from math import fsum
+from operator import add
 
 from envgraph.env._prepared import Choices, Perform, Possible
 from envgraph.env._sampling import MOST_OUTCOMES, all_choices
@@ -98,6 +99,8 @@ def _succeeding(perform: Perform, model: Model) -> Possible:
 class _Drawn(Branches):
     """The choices of a unit, made like those of a step."""
 
+    ordered = True
+
     def __init__(self, choices: Choices) -> None:
         super().__init__()
         self._choices = choices
@@ -108,7 +111,7 @@ class _Drawn(Branches):
 
     def weigh(self, weights: Sequence[float]) -> int:
         """See `Branches`."""
-        total = fsum(weights)
+        total = reduce(add, weights)  # `sum` rounds otherwise from Python 3.12 on
         return self._choices.choose([weight / total for weight in weights]) or 0
 
 

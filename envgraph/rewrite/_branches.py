@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import ClassVar
 
 
 class Branches:
@@ -16,7 +17,13 @@ class Branches:
     ...     found.append((first, branches.choose(3) if first else None))
     >>> found
     [(0, None), (1, 0), (1, 1), (1, 2)]
+
+    Attributes:
+        ordered: whether units take matches in the order of what these stand for; else in that of the matcher, which may
+            depend on how a state was reached.
     """
+
+    ordered: ClassVar[bool] = False
 
     def __init__(self) -> None:
         self._chosen: list[int] = []

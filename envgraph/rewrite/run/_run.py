@@ -46,6 +46,7 @@ class Run:
         failure: which step failed last and why, and where it is written.
         gaps: after so many applications something that was no rule changed the model: see `Trace`.
         opened: savepoints of the steps under way that leave nothing behind if they fail.
+        ordered: whether matches are put in the order of what they stand for before one is drawn.
     """
 
     model: Model
@@ -60,8 +61,10 @@ class Run:
     opened: list[Savepoint] = field(default_factory=list)
     pick: Callable[[int], int] = field(init=False)
     put: Callable[[Any], None] = field(init=False)
+    ordered: bool = field(init=False)
 
     def __post_init__(self) -> None:
+        self.ordered = isinstance(self.rng, Branches) and self.rng.ordered
         self.put = self.trace.append
         self.pick = _picker(self.rng)
 
@@ -242,7 +245,8 @@ def fire_one_of(run: Run, rules: Sequence[RuleRunner]) -> tuple[RuleRunner, Row,
     left = [rule for rule in rules if rule.exists()]
     while left:
         rule = left[draw_weighted(run.rng, [rule.weight for rule in left])]
-        found = fire_one(run, rule, rule.live_rows())
+        rows = rule.live_rows()
+        found = fire_one(run, rule, sorted(rows) if run.ordered else rows)
         if found is not None:
             return rule, *found
         left = [other for other in left if other is not rule]
@@ -268,7 +272,7 @@ def apply_every_of(run: Run, rules: Sequence[RuleRunner], site: Site) -> bool | 
     run.refusal = None
     changed = None
     for rule, rows in [(rule, list(rule.all_rows())) for rule in rules]:
-        changed = fire_every(run, rule, rows, site) or changed
+        changed = fire_every(run, rule, sorted(rows) if run.ordered else rows, site) or changed
     if changed:
         run.refusal = None
     return changed

@@ -126,6 +126,8 @@ class UnitCalls:
             rows = code.call(self._functions.constant(rule.all_rows))
         else:
             rows = code.call(self._functions.constant(rule.reader()))
+        if not step.first:
+            rows = code.Choice(code.Member(RUN, "ordered"), code.call("sorted", rows), rows)
         return rule, self._chosen(step, rule, rows, scope), new
 
     def _check_alive(

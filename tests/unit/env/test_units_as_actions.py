@@ -101,6 +101,17 @@ def test_a_table_and_a_live_engine_do_the_same(clauses: str) -> None:
         assert rows.step(action)[:3] == live.step(action)[:3]
 
 
+def test_a_unit_draws_among_matches_in_the_order_in_which_a_rule_does() -> None:
+    def episode(call: str) -> list[object]:
+        clauses = f"action x = {call}\naction y(coin : Coin) = turnBack(coin)\n{SEES}"
+        engine, behaviour = loaded(clauses, texts=TEXTS)
+        engine.watch("turn")
+        live, rng = EnvgraphLiveEnv(Simulator(engine, behaviour)), np.random.default_rng(4)
+        return [live.reset(seed=5)[0], *(live.step(int(rng.integers(4)))[0] for _ in range(60))]
+
+    assert episode("one()") == episode("turn()")
+
+
 def test_a_unit_that_the_model_refuses_is_an_error_that_leaves_the_model_as_it_was() -> None:
     engine, behaviour = loaded("action x(a : Coin, b : Coin, c : Coin) = bad(a, b, c)", texts=TEXTS)
     before = engine.model.state_hash()
