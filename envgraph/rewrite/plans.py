@@ -1,4 +1,4 @@
-"""Plans of rules, for those who carry them out elsewhere."""
+"""Plans of rules, and steps of units, for those who carry them out elsewhere."""
 
 from envgraph.rewrite._plan import (
     BlockPlan,
@@ -16,11 +16,13 @@ from envgraph.rewrite._plan import (
     SetValues,
     Unlink,
 )
+from envgraph.rewrite.check._unit_check import CheckedUnit, all_steps
 
 __all__ = [
     "BlockPlan",
     "ChangeClass",
     "ChangeTargets",
+    "CheckedUnit",
     "Compute",
     "Delete",
     "Increase",
@@ -32,4 +34,5 @@ __all__ = [
     "SetValue",
     "SetValues",
     "Unlink",
+    "all_steps",
 ]

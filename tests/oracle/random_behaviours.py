@@ -6,6 +6,7 @@ Rules and patterns are less wild than those of `rewriting_worlds`: mostly of con
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 from envgraph.behaviour import (
@@ -29,13 +30,18 @@ from envgraph.env.compiled import NotCompiled, program_of
 from envgraph.errors import EvaluationError, ResolutionError, Severity
 from envgraph.metamodel import Attribute, Class, EnumType, Metamodel, Reference, Scalar
 from envgraph.pattern import (
+    Atomic,
     Binary,
     Block,
+    Call,
+    Check,
+    Choice,
     Conditional,
     Constant,
     Create,
     EnumLiteral,
     Expression,
+    If,
     Library,
     Merge,
     Modification,
@@ -48,10 +54,14 @@ from envgraph.pattern import (
     RightSide,
     Rule,
     StaticType,
+    Step,
     Term,
+    Try,
     Unary,
+    Unit,
     Variable,
 )
+from envgraph.pattern import Sequence as Steps
 from envgraph.rewrite import Engine
 from tests.oracle.rewriting_smaller import mended
 from tests.oracle.rewriting_worlds import concrete, random_model, random_patterns, random_rule, state_of
@@ -90,7 +100,7 @@ def random_behaviour_world(seed: int) -> BehaviourWorld:
     for number in range(dice.number(2, 5)):
         rule = mended(engine, _simple(dice, random_rule(dice, state, known, f"r{number}")))
         if rule is not None:
-            engine.add(rule)
+            engine.add(replace(rule, weight=dice.one([1.0, 1.0, 0.3, 2.5]), priority=dice.one([0, 0, 0, 1])))
     for node in state.classes:
         model.set_object_name(int(node), f"n{node}")
     engines = [engine]
@@ -178,6 +188,9 @@ class _Builder:
         self._metamodel = engines[0].model.metamodel
         self._scope: dict[str, StaticType] = {}
         self.refused: list[str] = []
+        self._callable = [*engines[0].rules]
+        for number in range(dice.number(0, 3)):
+            self._add_unit(f"u{number}")
 
     def behaviour(self) -> Behaviour:
         """All of it."""
@@ -308,9 +321,9 @@ class _Builder:
 
     def _call(self, scope: dict[str, StaticType]) -> tuple[RuleCall, dict[str, StaticType]]:
         dice, engine = self._dice, self._engine
-        if not engine.rules:
+        if not self._callable:
             return RuleCall(None), {}
-        rule = dice.one(list(engine.rules))
+        rule = dice.one(self._callable)
         arguments: list[Expression] = []
         outputs: dict[str, StaticType] = {}
         for taken in engine.signature(rule).parameters:
@@ -320,6 +333,50 @@ class _Builder:
             else:
                 arguments.append(self._value(scope, taken.type or Scalar.INT, depth=1))
         return RuleCall(rule, tuple(arguments)), outputs
+
+    # --- units
+
+    def _add_unit(self, name: str) -> None:
+        """A unit of all engines, if it has no errors; behaviours call it more often than a rule."""
+        dice = self._dice
+        classes = [dice.one(list(self._metamodel.classes)) for _ in range(dice.number(0, 2))]
+        scope: dict[str, StaticType] = {f"x{number}": ObjectType(cls) for number, cls in enumerate(classes)}
+        parameters = tuple(Parameter(f"x{number}", cls) for number, cls in enumerate(classes))
+        unit = Unit(name, parameters, self._step(scope, 2))
+        with suppress(ResolutionError, EvaluationError):
+            for engine in self._engines:
+                engine.add(unit)
+            self._callable += [name, name]
+
+    def _step(self, scope: dict[str, StaticType], depth: int) -> Step:
+        dice = self._dice
+        roll = dice.number(0, 11) if depth else 0
+        if roll < 3 or not self._callable:
+            call = self._call(scope)[0]
+            return Call(call.rule or "nobody", tuple(self._opened(one) for one in call.arguments))
+        inner = [self._step(scope, depth - 1) for _ in range(dice.number(2, 3))]
+        if roll < 6:
+            return Choice(tuple(inner))
+        if roll < 8:
+            return Try(inner[0], inner[1] if dice.chance(50) else None)
+        if roll < 10:
+            test = self._test(scope)
+            condition = (
+                Check(test)
+                if test is not None and dice.chance(50)
+                else self._condition(dice.chance(30), scope)[0]
+            )
+            return If(condition, inner[0], inner[1] if dice.chance(50) else None)
+        return (
+            Steps((inner[0], *(Try(one) for one in inner[1:]))) if roll < 11 else Atomic(Steps((inner[0],)))
+        )
+
+    def _opened(self, argument: Expression) -> Expression:
+        """An argument, or often `_` for one that has no value."""
+        known = isinstance(argument, Variable) and argument.name == "nobody"
+        return Variable("_") if known or self._dice.chance(20) else argument
+
+    # --- effects
 
     def _effect(self) -> EachStep | OnFind:
         dice = self._dice
@@ -347,7 +404,9 @@ class _Builder:
         self, negative: bool, scope: dict[str, StaticType] | None = None
     ) -> tuple[PatternCall | Negation, dict[str, StaticType]]:
         dice = self._dice
-        pattern = dice.one([one for one in self._engine.library.patterns if not one.package])
+        pattern = dice.one(
+            [one for one in self._engine.library.patterns if not one.package and "#" not in one.name]
+        )
         arguments: list[Term] = []
         free: dict[str, StaticType] = {}
         for type_ in self._engine.library.parameter_types(pattern.qualified_name):

@@ -14,6 +14,7 @@ from envgraph.pattern import (
     Absence,
     AggregateAtom,
     AttributeAtom,
+    Call,
     Goal,
     InstanceAtom,
     Library,
@@ -23,11 +24,13 @@ from envgraph.rewrite import Engine
 from envgraph.rewrite.plans import (
     BlockPlan,
     ChangeTargets,
+    CheckedUnit,
     Increase,
     RulePlan,
     SetTargets,
     SetValue,
     SetValues,
+    all_steps,
 )
 
 
@@ -46,16 +49,27 @@ def plan_of(engine: Engine, call: RuleCall) -> RulePlan:
     """The plan of the rule that is called.
 
     Raises:
-        NotCompiled: it is a unit, a rule written in Python, or one with constructs that are not compiled.
+        NotCompiled: it is a rule written in Python, or one with constructs that are not compiled.
     """
     assert call.rule is not None
-    if engine.signature(call.rule).kind != "rule":
-        raise NotCompiled(f"the unit `{call.rule}`", call.span)
     plan: RulePlan | None = getattr(engine.prepare(call.rule), "plan", None)
     if plan is None:
         raise NotCompiled(f"the rule `{call.rule}`, which is written in Python", call.span)
     _check(plan, call)
     return plan
+
+
+def checked_unit(engine: Engine, call: RuleCall) -> CheckedUnit:
+    """The steps of the unit that is called, and what they mean.
+
+    Raises:
+        NotCompiled: it is written in Python.
+    """
+    assert call.rule is not None
+    checked = engine.catalog.programs[engine.catalog.resolve(call.rule)].checked
+    if checked is None:
+        raise NotCompiled(f"the unit `{call.rule}`, which is written in Python", call.span)
+    return checked
 
 
 def blocks_of(body: BlockPlan) -> Iterator[BlockPlan]:
@@ -273,12 +287,31 @@ class _Found:
 
 
 def plans_of(engine: Engine, behaviour: Behaviour) -> list[RulePlan]:
-    """The plans of all rules that a behaviour calls.
+    """The plans of all rules that a behaviour calls, and that units call which it calls.
 
     Raises:
-        NotCompiled: see `plan_of`.
+        NotCompiled: see `plan_of` and `checked_unit`; a unit calls itself, or a group.
     """
-    return [plan_of(engine, one) for one in calls_of(behaviour) if one.rule is not None]
+    calls = (one for one in calls_of(behaviour) if one.rule is not None)
+    return [plan_of(engine, rule) for call in calls for rule in _rules(engine, call)]
+
+
+def _rules(engine: Engine, call: RuleCall, above: tuple[str, ...] = ()) -> Iterator[RuleCall]:
+    """The calls of rules that a call makes: itself, or what a unit does inside others."""
+    assert call.rule is not None
+    signature = engine.signature(call.rule)
+    if signature.kind == "rule":
+        yield call
+        return
+    if signature.kind == "group":
+        raise NotCompiled(f"the group `{signature.simple}` in a unit", call.span)
+    if signature.name in above:
+        raise NotCompiled(f"the unit `{signature.simple}`, which calls itself", call.span)
+    checked = checked_unit(engine, call)
+    for step in all_steps(checked.unit):
+        if isinstance(step, Call):
+            inner = RuleCall(checked.calls[id(step)].name, span=step.span)
+            yield from _rules(engine, inner, (*above, signature.name))
 
 
 def houses(reference: Reference, metamodel: Metamodel) -> bool:

@@ -159,7 +159,7 @@ class Effects:
         term = terms.write(compute.expression, self._expected(compute.slot))
         self._site.add(*terms.steps)
         for test in term.valid if not compute.needed else term.tests:
-            self._site.unless(test)
+            self._site.fail_if(code.inverse(test))
         self._site.types[compute.slot] = term.type
         local = self._facts.local(term.type or ObjectType(""))
         value = term.number
@@ -207,12 +207,13 @@ class Effects:
     def _increase(self, change: Increase) -> None:
         attribute = change.attribute
         place = self._cell(change.object, attribute)
-        self._site.unless(self._facts.present(place, attribute.type))
+        self._site.fail_if(code.inverse(self._facts.present(place, attribute.type)))
         made = code.Operation(change.operator[0], (place, self._fitting(change.value, attribute)))
         local = self._facts.local(attribute.type)
         self._site.add(code.Assign(local, made))
         if attribute.type is Scalar.FLOAT:
-            self._site.unless(code.Operation("<", (code.call("abs", local), code.Name("INFINITY"))))
+            finite = code.Operation("<", (code.call("abs", local), code.Name("INFINITY")))
+            self._site.fail_if(code.inverse(finite))
         if (beyond := Term(local, attribute.type, bits=WORD + 1).beyond) is not None:
             self._site.fail_if(beyond, "BEYOND")
         self._site.add(code.Assign(place, local))

@@ -219,6 +219,11 @@ def plus(*parts: code.Expression | int) -> code.Expression:
     return code.joined("+", terms, 0)
 
 
+def listed(first: code.Expression, others: Sequence[code.Expression]) -> code.Expression:
+    """Code for what a function returns: a value, or a tuple of it and others."""
+    return code.tuple_of(first, *others) if others else first
+
+
 def entry(array: code.Expression, *places: code.Expression | int) -> code.Index:
     """Code for an entry of an array."""
     keys = [code.Constant(place) if isinstance(place, int) else place for place in places]

@@ -345,3 +345,8 @@ def literal(facts: Facts, value: Value, type_: StaticType) -> Term:
         case _:
             number = checked(int(value))
             return Term(code.Constant(number), type_, bits=max(number.bit_length(), 1) + 1)
+
+
+def zero_of(type_: StaticType | None) -> code.Expression:
+    """Code for what stands in a variable of a type before it has a value."""
+    return code.Constant(0.0 if type_ is Scalar.FLOAT else 0)

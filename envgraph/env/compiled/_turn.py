@@ -18,8 +18,8 @@ from envgraph.env._program import ENDS
 from envgraph.env.compiled._bodies import CAPACITY
 from envgraph.env.compiled._layout import NOBODY, ONE, TOP, ZERO, D, call, plus
 from envgraph.env.compiled._refused import standing
-from envgraph.env.compiled._terms import Term, named
-from envgraph.env.compiled._writer import Called, Writer, zero_of
+from envgraph.env.compiled._terms import Term, named, zero_of
+from envgraph.env.compiled._writer import Called, Writer
 from envgraph.match.plan import ViewKey
 from envgraph.metamodel import Scalar
 from envgraph.pattern import (

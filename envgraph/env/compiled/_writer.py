@@ -13,12 +13,13 @@ from envgraph.env._program import added
 from envgraph.env._sampling import lacking
 from envgraph.env.compiled._changes import plan_of
 from envgraph.env.compiled._effects import Effects
-from envgraph.env.compiled._layout import NOBODY, ONE, TOP, ZERO, D, call, plus, table
+from envgraph.env.compiled._layout import NOBODY, ONE, TOP, ZERO, D, call, listed, plus, table
 from envgraph.env.compiled._matching import Matching
-from envgraph.env.compiled._refused import standing
+from envgraph.env.compiled._refused import NotCompiled, standing
 from envgraph.env.compiled._statements import Statements
 from envgraph.env.compiled._tables import Keyed
-from envgraph.env.compiled._terms import Term, Terms, as_float, named
+from envgraph.env.compiled._terms import Term, Terms, as_float, named, zero_of
+from envgraph.env.compiled._units import unit_function
 from envgraph.match.plan import ViewKey
 from envgraph.metamodel import Scalar
 from envgraph.pattern import Expression, Negation, ObjectType, StaticType, Variable
@@ -106,20 +107,35 @@ class Writer(Statements):
     # --- calls
 
     def run(self, rule: RuleCall, scope: Mapping[str, Term]) -> Called:
-        """Apply a rule at one of its matches."""
-        done = self.module.fresh("done")
-        self.assign(done, ZERO)
+        """Apply a rule at one of its matches, or run a unit."""
         if rule.rule is None:
+            done = self.module.fresh("done")
             self.assign(done, ONE)
             return Called(done, {})
         given, tests = self._given(rule, scope)
         parameters = self.engine.signature(rule.rule).parameters
-        wanted = {
-            taken.name: argument.name
-            for argument, taken in zip(rule.arguments, parameters, strict=True)
-            if taken.output and isinstance(argument, Variable) and not argument.anonymous
-        }
-        applied = self._applying(rule, tuple(given), tuple(wanted))
+        return self.applied(
+            rule,
+            given,
+            tests,
+            {
+                taken.name: argument.name
+                for argument, taken in zip(rule.arguments, parameters, strict=True)
+                if taken.output and isinstance(argument, Variable) and not argument.anonymous
+            },
+        )
+
+    def applied(
+        self,
+        rule: RuleCall,
+        given: Mapping[str, code.Expression],
+        tests: Sequence[code.Expression],
+        wanted: Mapping[str, str],
+    ) -> Called:
+        """Apply a rule, or run a unit, with values for parameters, if tests hold; names get outputs."""
+        done = self.module.fresh("done")
+        self.assign(done, ZERO)
+        applied = self.applying(rule, tuple(given), tuple(wanted))
         types = self._output_types(rule, tuple(wanted))
         outputs = [self.facts.local(type_) for type_ in types]
         for local, type_ in zip(outputs, types, strict=True):
@@ -142,11 +158,29 @@ class Writer(Statements):
             self.assign(can, ONE)
             return
         given, tests = self._given(rule, scope)
+        found = self.possible(rule, given)
+        self.add(code.If(code.joined("and", [*tests, found], True), (code.Assign(can, ONE),)))
+
+    def possible(self, rule: RuleCall, given: Mapping[str, code.Expression]) -> code.Expression:
+        """Code for whether a rule has a match, or a unit can succeed, with values for parameters."""
+        if self._is_unit(rule):
+            key = "may", rule.rule, tuple(given)
+            name = self.module.once(
+                key, "may", lambda: unit_function(self, rule, tuple(given), (), asks=True)
+            )
+            return code.equal(self.call(name, *given.values()), ONE)
         plan = plan_of(self.engine, rule)
         places = {plan.variables.index(name): value for name, value in given.items()}
         exists = self.matching.exists(ViewKey(plan.body.pattern, tuple(sorted(places)), ()))
-        found = self.call(exists, *(places[position] for position in sorted(places)))
-        self.add(code.If(code.joined("and", [*tests, found], True), (code.Assign(can, ONE),)))
+        return self.call(exists, *(places[position] for position in sorted(places)))
+
+    def another(self, leave: code.Return) -> Writer:
+        """Writes another function, which ends so where the live engine raises an error."""
+        return Writer(self.matching, self.engine, self.behaviour, leave)
+
+    def _is_unit(self, rule: RuleCall) -> bool:
+        assert rule.rule is not None
+        return self.engine.signature(rule.rule).kind == "unit"
 
     def _given(
         self, rule: RuleCall, scope: Mapping[str, Term]
@@ -164,19 +198,23 @@ class Writer(Statements):
                 tests += term.tests
                 if isinstance(term.type, ObjectType):
                     tests += [alive] if (alive := self.alive(term)) is not None else []
-                    tests += self._of_class(term, taken.type)
+                    tests += self._of_class(rule, term, taken.type)
                 elif term.beyond is not None and taken.type is not Scalar.FLOAT:
                     wrong = code.joined("and", [*term.tests, term.beyond], True)
                     self.fail_if(wrong, "BEYOND")
                 given[taken.name] = as_float(term) if taken.type is Scalar.FLOAT else term.number
         return given, tests
 
-    def _of_class(self, term: Term, taken: StaticType | None) -> list[code.Expression]:
-        """Tests that an object is of the class of a parameter, where that is not sure."""
+    def _of_class(self, rule: RuleCall, term: Term, taken: StaticType | None) -> list[code.Expression]:
+        """Tests that an object is of the class of a rule's parameter, where that is not sure."""
         assert isinstance(term.type, ObjectType)
         assert isinstance(taken, ObjectType)
         if self.facts.metamodel.is_a(term.type.cls, taken.cls):
             return []
+        if self._is_unit(rule):
+            raise NotCompiled(
+                f"an object that a unit takes as one of another class (`{rule.rule}`)", rule.span
+            )
         return [self.facts.is_instance(term.value, taken.cls)]
 
     def _check_argument(self, argument: Expression, scope: Mapping[str, Term], term: Term) -> None:
@@ -192,10 +230,11 @@ class Writer(Statements):
             there += [alive] if (alive := self.alive(scope[root.name])) is not None else []
         return there
 
-    def _applying(self, rule: RuleCall, bound: tuple[str, ...], wanted: tuple[str, ...]) -> str:
+    def applying(self, rule: RuleCall, bound: tuple[str, ...], wanted: tuple[str, ...]) -> str:
         """The function that applies a rule: 1 and the outputs, 0 without a match, -1 where that is refused."""
         key = "apply", rule.rule, bound, wanted
-        return self.module.once(key, "apply", lambda: self._application(rule, bound, wanted))
+        write = unit_function if self._is_unit(rule) else Writer._application
+        return self.module.once(key, "apply", lambda: write(self, rule, bound, wanted))
 
     def _application(
         self, rule: RuleCall, bound: tuple[str, ...], wanted: tuple[str, ...]
@@ -205,7 +244,7 @@ class Writer(Statements):
         others = tuple(p for p in range(len(plan.variables)) if p not in positions)
         given = {p: self.facts.local(plan.types[p]) for p in positions}
         nothing = [zero_of(type_) for type_ in self._output_types(rule, wanted)]
-        refused = code.Return(_listed(NOBODY, nothing))
+        refused = code.Return(listed(NOBODY, nothing))
         places = dict(plan.outputs)
 
         def change(found: Sequence[code.Expression]) -> code.Body:
@@ -213,10 +252,10 @@ class Writer(Statements):
             effects = Effects(self.matching, plan, [slots[p] for p in range(len(plan.variables))], refused)
             with standing(plan.body.span or rule.span):
                 changes = effects.write()
-            return (*changes, code.Return(_listed(ONE, [effects.slot(places[name]) for name in wanted])))
+            return (*changes, code.Return(listed(ONE, [effects.slot(places[name]) for name in wanted])))
 
         key = ViewKey(plan.body.pattern, positions, others)
-        missing = code.Return(_listed(ZERO, nothing))
+        missing = code.Return(listed(ZERO, nothing))
         body = self.matching.chosen(key, [given[p] for p in positions], change, missing)
         return [given[plan.variables.index(name)] for name in bound], body
 
@@ -307,11 +346,3 @@ class Writer(Statements):
     def bound_alive(self, question: Question, scope: Mapping[str, Term]) -> list[code.Expression]:
         """Tests that the objects which a question names are not deleted."""
         return [test for name in question.bound if (test := self.alive(scope[name])) is not None]
-
-
-def _listed(first: code.Expression, others: Sequence[code.Expression]) -> code.Expression:
-    return code.tuple_of(first, *others) if others else first
-
-
-def zero_of(type_: StaticType | None) -> code.Expression:
-    return code.Constant(0.0) if type_ is Scalar.FLOAT else ZERO

@@ -141,6 +141,14 @@ def depth(step: Step) -> int:
     return levels
 
 
+def all_steps(unit: Unit) -> list[Step]:
+    """All steps of a unit, each before those inside of it."""
+    steps: list[Step] = [unit.body]
+    for step in steps:
+        steps += inner_steps(step)
+    return steps
+
+
 def inner_steps(step: Step) -> tuple[Step, ...]:
     """The steps directly inside a step."""
     match step:

@@ -10,10 +10,10 @@ from envgraph.errors import InvalidArgument, TypeMismatch
 from envgraph.graph import Model, Node
 from envgraph.match import Matcher, ViewMatcher
 from envgraph.metamodel import Scalar, Value, accepts, reached, type_name
-from envgraph.pattern import Applicable, Call, Derivation, If, Library, ObjectType, Pattern, Rule, Step, Unit
+from envgraph.pattern import Applicable, Call, Derivation, If, Library, ObjectType, Pattern, Rule, Unit
 from envgraph.rewrite._match import Shape
 from envgraph.rewrite._names import Directory, Signature
-from envgraph.rewrite.check._unit_check import applicable, inner_steps
+from envgraph.rewrite.check._unit_check import all_steps, applicable
 from envgraph.rewrite.engine._functions import PythonUnit
 from envgraph.rewrite.engine._losses import Loss, losses
 from envgraph.rewrite.engine._register import Definition
@@ -187,7 +187,7 @@ class Catalog:
             InvalidArgument: an unknown name.
         """
         units = [one for one in map(self.written.get, self._reached(name)) if isinstance(one, Unit)]
-        calls = [step for unit in units for step in _steps(unit) if isinstance(step, Call)]
+        calls = [step for unit in units for step in all_steps(unit) if isinstance(step, Call)]
         return tuple(call for call in calls if call.first or call.limit is not None)
 
     def _reached(self, name: str) -> list[str]:
@@ -298,7 +298,7 @@ class Catalog:
 
     def called(self, unit: Unit) -> set[str]:
         """Qualified names of what a unit calls."""
-        steps = _steps(unit)
+        steps = all_steps(unit)
         asked = [applicable(step.condition) for step in steps if isinstance(step, If)]
         names = [one.name for one in (*steps, *asked) if isinstance(one, Call | Applicable)]
         return {found for name in names for found in self.directory.candidates(name, unit.package)}
@@ -348,14 +348,6 @@ class Catalog:
         else:
             wanted = f"`{type_name(type_)}`"
         raise TypeMismatch(f"`{shape.names[position]}` of `{shape.definition}` takes {wanted}, not {value!r}")
-
-
-def _steps(unit: Unit) -> list[Step]:
-    """All steps of a unit, each before those inside of it."""
-    steps: list[Step] = [unit.body]
-    for step in steps:
-        steps += inner_steps(step)
-    return steps
 
 
 def bindings(bound: Mapping[str, object] | None, values: Mapping[str, object]) -> Mapping[str, object]:

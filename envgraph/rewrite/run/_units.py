@@ -48,7 +48,12 @@ class UnitProgram:
     """A unit that is ready to run: its parameters are given in an environment, where its `out` ones are found then.
 
     It is compiled when it is first run: what it calls may be defined after it.
+
+    Attributes:
+        checked: the unit, and what its names mean; None if it is a Python function.
     """
+
+    checked: CheckedUnit | None = None
 
     def __init__(self, signature: Signature, checked: CheckedUnit, writer: Callable[[], UnitSource]) -> None:
         self.name = signature.name
@@ -56,6 +61,7 @@ class UnitProgram:
         self.weight = signature.weight
         self.priority = signature.priority
         self.levels = depth(checked.unit.body)
+        self.checked = checked
         self._writer = writer
         self._function: Callable[[Run, Environment], bool | None] | None = None
         self._source = ""

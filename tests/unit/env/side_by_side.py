@@ -37,9 +37,10 @@ def opened(*paths: Path) -> tuple[Engine, Behaviour]:
 
 
 def mutants(engine: Engine, behaviour: Behaviour, count: int, seed: int = 0) -> list[Engine]:
-    """Members of a family: some random applications of the rules that the behaviour does not call."""
+    """Members of a family: random applications of rules that the behaviour does not call, and that need no value."""
     called = {call.rule for call in calls_of(behaviour)}
     rules = [name for name in engine.rules if name not in called and name.rpartition(".")[2] not in called]
+    rules = [name for name in rules if not any(one.required for one in engine.signature(name).parameters)]
     found = []
     for number in range(count):
         other = engine.copy()

@@ -1300,10 +1300,6 @@ def test_what_rules_have_and_is_not_compiled_is_named_with_its_place(construct: 
 
 
 REFUSED_ELSEWHERE = {
-    "the unit `twice`": (
-        "yard.environment",
-        Corner(UP + "unit twice(s : Spot) { up(s); up(s); }", "action up(s : Spot) = twice(s)"),
-    ),
     "recursion over what changes": (
         "yard.query",
         Corner(

@@ -1,0 +1,332 @@
+"""Units that have nothing to undo, as functions: where a step fails no rule has been applied before."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+from envgraph import code
+from envgraph.behaviour import RuleCall
+from envgraph.env.compiled._changes import checked_unit
+from envgraph.env.compiled._inlining import walk
+from envgraph.env.compiled._layout import NOBODY, ONE, ZERO, D, listed
+from envgraph.env.compiled._refused import NotCompiled, standing
+from envgraph.env.compiled._terms import Term, as_float, named, zero_of
+from envgraph.match.plan import ViewKey
+from envgraph.metamodel import Scalar
+from envgraph.pattern import (
+    Atomic,
+    Call,
+    Check,
+    Choice,
+    Expression,
+    If,
+    ObjectType,
+    StaticType,
+    Step,
+    Try,
+    Variable,
+    navigations,
+    variables_in,
+)
+from envgraph.pattern import Sequence as Steps
+from envgraph.rewrite import Signature
+from envgraph.rewrite.plans import CheckedUnit
+
+if TYPE_CHECKING:
+    from envgraph.env.compiled._writer import Writer
+
+Scope = dict[str, Term]
+"""The variables of a unit that have a value."""
+
+
+def unit_function(
+    outer: Writer, call: RuleCall, bound: Sequence[str], wanted: Sequence[str], *, asks: bool = False
+) -> tuple[list[code.Local], code.Body]:
+    """Parameters and body of a function that runs a unit: 1 and the outputs, 0 if it fails, -1 where that is an error.
+
+    Args:
+        outer: writes the function that calls it.
+        call: of the unit.
+        bound, wanted: the parameters that get values, and the outputs.
+        asks: it only says whether the unit can succeed, which it can where there is an error.
+    """
+    checked, fixed = checked_unit(outer.engine, call), outer.facts.changes.fixed_class
+    parameters = [outer.facts.local(checked.types[name] or ObjectType("")) for name in bound]
+    scope: Scope = {}
+    for name, local in zip(bound, parameters, strict=True):
+        type_ = checked.types[name]
+        sure = type_.cls if isinstance(type_, ObjectType) and fixed(type_.cls) else None
+        scope[name] = named(local, type_, sure)
+    nothing = [zero_of(checked.types[name]) for name in wanted]
+    writer = outer.another(code.Return(listed(ONE if asks else NOBODY, nothing)))
+    done = writer.module.fresh("done")
+    writer.assign(done, ZERO)
+    steps = _Steps(writer, checked, asks)
+    steps.write(checked.unit.body, scope, done)
+    steps.check_known(wanted, scope)
+    writer.add(code.Return(listed(done, [scope[name].number for name in wanted])))
+    return parameters, writer.written()
+
+
+class _Steps:
+    """Writes the steps of a unit.
+
+    Args:
+        writer: of its function.
+        checked: the unit.
+        asks: nothing is done, but asked whether it can be.
+    """
+
+    def __init__(self, writer: Writer, checked: CheckedUnit, asks: bool) -> None:
+        self._writer = writer
+        self._checked = checked
+        self._name = checked.unit.name
+        self._facts = writer.facts
+        self._asks = asks
+
+    def write(self, step: Step, scope: Scope, done: code.Local) -> None:
+        """Make a variable, which is 0, 1 if a step succeeds; its outputs join the scope."""
+        with standing(step.span or self._checked.unit.span):
+            match step:
+                case Call():
+                    self._call(step, scope, done)
+                case Steps(steps):
+                    self._sequence(steps, scope, done)
+                case Choice():
+                    self._choice(step, scope, done)
+                case Try(body, otherwise):
+                    self.write(body, {**scope}, done)
+                    self._unless_done(done, lambda: self._branch(otherwise, scope, done))
+                case If(_, then, otherwise):
+                    test = self._holds(step, scope)
+                    chosen = [
+                        self._writer.collected(lambda one=one: self._branch(one, scope, done))  # type: ignore[misc]
+                        for one in (then, otherwise)
+                    ]
+                    self._writer.add(code.If(test, *chosen))
+                case Atomic(body):
+                    self.write(body, scope, done)
+                case _:
+                    raise NotCompiled(f"`{type(step).__name__.lower()}` in a unit (`{self._name}`)")
+
+    def _branch(self, step: Step | None, scope: Scope, done: code.Local) -> None:
+        """A block; one that is not there succeeds."""
+        if step is None:
+            self._writer.assign(done, ONE)
+        else:
+            self.write(step, {**scope}, done)
+
+    def _unless_done(self, done: code.Local, write: Callable[[], None]) -> None:
+        self._writer.when(code.equal(done, ZERO), write)
+
+    def _sequence(self, steps: Sequence[Step], scope: Scope, done: code.Local) -> None:
+        """Steps of which only the first may fail."""
+        if not steps:
+            self._writer.assign(done, ONE)
+            return
+        for step in steps[1:]:
+            if not _never_fails(step):
+                raise NotCompiled(f"a step of a unit that may fail after others (`{self._name}`)", step.span)
+        self.write(steps[0], scope, done)
+        if self._asks or len(steps) == 1:
+            return
+
+        def others() -> None:
+            for step in steps[1:]:
+                succeeds = self._writer.module.fresh("done")
+                self._writer.assign(succeeds, ZERO)
+                self.write(step, scope, succeeds)
+
+        self._writer.when(code.equal(done, ONE), others)
+
+    # --- choices
+
+    def _choice(self, step: Choice, scope: Scope, done: code.Local) -> None:
+        """The alternatives by priority, and by weight among equals."""
+        tiers: dict[int, list[tuple[float, Step]]] = {}
+        for alternative in step.alternatives:
+            callee = self._checked.calls[id(alternative)] if isinstance(alternative, Call) else None
+            priority, weight = (0, 1.0) if callee is None else (callee.priority, callee.weight)
+            tiers.setdefault(priority, []).append((weight, alternative))
+        for priority in sorted(tiers, reverse=True):
+            self._unless_done(done, lambda tier=tiers[priority]: self._tier(tier, scope, done))  # type: ignore[misc]
+
+    def _tier(self, tier: Sequence[tuple[float, Step]], scope: Scope, done: code.Local) -> None:
+        if self._asks or len(tier) == 1:
+            for _, step in tier:
+                self._unless_done(done, lambda step=step: self._branch(step, scope, done))  # type: ignore[misc]
+            return
+        writer = self._writer
+        left = [writer.module.fresh("w", "float") for _ in tier]
+        for local, (weight, _) in zip(left, tier, strict=True):
+            writer.assign(local, code.Constant(float(weight)))
+        total = code.joined("+", left, 0)
+        going = code.Operation(
+            "and", (code.equal(done, ZERO), code.Operation(">", (total, code.Constant(0.0))))
+        )
+        steps = [step for _, step in tier]
+        writer.add(code.While(going, writer.collected(lambda: self._turn(steps, left, total, scope, done))))
+
+    def _turn(
+        self,
+        steps: Sequence[Step],
+        left: Sequence[code.Local],
+        total: code.Expression,
+        scope: Scope,
+        done: code.Local,
+    ) -> None:
+        """One of the alternatives that are left is drawn, and tried; one that was tried has weight 0."""
+        writer = self._writer
+        whole, drawn = writer.module.fresh("total", "float"), writer.module.fresh("b")
+        writer.assign(whole, total)
+        chances = [writer.module.fresh("p", "float") for _ in left]
+        for chance, weight in zip(chances, left, strict=True):
+            writer.assign(chance, code.Operation("/", (weight, whole)))
+        missing = code.Operation("-", (code.Constant(1.0), code.joined("+", chances, 0)))
+        writer.assign(drawn, code.call("choose", D, code.tuple_of(*chances), missing))
+        for number, (step, weight) in enumerate(zip(steps, left, strict=True)):
+
+            def attempt(step: Step = step, weight: code.Local = weight) -> None:
+                writer.assign(weight, code.Constant(0.0))
+                self._branch(step, scope, done)
+
+            writer.when(code.equal(drawn, code.Constant(number)), attempt)
+
+    # --- calls
+
+    def _call(self, step: Call, scope: Scope, done: code.Local) -> None:
+        """A rule or another unit is applied, or asked for."""
+        callee, writer = self._checked.calls[id(step)], self._writer
+        words = {"all": step.every, "first": step.first, "top": step.limit is not None, "where": step.where}
+        for word, used in words.items():
+            if used:
+                raise NotCompiled(f"`{word}` in a unit (`{self._name}`)")
+        given, tests, wanted = self._arguments(step, callee, scope)
+        call = RuleCall(callee.name, span=step.span)
+        if self._asks:
+            found = writer.possible(call, given)
+            writer.add(code.If(code.joined("and", [*tests, found], True), (code.Assign(done, ONE),)))
+            return
+        if self._may_be_refused(writer.applying(call, tuple(given), tuple(wanted))):
+            raise NotCompiled(f"a rule in a unit that the model may refuse (`{callee.simple}`)")
+        called = writer.applied(call, given, tests, wanted)
+        writer.assign(done, called.done)
+        scope.update(called.outputs)
+
+    def _arguments(
+        self, step: Call, callee: Signature, scope: Scope
+    ) -> tuple[dict[str, code.Expression], list[code.Expression], dict[str, str]]:
+        """The values of parameters, tests that they are there, and the variables that get a value from outputs."""
+        given: dict[str, code.Expression] = {}
+        tests: list[code.Expression] = []
+        wanted: dict[str, str] = {}
+        for argument, taken in zip(step.arguments, callee.parameters, strict=False):
+            if isinstance(argument, Variable) and argument.anonymous:
+                continue
+            if isinstance(argument, Variable) and argument.name not in scope and taken.output:
+                wanted[taken.name] = argument.name
+                continue
+            term = self._value(argument, scope, taken.type, tests)
+            if isinstance(taken.type, ObjectType):
+                tests += self._fitting(term, taken.type.cls, callee)
+            given[taken.name] = as_float(term) if taken.type is Scalar.FLOAT else term.number
+        return given, tests, wanted
+
+    def _value(
+        self, argument: Expression, scope: Scope, expected: StaticType | None, tests: list[code.Expression]
+    ) -> Term:
+        """Code for an argument, with tests: where a path has no value the step fails, where it fails itself the run."""
+        self.check_known([variable.name for variable in variables_in(argument)], scope)
+        writer = self._writer
+        tests += self._paths(argument, scope)
+        term = writer.value(argument, scope, expected)
+        if term.valid:
+            writer.fail_if(
+                code.joined("and", [*tests, code.inverse(code.joined("and", term.valid, True))], True)
+            )
+        tests += term.tests
+        if term.beyond is not None and expected is not Scalar.FLOAT:
+            writer.fail_if(code.joined("and", [*tests, term.beyond], True), "BEYOND")
+        return term
+
+    def _paths(self, expression: Expression, scope: Scope) -> list[code.Expression]:
+        """Tests that the paths of an expression have values."""
+        terms = [self._writer.value(path, scope) for path in navigations(expression)]
+        return [test for term in terms for test in term.tests]
+
+    def _fitting(self, term: Term, cls: str, callee: Signature) -> list[code.Expression]:
+        """Tests that an object can be one of a rule's matches; a unit takes it as it is."""
+        assert isinstance(term.type, ObjectType)
+        sure = self._facts.metamodel.is_a(term.type.cls, cls)
+        if callee.kind == "unit":
+            if not sure:
+                raise NotCompiled(f"an object that a unit takes as one of another class (`{callee.simple}`)")
+            return []
+        alive = self._writer.alive(term)
+        tests = [] if alive is None else [alive]
+        if not (sure and self._facts.changes.fixed_class(cls)):
+            tests.append(self._facts.is_instance(term.value, cls))
+        return tests
+
+    def _may_be_refused(self, name: str) -> bool:
+        """Whether a function may come upon a change that the model refuses: the unit would try another match."""
+        bodies = {function.name: function.body for function in self._writer.module.functions}
+        reached = [name]
+        for each in reached:  # grows meanwhile
+            names = {node.name for node in walk(bodies[each]) if isinstance(node, code.Name)}
+            if "REFUSED" in names:
+                return True
+            reached += sorted(names & bodies.keys() - {*reached})
+        return False
+
+    # --- conditions
+
+    def _holds(self, step: If, scope: Scope) -> code.Expression:
+        """Code for whether the condition of an `if` holds."""
+        if id(step) in self._checked.asked:
+            raise NotCompiled(f"an `if` in a unit that asks whether a rule can be applied (`{self._name}`)")
+        if isinstance(step.condition, Check):
+            asked = step.condition.expression
+            self.check_known([variable.name for variable in variables_in(asked)], scope)
+            term = self._writer.value(asked, scope)
+            return code.joined("and", [*self._paths(asked, scope), *term.tests, term.value], True)
+        found = self._checked.conditions[id(step), 0]
+        self.check_known(found.arguments, scope)
+        types = self._facts.library.parameter_types(found.pattern.qualified_name)
+        tests = [
+            self._facts.is_instance(scope[name].value, type_.cls)
+            for name, type_ in zip(found.arguments, types, strict=True)
+            if isinstance(type_, ObjectType) and not self._facts.changes.fixed_class(type_.cls)
+        ]
+        key = ViewKey(found.pattern.qualified_name, tuple(range(len(types))), ())
+        exists = self._writer.matching.exists(key)
+        held = self._writer.call(exists, *(scope[name].number for name in found.arguments))
+        test = code.joined("and", [*tests, held], True)
+        return code.inverse(test) if found.negated else test
+
+    def check_known(self, names: Sequence[str], scope: Scope) -> None:
+        """What is asked for has a value.
+
+        Raises:
+            NotCompiled: it may have none.
+        """
+        for name in names:
+            if name not in scope:
+                raise NotCompiled(f"a variable of a unit that may have no value (`{name}`)")
+
+
+def _never_fails(step: Step | None) -> bool:
+    match step:
+        case Steps(steps):
+            return all(map(_never_fails, steps))
+        case Choice(alternatives):
+            return any(map(_never_fails, alternatives))
+        case Try(_, otherwise):
+            return _never_fails(otherwise)
+        case If(_, then, otherwise):
+            return _never_fails(then) and _never_fails(otherwise)
+        case Atomic(body):
+            return _never_fails(body)
+        case _:
+            return step is None

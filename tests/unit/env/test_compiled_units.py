@@ -1,0 +1,212 @@
+"""Units that have nothing to undo: compiled, in tables and live they do the same."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from envgraph.env import explore
+from envgraph.env.compiled import enumerated, program_of
+from tests.unit.env.side_by_side import EXTRA, mutants, opened, step_side_by_side
+from tests.unit.env.test_compiled_corners import STEPS, Corner, refusal, written
+
+SOKOBAN = EXTRA / "sokoban2"
+GO = "unit go(worker : Worker, way : Way) { walk(worker, way) | push(worker, way); }\n"
+WALK, PUSH = (f"    action {name}(way : Way) = {name}(worker, way)\n" for name in ("walk", "push"))
+
+
+def sokoban(folder: Path) -> tuple[Path, Path]:
+    """Sokoban whose one action is a unit: its model, and the environment."""
+    for file in SOKOBAN.iterdir():
+        (folder / file.name).write_text(file.read_text())
+    rules, environment = folder / "sokoban.rules", folder / "sokoban.environment"
+    rules.write_text(f"{rules.read_text()}\n{GO}")
+    text = environment.read_text()
+    assert WALK + PUSH in text
+    environment.write_text(text.replace(WALK + PUSH, "    action go(way : Way) = go(worker, way)\n"))
+    return folder / "small.model", environment
+
+
+def test_sokoban_of_one_unit_does_what_the_live_one_does(tmp_path: Path) -> None:
+    engine, behaviour = opened(*sokoban(tmp_path))
+    program = step_side_by_side(mutants(engine, behaviour, 3), behaviour, STEPS, native=False)
+    assert program.action_names == ("go(west)", "go(south)", "go(east)", "go(north)")
+
+
+RULES = """
+@weight(3.0) rule up(s : Spot) { lhs { s : Spot; check s.n < 2; } modify { set s.n += 1; } }
+rule down(s : Spot) { lhs { s : Spot; check s.n > 0; } modify { set s.n -= 1; } }
+@weight(0.3) rule light { lhs { s : Spot; check s.lit == false; } modify { set s.lit = true; } }
+@weight(0.1) rule dark { lhs { s : Spot; check s.lit; check s.x > 0; } modify { set s.lit = false; } }
+@priority(2) rule urgent { lhs { s : Spot; check s.lit; check s.n > 1; } modify { set s.n = 0; } }
+rule go(i : Item, s : Spot) { lhs { i : Item; s : Spot; i -at-> t : Spot; t != s; } modify { set i.at = s; } }
+rule eat(m : Man, by : int) { lhs { m : Man; check m.hunger >= by; } modify { set m.hunger = m.hunger - by; } }
+rule fast(m : Man, by : float) { lhs { m : Man; check m.power < by; } modify { set m.power = by; } }
+rule read(m : Man, out tag : string, out s : Spot) {
+    lhs { m -at-> s : Spot; Spot.tag(s, tag); } modify { set m.hunger = 5; }
+}
+@semantics(spo) rule dig { lhs { s : Spot; check s.x > 1; } modify { delete s; } }
+rule sink(s : Spot) { lhs { s : Spot; neg Pit(s); } modify { retype s : Pit; } }
+rule flat(s : Pit) { lhs { s : Pit; } modify { retype s : Spot; } }
+"""
+QUERY = """
+pattern at(i : Item, s : Spot) { Item.at(i, s); }
+pattern low(s : Spot) { Spot.n(s, 0); }
+"""
+SEEN = (
+    "observe count find low(_) up to 5\nobserve adam.at among Spot or none\nobserve count find lit(_) up to 5"
+)
+LIT = "pattern lit(s : Spot) { Spot.lit(s, true); }"
+
+CORNERS = {
+    "alternatives by weight and by priority": Corner(
+        RULES
+        + """
+        unit any { light | dark | urgent; }
+        unit all3(s : Spot) { up(s) | down(s) | { light; } | { dark; }; }
+        unit one(s : Spot) { down(s); }
+        unit nested(s : Spot) { one(s) | any; }
+        """,
+        f"""
+        action any = any() reward 1 else reward -1
+        action three(s : Spot) = all3(s) reward 2
+        action nested(s : Spot) = 0.7: nested(s) | 0.2: any() reward 3
+        each step apply 0.3: any()
+        on find lit(s) reward s.x apply 0.2: nested(s)
+        on find at(i1, s) apply one(s)
+        on reset apply any()
+        {SEEN}
+        """,
+        QUERY + LIT,
+        head="adam : Man, i1 : Item",
+    ),
+    "attempts and conditions": Corner(
+        RULES
+        + """
+        unit attempt(i : Item, s : Spot) { try { go(i, s); } else { up(s); } }
+        unit gently(s : Spot) { try { down(s); } }
+        unit asked(i : Item, s : Spot) {
+            if find at(i, s) { light; }
+            else { if neg find low(s) { down(s); } else { if check s.n == 0 { go(i, s); } } }
+        }
+        unit checked(m : Man, s : Spot) {
+            if check 6 / m.hunger > s.n || s.n > 5 { eat(m, s.n); }
+            else { if check s.maybe > 3 { up(s); } else { dark; } }
+        }
+        unit whole(i : Item, s : Spot) { atomic { go(i, s); } }
+        unit then(i : Item, s : Spot) { go(i, s); try { up(s); } if find low(s) { try { light; } } try { dark; } }
+        unit nothing { }
+        """,
+        f"""
+        action attempt(i : Item, s : Spot) = attempt(i, s) reward 1 else reward -1
+        action gently(s : Spot) = gently(s) reward 2 else reward -2
+        action asked(i : Item, s : Spot) = asked(i, s) reward 3 else reward -3
+        action checked(m : Man, s : Spot) = checked(m, s) reward 4 else reward -4
+        action whole(s : Spot) = whole(i1, s) reward 5 else reward -5
+        action then(s : Spot) = then(i1, s) reward 6 else reward -6
+        action nothing = nothing() reward 7 else reward -7
+        {SEEN}
+        """,
+        QUERY + LIT,
+        head="adam : Man, i1 : Item",
+    ),
+    "arguments and outputs": Corner(
+        RULES
+        + """
+        unit read1(m : Man, out tag : string) { read(m, tag, _); }
+        unit read2(m : Man, out t : string, out s : Spot) { read(m, t, s); try { up(s); } }
+        unit read3(m : Man, out t : string) { read1(m, t); try { light; } }
+        unit same(m : Man, s : Spot) { read(m, _, s); }
+        unit there(i : Item) { go(i, i.at.east); }
+        unit eats(m : Man, s : Spot) { eat(m, 6 / s.n) | eat(m, s.maybe); }
+        unit hurry(m : Man, s : Spot, by : int) { fast(m, by + s.f); }
+        unit free(i : Item) { go(i, _); }
+        """,
+        f"""
+        action read1(m : Man) = read1(m, t) reward t == "a" ? 1 : 2
+        action read2(m : Man) = read2(m, t, s) reward t == "a" ? s.x + 0.5 : -1.0
+        action read3(m : Man) = read3(m, t) reward t == "b" ? 1 : 2 else reward -1
+        action same(s : Spot) = same(adam, s) reward 1
+        action there(i : Item) = there(i) reward 1
+        action eats(s : Spot) = 0.1: eats(adam, s) reward 1
+        action hurry(s : Spot, by : 0..3) = hurry(adam, s, by) reward 1
+        action free(i : Item) = free(i) reward 1
+        each step apply 0.3: light() | 0.3: dark()
+        {SEEN}
+        """,
+        QUERY + LIT,
+        head="adam : Man, i1 : Item",
+    ),
+    "objects that come and go": Corner(
+        RULES
+        + """
+        unit change(s : Spot) { sink(s) | { try { down(s); } } }
+        unit deep(s : Pit) { flat(s); try { up(s); } }
+        unit gone(s : Spot) { dig; try { up(s); } if find low(s) { try { light; } } else { try { dark; } } }
+        unit later(s : Spot) { try { sink(s); } if neg find low(s) { try { down(s); } } }
+        """,
+        """
+        action change(s : Spot) = change(s) reward 1 else reward -1
+        action deep(s : Pit) = deep(s) reward 2 else reward -2
+        action gone(s : Spot) = 0.2: gone(s) reward 3
+        action later(s : Spot) = later(s) reward 4 else reward -4
+        action up(s : Spot) = up(s)
+        on find pit(s) reward 0.1 apply 0.3: deep(s)
+        observe count find pit(_) up to 4
+        observe count find low(_) up to 5
+        """,
+        QUERY + "pattern pit(s : Pit) { Pit(s); }",
+        head="",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", CORNERS)
+def test_units_without_anything_to_undo_do_what_they_do_live(name: str, tmp_path: Path) -> None:
+    engine, behaviour = written(tmp_path, CORNERS[name])
+    step_side_by_side(mutants(engine, behaviour, 4), behaviour, STEPS, native=False)
+
+
+REFUSED = {
+    "up(s); [[down(s)]];": "a step of a unit that may fail after others (`wrong`)",
+    "[[alap { up(s); }]]": "`alap` in a unit (`wrong`)",
+    "[[repeat 2 { up(s); }]]": "`repeat` in a unit (`wrong`)",
+    "[[all up]];": "`all` in a unit (`wrong`)",
+    "up(s) | { [[light where check s.x > 1]]; }": "`where` in a unit (`wrong`)",
+    "[[if up(s) { down(s); }]]": "an `if` in a unit that asks whether a rule can be applied (`wrong`)",
+    "[[climb]];": "the group `climb` in a unit",
+    "try { [[wrong(s)]]; } else { up(s); }": "the unit `wrong`, which calls itself",
+    "[[enter(s)]] | up(s);": "a rule in a unit that the model may refuse (`enter`)",
+    "[[flatten(s)]];": "an object that a unit takes as one of another class (`flatten`)",
+}
+OTHERS = """
+derive climb = retype among { Spot, Pit };
+rule enter(s : Spot) { lhs { m : Man; s : Spot; } modify { set m.at = s; } }
+unit flatten(s : Pit) { flat(s); }
+"""
+
+
+@pytest.mark.parametrize("body", REFUSED)
+def test_what_units_have_and_is_not_compiled_is_named_with_its_place(body: str, tmp_path: Path) -> None:
+    unit = f"unit wrong(s : Spot) {{ {body.replace('[[', '').replace(']]', '')} }}"
+    found = refusal(tmp_path, Corner(RULES + OTHERS + unit, "action wrong(s : Spot) = wrong(s)", QUERY))
+    assert found.construct == REFUSED[body]
+    assert found.span is not None
+    assert found.span.text.rstrip(";").strip() == body.partition("[[")[2].partition("]]")[0]
+
+
+def test_a_table_of_a_program_with_units_is_that_of_the_live_engine(tmp_path: Path) -> None:
+    behaviour = """
+    action any = any() reward 1 else reward -1
+    action go(s : Spot) = 0.5: attempt(i1, s)
+    each step apply 0.25: any()
+    observe i1.at among Spot or none
+    """
+    units = "unit any { light | dark; } unit attempt(i : Item, s : Spot) { try { go(i, s); } else { any; } }"
+    engine, found = written(tmp_path, Corner(RULES + units, behaviour, QUERY, head="i1 : Item"))
+    mine, other = enumerated(program_of(engine, found, native=False)), explore(engine, found).tabular
+    for name in ("probability", "next_state", "reward", "allowed"):
+        np.testing.assert_array_equal(getattr(mine, name), getattr(other, name))
+    assert mine.n_states > 50
