@@ -64,7 +64,12 @@ def _is_family_file(location: str | Path) -> bool:
     format = file_format(DiskFiles(), str(location))
     if format not in ("family", "json", "sqlite") and Path(location).is_file():
         what = FORMATS[format] if format else "of no format that is known"
-        raise InvalidArgument(f"`{location}` is {what}, not a run (run.sqlite) or a family as JSON")
+        hint = (
+            f"`domain={str(Path(location).parent)!r}` makes it of its model alone"
+            if format == "toml"
+            else None
+        )
+        raise InvalidArgument(f"`{location}` is {what}, not a run (run.sqlite) or a family as JSON", hint)
     return format in ("family", "json")
 
 

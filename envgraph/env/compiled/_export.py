@@ -19,6 +19,8 @@ from envgraph.env.compiled._program import Program
 from envgraph.errors import InvalidArgument
 from envgraph.files import check_free, replace_file
 
+MOST_NAMED: Final = 20
+"""Actions that are named in a README."""
 _ERRORS: Final = {FAILED: "something has no value", REFUSED: "a rule cannot be applied", **SHOWN}
 
 _TAIL: Final = """
@@ -113,7 +115,7 @@ def program_files(
         "count": len(members),
         "name": name,
         "members": ", ".join(members),
-        "actions": ", ".join(f"`{action}`" for action in program.action_names[:20]),
+        "actions": _named(program.action_names),
     }
     kernels = inspect.getsource(_kernels)
     return {
@@ -132,3 +134,9 @@ def _packed(program: Program) -> bytes:
     stream = io.BytesIO()
     np.savez_compressed(stream, **program.arrays._asdict())
     return stream.getvalue()
+
+
+def _named(actions: Sequence[str]) -> str:
+    """The actions by name, of many the first."""
+    shown = ", ".join(f"`{action}`" for action in actions[:MOST_NAMED])
+    return f"{shown}, .. ({len(actions)} in all, in `about.json`)" if len(actions) > MOST_NAMED else shown

@@ -150,7 +150,7 @@ class _Steps:
             "actions": tuple(given.action_names),
             "observation_shape": tuple(given.observation_shape) or (1,),
             "observed": [" ".join(one.text.split()) for one in sorted(observed, key=lambda one: one.start)],
-            "agents": bool(behaviour.agents),
+            "agents": bool(behaviour.agents) and not behaviour.together,
             "tables": bool(self.tables),
         }
         if episodes:

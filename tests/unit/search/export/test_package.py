@@ -98,6 +98,35 @@ def test_environments_of_tables_step_as_ours(forest: Family, tmp_path: Path) -> 
         theirs.step(-1)
 
 
+LIFTERS = {
+    "lift.metamodel": "metamodel lift\n@key(name) class Arm { string name bool up = false }",
+    "lift.model": 'import "lift.metamodel"\nmodel m : lift { a : Arm { name = "a" } b : Arm { name = "b" } }',
+    "lift.query": 'package lift\nimport "lift.metamodel"\npattern low(arm : Arm) { Arm.up(arm, false); }',
+    "lift.rules": """package lift
+import "lift.query"
+rule lift(arm : Arm) { lhs { check !arm.up; } modify { set arm.up = true; } }""",
+    "lift.environment": """import "lift.rules"
+environment Lift {
+    agents together
+    agent arm : Arm { action lift = 0.5: lift(arm)  action wait = nothing()  observe arm.up }
+    on neg find low(_) reward 1.0 terminate success
+}""",
+    "family.toml": 'name = "Lift"\nmodel = "lift.model"\nenvironment = "lift.environment"\n'
+    '[measures.low]\nkind = "count"\nof = "low"\n[diversity]\nkind = "variance"\n'
+    '[mutation]\nrules = ["lift"]\n',
+}
+
+
+def test_agents_that_act_together_have_no_turns(tmp_path: Path) -> None:
+    for name, text in LIFTERS.items():
+        (tmp_path / name).write_text(text, "utf-8")
+    lifters = of_model(str(tmp_path / "family.toml"))
+    write_package(lifters, tmp_path / "lifters")
+    theirs = imported(tmp_path / "lifters", "lifters").make("E1").unwrapped
+    assert same(theirs, EnvgraphEnv(lifters.explored(lifters.members[0]).tabular), 200) > 5
+    assert "acts next" not in (tmp_path / "lifters" / "README.md").read_text("utf-8")
+
+
 def test_the_model_is_there_as_a_dictionary(forest: Family, tmp_path: Path) -> None:
     write_package(forest, tmp_path / "more_fires")
     found = imported(tmp_path / "more_fires", "more_fires").transitions("E2")
