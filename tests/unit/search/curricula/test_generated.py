@@ -188,7 +188,12 @@ def test_a_family_without_a_grid_teaches_what_the_target_alone_does_not(tmp_path
     ("kind", "step", "message", "hint"),
     [
         ("chain_transfer", "", "more than 50 states", 'write `kind = "learning"`'),
-        ("learning", " | 0.01: age()", "it has the unit `age`", "up to 50,000 states have a table"),
+        (
+            "learning",
+            " | 0.01: age()",
+            "a step of a unit that may fail after others (`age`)",
+            "up to 50,000 states have a table",
+        ),
     ],
 )
 def test_what_is_wrong_with_the_target_is_said_before_there_is_a_run(
