@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from tests.oracle.random_behaviours import random_behaviour_world
@@ -12,6 +12,7 @@ from tests.unit.env.side_by_side import step_side_by_side
 
 @settings(max_examples=examples(8))
 @given(st.integers(0, 2**48))
+@example(72)  # a reward reads a feature that a parameter has lost with its class, in the same step
 def test_a_compiled_environment_does_what_the_live_one_does(seed: int) -> None:
     world = random_behaviour_world(seed)
     step_side_by_side(world.engines, world.behaviour, 40, native=False, seed=seed % 1000)

@@ -149,11 +149,12 @@ class Terms:
         return replace(term, valid=term.tests, present=())
 
     def _read(self, node: Navigation) -> Term:
-        owner = self._not_gone(self.write(node.object))
+        owner = self.write(node.object)
         if not isinstance(owner.type, ObjectType):
             raise NotCompiled(f"`.{node.feature}` of a string", node.span)
         feature = self._facts.metamodel.feature(owner.type.cls, node.feature)
         assert feature is not None
+        owner = self._having(owner, feature.owner)
         above = owner.sure is not None and self._facts.metamodel.is_a(owner.sure, feature.owner)
         if isinstance(feature, Attribute):
             type_: StaticType = feature.type
@@ -171,17 +172,15 @@ class Terms:
         present = (*owner.present, self._facts.present(local, type_))
         return Term(named(local, type_).value, type_, owner.valid, present, sure)
 
-    def _not_gone(self, owner: Term) -> Term:
-        """An object that features are read of: that fails where it has been deleted."""
-        if owner.sure is not None or not isinstance(owner.type, ObjectType):
+    def _having(self, owner: Term, cls: str) -> Term:
+        """An object that a feature of a class is read of: that fails where it is no longer of the class, or deleted."""
+        if owner.sure is not None or self._facts.changes.fixed_class(cls):
             return owner
-        alive = self._facts.alive(owner.value, owner.type.cls)
-        if alive is None:
-            return owner
+        has = self._facts.is_instance(owner.value, cls)
         if owner.present:
             missing = code.inverse(code.joined("and", owner.present, True))
-            alive = code.Operation("or", (missing, alive))
-        return replace(owner, valid=(*owner.valid, alive))
+            has = code.Operation("or", (missing, has))
+        return replace(owner, valid=(*owner.valid, has))
 
     # --- operators
 
