@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Sequence
-from math import prod
 from pathlib import Path
 from typing import Final
 
@@ -268,38 +267,6 @@ def _too_few(groups: _Groups, domain: Domain) -> EvaluationError:
 
 
 def joined(levels: Sequence[Level], inputs: int, scale: float, width: int = 1) -> LevelTables:
-    """The tables of all levels, one after the other; all are as wide as the widest, or as it is asked for."""
-    first = np.cumsum([0, *(level.tabular.n_states for level in levels)])
-    start_first = np.cumsum([0, *(len(level.tabular.start_states) for level in levels)])
-    width = max(width, *(level.tabular.next_state.shape[2] for level in levels))
-    actions = levels[0].tabular.n_actions
-    size = int(first[-1]) * actions * width
-    to, ended = np.zeros(size, np.int32), np.zeros(size, np.int8)
-    chance, reward = np.zeros(size), np.zeros(size)
-    for level, begin in zip(levels, first.tolist(), strict=False):
-        tabular = level.tabular
-        count = prod(tabular.next_state.shape[:2])
-        rows = slice(begin * actions, begin * actions + count)
-        known = slice(0, tabular.next_state.shape[2])
-        to.reshape(-1, width)[rows, known] = tabular.next_state.reshape(count, -1) + begin
-        chance.reshape(-1, width)[rows, known] = tabular.probability.reshape(count, -1)
-        reward.reshape(-1, width)[rows, known] = tabular.reward.reshape(count, -1) * scale
-        ended.reshape(-1, width)[rows, known] = tabular.terminated.reshape(count, -1)
-    seen = [row for level in levels for row in level.seen]
-    return LevelTables(
-        first=first,
-        start_first=start_first,
-        starts=np.concatenate(
-            [level.tabular.start_states + begin for level, begin in zip(levels, first.tolist(), strict=False)]
-        ).astype(np.int64),
-        start_chance=np.concatenate([level.tabular.start_probability for level in levels]),
-        to=to,
-        chance=chance,
-        reward=reward,
-        ended=ended,
-        seen_first=np.cumsum([0, *map(len, seen)]),
-        seen=np.array([one for row in seen for one in row], np.int32),
-        inputs=inputs,
-        actions=actions,
-        width=width,
-    )
+    """The tables of all levels, one after the other."""
+    tables, seen = [level.tabular for level in levels], [level.seen for level in levels]
+    return LevelTables.of(tables, seen, inputs=inputs, scale=scale, width=width)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from envgraph.code import dataclass
+from envgraph.env import Tabular
 from envgraph.env.compiled import functions, has_numba, kernels, streams
 from envgraph.errors import InvalidArgument
 from envgraph.solve.learning import _policy_loop
@@ -28,7 +29,7 @@ class LevelTables:
     """Many environments with the same actions, one after the other in flat arrays; L levels, S states in all.
 
     What is seen of a state is a set of inputs, which are 1 there and 0 elsewhere. Numbers of states go
-    through all levels.
+    through all levels. `of` makes them from tables.
 
     Attributes:
         first: int64 [L + 1], where the states of a level begin.
@@ -53,6 +54,67 @@ class LevelTables:
     inputs: int
     actions: int
     width: int
+
+    @classmethod
+    def of(
+        cls,
+        levels: Sequence[Tabular],
+        seen: Sequence[Sequence[Sequence[int]]] | None = None,
+        *,
+        inputs: int | None = None,
+        scale: float = 1.0,
+        width: int = 1,
+    ) -> LevelTables:
+        """The tables of some environments.
+
+        Args:
+            levels: with the same actions, in the order of their numbers.
+            seen: for each level, for each of its states the inputs that are 1; by default there is one input for each
+                value of each component of an observation.
+            inputs: how many there are; by default up to the last that is seen.
+            scale: what rewards are multiplied by.
+            width: the least K; it is that of the widest level.
+
+        Raises:
+            InvalidArgument: there is no level; or some have other actions than others, or, where `seen` is not given,
+                other observations.
+        """
+        alike = {(one.action_names, None if seen else one.observation_shape) for one in levels}
+        if len(alike) != 1:
+            raise InvalidArgument(
+                "there must be a level, and all must have the same actions and observations"
+            )
+        if seen is None:
+            inputs = sum(levels[0].observation_shape)
+            seen = [_components(one) for one in levels]
+        rows = [row for level in seen for row in level]
+        if inputs is None:
+            inputs = 1 + max((one for row in rows for one in row), default=0)
+        width = max(width, *(one.next_state.shape[2] for one in levels))
+        begins = np.cumsum([0, *(one.n_states for one in levels)])
+
+        def padded(name: str, kind: type[np.generic]) -> NDArray[Any]:
+            parts = [getattr(one, name) for one in levels]
+            return np.concatenate(
+                [np.pad(part, ((0, 0), (0, 0), (0, width - part.shape[2]))).ravel() for part in parts]
+            ).astype(kind)
+
+        moved = np.repeat(begins[:-1], np.diff(begins) * levels[0].n_actions * width)
+        return cls(
+            first=begins,
+            start_first=np.cumsum([0, *(len(one.start_states) for one in levels)]),
+            starts=np.concatenate([one.start_states + at for one, at in zip(levels, begins, strict=False)]),
+            start_chance=np.concatenate([one.start_probability for one in levels]),
+            to=(padded("next_state", np.int64) + moved).astype(np.int32),
+            chance=padded("probability", np.float64),
+            reward=padded("reward", np.float64) * scale,
+            ended=padded("terminated", np.int8),
+            seen_first=np.cumsum([0, *map(len, rows)]),
+            seen=np.array([one for row in rows for one in row], np.int32),
+            inputs=inputs,
+            actions=levels[0].n_actions,
+            width=width,
+        )
 
     @property
     def arrays(self) -> tuple[NDArray[Any], ...]:
@@ -82,6 +144,14 @@ class LevelTables:
     def states(self, chosen: Ints) -> int:
         """How many states some levels have together."""
         return int((self.first[chosen + 1] - self.first[chosen]).sum())
+
+
+def _components(level: Tabular) -> list[list[int]]:
+    """For each state, the inputs of an environment that stand for the value of a component each."""
+    shape = level.observation_shape
+    values = np.unravel_index(level.observation, shape, order="F")
+    begins = np.cumsum([0, *shape[:-1]])
+    return (np.stack(values, axis=1) + begins).tolist()  # type: ignore[no-any-return]
 
 
 @dataclass(frozen=True, slots=True)

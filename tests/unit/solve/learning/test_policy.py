@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from envgraph.env import Tabular
+from envgraph.errors import InvalidArgument
 from envgraph.solve import evaluate_policy
 from envgraph.solve.learning import LevelTables, PolicyLearner, PolicySettings
 from tests.profile import AT_NIGHT
@@ -40,6 +41,51 @@ def levels() -> LevelTables:
         actions=ACTIONS,
         width=2,
     )
+
+
+def small(shape: tuple[int, ...], names: tuple[str, ...] = ("stay", "go"), width: int = 1) -> Tabular:
+    """Two states, seen as the last of all observations and the first; `go` wins in the first state."""
+    zeros = np.zeros((2, 2, width))
+    to, chance, reward, ended = zeros.astype(np.int32), zeros.copy(), zeros.copy(), zeros.astype(np.int8)
+    to[:, :, 0], chance[:, :, 0] = [[0, 1], [1, 1]], 1.0
+    reward[0, 1, 0], ended[0, 1, 0] = 3.0, 1
+    size = int(np.prod(shape))
+    return Tabular(
+        next_state=to,
+        probability=chance,
+        reward=reward,
+        terminated=ended,
+        observation=np.array([size - 1, 0]),
+        start_states=np.array([0], np.int32),
+        start_probability=np.array([1.0]),
+        n_observations=size,
+        observation_shape=shape,
+        action_names=names,
+    )
+
+
+def test_tables_become_levels_with_an_input_for_each_value_of_a_component() -> None:
+    found = LevelTables.of([small((3, 2)), small((3, 2), width=2)], scale=0.5)
+    assert (found.inputs, found.actions, found.width, len(found)) == (5, 2, 2, 2)
+    assert found.first.tolist() == [0, 2, 4]
+    assert found.starts.tolist() == [0, 2]
+    assert found.seen.reshape(-1, 2).tolist() == [[2, 4], [0, 3], [2, 4], [0, 3]]
+    assert found.to.reshape(4, 2, 2)[:, :, 0].tolist() == [[0, 1], [1, 1], [2, 3], [3, 3]]
+    assert found.chance.reshape(4, 2, 2)[:, :, 1].sum() == 0
+    assert found.reward.reshape(4, 2, 2)[2, 1, 0] == 1.5
+    student = PolicyLearner(found, replace(SETTINGS, steps=20, entropy=0.0), 0, native=False)
+    for _ in range(40):
+        student.play(np.array([0, 1, 0, 1]))
+        student.improve(np.random.default_rng(0))
+    assert student.evaluate([0, 1], greedy=True)[0].tolist() == [1.0, 1.0]
+
+
+def test_levels_have_the_same_actions_and_observations() -> None:
+    for others in ([small((3, 2)), small((2, 3))], [small((3,)), small((3,), ("go", "stay"))], []):
+        with pytest.raises(InvalidArgument, match="must have the same actions and observations"):
+            LevelTables.of(others)
+    one, other = small((3,)), small((4,))
+    assert LevelTables.of([one, other], [[[0], [1]], [[], [6]]]).inputs == 7
 
 
 def learner(seed: int = 3, settings: PolicySettings = SETTINGS, native: bool = False) -> PolicyLearner:
