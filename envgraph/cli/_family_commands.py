@@ -302,6 +302,7 @@ def import_(
     "A baseline gets as many steps as the whole family together.",
 )
 @count_option("--seeds", usual="as in family.toml", help="How many agents for each curriculum.")
+@count_option("--seed-offset", least=0, usual="0", help="The seed of the first agent; the next has one more.")
 @click.option(
     "--curricula",
     show_default="as in family.toml, and the baselines",

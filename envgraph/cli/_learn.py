@@ -49,7 +49,7 @@ STAGES = "stages"
 
 _KINDS = ("suffixes", "full", "baselines", "direct")
 
-_OPTIONS = {"steps": str, "seeds": int, "curricula": str, "controls": str}
+_OPTIONS = {"steps": str, "seeds": int, "seed_offset": int, "curricula": str, "controls": str}
 """What a training is begun with, and `--resume` goes on with."""
 
 _RANDOM = "random"
@@ -72,6 +72,7 @@ def train_agents(
     *,
     steps: str | None,
     seeds: int | None,
+    seed_offset: int | None,
     curricula: str | None,
     controls: str | None,
     workers: int,
@@ -92,7 +93,9 @@ def train_agents(
         raise InvalidArgument(message, hint)
     base = run_directory(run, directory) / TRAINING
     again = f"envgraph train {run} --directory {directory} --resume"
-    wanted: dict[str, Any] = dict(zip(_OPTIONS, (steps, seeds, curricula, controls), strict=True))
+    wanted: dict[str, Any] = dict(
+        zip(_OPTIONS, (steps, seeds, seed_offset, curricula, controls), strict=True)
+    )
     journal = None
     if resume:
         if force:
@@ -105,7 +108,8 @@ def train_agents(
             if value not in (None, begun[name]):
                 was = "the usual ones" if begun[name] is None else f"`{begun[name]}`"
                 message = f"this training was begun with other {name}: {was}, not `{value}`"
-                raise InvalidArgument(message, f"leave `--{name}` out, or begin anew with `--force`")
+                option = f"--{name.replace('_', '-')}"
+                raise InvalidArgument(message, f"leave `{option}` out, or begin anew with `--force`")
         wanted = begun
     elif (base / UNFINISHED).exists() and not force:
         raise InvalidArgument(
@@ -121,8 +125,9 @@ def train_agents(
     members = _members(family)
     schedules = [one.text for one in family.domain.spec.curriculum.schedules]
     chosen = _with_controls(chosen, compared, members, budgets[0], schedules)
-    count = budgets[0].seeds if compared and _RANDOM in compared else 0
-    random = _random(family, run, directory, count) if count else []
+    first = wanted["seed_offset"] or 0
+    numbers = range(first, first + budgets[0].seeds)
+    random = _random(family, run, directory, len(numbers)) if compared and _RANDOM in compared else []
     made_of = fingerprint({member.name: member.tabular for member in members}, __version__, *budgets)
     if journal is None:
         journal = Journal.create(base / UNFINISHED, {**wanted, "made_of": made_of})
@@ -131,7 +136,9 @@ def train_agents(
             f"the environments or settings are not those with which {journal.path} was begun: train anew with --force"
         )
     try:
-        trained = [_train(members, settings, chosen, workers, journal, base, random) for settings in budgets]
+        trained = [
+            _train(members, settings, chosen, numbers, workers, journal, base, random) for settings in budgets
+        ]
     except KeyboardInterrupt:
         sys.stderr.write(f"{len(journal)} agents are kept: `{again}` goes on\n")
         raise
@@ -165,6 +172,7 @@ def _train(
     members: list[FamilyMember],
     settings: TrainingSettings,
     chosen: list[Curriculum],
+    seeds: Sequence[int],
     workers: int,
     journal: Journal,
     base: Path,
@@ -173,11 +181,12 @@ def _train(
     """Train with one budget, but for what the journal has; every agent is written to it, and all of them at the end."""
     steps, target = settings.steps_per_environment, members[-1].name
     part, label = str(steps), f"agents, {steps} steps an environment"
-    with progress_bar(label, len(chosen) * settings.seeds) as advance:
+    with progress_bar(label, len(chosen) * len(seeds)) as advance:
         experiment = run_experiment(
             members,
             settings,
             chosen,
+            seeds=seeds,
             workers=workers,
             progress=lambda done, _: advance(done),
             known=journal.known(part, target),
@@ -189,6 +198,7 @@ def _train(
                 random,
                 settings,
                 "random families",
+                seeds=seeds,
                 progress=lambda done, _: advance(done),
                 known=journal.known(part, target),
                 found=partial(journal.add, part, target),
@@ -196,10 +206,11 @@ def _train(
         experiment = Experiment((*experiment.runs, *others.runs))
     stages = None
     if any(curriculum.kind == "curriculum" for curriculum in chosen):
-        with progress_bar(f"{label}, up to each environment", len(members) * settings.seeds) as advance:
+        with progress_bar(f"{label}, up to each environment", len(members) * len(seeds)) as advance:
             stages = run_stages(
                 members,
                 settings,
+                seeds=seeds,
                 workers=workers,
                 progress=lambda done, _: advance(done),
                 known=partial(journal.known, part),

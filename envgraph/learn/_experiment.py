@@ -161,19 +161,21 @@ def run_families(
     settings: TrainingSettings,
     label: str,
     *,
+    seeds: Sequence[int] | None = None,
     backend: Backend = "auto",
     progress: Callable[[int, int], None] | None = None,
     known: Iterable[RunResult] = (),
     found: Callable[[RunResult], None] | None = None,
 ) -> Experiment:
-    """One agent on the whole of each family: the first with seed 0, the next with seed 1 and so on.
+    """One agent on the whole of each family, by default the first with seed 0, the next with seed 1 and so on.
 
     So a family is compared with others that are drawn at random, which is another one for each seed. All runs have the
     label, as a control; the other arguments are those of `run_experiment`.
     """
     steps, known = settings.steps_per_environment * sum(map(len, families)), tuple(known)
     backend, runs = choose_backend(backend, steps), list[RunResult]()
-    for seed, family in enumerate(families):
+    seeds = range(len(families)) if seeds is None else seeds
+    for seed, family in zip(seeds, families, strict=True):
         names = tuple(member.name for member in family)
         runs += run_experiment(
             family,
@@ -181,7 +183,7 @@ def run_families(
             [Curriculum("control", label, names, (1,) * len(names))],
             seeds=[seed],
             backend=backend,
-            progress=_shifted(progress, seed, len(families)),
+            progress=_shifted(progress, len(runs), len(families)),
             known=known,
             found=found,
         ).runs

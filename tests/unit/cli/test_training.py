@@ -209,6 +209,41 @@ def test_random_families_are_trained_where_they_are_named(
     assert code == 1 and "`--controls random` needs a run: `forest.json` does not say" in messages
 
 
+def test_agents_are_judged_on_seeds_that_were_not_looked_at(
+    run: Path, command: Callable[..., tuple[int, str, str]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def rows() -> dict[tuple[str, str], str]:
+        lines = (run / "training" / "100" / "runs.csv").read_text().splitlines()
+        names = lines[0].split(",")
+        cells = [dict(zip(names, line.split(","), strict=True)) for line in lines[1:]]
+        return {(one["label"], one["seed"]): line for one, line in zip(cells, lines[1:], strict=True)}
+
+    train = (
+        "train",
+        "forest",
+        "--steps",
+        "100",
+        "--curricula",
+        "full",
+        "--controls",
+        "random, direct",
+        "--force",
+    )
+    assert command(*train, "--seeds", "5")[0] == 0
+    every = rows()
+    with monkeypatch.context() as patch:
+        interrupted_after(3, patch)
+        assert command(*train, "--seeds", "2", "--seed-offset", "3")[0] == 130
+    code, _, messages = command("train", "forest", "--resume", "--seed-offset", "2")
+    assert code == 1 and "other seed_offset: `3`, not `2`; leave `--seed-offset` out" in messages
+    assert command("train", "forest", "--resume")[0] == 0
+    assert {seed for _, seed in rows()} == {"3", "4"}
+    same = {key: row for key, row in rows().items() if key[0] != "random families"}
+    assert len(same) == 4 and same.items() <= every.items()
+    assert command("report", "forest")[0] == 0
+    assert "seeds 3 to 4" in (run / "report.html").read_text()
+
+
 def test_environments_with_too_many_states_are_trained_in_a_program(
     run: Path, command: object, monkeypatch: pytest.MonkeyPatch
 ) -> None:
