@@ -3,8 +3,9 @@
     python -m benchmarks.bench_teaching [targets of 8x8] [targets of 12x12]
 
 Targets are random: a quarter to two fifths of the tiles burn (a quarter on 12x12), and a random walk of 200 steps finds
-the goal once in 100,000 episodes or less (500,000 on 12x12). Beside each family stands direct training with as many
-steps, from values of 0 and from optimistic ones. Seconds are those of all threads.
+the goal once in 100,000 episodes or less (500,000 on 12x12). Beside each family stand controls with as many steps:
+direct training from values of 0 and from optimistic ones, the order reversed, and domain randomisation. Seconds are
+those of all threads.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from shutil import copy
 from tempfile import TemporaryDirectory
@@ -23,9 +25,9 @@ from envgraph.env.compiled import explored
 from envgraph.errors import LoadError
 from envgraph.lang import data_path
 from envgraph.learn import (
-    Curriculum,
     FamilyMember,
     TrainingSettings,
+    controls,
     optimistic_value,
     run_experiment,
     sequences,
@@ -35,6 +37,7 @@ from envgraph.search import Domain, Family, generate
 from envgraph.solve import hit_probability
 
 SEEDS = 1_000
+COMPARED = "direct", "optimistic", "reversed", "randomised"
 BUNDLED = data_path("rules", "burning_forest")
 FIXED = '"startTileFixedLocation", "goalTileFixedLocation", "waterTileFixedLocation", '
 
@@ -42,11 +45,14 @@ FIXED = '"startTileFixedLocation", "goalTileFixedLocation", "waterTileFixedLocat
 def main(targets: int = 2, large: int = 1) -> None:
     """Print a line for each family and each length of training that it is judged at."""
     print(
-        f"{'target':26}{'entropy':>8}{'search s':>9}{'steps':>7}  success  95 % interval  direct  optimistic"
+        f"{'target':26}{'entropy':>8}{'search s':>9}{'steps':>7}  success  95 % interval"
+        + "".join(f"{name:>12}" for name in COMPARED)
     )
     show("paper's E6, 2k", BUNDLED / "teaching.toml", (), (1_500, 2_000))
     lengths = (3_000, 5_000, 10_000, 20_000, 50_000)
     show("paper's E6, each of five", BUNDLED / "budgets.toml", (), lengths)
+    for name, lengths in (("keydoor", (200, 600)), ("network", (500,)), ("sokoban", (3_000,))):
+        show(name, data_path("rules", name) / "teaching.toml", (), lengths)
     free = ("objective.lanes=2", "objective.effort=2e9")
     for number in range(targets):
         with target(8, number, (0.25, 0.4), 1e-5) as path:
@@ -63,35 +69,28 @@ def show(name: str, path: Path, overrides: tuple[str, ...], lengths: tuple[int, 
         family = generate(str(path), Path(folder) / "run.sqlite", overrides=overrides, workers=2)
         spent = process_time() - started
         for steps in lengths:
-            rates = successes(family, steps)
-            low, high = wilson_interval(rates[0], SEEDS)
+            order, *others = successes(family, steps)
+            low, high = wilson_interval(order, SEEDS)
             print(
-                f"{name:26}{family.diversity():8.3f}{spent:9.0f}{steps:7,}{rates[0]:9.3f}"
-                f"   {low:.3f} to {high:.3f}{rates[1]:8.3f}{rates[2]:12.3f}"
+                f"{name:26}{family.diversity():8.3f}{spent:9.0f}{steps:7,}{order:9.3f}   {low:.3f} to {high:.3f}"
+                + "".join(f"{rate:12.3f}" for rate in others)
             )
 
 
 def successes(family: Family, steps: int) -> list[float]:
-    """Success of the curriculum, and of direct training with as many steps from values of 0 and optimistic ones."""
+    """Success of the order, and of what it is compared with, which has as many steps."""
     members = [FamilyMember(one.name, family.explored(one).tabular) for one in family.members]
     names = [one.name for one in members]
-    settings = TrainingSettings(steps_per_environment=steps, limit=family.limit or 200)
-    hopeful = optimistic_value(family.explored(family.members[-1]).tabular, settings) or 0.0
-    curricula: list[tuple[Curriculum, float]] = [
-        (sequences(names, "full")[0], 0.0),
-        (sequences(names, "direct")[0], 0.0),
-        (sequences(names, "direct")[0], hopeful),
+    own = TrainingSettings.from_spec(family.domain.spec.training, limit=family.limit)
+    settings = replace(own, steps_per_environment=steps)
+    optimism = optimistic_value(family.explored(family.members[-1]).tabular, settings)
+    compared = *sequences(names, "full"), *controls(names, COMPARED, optimism=optimism or 0.0)
+    runs = run_experiment(members, settings, compared, seeds=range(SEEDS), backend="numba").runs
+    return [
+        float(np.mean([run.success_rate for run in runs if run.label == one.label]))
+        for one in compared
+        if one.label in (compared[0].label, names[-1], *COMPARED)
     ]
-    return [success(members, one, steps, settings.limit, value) for one, value in curricula]
-
-
-def success(
-    members: list[FamilyMember], curriculum: Curriculum, steps: int, limit: int, initial: float
-) -> float:
-    """Mean over seeds."""
-    settings = TrainingSettings(steps_per_environment=steps, limit=limit, initial_value=initial)
-    runs = run_experiment(members, settings, [curriculum], seeds=range(SEEDS), backend="numba").runs
-    return float(np.mean([run.success_rate for run in runs]))
 
 
 @contextmanager
