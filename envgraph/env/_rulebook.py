@@ -12,7 +12,7 @@ from envgraph.env._sampling import MOST_OUTCOMES, all_choices
 from envgraph.errors import RuleError
 from envgraph.graph import Model, Node
 from envgraph.metamodel import Value
-from envgraph.rewrite import Branches, Engine, RuleRunner
+from envgraph.rewrite import Branches, Engine, Firing
 
 
 def applying(
@@ -28,14 +28,15 @@ def applying(
         outputs: the parameters whose values are wanted.
     """
     if engine.signature(name).kind == "rule":
-        return _applying_rule(engine.prepare(name), bound, outputs)
+        return _applying_rule(engine, name, bound, outputs)
     perform = _running_unit(engine, name, bound, outputs)
     return perform, _succeeding(perform, engine.model)
 
 
 def _applying_rule(
-    runner: RuleRunner, bound: Sequence[str], outputs: Sequence[str]
+    engine: Engine, name: str, bound: Sequence[str], outputs: Sequence[str]
 ) -> tuple[Perform, Possible]:
+    runner, history = engine.prepare(name), engine.history
     find = runner.prepare(tuple(bound))
 
     def perform(
@@ -47,6 +48,8 @@ def _applying_rule(
             return None
         row = rows[choices.pick(len(rows))]
         result = runner.fire(row)
+        if history.recorders:
+            history.record([Firing(runner.name, row)])
         if not outputs:
             return ()
         found = runner.application(row, result).outputs

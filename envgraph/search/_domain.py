@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import field, replace
 from math import comb, inf
-from typing import TypeVar
+from typing import TypeVar, cast, get_args
 
 from envgraph.code import dataclass
 from envgraph.env import Behaviour, KeyIndex, indexed_classes
@@ -48,7 +48,7 @@ from envgraph.search._problem import (
 )
 from envgraph.search._samples import SampleSettings
 from envgraph.search._selection import ExactSelection, SurvivorSelection
-from envgraph.search.curricula import CurriculumSettings, Judged, Levels, Measured
+from envgraph.search.curricula import Begin, CurriculumSettings, Judged, Levels, Measured
 from envgraph.search.optimising import Strategy
 
 EFFORT, MOST_LANES = 4_000_000_000, 1_000
@@ -463,6 +463,7 @@ def _climb(options: Options, population: int) -> CurriculumSettings:
         demanded=inf if isinstance(demanded, str) else demanded,
         crossover=options.number("crossover", 0.0, 0.0, 1.0),
         exchange=options.number("exchange", 0.0, 0.0, 1.0),
+        begin=cast(Begin, options.word("begin", "easing", get_args(Begin))),
     )
 
 

@@ -8,10 +8,11 @@ from envgraph.search.curricula._climb import CurriculumProgress, CurriculumSearc
 from envgraph.search.curricula._levels import MOST_STATES, Level, Levels
 from envgraph.search.curricula._moves import Moves
 from envgraph.search.curricula._objectives import Judged, Learning, Measured, value_of
-from envgraph.search.curricula._starts import Starts
+from envgraph.search.curricula._starts import Begin, Starts
 
 __all__ = [
     "MOST_STATES",
+    "Begin",
     "CurriculumProgress",
     "CurriculumSearch",
     "CurriculumSettings",

@@ -18,10 +18,11 @@ from envgraph.errors import InvalidArgument
 from envgraph.search._diversity import Bounded
 from envgraph.search._families import DIGITS, FamilyMeasure
 from envgraph.search._family_measures import LEAST
+from envgraph.search.curricula._episodes import Episode
 from envgraph.search.curricula._levels import Level, Levels
 from envgraph.search.curricula._moves import Family, Moves
 from envgraph.search.curricula._objectives import Judged, value_of
-from envgraph.search.curricula._starts import Easing, Starts
+from envgraph.search.curricula._starts import Begin, Easing, Starts
 
 Scores = NDArray[np.float64]
 
@@ -55,6 +56,7 @@ class CurriculumSettings:
         enough: the search ends at this value; None: at the most that the objective can be.
         demanded: the least diversity of a family; infinity: the largest there is; or None.
         crossover, exchange: shares of these moves, see `Moves`.
+        begin: where the members of the first families come from, see `Starts`.
     """
 
     population: int
@@ -64,6 +66,7 @@ class CurriculumSettings:
     demanded: float | None = None
     crossover: float = 0.0
     exchange: float = 0.0
+    begin: Begin = "easing"
 
     def __post_init__(self) -> None:
         if self.population < 2 or self.effort < 1 or self.lanes < 1:
@@ -209,8 +212,8 @@ class CurriculumSearch:
     def _screened(self) -> list[Family]:
         """As many families as there are lanes, the best first."""
         settings, rng = self.settings, default_rng(SeedSequence(self.seed, spawn_key=(0,)))
-        starts = Starts(self.levels, self._moves, settings.population, self._demanded, rng)
-        pool: list[tuple[tuple[tuple[float, ...], float], Family, Easing]] = []
+        starts = Starts(self.levels, self._moves, settings.population, self._demanded, rng, settings.begin)
+        pool: list[tuple[tuple[tuple[float, ...], float], Family, Easing | Episode]] = []
         births = 0
         while (self._spent() < SCREENED and births < BIRTHS + settings.effort // LEVEL) or not pool:
             births += 1
@@ -330,7 +333,9 @@ class CurriculumSearch:
         return range(first, self._seeds)
 
 
-def _rank(one: tuple[tuple[tuple[float, ...], float], Family, Easing]) -> tuple[tuple[float, ...], float]:
+def _rank(
+    one: tuple[tuple[tuple[float, ...], float], Family, Easing | Episode],
+) -> tuple[tuple[float, ...], float]:
     return one[0]
 
 

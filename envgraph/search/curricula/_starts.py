@@ -7,30 +7,23 @@ the families that come of it are good.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from itertools import pairwise
-from typing import Final
+from collections.abc import Iterable, Sequence
+from typing import Literal
 
 import numpy as np
 from numpy.random import Generator
-from numpy.typing import NDArray
 
 from envgraph.code import dataclass
-from envgraph.env import Simulator, TooManyStates
-from envgraph.env.compiled import NotCompiled, Plans
+from envgraph.errors import InvalidArgument
 from envgraph.pattern import Constant, Modification, Retype, Rule, Set
 from envgraph.rewrite import Row
 from envgraph.search._store import Trace
+from envgraph.search.curricula._episodes import Episode, optimal_episodes
 from envgraph.search.curricula._levels import Levels
 from envgraph.search.curricula._moves import Family, Moves
-from envgraph.solve import softened_policy
-from envgraph.solve.learning import occurring
 
-PLANS: Final = 6
-"""Optimal episodes that are played on the target, to see which objects they touch."""
-
-
-Facts = list[list[object]]
+Begin = Literal["easing", "episode"]
+"""Where the members of families come from: the target is eased by mutations, or an optimal episode goes on from it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,10 +55,13 @@ class _Application:
 class Starts:
     """Draws families that lead to a target.
 
-    The objects of the target are near, if an optimal episode or a shortest plan touches them, or far. For either kind
-    an effect is drawn: all the mutation rules with this effect, such as retyping to one class, are applied to them one
-    after the other. The states on the way from the target to the end are the candidates, those that are met first the
-    hardest. The order is random, or leads toward or away from some object.
+    "easing": the objects of the target are near, if an optimal episode or a shortest plan touches them, or far. For
+    either kind an effect is drawn: all the mutation rules with this effect, such as retyping to one class, are applied
+    to them one after the other. The states on the way from the target to the end are the candidates, those that are
+    met first the hardest. The order is random, or leads toward or away from some object.
+
+    "episode": the candidates are the states of an optimal episode, those near its end the easiest (reverse curriculum
+    generation, Florensa et al. 2017, with known episodes). Chosen are states that lie about equally far apart.
 
     Args:
         levels: of the members.
@@ -73,35 +69,52 @@ class Starts:
         size: members of a family, the target included.
         demanded: the least diversity of a family, or None.
         rng: draws the optimal episodes.
+        begin: where members come from.
+
+    Raises:
+        InvalidArgument: members come from an optimal episode, and none is known.
     """
 
     def __init__(
-        self, levels: Levels, moves: Moves, size: int, demanded: float | None, rng: Generator
+        self,
+        levels: Levels,
+        moves: Moves,
+        size: int,
+        demanded: float | None,
+        rng: Generator,
+        begin: Begin = "easing",
     ) -> None:
         self._levels, self._moves, self._size, self._demanded = levels, moves, size, demanded
         levels.go_to(levels.target.version)
         self._applications = self._by_effect()
         self._links = _links(levels)
-        self._touched = _touched(levels, rng)
+        self._episodes = optimal_episodes(levels, rng)
+        self._from_episodes = begin == "episode"
+        if self._from_episodes and not any(one.states for one in self._episodes):
+            raise InvalidArgument("no optimal episode of the target is known that ends in success")
         levels.go_to(levels.target.version)
 
-    def easing(self, rng: Generator) -> Easing:
-        """Any of them, each as likely."""
+    def easing(self, rng: Generator) -> Easing | Episode:
+        """Any of them, each as likely; or any of the optimal episodes."""
+        if self._from_episodes:
+            return self._episodes[int(rng.integers(len(self._episodes)))]
         effects = [None, *self._applications]
         near, far = (effects[int(rng.integers(len(effects)))] for _ in range(2))
         return Easing(near, far)
 
-    def draw(self, easing: Easing, rng: Generator) -> Family | None:
+    def draw(self, easing: Easing | Episode, rng: Generator) -> Family | None:
         """A family from the most eased member to the target, or None if what was drawn gives none."""
         levels = self._levels
-        wanted = self._drawn(easing, rng)
+        if isinstance(easing, Episode):
+            parts: Iterable[Trace] = easing.states
+        else:
+            parts = [((one.rule, one.row),) for one in self._drawn(easing, rng)]
         levels.go_to(levels.target.version)
         steps: list[tuple[Trace, float | None]] = []
         trace: Trace = ()
-        for one in wanted:
-            firing = ((one.rule, one.row),)
-            if levels.replayed(firing):
-                trace += firing
+        for part in parts:
+            if levels.replayed(part):
+                trace += part
                 measures = levels.measured() if self._demanded is not None else None
                 if measures is not None or self._demanded is None:
                     steps.append((trace, None if measures is None else levels.value(measures)))
@@ -129,6 +142,8 @@ class Starts:
         order: list[int] = rng.permutation(len(steps)).tolist()
         if self._demanded is None:
             places = order[:wanted]
+            if self._from_episodes:  # one from each of as many parts of the way
+                places = ((np.arange(wanted) + rng.random(wanted)) * len(steps) / wanted).astype(int).tolist()
         else:
             places = self._diverse([value for _, value in steps if value is not None], order)
         return [steps[place][0] for place in sorted(places)]
@@ -163,7 +178,7 @@ class Starts:
 
     def _drawn(self, easing: Easing, rng: Generator) -> list[_Application]:
         """What is applied, in its order: rules by blocks or mixed, and in each block by distance from an object."""
-        touched = self._touched[int(rng.integers(len(self._touched)))]
+        touched = self._episodes[int(rng.integers(len(self._episodes)))].touched
         near = dict.fromkeys(touched)
         objects = list(self._links)
         among = touched if touched and rng.random() < 0.7 else objects
@@ -202,67 +217,6 @@ def _effect(rule: object) -> str:
                     return rule.qualified_name
         return ", ".join(sorted(parts))
     return rule.qualified_name
-
-
-def _touched(levels: Levels, rng: Generator) -> list[list[int]]:
-    """What some optimal episodes on the target touch; what a shortest plan does if there is no table of the target.
-
-    Touched are the objects whose links or values are changed, and those that they lead to, in the order of the episode.
-    """
-    try:
-        table = levels.target.tabular
-    except TooManyStates:
-        levels.go_to(levels.target.version)
-        try:
-            states = [_facts(levels) for _ in Plans(levels.behaviour).episode(levels.engine)]
-        except NotCompiled:
-            states = []
-        return [_changed(levels, states)]
-    (small,) = occurring([table])
-    rows = zip(table.observation.tolist(), softened_policy(small, 0.0)[small.observation], strict=True)
-    policy = dict(rows)
-    return [_changed(levels, _optimal_episode(levels, policy, rng)) for _ in range(PLANS)]
-
-
-def _optimal_episode(
-    levels: Levels, policy: Mapping[int, NDArray[np.float64]], rng: Generator
-) -> Iterator[Facts]:
-    """The facts in each state of an episode on the target; the engine is left in the last one."""
-    levels.go_to(levels.target.version)
-    limit = levels.behaviour.limit or levels.target.tabular.n_states
-    simulator = Simulator(levels.engine, levels.behaviour, levels.keys)
-    seen = simulator.reset(rng)
-    yield _facts(levels)
-    for _ in range(limit):
-        outcome = simulator.step(int(rng.choice(len(policy[seen]), p=policy[seen])), rng)
-        seen = outcome.observation
-        yield _facts(levels)
-        if outcome.terminated:
-            break
-    simulator.close()
-
-
-def _changed(levels: Levels, states: Iterable[Facts]) -> list[int]:
-    """The objects that differ from one state to the next, and those that they lead to."""
-    found = dict[int, None]()
-    for before, after in pairwise(states):
-        for old, new in zip(before, after, strict=True):
-            for node, (one, other) in enumerate(zip(old, new, strict=False)):
-                if one != other:
-                    found |= dict.fromkeys((node, *_nodes(one), *_nodes(other)))
-    return [node for node in found if levels.engine.model.alive(node)]
-
-
-def _facts(levels: Levels) -> Facts:
-    """Links and values of all objects, a column each."""
-    store = levels.engine.model.store
-    links: list[list[object]] = [[tuple(targets) for targets in column] for column in store.forward]
-    values: list[list[object]] = [[(value,) for value in column] for column in store.values]
-    return links + values
-
-
-def _nodes(fact: object) -> Iterator[int]:
-    return (one for one in fact if type(one) is int) if isinstance(fact, tuple) else iter(())
 
 
 def _links(levels: Levels) -> dict[int, list[int]]:

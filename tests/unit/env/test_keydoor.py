@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Literal
 
+import numpy as np
 import pytest
 
 from envgraph.env import Action, Behaviour, Branch, Domain, RuleCall, Simulator, Tabular, explore
@@ -149,3 +150,16 @@ def test_an_argument_of_a_superclass_matches_only_where_it_is_the_right_object(
         if reward
     ]
     assert rewarded == ["push(3, 3)"]
+
+
+def test_what_an_episode_applies_is_recorded() -> None:
+    workspace = load_workspace([FILES / "two_rooms.model", FILES / "keydoor.environment"])
+    engine, rng = workspace.engine(), np.random.default_rng(3)
+    simulator, start = Simulator(engine, workspace.behaviour()), engine.commit()
+    with engine.recording() as trace:
+        for _ in range(60):
+            simulator.act(int(rng.integers(len(simulator.action_names))), rng.random())
+    after = engine.model.state_hash()
+    engine.checkout(start, discard=True)
+    engine.replay(trace)
+    assert len(trace) > 10 and engine.model.state_hash() == after

@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from envgraph.env import Tabular, TooManyStates
-from envgraph.env.compiled import explored, program_of
+from envgraph.env.compiled import Plans, explored, program_of
 from envgraph.errors import InvalidArgument
 from envgraph.graph import model_to_json
 from envgraph.search import Domain
@@ -91,6 +91,38 @@ def test_families_to_begin_with_lead_to_the_target_by_valid_members(name: str) -
             assert problem.engine.model.state_hash() == level.state
             assert problem.valid()
             assert problem.measure() == level.measures
+
+
+@pytest.mark.parametrize(
+    ("name", "most"), [("lava/teaching.toml", 50_000), ("sokoban", 50_000), ("sokoban", 10)]
+)
+def test_families_may_begin_on_the_way_of_an_optimal_episode(
+    name: str, most: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(_levels, "MOST_STATES", most)  # with fewer there is no table, but a plan
+    levels, rng = levels_of(name), np.random.default_rng(1)
+    plans = Plans(levels.behaviour)
+    starts = Starts(levels, Moves(levels), 4, None, rng, "episode")
+    families = [family for _ in range(4) if (family := starts.draw(starts.easing(rng), rng)) is not None]
+    assert families
+    for family in families:
+        assert family[-1] is levels.target
+        left = []
+        for level in family:
+            levels.go_to(level.version)
+            left.append(plans.plan(levels.engine).steps)
+        assert left == sorted(left) and 0 < left[0] < left[1] < left[2] <= left[3]
+        for level in family:
+            levels.go_to(levels.origin)
+            assert levels.replayed(level.trace)
+            assert levels.engine.model.state_hash() == level.state
+
+
+def test_families_begin_on_no_way_that_does_not_end_in_success() -> None:
+    levels = levels_of("lava")
+    levels = Levels(levels.problem, replace(levels.behaviour, limit=5))
+    with pytest.raises(InvalidArgument, match="no optimal episode of the target is known"):
+        Starts(levels, Moves(levels), 4, None, np.random.default_rng(1), "episode")
 
 
 def test_families_to_begin_with_are_as_diverse_as_demanded() -> None:

@@ -92,6 +92,7 @@ def test_a_file_of_a_bundled_domain_has_a_short_name(tmp_path: Path, monkeypatch
     assert Domain.load("keydoor/teaching.toml").spec.name == "KeyDoorTeaching"
     assert Domain.load("network/teaching.toml").spec.name == "RoutingTeaching"
     assert Domain.load("sokoban/teaching.toml").spec.name == "SokobanTeaching"
+    assert Domain.load("lava/teaching.toml").spec.name == "LavaTeaching"
     assert not load_workspace(["burning_forest/teaching.toml"]).diagnostics
     with pytest.raises(LoadError, match=r"did you mean `teaching[.]toml`"):
         Domain.load("burning_forest/teachin.toml")
@@ -107,6 +108,7 @@ def test_a_file_of_a_bundled_domain_has_a_short_name(tmp_path: Path, monkeypatch
         ("objective.stepz=3", "unknown-key", "did you mean `steps`?"),
         ("objective.steps=0", "wrong-type", "write `steps = [2000]`"),
         ('objective.steps=[1, "a"]', "wrong-type", "write `steps = [2000]`"),
+        ('objective.begin="walk"', "wrong-type", 'write `begin = "easing"`'),
         ('objective.diversity="most"', "wrong-type", 'write `diversity = "maximum"`'),
         ("objective.lanes=0", "wrong-type", "write `lanes = 4`"),
         ("objective.effort=0", "wrong-type", "write `effort = 4e+09`"),

@@ -1,0 +1,117 @@
+"""Optimal episodes on the target of a family: which objects they touch, and the states that they go through."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import closing
+from itertools import pairwise
+from typing import Final
+
+from numpy.random import Generator
+
+from envgraph.code import dataclass
+from envgraph.env import Simulator, TooManyStates
+from envgraph.env.compiled import NotCompiled, Plans
+from envgraph.rewrite import Trace as Recorded
+from envgraph.search._store import Trace
+from envgraph.search.curricula._levels import Levels
+from envgraph.solve import softened_policy
+from envgraph.solve.learning import occurring
+
+PLANS: Final = 6
+"""Optimal episodes that are played on the target."""
+
+Facts = list[list[object]]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Episode:
+    """An optimal episode on the target.
+
+    Attributes:
+        touched: the objects whose links or values are changed, and those that they lead to, in the order of the
+            episode.
+        states: what is applied from each state to the next; without the step that ends the episode. Empty where it is
+            not known, or does not end in success.
+    """
+
+    touched: list[int]
+    states: tuple[Trace, ...]
+
+
+def optimal_episodes(levels: Levels, rng: Generator) -> list[Episode]:
+    """Some of them; the shortest plan where there is no table of the target. The engine is left in any state."""
+    try:
+        table = levels.target.tabular
+    except TooManyStates:
+        return [_planned(levels, rng)]
+    (small,) = occurring([table])
+    policy = dict(
+        zip(table.observation.tolist(), softened_policy(small, 0.0)[small.observation], strict=True)
+    )
+    limit = levels.behaviour.limit or table.n_states
+
+    def act(seen: int) -> int:
+        return int(rng.choice(len(policy[seen]), p=policy[seen]))
+
+    return [_played(levels, act, limit, rng) for _ in range(PLANS)]
+
+
+def _planned(levels: Levels, rng: Generator) -> Episode:
+    """The shortest plan; touched is what it does where all chances are as it wants."""
+    levels.go_to(levels.target.version)
+    plans = Plans(levels.behaviour)
+    try:
+        facts = [_facts(levels) for _ in plans.episode(levels.engine)]
+        touched = _touched(levels, facts)
+        levels.go_to(levels.target.version)
+        actions = plans.plan(levels.engine).actions
+    except NotCompiled:
+        return Episode([], ())
+    numbers = Simulator(levels.engine, levels.behaviour, levels.keys).action_names
+    left = iter([numbers.index(name) for name in actions])
+    return Episode(touched, _played(levels, lambda seen: next(left), len(actions), rng).states)
+
+
+def _played(levels: Levels, act: Callable[[int], int], limit: int, rng: Generator) -> Episode:
+    """An episode from the start, by what is done where something is seen."""
+    levels.go_to(levels.target.version)
+    engine, recorded, lengths, ended = levels.engine, Recorded(), list[int](), 0
+    simulator = Simulator(engine, levels.behaviour, levels.keys)
+    with engine.history.listing(recorded), closing(simulator):
+        seen = simulator.reset(rng)
+        facts = [_facts(levels)]
+        for _ in range(limit):
+            outcome = simulator.step(act(seen), rng)
+            seen = outcome.observation
+            facts.append(_facts(levels))
+            if outcome.terminated:
+                ended = outcome.terminated
+                break
+            lengths.append(len(recorded))
+        touched = _touched(levels, facts)
+        parts = [tuple(recorded[before:after]) for before, after in pairwise([0, *lengths])]
+    return Episode(touched, tuple(filter(None, parts)) if ended == 1 else ())
+
+
+def _touched(levels: Levels, states: list[Facts]) -> list[int]:
+    """The objects that differ from one state to the next, and those that they lead to."""
+    found = dict[int, None]()
+    for before, after in pairwise(states):
+        for old, new in zip(before, after, strict=True):
+            for node, (one, other) in enumerate(zip(old, new, strict=False)):
+                if one != other:
+                    found |= dict.fromkeys((node, *_nodes(one), *_nodes(other)))
+    return [node for node in found if levels.engine.model.alive(node)]
+
+
+def _facts(levels: Levels) -> Facts:
+    """Links and values of all objects, a column each."""
+    store = levels.engine.model.store
+    links: list[list[object]] = [[tuple(targets) for targets in column] for column in store.forward]
+    values: list[list[object]] = [[(value,) for value in column] for column in store.values]
+    return links + values
+
+
+def _nodes(fact: object) -> Iterator[int]:
+    return (one for one in fact if type(one) is int) if isinstance(fact, tuple) else iter(())
