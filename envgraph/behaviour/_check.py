@@ -9,13 +9,13 @@ from math import prod
 from envgraph.behaviour._check_base import Scope, type_names
 from envgraph.behaviour._check_calls import CallChecking
 from envgraph.behaviour._check_views import ViewChecking
-from envgraph.behaviour._clauses import condition_question, is_asked
+from envgraph.behaviour._clauses import condition_question, is_asked, used_elsewhere
 from envgraph.behaviour._data import Action, Agent, Behaviour, Domain, EachStep, Effect, OnFind
 from envgraph.behaviour._domains import MOST_VALUES, domain_count, domain_type
 from envgraph.behaviour._losing import loss_warnings
 from envgraph.errors import Diagnostic, Note, Severity, Span, has_errors, name_hint, sort_diagnostics
 from envgraph.metamodel import Scalar
-from envgraph.pattern import Negation, Parameter, PatternCall, StaticType, Variable, static_type
+from envgraph.pattern import Parameter, PatternCall, StaticType, Variable, static_type
 from envgraph.rewrite import Engine
 
 MOST_ACTIONS = 100_000
@@ -33,7 +33,13 @@ def check_behaviour(behaviour: Behaviour, engine: Engine) -> list[Diagnostic]:
     checker.check(behaviour)
     if not has_errors(checker.problems):
         checker.problems += loss_warnings(behaviour, engine)
-    return sort_diagnostics([_hinted(problem, behaviour) for problem in checker.problems])
+    unknown = {problem.subject for problem in checker.problems if problem.code == "unknown-variable"}
+    once = [
+        problem
+        for problem in checker.problems
+        if problem.code != "used-once" or problem.subject not in unknown
+    ]
+    return sort_diagnostics([_hinted(problem, behaviour) for problem in once])
 
 
 def _hinted(problem: Diagnostic, behaviour: Behaviour) -> Diagnostic:
@@ -213,14 +219,16 @@ class _Checker(CallChecking, ViewChecking):
             self.reward(effect.reward, scope)
             self.branches(effect.apply, scope)
             return
-        inner = {**scope, **self._condition(effect.condition, scope)}
+        inner = {**scope, **self._condition(effect, scope)}
         self.reward(effect.reward, inner)
         self.reward(effect.weight, inner)
         self.branches(effect.apply, inner)
 
-    def _condition(self, condition: PatternCall | Negation, scope: Scope) -> Scope:
+    def _condition(self, effect: OnFind, scope: Scope) -> Scope:
         """Check a condition; returns the variables that it matches."""
-        sound = self.answerable(condition_question("#check", condition, type_names(scope)))
+        condition = effect.condition
+        question = condition_question("#check", condition, type_names(scope))
+        sound = self.answerable(question, condition, scope, used_elsewhere(effect))
         return self._matched(condition, scope, sound) if isinstance(condition, PatternCall) else {}
 
     def _matched(self, call: PatternCall, scope: Scope, sound: bool) -> Scope:

@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Collection, Mapping
 
-from envgraph.behaviour._clauses import Question
+from envgraph.behaviour._clauses import Question, is_asked, places_of
 from envgraph.errors import Diagnostic, Note, Severity, Span, with_article
 from envgraph.metamodel import Metamodel
 from envgraph.pattern import (
     Expression,
     Library,
     Navigation,
+    Negation,
     ObjectType,
     Parameter,
+    PatternCall,
     StaticType,
     Variable,
     check_expression,
+    mistyped,
     static_type,
     type_text,
 )
@@ -76,11 +80,35 @@ class Checking:
             self.report("unknown-class", f"unknown class `{name}`", span, hint)
         return None
 
-    def answerable(self, question: Question) -> bool:
-        """Report the errors of a helper pattern; its warnings are about a pattern that nobody wrote."""
+    def answerable(
+        self,
+        question: Question,
+        condition: PatternCall | Negation,
+        scope: Scope,
+        elsewhere: Collection[str] = (),
+    ) -> bool:
+        """Report the errors of a helper pattern, and names that are nearly those of what is bound.
+
+        Other warnings are about a pattern that nobody wrote.
+
+        Args:
+            question: the helper pattern.
+            condition: what it asks, as written.
+            scope: what is bound.
+            elsewhere: names in the rest of the clause.
+        """
         checked = self.library.checked(question.pattern)
         self.problems.extend(problem for problem in checked.problems if problem.severity is Severity.ERROR)
+        if not checked.unsound:
+            self._mistyped(condition, scope, elsewhere)
         return not checked.unsound
+
+    def _mistyped(self, condition: PatternCall | Negation, scope: Scope, elsewhere: Collection[str]) -> None:
+        places = [one for one in places_of(condition) if is_asked(one, scope)]
+        uses = Counter([*elsewhere, *(one.name for one in places)])
+        for one in places:
+            if uses[one.name] == 1:
+                self.problems.extend(mistyped(one, scope))
 
     def path(self, path: Expression, scope: Scope) -> StaticType | None:
         """The type of where a path leads; None if it has an error, which is reported."""

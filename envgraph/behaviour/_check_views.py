@@ -40,7 +40,8 @@ class ViewChecking(Checking):
         if isinstance(observation, ObserveFind):
             return self._observe_find(observation, scope)
         if observation.visible is not None:
-            self.answerable(condition_question("#check", observation.visible, type_names(scope)))
+            question = condition_question("#check", observation.visible, type_names(scope))
+            self.answerable(question, observation.visible, scope)
         unseen = observation.visible is not None
         match observation:
             case ObserveObject():
@@ -70,7 +71,7 @@ class ViewChecking(Checking):
             if observation.up_to < 1:
                 message = f"counting up to {observation.up_to} tells nothing"
                 self.report("empty-range", message, observation.span, "count up to 1 or more")
-        self.answerable(question)
+        self.answerable(question, observation.call, scope)
         return 2 if observation.up_to is None else max(1, observation.up_to + 1)
 
     def _observe_object(self, observation: ObserveObject, scope: Scope) -> None:

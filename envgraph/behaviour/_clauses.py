@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 
+from envgraph.behaviour._data import OnFind
 from envgraph.code import dataclass
 from envgraph.errors import Span
 from envgraph.pattern import (
@@ -22,6 +23,7 @@ from envgraph.pattern import (
     PatternCall,
     Variable,
     terms_of,
+    variables_in,
     variables_of_terms,
 )
 
@@ -74,10 +76,25 @@ def count_question(name: str, call: PatternCall, scope: Mapping[str, str]) -> Qu
     return Question(_helper(name, parameters, (counted,), call.span), used, (total,))
 
 
+def places_of(condition: PatternCall | Negation) -> list[Variable]:
+    """The places of variables in a condition."""
+    relation = condition.relation if isinstance(condition, Negation) else condition
+    return list(variables_of_terms(terms_of(relation)))
+
+
 def mentioned(condition: PatternCall | Negation) -> set[str]:
     """The names in a condition."""
-    relation = condition.relation if isinstance(condition, Negation) else condition
-    return {variable.name for variable in variables_of_terms(terms_of(relation))}
+    return {variable.name for variable in places_of(condition)}
+
+
+def used_elsewhere(effect: OnFind) -> set[str]:
+    """The names in a clause behind its condition."""
+    found = [one for one in (effect.reward, effect.weight) if one is not None]
+    for branch in effect.apply:
+        found.extend(branch.call.arguments)
+        if not isinstance(branch.probability, int | float):
+            found.append(branch.probability)
+    return {variable.name for expression in found for variable in variables_in(expression)}
 
 
 def is_asked(variable: Variable, scope: Mapping[str, object]) -> bool:

@@ -104,6 +104,7 @@ from envgraph.pattern._terms import (
     Variable,
 )
 from envgraph.pattern._types import assignable, data_type_hint, static_type, type_hint, type_text, value_hint
+from envgraph.pattern.check._usage import mistyped
 from envgraph.pattern.expressions._compile import CompiledExpression, compile_expression
 from envgraph.pattern.expressions._evaluate import Reader, evaluate, holds, value_of
 from envgraph.pattern.expressions._expressions import check_expression, is_method
@@ -213,6 +214,7 @@ __all__ = [
     "is_relation",
     "key_patterns",
     "mentioned",
+    "mistyped",
     "navigations",
     "outputs",
     "renumbered",

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import re
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from typing import Final
 
 from envgraph.errors import Diagnostic, Note, Severity, Span, did_you_mean, nearest
@@ -302,6 +304,23 @@ class UsageCheck:
             message = f"{relation_text(place.relation)} must have no match at all for the body to hold"
             hint = "an argument that stands elsewhere in the body ties it to that"
             yield _warning("global-negation", message, place.relation.span, hint)
+
+
+def mistyped(variable: Variable, known: Iterable[str]) -> Iterator[Diagnostic]:
+    """A warning about a variable that stands once, where only its likeness to another name speaks against it.
+
+    Names that differ in digits alone are meant to be alike.
+    """
+    stem = _without_digits(variable.name)
+    hint = did_you_mean(variable.name, [one for one in known if _without_digits(one) != stem])
+    if hint is not None:
+        message = f"`{variable.name}` is referenced only once"
+        warning = _warning("used-once", message, variable.span, hint)
+        yield replace(warning, subject=(variable.name,))
+
+
+def _without_digits(name: str) -> str:
+    return re.sub("[0-9]", "", name)
 
 
 def unreferenced(name: str, where: str = "") -> str:

@@ -2,14 +2,24 @@
 
 from __future__ import annotations
 
-import re
 from collections import Counter
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import fields, is_dataclass
 from typing import Any
 
-from envgraph.errors import Diagnostic, Severity, did_you_mean
-from envgraph.pattern import Block, Edge, LeftSide, Modification, Node, Parameter, RightSide, Rule, Variable
+from envgraph.errors import Diagnostic, Severity
+from envgraph.pattern import (
+    Block,
+    Edge,
+    LeftSide,
+    Modification,
+    Node,
+    Parameter,
+    RightSide,
+    Rule,
+    Variable,
+    mistyped,
+)
 from envgraph.rewrite.check._variables import is_named, mentioned, node_names, own_variables
 
 
@@ -54,7 +64,7 @@ def _part(
         if one.name not in bound:
             found.append(_quantified(one))
         elif not matched:
-            found.extend(_mistyped(one, others))
+            found.extend(mistyped(one, others))
         others.add(one.name)  # of two such names the second is reported
     return uses
 
@@ -86,15 +96,3 @@ def _quantified(variable: Variable) -> Diagnostic:
     message = f"`{variable.name}` is used only here, so it is quantified inside the call"
     hint = f"start its name with `_` (`_{variable.name}`) if that is meant"
     return Diagnostic("quantified-variable", message, variable.span, hint, Severity.WARNING)
-
-
-def _mistyped(variable: Variable, others: Collection[str]) -> Iterator[Diagnostic]:
-    stem = _without_digits(variable.name)
-    hint = did_you_mean(variable.name, [one for one in others if _without_digits(one) != stem])
-    if hint is not None:
-        message = f"`{variable.name}` is referenced only once"
-        yield Diagnostic("used-once", message, variable.span, hint, Severity.WARNING)
-
-
-def _without_digits(name: str) -> str:
-    return re.sub("[0-9]", "", name)
