@@ -7,7 +7,7 @@ from collections.abc import Collection, Mapping
 
 from envgraph.behaviour._clauses import Question, is_asked, places_of
 from envgraph.errors import Diagnostic, Note, Severity, Span, with_article
-from envgraph.metamodel import Metamodel
+from envgraph.metamodel import Feature, Metamodel
 from envgraph.pattern import (
     Expression,
     Library,
@@ -119,6 +119,13 @@ class Checking:
             self.report("no-path", "a path such as `x.feature` is needed here", path.span, hint)
             return None
         return type_
+
+    def feature(self, path: Expression, scope: Scope) -> Feature | None:
+        """The feature that a path ends with."""
+        if not isinstance(path, Navigation):
+            return None
+        owner, _ = check_expression(path.object, scope, self.metamodel)
+        return self.metamodel.feature(owner.cls, path.feature) if isinstance(owner, ObjectType) else None
 
 
 def type_names(scope: Mapping[str, StaticType | None]) -> dict[str, str]:

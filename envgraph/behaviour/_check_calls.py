@@ -8,8 +8,8 @@ from math import isfinite
 from envgraph.behaviour._check_base import Checking, Scope
 from envgraph.behaviour._data import Action, Branch, RuleCall
 from envgraph.behaviour._signatures import callable_names, signature_of, written
-from envgraph.errors import Note, listed, name_hint, with_article
-from envgraph.metamodel import Scalar
+from envgraph.errors import Note, Severity, listed, name_hint, with_article
+from envgraph.metamodel import Attribute, Scalar
 from envgraph.pattern import (
     Constant,
     Expression,
@@ -47,10 +47,25 @@ class CallChecking(Checking):
             self.problems.extend(problems)
             if type_ is None and isinstance(given, Constant):
                 self.report("bad-probability", "`none` is no probability", span, "a number from 0 to 1")
+            elif not problems:
+                self._beyond(given, type_, scope)
             return 0.0
         if not (isfinite(given) and 0.0 <= given <= 1.0):
             self.report("bad-probability", f"{given} is no probability", span, "a number from 0 to 1")
         return given
+
+    def _beyond(self, given: Expression, type_: StaticType | None, scope: Scope) -> None:
+        """Warn of a probability that may well be above 1."""
+        attribute = self.feature(given, scope)
+        declared = attribute.range if isinstance(attribute, Attribute) else None
+        if declared is not None and not 0 <= declared[0] < declared[1] <= 1:
+            message = f"`{attribute}` goes from {declared[0]:g} to {declared[1]:g}, a probability from 0 to 1"
+        elif declared is None and type_ is Scalar.INT and not isinstance(given, Constant):
+            message = "of all values of an `int` only 0 and 1 are probabilities"
+        else:
+            return
+        hint = "divide it, as in `(x.number / 10.0)`, or declare `@range(0, 1)` before the attribute"
+        self.report("unlikely-probability", message, given.span, hint, Severity.WARNING)
 
     def rewards(self, action: Action, scope: Scope, outputs: list[Scope]) -> None:
         """Check the rewards of an action, given the outputs of each branch."""

@@ -20,7 +20,7 @@ from envgraph.behaviour._data import (
 from envgraph.behaviour._edges import edge_ends
 from envgraph.errors import Severity, Span, did_you_mean, name_hint
 from envgraph.metamodel import Attribute, EnumType, Reference, Scalar
-from envgraph.pattern import Expression, Navigation, ObjectType, StaticType, check_expression
+from envgraph.pattern import Expression, Navigation, ObjectType, StaticType
 
 
 class ViewChecking(Checking):
@@ -104,8 +104,7 @@ class ViewChecking(Checking):
         if not isinstance(path, Navigation):
             return None
         earlier = self._optional(path.object, scope)
-        owner, _ = check_expression(path.object, scope, self.metamodel)
-        feature = self.metamodel.feature(owner.cls, path.feature) if isinstance(owner, ObjectType) else None
+        feature = self.feature(path, scope)
         return earlier or (feature if isinstance(feature, Reference) and feature.lower == 0 else None)
 
     def _observe_range(self, observation: ObserveRange, scope: Scope) -> int:

@@ -151,6 +151,20 @@ class Attribute(_Bounded):
             return default_of(self.type)
         return float(self.default) if self.type is Scalar.FLOAT else self.default
 
+    @property
+    def range(self) -> tuple[int | float, int | float, int | float] | None:
+        """Lowest and highest value and step, as `@range` says; None without it.
+
+        The step is 1, or a tenth of the range of a float.
+        """
+        found = next((one for one in self.annotations if one.name == "range"), None)
+        if found is None:
+            return None
+        steps = [value for key, value in found.named if key == "step" and isinstance(value, int | float)]
+        lowest, highest = (float(v) if self.type is Scalar.FLOAT else v for v in found.arguments)
+        assert isinstance(lowest, int | float) and isinstance(highest, int | float)
+        return lowest, highest, (*steps, 1 if self.type is Scalar.INT else (highest - lowest) / 10)[0]
+
     def __str__(self) -> str:
         return f"{self.owner}.{self.name}"
 

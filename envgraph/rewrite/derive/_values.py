@@ -21,9 +21,6 @@ from envgraph.rewrite.derive._links import Operator
 from envgraph.rewrite.derive._rule_builder import RuleBuilder
 from envgraph.rewrite.derive._schema import Schema
 
-RANGE = "range"
-"""`@range(lowest, highest)`, and optionally `step`: between which values operators move a number."""
-
 
 def value_operators(schema: Schema, group: str, cls: str) -> Iterator[Operator]:
     """The operators on the attributes of a class: truth values flip, enums change, numbers with a range step."""
@@ -35,7 +32,7 @@ def value_operators(schema: Schema, group: str, cls: str) -> Iterator[Operator]:
             yield from _literals(schema, group, feature, feature.type, holder)
         elif feature.type is Scalar.BOOL:
             yield _flip(RuleBuilder(schema, group), feature, holder)
-        elif feature.type in (Scalar.INT, Scalar.FLOAT) and range_of(feature) is not None:
+        elif feature.type in (Scalar.INT, Scalar.FLOAT) and feature.range is not None:
             yield from _steps(schema, group, feature, holder)
 
 
@@ -70,7 +67,7 @@ def _literals(
 
 
 def _steps(schema: Schema, group: str, attribute: Attribute, holder: str) -> Iterator[Operator]:
-    bounds = range_of(attribute)
+    bounds = attribute.range
     assert bounds is not None
     lowest, highest, step = bounds
     for word, compare, sign, limit, choose in (
@@ -86,22 +83,3 @@ def _steps(schema: Schema, group: str, attribute: Attribute, holder: str) -> Ite
         if word == "down":
             doc = f"`{holder}.{attribute.name}` goes down by {step}, to {limit} at least."
         yield "set", f"set.{holder}.{attribute.name}.{word}", builder, doc, False
-
-
-# --- ranges
-
-
-def range_of(attribute: Attribute) -> tuple[int | float, int | float, int | float] | None:
-    """Lowest and highest value and step, if the attribute has a range.
-
-    The step is 1, or a tenth of the range of a float.
-    """
-    found = next((a for a in attribute.annotations if a.name == RANGE), None)
-    if found is None:
-        return None
-    values: dict[str, int | float] = {
-        str(key): value for key, value in found.named if isinstance(value, int | float)
-    }
-    lowest, highest = (float(v) if attribute.type is Scalar.FLOAT else v for v in found.arguments)
-    assert isinstance(lowest, int | float) and isinstance(highest, int | float)
-    return lowest, highest, values.get("step", 1 if attribute.type is Scalar.INT else (highest - lowest) / 10)
