@@ -391,15 +391,19 @@ def _glyph_problems(
 
 
 def _check_looks(attribute: Attribute) -> Iterator[Diagnostic]:
-    """`@glyph` is for Booleans and enums, and `@colour` for enums."""
+    """`@glyph` is for Booleans, enums and ints, and `@colour` for enums."""
     for mark in attribute.annotations:
         if mark.name in ("glyph", "colour") and attribute.many:
             message = f"`{attribute.name}` has many values, and `@{mark.name}` shows one"
             yield Diagnostic("bad-glyph", message, mark.span, "leave it out")
         elif mark.name == "glyph" and isinstance(attribute.type, EnumType):
             yield from _check_letters(mark, attribute.type)
+        elif mark.name == "glyph" and attribute.type is Scalar.INT:
+            if mark.named or mark.arguments:
+                message = "the letter of an `int` is its digit: `@glyph` takes no other"
+                yield Diagnostic("bad-annotation", message, mark.span, "write `@glyph`")
         elif mark.name == "glyph" and attribute.type is not Scalar.BOOL:
-            message = f"`@glyph` is for classes, a `bool` and an enum, and `{attribute.name}` is none of them"
+            message = f"`@glyph` is for classes, a `bool`, an enum and an `int`, and `{attribute.name}` is none of them"
             yield Diagnostic("bad-glyph", message, mark.span, "leave it out")
         elif mark.name == "glyph":
             if mark.named or not 1 <= len(mark.arguments) <= 2:

@@ -8,7 +8,7 @@ from typing import Final
 
 from envgraph.code import dataclass
 from envgraph.graph import Model
-from envgraph.metamodel import Attribute, EnumType, Glyph, Metamodel
+from envgraph.metamodel import Attribute, EnumType, Glyph, Metamodel, Scalar
 
 _NAMED: Final[Mapping[str, str]] = MappingProxyType(
     {
@@ -29,7 +29,7 @@ _NAMED: Final[Mapping[str, str]] = MappingProxyType(
 )
 
 _Marked = tuple[Attribute, tuple[str, ...]]
-"""An attribute that changes how objects look, and what its `@glyph` says; () of a `@colour`."""
+"""An attribute that changes how objects look, and what its `@glyph` says; () of a `@colour` and of an int."""
 
 _IN_TURN = ("#1c3d6e", "#9c36b5", "#0b7285", "#c2255c", "#5c940d", "#d9480f")
 
@@ -70,6 +70,9 @@ class Looks:
                 else:
                     colour = _colour_of(attribute.type, str(value))
                 states.append(str(value))
+            elif attribute.type is Scalar.INT:
+                letter = _digit(int(value))
+                states.append(f"{attribute.name} {value}")
             elif letters and value != attribute.initial:
                 letter, unusual = letters[0], True
                 colour = (*letters[1:], colour)[0]
@@ -104,6 +107,11 @@ def _marked(metamodel: Metamodel, cls: str) -> Iterator[_Marked]:
             for mark in one.annotations:
                 if mark.name == wanted:
                     yield one, tuple(map(str, mark.arguments))
+
+
+def _digit(value: int) -> str:
+    """A whole number as one letter."""
+    return str(value) if 0 <= value <= 9 else "-" if value < 0 else "+"
 
 
 def _colour_of(enum: EnumType, literal: str) -> str:

@@ -408,6 +408,23 @@ def test_an_enum_has_a_letter_for_each_literal() -> None:
     assert scene_of(model, draw).marks == (Mark("hero, west", "<", "#1971c2", (0, 0), "Hero, west"),)
 
 
+def test_an_int_with_a_glyph_is_its_own_letter() -> None:
+    severity = Attribute("severity", Scalar.INT, annotations=(Annotation("glyph"),))
+    cell = Class("Cell", features=(Attribute("x", Scalar.INT), Attribute("y", Scalar.INT)), glyph=Glyph("."))
+    patient = Class("Patient", features=(severity, Reference("at", "Cell")), glyph=Glyph("p", "#1971c2"))
+    model = Model(Metamodel("ward", (cell, patient)))
+    one = model.create("Patient", object_name="ann", at=model.create("Cell"), severity=3)
+    draw = DrawGrid("Cell", "x", "y", (Token("patient", at("patient"), "Patient"),))
+    assert scene_of(model, draw).marks == (
+        Mark("ann, severity 3", "3", "#1971c2", (0, 0), "Patient, severity 3"),
+    )
+    shown = {}
+    for value in (0, 9, 10, -1):
+        one.severity = value
+        shown[value] = render_text(model, draw).splitlines()[0]
+    assert shown == {0: "(0)", 9: "(9)", 10: "(+)", -1: "(-)"}
+
+
 def test_tokens_that_are_nowhere_are_drawn_in_a_row_of_their_own_which_always_is_there() -> None:
     model, draw = net(), NET_DRAW
     (aside,) = scene_of(model, draw).aside or ()
