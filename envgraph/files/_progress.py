@@ -23,12 +23,23 @@ Show = Callable[[str], None]
 Tell = Callable[[str], None]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class _Work:
-    """What is under way: a text for each piece of work, the outermost first."""
+    """What is under way: a text for each piece of work, the outermost first.
+
+    Attributes:
+        counted: what was counted last, with the texts around it, and how often that has begun.
+    """
 
     show: Show
     texts: list[str] = field(default_factory=list)
+    counted: tuple[list[str], int] = ([], 0)
+
+    def begun(self, what: str) -> int:
+        """How often something is counted, this time included, while the texts around it stay as they are."""
+        key = [*self.texts, what]
+        self.counted = key, self.counted[1] + 1 if key == self.counted[0] else 1
+        return self.counted[1]
 
 
 _under_way: ContextVar[_Work | None] = ContextVar("envgraph_under_way", default=None)
@@ -62,7 +73,13 @@ def telling(show: Show | None = None) -> Iterator[Tell]:
 
 @contextmanager
 def counting(what: str) -> Iterator[Callable[[int, int], None]]:
-    """`telling` of work that counts something, and the outcomes of that, if there are any."""
+    """`telling` of work that counts something of a model, and the outcomes of that, if there are any.
+
+    What is counted for one model after the other has the number of the model, from the second one on.
+    """
+    work = _under_way.get()
+    number = 1 if work is None else work.begun(what)
+    what = what if number == 1 else f"{what}, model {number:,}"
     with telling() as tell:
         yield lambda count, outcomes: tell(
             f"{what}: {count:,}" + (f", {outcomes:,} outcomes" if outcomes else "")

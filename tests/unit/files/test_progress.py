@@ -52,6 +52,24 @@ def test_work_inside_of_work_is_told_behind_it_and_by_its_clock(clock: list[floa
     ]
 
 
+def test_what_is_counted_again_under_one_text_has_a_number(clock: list[float], capsys: Captured) -> None:
+    with telling() as tell:
+        for generation in (0, 1):
+            if generation:
+                tell("generations: 1 of 9")
+            for count in (3, 4):
+                with counting("states of A") as told:
+                    clock[0] = 2 * clock[0] + 5.0
+                    told(count, 0)
+    said = [line.rpartition(" (")[0] for line in capsys.readouterr().err.splitlines()]
+    assert said == [
+        "states of A: 3",
+        "states of A, model 2: 4",
+        "generations: 1 of 9; states of A: 3",
+        "generations: 1 of 9; states of A, model 2: 4",
+    ]
+
+
 def test_a_terminal_has_one_line_that_is_gone_at_the_end(
     monkeypatch: pytest.MonkeyPatch, capsys: Captured
 ) -> None:
