@@ -270,14 +270,15 @@ def _print_family(
             print_line(f"run: {path.parent}")
         return
     measures, counts = list(family.members[0].measures), family.class_counts()
-    certain = [dict(certificate_texts(member)) for member in family.members]
-    columns = ("environment", *measures, *counts, *certain[0], "")
+    certain = [dict(certificate_texts(member, family.members)) for member in family.members]
+    certificates = dict.fromkeys(name for one in certain for name in one)
+    columns = ("environment", *measures, *counts, *certificates, "")
     rows = [
         (
             member.name,
             *(value for _, value in caption(family, member)),
             *(str(numbers[place]) for numbers in counts.values()),
-            *(certain[place].get(name, "") for name in certain[0]),
+            *(certain[place].get(name, "") for name in certificates),
             "initial environment" if member.initial else "",
         )
         for place, member in enumerate(family.members)

@@ -44,12 +44,19 @@ def family_report(
     count, classes = len(family.members), family.class_counts()
     return Report(
         title=f"{family.name}: a family of {count} environments",
-        summary=f"{_order(family)} The family has {outcome}.",
+        summary=f"{_order(family)} The family has {outcome}.{_unverified(family)}",
         cards=tuple(_card(family, place, classes) for place in range(count)),
         legend=legend(scene for member in family.members if (scene := family.scene(member))),
         sections=tuple(sections),
         facts=facts or {},
     )
+
+
+def _unverified(family: Family) -> str:
+    """That nothing is known for certain of a family with an environment."""
+    if family.domain.behaviour is None or any(one.certificates for one in family.members):
+        return ""
+    return " Shortest plans and optimal returns are not computed: `envgraph verify` does it."
 
 
 def _order(family: Family) -> str:
@@ -130,7 +137,7 @@ def _card(family: Family, place: int, classes: Mapping[str, Sequence[int]]) -> C
     member = family.members[place]
     facts = caption(family, member)
     facts += [(cls, str(numbers[place])) for cls, numbers in classes.items()]
-    facts += certificate_texts(member)
+    facts += certificate_texts(member, family.members)
     return Card(member.name, family.svg(member), tuple(facts), member.initial)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import fields
 from math import isclose, isfinite
@@ -63,11 +63,11 @@ def facts(known: Certificates) -> dict[str, float | None]:
     return {name: value if isfinite(value) else None for name, value in values.items()}
 
 
-def certificate_texts(member: Member) -> list[tuple[str, str]]:
-    """The certificates that a member has, as people read them."""
+def certificate_texts(member: Member, family: Sequence[Member] = ()) -> list[tuple[str, str]]:
+    """The certificates that a member has, as people read them; that it has none where others of its family do."""
     said = member.certificates
     if not said:
-        return []
+        return [("shortest plan", "not verified")] if any(one.certificates for one in family) else []
     plan, limit = said["shortest_plan"], said["limit"]
     return [
         ("shortest plan", "none" if plan is None else f"{plan:.0f}"),

@@ -860,6 +860,11 @@ def test_an_interrupted_verification_goes_on(envgraph: Envgraph, monkeypatch: py
         patch.setattr(Family, "explored", interrupted)
         failed = envgraph("verify", "run")
         assert failed.code == 130 and "1 environments are verified: `envgraph verify run" in failed.err
+        shown = ok(envgraph("show", "run")).out.splitlines()
+        assert [sum(word in line for line in shown) for word in ("random walk", "not verified")] == [1, 2]
+        ok(envgraph("report", "run"))
+        page = Path("runs/run/report.html").read_text()
+        assert page.count("<dd>not verified</dd>") == 2 and "are not computed" not in page
         asked[:] = ["E1", "", ""]
         rows = ok(envgraph("verify", "run", "--resume")).out.splitlines()[2:]
         assert asked[3:] == ["E2", "E3"]

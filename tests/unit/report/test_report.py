@@ -211,6 +211,7 @@ def test_the_target_comes_last_and_is_not_said_to_be_the_hardest(tmp_path: Path)
     assert family_report(family).summary.startswith(said)
     others = replace(family, members=tuple(replace(one, initial=False) for one in family.members))
     assert f"hardest; {target}, the last, is the target. " in family_report(others).summary
+    assert family_report(family).summary.endswith("are not computed: `envgraph verify` does it.")
 
 
 @pytest.mark.parametrize(
