@@ -22,7 +22,7 @@ from envgraph.cli._options import (
     unresolved_option,
     variant_option,
 )
-from envgraph.cli._output import OutputFormat, ShowFormat
+from envgraph.cli._output import OutputFormat, ShowFormat, printed_to
 from envgraph.errors import InvalidArgument
 
 
@@ -172,6 +172,13 @@ def runs_(compared: tuple[str, ...], directory: Path, format: OutputFormat) -> N
     callback=noted,
     help="text or json; models and metamodels also as a picture: dot or svg.",
 )
+@click.option(
+    "--output",
+    "-o",
+    type=PATH,
+    show_default="standard output",
+    help="Where to; .json, .dot and .svg say the format, too.",
+)
 def show(
     run: str,
     variant: str | None,
@@ -181,15 +188,19 @@ def show(
     metamodel: tuple[str, ...],
     allow_unresolved: bool,
     format: ShowFormat,
+    output: Path | None,
 ) -> None:
     """Print a family: its measures and its maps. Or a model or a metamodel: what is in it, or a picture of it."""
     from envgraph.cli._inputs import DEFINITIONS, METAMODELS, MODELS, Inputs
     from envgraph.cli._picture import show_file
     from envgraph.lang import DiskFiles, file_format
 
+    if output is not None and format is ShowFormat.TEXT and output.suffix[1:] in list(ShowFormat):
+        format = ShowFormat(output.suffix[1:])
     shown = file_format(DiskFiles(), run)
     if shown in (*MODELS, *METAMODELS):
-        show_file(run, variant, Inputs(metamodel, allow_unresolved), format)
+        with printed_to(output):
+            show_file(run, variant, Inputs(metamodel, allow_unresolved), format)
         return
     if shown in DEFINITIONS:
         raise InvalidArgument(f"`{run}` is no run, model or metamodel; `envgraph check {run}` reads it")
@@ -199,12 +210,13 @@ def show(
         raise InvalidArgument(
             f"`envgraph export {run} --format svg` draws a run; `show` draws models and metamodels"
         )
-    if lineage is not None:
-        show_lineage(run, directory, lineage, OutputFormat(format.value))
-    elif rejections:
-        show_rejections(run, directory, OutputFormat(format.value))
-    else:
-        show_family(run, directory, variant, OutputFormat(format.value))
+    with printed_to(output):
+        if lineage is not None:
+            show_lineage(run, directory, lineage, OutputFormat(format.value))
+        elif rejections:
+            show_rejections(run, directory, OutputFormat(format.value))
+        else:
+            show_family(run, directory, variant, OutputFormat(format.value))
 
 
 @app.command()

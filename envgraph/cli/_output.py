@@ -10,12 +10,14 @@ import json
 import re
 import sys
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stdout
 from enum import StrEnum
+from io import StringIO
+from pathlib import Path
 from typing import Final, Protocol
 
 from envgraph.errors import Diagnostic, EnvgraphError, Severity, visible
-from envgraph.files import telling
+from envgraph.files import replace_file, telling
 
 _MOST_STYLED: Final = 2000
 """Rows above which a table is printed as plain text."""
@@ -42,6 +44,18 @@ class ShowFormat(StrEnum):
     JSON = "json"
     DOT = "dot"
     SVG = "svg"
+
+
+@contextmanager
+def printed_to(output: Path | None) -> Iterator[None]:
+    """What is printed inside goes into a file, as a whole, in place of standard output; None: it is printed."""
+    if output is None:
+        yield
+        return
+    with redirect_stdout(StringIO()) as printed:
+        yield
+    replace_file(output, printed.getvalue())
+    print_line(f"wrote {output}")
 
 
 def print_line(text: str) -> None:

@@ -545,6 +545,13 @@ def test_models_and_metamodels_are_shown_and_drawn(
     assert "abstract" in ok(envgraph("show", metamodel)).out
     assert ok(envgraph("show", metamodel, "--format", "dot")).out.startswith('digraph "maze" {')
     assert "<svg" in ok(envgraph("show", metamodel, "--format", "svg")).out
+    for name, format in (("a.svg", "svg"), ("a.dot", "dot"), ("a.json", "json"), ("a.txt", "text")):
+        printed = ok(envgraph("show", model, "--format", format)).out
+        assert ok(envgraph("show", model, "-o", name)).out == f"wrote {name}\n"
+        assert Path(name).read_text() == printed
+    Path("a.svg").write_text("kept")
+    assert envgraph("show", metamodel, "--format", "json", "-o", "a.svg").code == 1
+    assert Path("a.svg").read_text() == "kept"
 
 
 @pytest.mark.parametrize(
