@@ -56,8 +56,8 @@ class Queries:
         """
         shape, pattern, arguments = self.question(name, bound, values)
         rows = self._matcher.rows(pattern, arguments)
-        if applicable:
-            rows = self._applicable(name, shape, rows, len(rows))
+        if applicable is not False:
+            rows = self._applicable(name, applicable, shape, rows, len(rows))
         return Matches(Match(self._model, shape, row) for row in rows)
 
     def first(
@@ -71,8 +71,9 @@ class Queries:
     ) -> Match | None:
         """The first of `matches`, or None."""
         shape, pattern, arguments = self.question(name, bound, values)
-        if applicable:
-            row = next(iter(self._applicable(name, shape, self._matcher.rows(pattern, arguments), 1)), None)
+        if applicable is not False:
+            rows = self._matcher.rows(pattern, arguments)
+            row = next(iter(self._applicable(name, applicable, shape, rows, 1)), None)
         else:
             row = self._matcher.first(pattern, arguments)
         return None if row is None else Match(self._model, shape, row)
@@ -87,8 +88,8 @@ class Queries:
         **values: object,
     ) -> bool:
         """Return whether there is one of `matches`."""
-        if applicable:
-            return self.first(name, applicable=True, bound=bound, **values) is not None
+        if applicable is not False:
+            return self.first(name, applicable=applicable, bound=bound, **values) is not None
         _, pattern, arguments = self.question(name, bound, values)
         return self._matcher.exists(pattern, arguments)
 
@@ -102,13 +103,20 @@ class Queries:
         **values: object,
     ) -> int:
         """The number of `matches`."""
-        if applicable:
-            return len(self.matches(name, applicable=True, bound=bound, **values))
+        if applicable is not False:
+            return len(self.matches(name, applicable=applicable, bound=bound, **values))
         _, pattern, arguments = self.question(name, bound, values)
         return self._matcher.count(pattern, arguments)
 
-    def _applicable(self, name: str, shape: Shape, rows: Sequence[Row], most: int) -> list[Row]:
-        """The first matches at which a rule is not refused."""
+    def _applicable(
+        self, name: str, asked: object, shape: Shape, rows: Sequence[Row], most: int
+    ) -> list[Row]:
+        """The first matches at which a rule is not refused; `asked` is what `applicable` was given."""
+        if asked is not True:
+            message = f"`applicable` is True or False, not {asked!r}"
+            raise InvalidArgument(
+                f"{message}; a variable of that name is given as `bound={{'applicable': ..}}`"
+            )
         runner = self._catalog.runners.get(shape.definition)
         if runner is None:
             raise InvalidArgument(f"`{name}` is a pattern: only rules are applied")

@@ -152,6 +152,10 @@ def test_what_is_no_refusal_is_raised() -> None:
         made.exists("broken", applicable=True)
     with pytest.raises(InvalidArgument, match="`any` is a pattern: only rules are applied"):
         made.exists("any", applicable=True)
+    for ask in (made.matches, made.first, made.exists, made.count):
+        for value in (made.model.node(0), 0, None):
+            with pytest.raises(InvalidArgument, match=r"not .*; a variable of that name is given as `bound="):
+                ask("cut", applicable=value)  # type: ignore[arg-type]
 
 
 def test_a_python_rule_is_applicable_where_its_function_is_not_refused() -> None:

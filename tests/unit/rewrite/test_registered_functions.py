@@ -227,6 +227,8 @@ def test_what_cannot_be_registered() -> None:
             made.function(name, code)
     with pytest.raises(InvalidArgument, match="a function is registered, not 3"):
         made.function("c", 3)  # type: ignore[call-overload]
+    with pytest.raises(InvalidArgument, match=r'are a mapping from names to types, `\{"x": int\}`, not \(\('):
+        made.function("c", is_odd, (("n", int),), bool)  # type: ignore[call-overload]
     for name, types, message in (
         ("heavy", {"n": int}, "function `heavy` is declared with other types"),
         ("sqrt", {"n": float}, "`sqrt` is a function of the language"),
