@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import field
 
 from envgraph.code import dataclass
-from envgraph.errors import Diagnostic, Severity, Span, did_you_mean, name_hint, with_article
+from envgraph.errors import Diagnostic, Severity, Span, did_you_mean, listed, name_hint, with_article
 from envgraph.metamodel import Attribute, Metamodel, Reference
 from envgraph.pattern import Edge, ObjectType, StaticType
 
@@ -193,8 +193,8 @@ class RuleScope:
             self.error("unknown-type", f"unknown class `{cls}`", span, hint)
             return False
         if found.abstract:
-            concrete = ", ".join(f"`{name}`" for name in self.metamodel.concrete(cls))
-            hint = f"name one of its subclasses: {concrete}" if concrete else None
+            concrete = self.metamodel.concrete(cls)
+            hint = f"name one of its subclasses: {listed(concrete)}" if concrete else None
             self.error("abstract-class", f"`{cls}` is abstract: no object is exactly a `{cls}`", span, hint)
             return False
         return True

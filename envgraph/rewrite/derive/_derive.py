@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from itertools import permutations
 from typing import Final
 
-from envgraph.errors import RAISE_LIMIT, Diagnostic, Severity, Span, has_errors, limit, with_article
+from envgraph.errors import RAISE_LIMIT, Diagnostic, Severity, Span, has_errors, limit, listed, with_article
 from envgraph.metamodel import Metamodel
 from envgraph.pattern import Derivation, LeftSide, Modification, Retype, Rule, TypeConstraint, Variable
 from envgraph.rewrite.check._containment import homeless
@@ -77,7 +77,7 @@ def _check_classes(derivation: Derivation, metamodel: Metamodel) -> Iterator[Dia
         elif name in seen:
             yield Diagnostic("duplicate-definition", f"`{name}` is named twice", span, "leave it out")
         elif cls.abstract and derivation.kind == "retype":
-            concrete = ", ".join(f"`{sub}`" for sub in metamodel.concrete(name))
+            concrete = listed(metamodel.concrete(name))
             message = f"`{name}` is abstract: no object is exactly a `{name}`"
             yield Diagnostic("abstract-class", message, span, f"name one of its subclasses: {concrete}")
         elif cls.frozen and derivation.kind == "retype":

@@ -62,9 +62,10 @@ def _declaration(
                 message = f"function `{name}` is called with a value for each parameter, in their order"
                 raise InvalidArgument(f"{message}: `{one}` cannot be one of these")
             parameters[one.name] = one.annotation
-    if not isinstance(parameters, Mapping):
+    written: object = parameters
+    if not isinstance(written, Mapping):
         message = f'the parameters of `{name}` are a mapping from names to types, `{{"x": int}}`'
-        raise InvalidArgument(f"{message}, not {parameters!r}")
+        raise InvalidArgument(f"{message}, not {written!r}")
     given = _signature(function, name).return_annotation if result is None else result
     return FunctionDeclaration(
         name,

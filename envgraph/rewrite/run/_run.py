@@ -11,7 +11,7 @@ from math import fsum
 from typing import Any, Final, NoReturn
 
 from envgraph.code import dataclass
-from envgraph.errors import EvaluationError, RuleError, Span
+from envgraph.errors import RAISE_LIMIT, EvaluationError, RuleError, Span
 from envgraph.graph import Model, Savepoint
 from envgraph.metamodel import Attribute, Value
 from envgraph.pattern import Expression, evaluate, explained, navigations
@@ -132,8 +132,8 @@ def spent(run: Run, site: Site | None) -> NoReturn:
     """
     name, span = site or ("", None)
     where = f"; it was in {name}" if name else ""
-    message = f"the run took more than {run.limit} steps{where}: it may never end, or set `step_limit` of the engine"
-    raise EvaluationError(message, span)
+    message = f"the run took more than {run.limit} steps{where}: it may never end"
+    raise EvaluationError(message, span, f"else set `step_limit` of the engine; {RAISE_LIMIT}")
 
 
 def note_refusal(run: Run, error: RuleError) -> None:
