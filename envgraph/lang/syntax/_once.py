@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
-from envgraph.errors import Diagnostic, Note, Span
+from envgraph.errors import Diagnostic, Note, Span, plural
 
 _ROWS = frozenset({"stray-character", "unterminated-text"})
 _MOST_LINES = 3
@@ -51,8 +51,8 @@ def _is_parameter(code: str, span: Span) -> bool:
 def _elsewhere(problems: Sequence[Diagnostic]) -> Note:
     spans = [one.span for one in problems[:_MOST_PLACES] if one.span is not None]
     shown = ", ".join(f"{span.line}:{span.column}" for span in spans)
-    more = f" and at {len(problems) - _MOST_PLACES} more places" if len(problems) > _MOST_PLACES else ""
-    return Note(f"also at {shown}{more}")
+    more = len(problems) - _MOST_PLACES
+    return Note(f"also at {shown}" + (f" and at {plural(more, 'more place')}" if more > 0 else ""))
 
 
 def once_for_each_text(diagnostics: Sequence[Diagnostic]) -> Iterator[Diagnostic]:

@@ -190,7 +190,7 @@ class RuleScope:
         found = self.metamodel.classes.get(cls)
         if found is None:
             hint = self.metamodel.likely(cls)
-            self.error("unknown-type", f"unknown class `{cls}`", span, hint)
+            self.error("unknown-type", f"unknown type `{cls}`", span, hint)
             return False
         if found.abstract:
             concrete = self.metamodel.concrete(cls)

@@ -73,7 +73,7 @@ def _check_classes(derivation: Derivation, metamodel: Metamodel) -> Iterator[Dia
         span = _class_span(derivation, position)
         cls = metamodel.classes.get(name)
         if cls is None:
-            yield Diagnostic("unknown-type", f"unknown class `{name}`", span, metamodel.likely(name))
+            yield Diagnostic("unknown-type", f"unknown type `{name}`", span, metamodel.likely(name))
         elif name in seen:
             yield Diagnostic("duplicate-definition", f"`{name}` is named twice", span, "leave it out")
         elif cls.abstract and derivation.kind == "retype":
