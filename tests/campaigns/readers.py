@@ -119,7 +119,7 @@ def corpus() -> tuple[dict[str, str], dict[str, Reader]]:
         load_family(str(path))
 
     for domain in ("burning_forest", "keydoor", "network", "warehouse", "railway"):
-        for path in sorted(bundled_domain(domain).iterdir()):
+        for path in sorted(filter(Path.is_file, bundled_domain(domain).iterdir())):
             name = f"{domain}/{path.name}"
             texts[name] = path.read_text(encoding="utf-8")
             readers[name] = family if path.suffix == ".toml" else check

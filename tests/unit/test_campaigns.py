@@ -1,0 +1,16 @@
+"""A few cases of the campaigns that need little: what they read may be moved, and nobody runs them every day."""
+
+from __future__ import annotations
+
+from random import Random
+from types import ModuleType
+
+import pytest
+
+from tests.campaigns import encodings, programs, readers
+
+
+@pytest.mark.parametrize(("campaign", "cases"), [(readers, 4), (encodings, 4), (programs, 1)])
+def test_a_campaign_runs_and_finds_nothing(campaign: ModuleType, cases: int) -> None:
+    campaign.prepare()
+    assert all(campaign.campaign(Random(f"envgraph {number}")) for number in range(cases))
