@@ -1,13 +1,13 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
-PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet -c constraints.txt
+INSTALL := python -m pip --disable-pip-version-check install --quiet
+PIP := $(BIN)/$(INSTALL) -c constraints.txt
 
 DEMO_EXTRAS := fast
 TEST_EXTRAS := test,fast,emf
 BENCH_EXTRAS := bench
 CLUSTER_EXTRAS := dask,ray
-INTEGRATION_EXTRAS := integrations,multiagent,png
 
 # The tests start many processes, each of which would compile everything anew.
 unexport PYTHONDONTWRITEBYTECODE
@@ -48,8 +48,9 @@ test-cluster: $(VENV)/.cluster
 	$(BIN)/python -m pytest -n0 tests/cluster/backends.py
 
 # Against the real packages of others; not among the tests, because of what has to be installed.
-test-integrations: $(VENV)/.integrations
-	$(BIN)/python -m pytest -n0 tests/integrations/*.py
+test-integrations: $(VENV)-integrations/.installed $(VENV)-rllib/.installed
+	$(VENV)-integrations/bin/python -m pytest -n0 tests/integrations/*.py -k "not rllib"
+	$(VENV)-rllib/bin/python -m pytest -n0 tests/integrations/*.py -k rllib
 
 bench: $(VENV)/.bench
 	$(BIN)/python -m benchmarks
@@ -82,10 +83,18 @@ $(VENV)/.cluster: $(VENV)/.test
 	$(PIP) --no-build-isolation -e ".[$(CLUSTER_EXTRAS)]"
 	touch $@
 
-$(VENV)/.integrations: $(VENV)/.test
-	$(PIP) --no-build-isolation -e ".[$(INTEGRATION_EXTRAS)]"
+# Environments of their own, so that the tests do without PyTorch. RLlib asks for a Gymnasium that others do not have.
+$(VENV)-integrations/.installed: EXTRAS := test,fast,integrations,multiagent,png
+$(VENV)-rllib/.installed: EXTRAS := test,fast,rllib
+$(VENV)-rllib/.installed: FREE := gymnasium
+
+$(VENV)-%/.installed: pyproject.toml constraints.txt
+	$(PYTHON) -m venv $(@D)
+	grep -v "^$(FREE)==" constraints.txt > $(@D)/constraints.txt
+	$(@D)/bin/$(INSTALL) -c $(@D)/constraints.txt hatchling
+	$(@D)/bin/$(INSTALL) -c $(@D)/constraints.txt --no-build-isolation -e ".[$(EXTRAS)]"
 	touch $@
 
 clean:
-	rm -rf $(VENV) build dist .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
+	rm -rf $(VENV) $(VENV)-* build dist .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
