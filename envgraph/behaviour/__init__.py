@@ -31,6 +31,7 @@ from envgraph.behaviour._data import (
 from envgraph.behaviour._domains import MOST_VALUES, domain_type
 from envgraph.behaviour._edges import edge_ends
 from envgraph.behaviour._losing import Reading, is_gone, lost, readings, root_of, roots
+from envgraph.behaviour._rewards import paying, reward_names
 from envgraph.errors import shorten
 
 __all__ = [
@@ -65,7 +66,9 @@ __all__ = [
     "edge_ends",
     "is_gone",
     "lost",
+    "paying",
     "readings",
+    "reward_names",
     "root_of",
     "roots",
 ]

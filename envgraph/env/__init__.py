@@ -36,9 +36,10 @@ from envgraph.behaviour import (
 )
 from envgraph.env._adopted import Adopted, Transition, adopt
 from envgraph.env._agents import unbound
+from envgraph.env._apart import RewardsApart
 from envgraph.env._explore import DEFAULT_LIMIT, Explored, enumerate_states, explore
 from envgraph.env._frozen_lake import frozen_lake
-from envgraph.env._gymnasium import EnvgraphEnv, EnvgraphLiveEnv, check_render_mode
+from envgraph.env._gymnasium import EnvgraphEnv, EnvgraphLiveEnv, SingleEnvironment, check_render_mode
 from envgraph.env._keys import KeyIndex, SameKey, indexed_classes, key_reader
 from envgraph.env._members import About, Members, Variants
 from envgraph.env._minigrid import MiniGridLevel
@@ -107,10 +108,12 @@ __all__ = [
     "OnFind",
     "OnReset",
     "Outcome",
+    "RewardsApart",
     "RuleCall",
     "SameKey",
     "Scene",
     "Simulator",
+    "SingleEnvironment",
     "Tabular",
     "Token",
     "TooManyStates",

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 from warnings import warn
 
+from envgraph.behaviour import reward_names
 from envgraph.env import (
     OF_MODEL,
     EnvgraphEnv,
@@ -16,7 +17,9 @@ from envgraph.env import (
     Environment,
     EnvSpec,
     ObservationKind,
+    RewardsApart,
     Simulator,
+    SingleEnvironment,
     Variants,
     VectorEnvironment,
     check_kind,
@@ -39,6 +42,7 @@ from envgraph.search._opened import (
     ENGINES,
     EngineKind,
     Location,
+    Opened,
     OpenedMembers,
     open_member_family,
 )
@@ -221,7 +225,7 @@ def _given(**values: object) -> dict[str, Any]:
 
 def make_environment(
     domain: str | None = None,
-    family: Location | None = None,
+    family: Location | Family | None = None,
     variant: int | str | None = None,
     *,
     render_mode: str | None = None,
@@ -230,7 +234,8 @@ def make_environment(
     engine: EngineKind | None = None,
     live: bool = False,
     action_masks: bool = False,
-) -> EnvgraphEnv | EnvgraphLiveEnv | CompiledEnv:
+    rewards: bool = False,
+) -> EnvgraphEnv | EnvgraphLiveEnv | CompiledEnv | RewardsApart:
     """What `gymnasium.make` calls: one member of a family, without a time limit.
 
     Args:
@@ -248,6 +253,7 @@ def make_environment(
             same.
         live: the same as `engine="live"`.
         action_masks: whether infos have `action_mask`, int8 [actions]; the method `action_masks` is there in any case.
+        rewards: whether the infos of steps tell each reward apart, as `rewards`; see `RewardsApart`.
 
     Raises:
         InvalidArgument: no such family, member or engine, or neither a domain nor a family is given, or the family is
@@ -262,33 +268,43 @@ def make_environment(
     opened = open_member_family(domain, family, () if variant is None else (variant,))
     check_render_mode(render_mode, drawn=opened.record.drawn)  # before all states are visited
     place = opened.place(variant)
-    shown: dict[str, Any] = {
+    shown = {
         "render_mode": render_mode,
         "observation": observation,
         "cell": cell,
         "action_masks": action_masks,
     }
-    environment: EnvgraphEnv | EnvgraphLiveEnv | CompiledEnv
-    pictures = render_mode is not None
-    found = opened.stepping([place], wanted, pictures=pictures, of_model=observation in OF_MODEL)
-    if observation in OF_MODEL:
-        shown["observation"] = opened.view(observation)
-    if isinstance(found, Program):
-        steps_in: EngineKind = "compiled"
-        environment = CompiledEnv(found, **shown)
-    elif found is None:
-        if wanted is None:
-            warn(f"{opened.refused().message}; it steps on the live engine", stacklevel=2)
-        steps_in = "live"
-        environment = EnvgraphLiveEnv(opened.simulator(place), **shown)
-    else:
-        steps_in = "table"
-        environment = EnvgraphEnv(found[0].tabular, pictures=found[0].pictures, **shown)
+    environment, steps_in = _environment(opened, place, wanted, shown)
     if family is not None:
-        environment.of_family(OpenedMembers(domain, family, steps_in, pictures), place)
+        environment.of_family(OpenedMembers(domain, family, steps_in, render_mode is not None), place)
     if not opened.record.drawn:
         environment.metadata = {**environment.metadata, "render_modes": []}
-    return environment
+    if not rewards:
+        return environment
+    parts: dict[str, SingleEnvironment] = {}
+    for name in reward_names(opened.family.behaviour):
+        parts[name], _ = _environment(opened.paying(name), place, steps_in, {})
+        if family is not None:
+            parts[name].of_family(OpenedMembers(domain, family, steps_in, pictures=False, pays=name), place)
+    return RewardsApart(environment, parts)
+
+
+def _environment(
+    opened: Opened, place: int, wanted: EngineKind | None, shown: dict[str, Any]
+) -> tuple[EnvgraphEnv | EnvgraphLiveEnv | CompiledEnv, EngineKind]:
+    """The environment of a member, as it is to be shown, and what steps it."""
+    kind = shown.get("observation", "index")
+    of_model, pictures = kind in OF_MODEL, shown.get("render_mode") is not None
+    found = opened.stepping([place], wanted, pictures=pictures, of_model=of_model)
+    if of_model:
+        shown = {**shown, "observation": opened.view(kind)}
+    if isinstance(found, Program):
+        return CompiledEnv(found, **shown), "compiled"
+    if found is not None:
+        return EnvgraphEnv(found[0].tabular, pictures=found[0].pictures, **shown), "table"
+    if wanted is None:
+        warn(f"{opened.refused().message}; it steps on the live engine", stacklevel=3)
+    return EnvgraphLiveEnv(opened.simulator(place), **shown), "live"
 
 
 def make_vector_environment(

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from envgraph.behaviour import paying
 from envgraph.code import dataclass
 from envgraph.env import Behaviour, Explored, KeyIndex, Scene, scene_of
 from envgraph.env.compiled import Borrowed, Program, program_of
@@ -85,6 +86,7 @@ class Family:
     tables: Tables = field(default_factory=Tables.of_user, compare=False, repr=False)
     _explored: dict[tuple[str, bool], Explored] = field(default_factory=dict, compare=False, repr=False)
     _keys: KeyIndex | None = field(default=None, compare=False, repr=False)
+    _pays: str | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "members", tuple(replace(one, _family=self) for one in self.members))
@@ -119,7 +121,7 @@ class Family:
         behaviour = self.domain.behaviour
         if behaviour is None:
             raise InvalidArgument(f"family `{self.name}` has no environment: its family file names none")
-        return behaviour
+        return behaviour if self._pays is None else paying(behaviour, self._pays)
 
     @property
     def limit(self) -> int | None:
@@ -311,6 +313,19 @@ class Family:
 
     def _repr_html_(self) -> str:
         return family_html(self)
+
+    def paying(self, name: str) -> Family:
+        """The family whose environments pay the rewards of one name alone, of `envgraph.behaviour.reward_names`.
+
+        Episodes are the same; tables and what is computed of them are about this reward. Nothing is verified of it.
+
+        Raises:
+            InvalidArgument: nothing of this name pays a reward, or there is no environment.
+        """
+        members = tuple(replace(one, certificates={}) for one in self.members)
+        found = replace(self, members=members, _explored={}, _keys=self.keys, _pays=name)
+        assert found.behaviour, "or it raises"
+        return found
 
     def class_counts(self) -> dict[str, tuple[int, ...]]:
         """Number of objects of each class in every member, where the members differ and no measure says the same."""

@@ -51,6 +51,10 @@ class Opened:
                 self._tables.keep(self._key, found)
         return found
 
+    def paying(self, name: str) -> Opened:
+        """The same with the rewards of one name alone; see `Family.paying`."""
+        return Opened(lambda: self.family.paying(name), lambda: (Tables(()), ""))
+
     def place(self, variant: int | str | None) -> int:
         return place_of(variant, [*self.record.tables], self.record.family)
 
@@ -126,14 +130,20 @@ class OpenedMembers:
     """The members of a family that one environment goes over to; each is read once. See `Members`."""
 
     def __init__(
-        self, domain: str | None, family: Location | Family, engine: EngineKind, pictures: bool
+        self,
+        domain: str | None,
+        family: Location | Family,
+        engine: EngineKind,
+        pictures: bool,
+        pays: str | None = None,
     ) -> None:
-        self._given = domain, family, engine, pictures
+        self._given = domain, family, engine, pictures, pays
         self._entered: dict[int, Any] = {}
 
     @cached_property
     def _opened(self) -> Opened:
-        return open_member_family(*self._given[:2])
+        opened, pays = open_member_family(*self._given[:2]), self._given[4]
+        return opened if pays is None else opened.paying(pays)
 
     def place(self, variant: int | str) -> int:
         return self._opened.place(variant)
@@ -143,7 +153,7 @@ class OpenedMembers:
 
     def entered(self, place: int) -> Any:
         if place not in self._entered:
-            engine, pictures = self._given[2:]
+            engine, pictures = self._given[2:4]
             found = self._opened.stepping([place], engine, pictures=pictures)
             if found is None:
                 return self._opened.simulator(place)  # has a state: it is of one environment

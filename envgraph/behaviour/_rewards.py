@@ -1,0 +1,69 @@
+"""The rewards of a behaviour apart: each by the name of what pays it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from envgraph.behaviour._data import Action, Behaviour, EachStep, Effect
+from envgraph.errors import InvalidArgument, did_you_mean, listed
+from envgraph.pattern import Negation, PatternCall
+
+
+def reward_names(behaviour: Behaviour) -> tuple[str, ...]:
+    """What pays rewards, in the order of the file; what has the same name counts as one.
+
+    An action has its name, `each step` is called so, and `on find p(..)` has the name of the pattern, with "neg" before
+    it where there must be no match.
+    """
+    own = [one for agent in behaviour.agents for one in (*agent.actions, *agent.effects)]
+    return tuple(
+        dict.fromkeys(_name(one) for one in (*behaviour.actions, *behaviour.effects, *own) if _pays(one))
+    )
+
+
+def paying(behaviour: Behaviour, name: str) -> Behaviour:
+    """The same behaviour, with the rewards of one name alone: what happens in an episode does not change.
+
+    Raises:
+        InvalidArgument: nothing of this name pays a reward.
+    """
+    known = reward_names(behaviour)
+    if name not in known:
+        hint = did_you_mean(name, known) or (f"there are {listed(known)}" if known else "it pays none")
+        raise InvalidArgument(f"environment `{behaviour.name}` pays no reward `{name}`", hint)
+    agents = tuple(
+        replace(one, actions=_actions(one.actions, name), effects=_effects(one.effects, name))
+        for one in behaviour.agents
+    )
+    return replace(
+        behaviour,
+        name=f"{behaviour.name} {name}",
+        actions=_actions(behaviour.actions, name),
+        effects=_effects(behaviour.effects, name),
+        agents=agents,
+    )
+
+
+def _actions(actions: Sequence[Action], name: str) -> tuple[Action, ...]:
+    return tuple(one if one.name == name else replace(one, reward=None, else_reward=None) for one in actions)
+
+
+def _effects(effects: Sequence[Effect], name: str) -> tuple[Effect, ...]:
+    return tuple(one if _name(one) == name else replace(one, reward=None) for one in effects)
+
+
+def _pays(one: Action | Effect) -> bool:
+    return one.reward is not None or (isinstance(one, Action) and one.else_reward is not None)
+
+
+def _name(one: Action | Effect) -> str:
+    if isinstance(one, Action):
+        return one.name
+    if isinstance(one, EachStep):
+        return "each step"
+    condition = one.condition
+    call = condition.relation if isinstance(condition, Negation) else condition
+    assert isinstance(call, PatternCall)
+    short = call.pattern.rpartition(".")[2]
+    return f"neg {short}" if isinstance(condition, Negation) else short
