@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from functools import partial
+from math import log2
 from pathlib import Path
 
 import gymnasium
@@ -65,6 +66,15 @@ def test_the_environment_checker_has_nothing_to_say(domain: str, render_mode: st
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         check_env(env.unwrapped, skip_render_check=render_mode is None)
+
+
+@pytest.mark.parametrize(
+    "domain", ["jobshop", "lava", "network", "sokoban", "taxi", "triage"] if NIGHTLY else ["network"]
+)
+def test_a_family_is_as_diverse_as_it_may_be(domain: str, tmp_path: Path) -> None:
+    generations = {"generations": 20} if domain == "network" else {}
+    family = generate(domain, tmp_path / "run.sqlite", **generations)
+    assert family.diversity() >= 0.9 * log2(6)
 
 
 @pytest.fixture(scope="module", params=["keydoor", "network", "warehouse"])
