@@ -16,6 +16,7 @@ from gymnasium import wrappers
 from gymnasium.vector import AutoresetMode
 
 import envgraph
+from tests.integrations.documented import run_section
 
 pytest.importorskip("sb3_contrib")  # modules are imported in `make test`, too, for their doctests
 
@@ -67,6 +68,11 @@ def test_ppo_takes_the_observations(observation: str, policy: str) -> None:
 def test_dqn_learns() -> None:
     model = DQN("MlpPolicy", doors(), learning_starts=50, buffer_size=500, device="cpu").learn(300)
     assert model.num_timesteps == 300
+
+
+def test_goals_are_learned_by_hindsight() -> None:
+    names: dict[str, object] = {"envgraph": envgraph, "np": np, "gymnasium": gymnasium}
+    assert run_section("**Goals.**", "`engine` says what steps;", names) == ["True\n"]
 
 
 @pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
