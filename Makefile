@@ -84,7 +84,7 @@ $(VENV)/.cluster: $(VENV)/.test
 	touch $@
 
 # Environments of their own, so that the tests do without PyTorch. RLlib asks for a Gymnasium that others do not have.
-$(VENV)-integrations/.installed: EXTRAS := test,fast,integrations,multiagent,png
+$(VENV)-integrations/.installed: EXTRAS := test,fast,integrations,multiagent,png,pyg
 $(VENV)-rllib/.installed: EXTRAS := test,fast,rllib
 $(VENV)-rllib/.installed: FREE := gymnasium
 

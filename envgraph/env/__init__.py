@@ -43,7 +43,7 @@ from envgraph.env._gymnasium import EnvgraphEnv, EnvgraphLiveEnv, SingleEnvironm
 from envgraph.env._keys import KeyIndex, SameKey, indexed_classes, key_reader
 from envgraph.env._members import About, Members, Variants
 from envgraph.env._minigrid import MiniGridLevel
-from envgraph.env._model_views import GraphView, ImageView, ModelView, model_view
+from envgraph.env._model_views import GraphView, ImageView, ModelView, model_view, torch_graph
 from envgraph.env._reaching import can_end
 from envgraph.env._simulator import Outcome, Simulator
 from envgraph.env._table_file import read_explored, write_explored
@@ -146,6 +146,7 @@ __all__ = [
     "scene_svg",
     "scene_text",
     "scene_title",
+    "torch_graph",
     "unbound",
     "write_explored",
 ]

@@ -184,6 +184,24 @@ class GraphView(ModelView):
                 yield index, number[source], number[target]
 
 
+def torch_graph(graph: spaces.GraphInstance) -> Any:
+    """An observation "graph" as `torch_geometric.data.Data` (`pip install "envgraph[pyg]"`).
+
+    `x`, float32 [objects, features]; `edge_index`, int64 [2, links]; `edge_type`, int64 [links], the number of the
+    reference, as relational layers take it.
+
+    Raises:
+        InvalidArgument: PyTorch Geometric is not installed.
+    """
+    try:
+        import torch
+        from torch_geometric.data import Data
+    except ImportError:
+        raise InvalidArgument("PyTorch Geometric is missing", 'pip install "envgraph[pyg]"') from None
+    links = torch.from_numpy(graph.edge_links).T.contiguous()
+    return Data(x=torch.from_numpy(graph.nodes), edge_index=links, edge_type=torch.from_numpy(graph.edges))
+
+
 def _columns(attribute: Attribute) -> list[str]:
     name = f"{attribute.owner}.{attribute.name}"
     if isinstance(attribute.type, EnumType):

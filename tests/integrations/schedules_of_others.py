@@ -25,6 +25,7 @@ pytestmark = pytest.mark.filterwarnings("default")  # theirs, not ours to fix
         ("syllabus", "**[Syllabus]", "**RLlib.**"),
         ("ray.rllib", "**RLlib.**", "`envgraph train --controls plr"),
     ],
+    ids=["stable_baselines3", "syllabus", "rllib"],  # `make test-integrations` runs the last one by its name
 )
 def test_a_schedule_says_what_is_played(
     package: str, first: str, last: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

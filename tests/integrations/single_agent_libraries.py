@@ -16,6 +16,7 @@ from gymnasium import wrappers
 from gymnasium.vector import AutoresetMode
 
 import envgraph
+from envgraph.env import torch_graph
 from tests.integrations.documented import run_section
 
 pytest.importorskip("sb3_contrib")  # modules are imported in `make test`, too, for their doctests
@@ -68,6 +69,24 @@ def test_ppo_takes_the_observations(observation: str, policy: str) -> None:
 def test_dqn_learns() -> None:
     model = DQN("MlpPolicy", doors(), learning_starts=50, buffer_size=500, device="cpu").learn(300)
     assert model.num_timesteps == 300
+
+
+def test_a_graph_network_takes_graphs() -> None:
+    data = pytest.importorskip("torch_geometric.data")
+    from torch_geometric.nn import RGCNConv
+
+    env: Any = envgraph.make(domain="network", observation="graph", engine="live")
+    view = env.unwrapped.view
+    graphs = [torch_graph(env.reset(seed=seed)[0]) for seed in range(3)]
+    for graph in graphs:
+        assert graph.validate() and graph.num_node_features == len(view.features)
+        to = view.references.index("Link.to")
+        ends = graph.edge_index[:, graph.edge_type == to]
+        links, routers = (graph.x[:, view.features.index(name)] for name in ("Link", "Router"))
+        assert ends.shape[1] == links.sum() and links[ends[0]].all() and routers[ends[1]].all()
+    batch = data.Batch.from_data_list(graphs)
+    layer = RGCNConv(len(view.features), 4, num_relations=len(view.references))
+    assert layer(batch.x, batch.edge_index, batch.edge_type).shape == (batch.num_nodes, 4)
 
 
 def test_goals_are_learned_by_hindsight() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import pickle
+import sys
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,7 @@ from envgraph.env import (
     ObservationKind,
     Simulator,
     explore,
+    torch_graph,
 )
 from envgraph.env.compiled import CompiledEnv, CompiledVectorEnv, program_of
 from envgraph.errors import InvalidArgument
@@ -173,6 +175,12 @@ def test_images_and_graphs_are_the_same_from_programs_and_the_live_engine(kind: 
         assert both in many.observation_space
         seen = [env.step(action % len(program.action_names))[0] for env in envs]
         both = many.step(np.full(2, action % len(program.action_names)))[0]
+
+
+def test_graphs_for_pytorch_say_what_they_need(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "torch_geometric.data", None)
+    with pytest.raises(InvalidArgument, match=r"pip install .envgraph\[pyg\]"):
+        torch_graph(spaces.GraphInstance(np.zeros((0, 1)), None, None))
 
 
 def test_kinds_of_observations_are_checked() -> None:
