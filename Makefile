@@ -50,7 +50,7 @@ test-cluster: $(VENV)/.cluster
 # Against the real packages of others; not among the tests, because of what has to be installed.
 test-integrations: $(VENV)-integrations/.installed $(VENV)-rllib/.installed
 	$(VENV)-integrations/bin/python -m pytest -n0 tests/integrations/*.py -k "not rllib"
-	$(VENV)-rllib/bin/python -m pytest -n0 tests/integrations/*.py -k rllib
+	$(VENV)-rllib/bin/python -m pytest -n0 tests/integrations/schedules_of_others.py -k rllib
 
 bench: $(VENV)/.bench
 	$(BIN)/python -m benchmarks

@@ -223,11 +223,13 @@ def show(
 @run_argument
 @click.option(
     "--format",
+    "--to",
+    "format",
     default="family",
-    help="family (all there is, as JSON), ga4cl (maps of letters), frozenlake (maps of "
-    "Gymnasium's FrozenLake, where they step the same), svg (a picture), npz (the tables of states, as "
-    "arrays of NumPy), python (a package to install that needs Gymnasium and NumPy alone) or compiled (a package that "
-    "steps many environments at once, and needs NumPy and numba alone).",
+    help="family (all there is, as JSON), ga4cl (maps of letters), frozenlake (maps of Gymnasium's FrozenLake, where "
+    "they step the same), minigrid (levels, of a domain that was adopted from MiniGrid), svg (a picture), npz (the "
+    "tables of states, as arrays of NumPy), python (a package to install that needs Gymnasium and NumPy alone) or "
+    "compiled (a package that steps many environments at once, and needs NumPy and numba alone).",
 )
 @click.option("--output", "-o", type=PATH, show_default="standard output", help="Where to.")
 @click.option(

@@ -387,7 +387,7 @@ def test_a_family_is_exported_as_a_package(
 
 def test_a_family_is_exported_as_code_from_templates(envgraph: Envgraph, tmp_path: Path) -> None:
     ok(envgraph("generate", "burning_forest", "--generations", 2, "--population", 2, "--name", "a"))
-    said = ok(envgraph("export", "a", "--format", "python", "-o", "fires")).out.splitlines()
+    said = ok(envgraph("export", "a", "--to", "python", "-o", "fires")).out.splitlines()
     assert said == ["wrote 7 files in fires", "pip install fires", "import fires", "env = fires.make('E2')"]
     assert "| E2 |" in (tmp_path / "fires/README.md").read_text("utf-8")
     said = ok(envgraph("templates", "mine")).out.splitlines()
