@@ -140,7 +140,7 @@ class History:
         try:
             inverse: Journal = []
             self._inverse = inverse
-            invert(store.journal[savepoint._mark :], inverse)
+            invert(reversed(store.journal[savepoint._mark :]), inverse)
             shelf = Shelf(inverse, store.next_id, store.total)
             store.journal[savepoint._mark :], self._inverse = (), None
             self._stack.pop()
@@ -158,7 +158,7 @@ class History:
         """Make the changes of a shelf inside a new savepoint; the state is the one in which they were made."""
         savepoint, store = self.savepoint(), self._store
         try:
-            invert(shelf._entries, store.journal)
+            invert(reversed(shelf._entries), store.journal)
             self._replayed(shelf._next_id, shelf._total)
         except BaseException:
             store.interrupted.extend((None, savepoint))
@@ -382,7 +382,7 @@ class History:
         """Nothing is in doubt: an interrupted replay is undone, an interrupted rollback has just so much left to do."""
         journal = self._store.journal
         take_back(self._inverse or [], 0)
-        take_back(self.versions.inverse or [], 0)
+        self.versions.take_back()
         if self._reverting is not None:
             mark, backwards = self._reverting
             del journal[mark + length_hint(backwards) + 4 :]

@@ -259,9 +259,8 @@ def settle(journal: Journal) -> None:
             container.reindex()
 
 
-def invert(journal: Journal, inverse: Journal) -> None:
-    """Undo all entries, and add those that undo the undoing to `inverse`, each before its entry is undone."""
-    backwards = reversed(journal)
+def invert(backwards: Iterator[Any], inverse: Journal) -> None:
+    """Undo entries, and add those that undo the undoing to `inverse`, each before its entry is undone."""
     for opcode, old, key, container in zip(backwards, backwards, backwards, backwards, strict=True):
         if opcode == SET:
             inverse.extend((container, key, container[key], SET))

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import weakref
-from typing import TYPE_CHECKING, NoReturn
+from collections.abc import Iterator
+from operator import length_hint
+from typing import TYPE_CHECKING, Any, NoReturn
 
-from envgraph.graph._journal import Journal, invert, net_changes
+from envgraph.graph._journal import Journal, invert, net_changes, take_back, undo
 from envgraph.graph._store import Store
 
 if TYPE_CHECKING:
@@ -59,6 +61,7 @@ class Vertex:
         children: states whose parent this is, but for one that is being made; a dict for its order.
         segment: entries between this state and its parent. `upwards`: undoing them leads from here to the parent (the
             vertex lies on the path from the root to the current state); else from the parent to here.
+        back: entries that lead the other way, once the segment has been undone as it is; else None.
         depth: grows from parent to child.
         spliced: the segment spans versions that are gone, so it may write a place more than once.
         reduced: length of the segment when each place in it was written once.
@@ -66,6 +69,7 @@ class Vertex:
     """
 
     __slots__ = (
+        "back",
         "children",
         "depth",
         "handle",
@@ -86,6 +90,7 @@ class Vertex:
         self.parent = parent
         self.children: dict[Vertex, None] = {}
         self.segment = segment
+        self.back: Journal | None = None
         self.upwards = True
         self.spliced = False
         self.reduced = 0
@@ -124,7 +129,8 @@ class VersionTree:
         current: the state from which the journal leads to the present one; None if no version describes that.
         held: how many versions somebody held at the last look.
         released: those that nobody holds any more, since then.
-        inverse: entries that undo what has been undone of a segment, while that is turned round.
+        turning: what is left of a segment while that is turned round, and the entries that lead back.
+        inverse: entries that undo what had been undone of a segment when that was interrupted.
     """
 
     def __init__(self, model: Model, store: Store) -> None:
@@ -134,7 +140,8 @@ class VersionTree:
         self.current: Vertex | None = None
         self.held = 0
         self.released: list[Handle] = []
-        self.inverse: Journal | None = None
+        self.turning: tuple[int, Iterator[Any], Journal] | None = None
+        self.inverse: Journal = []
 
     @property
     def changed(self) -> bool:
@@ -182,21 +189,36 @@ class VersionTree:
             self._turn(vertex, vertex)
 
     def _turn(self, vertex: Vertex, end: Vertex | None) -> None:
-        """Undo the segment of a vertex, which leads to one of its ends."""
-        inverse: Journal = []
-        self.inverse = inverse
-        invert(vertex.segment, inverse)
-        net = vertex.spliced and len(inverse) > _LONG
-        segment, upwards = net_changes(inverse) if net else inverse, not vertex.upwards
-        reduced = len(segment) if net else vertex.reduced
-        (vertex.segment, vertex.upwards, vertex.spliced, vertex.reduced, self.current, self.inverse) = (
-            segment,
-            upwards,
-            False,
-            reduced,
-            end,
-            None,
-        )
+        """Undo the segment of a vertex, which leads to one of its ends; what leads back is found out once."""
+        segment, inverse = vertex.segment, vertex.back
+        backwards = reversed(segment)
+        if inverse is None:
+            inverse = []
+            self.turning = len(segment), backwards, inverse
+            invert(backwards, inverse)
+        else:
+            self.turning = len(segment), backwards, inverse
+            undo(backwards)
+        reduced, back = vertex.reduced, segment
+        if vertex.spliced and len(inverse) > _LONG:
+            inverse, back = net_changes(inverse), None
+            reduced = len(inverse)
+        (
+            vertex.segment,
+            vertex.back,
+            vertex.upwards,
+            vertex.spliced,
+            vertex.reduced,
+            self.current,
+            self.turning,
+        ) = (inverse, back, not vertex.upwards, False, reduced, end, None)
+
+    def take_back(self) -> None:
+        """After an exception: what has been undone of a segment is made again."""
+        if self.turning is not None:
+            length, backwards, inverse = self.turning
+            self.inverse, self.turning = inverse[: length - length_hint(backwards)], None
+        take_back(self.inverse, 0)
 
     # --- who holds what
 
@@ -319,7 +341,7 @@ def _splice(vertex: Vertex, child: Vertex) -> None:
         reduced = max(child.reduced, vertex.reduced)
         rest = second.segment if spliced else []
         whole += rest
-        child.segment, child.parent, child.spliced, child.reduced = whole, parent, spliced, reduced
+        child.segment, child.back, child.parent, child.spliced, child.reduced = whole, None, parent, spliced, reduced
     if parent is not None:
         parent.children[child] = None
         parent.children.pop(vertex, None)

@@ -11,7 +11,7 @@ on the seed alone, and a resumed run on nothing that happened before its last st
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cached_property
 from math import inf
 from typing import overload
@@ -158,7 +158,7 @@ class Evolution:
     def _initialise(self) -> Generation:
         """Step 4.1: clones of the initial model, each varied by a small random number of applications."""
         problem, settings, varied = self._problem, self._settings, self._variation
-        first = self._accept(0, -1, None, (), problem.measure())
+        first = self._accept(0, -1, None, (), self._level(self._levels.origin, problem.measure()))
         members = [first] if settings.keep_initial else []
         born = [first.individual]
         for child in range(settings.population - len(members)):
@@ -180,17 +180,17 @@ class Evolution:
             settings.population,
             self._generator(number, _SELECTION + 1),
         )
+        found = {}
+        for child in sorted(range(len(parents)), key=parents.__getitem__):  # it is not far to a sibling
+            rng = self._generator(number, child)
+            if rng.random() < settings.rate:  # else it is a copy of the parent, which is in the pool already
+                found[child] = self._attempts(self._members[parents[child]], rng, self._variation.mutation)
         pool, born = list(self._members), []
         known = {member.individual.state_hash for member in pool}
-        for child, parent in enumerate(parents):
-            rng = self._generator(number, child)
-            if rng.random() >= settings.rate:
-                continue  # a copy of the parent, which is in the pool already
-            origin = self._members[parent]
-            found = self._attempts(origin, rng, self._variation.mutation)
-            if found is None:
+        for child, made in sorted(found.items()):
+            if made is None:
                 continue
-            member = self._accept(number, child, origin, *found)
+            member = self._accept(number, child, self._members[parents[child]], *made)
             born.append(member.individual)
             if member.individual.state_hash not in known:
                 known.add(member.individual.state_hash)
@@ -251,31 +251,30 @@ class Evolution:
 
     def _attempts(
         self, parent: _Member, rng: Generator, vary: Callable[[Generator], Trace | None]
-    ) -> tuple[Trace, dict[str, float]] | None:
-        """Vary the parent until the result is valid and has its measures; the engine then stands at it."""
-        self._problem.engine.checkout(parent.level.version, discard=True)
-        return self._variation.attempts(rng, vary)
+    ) -> tuple[Trace, Level] | None:
+        """Vary the parent until the result is valid and has its measures."""
+        engine = self._problem.engine
+        engine.checkout(parent.level.version, discard=True)
+        found = self._variation.attempts(rng, vary)
+        return None if found is None else (found[0], self._level(engine.commit(), found[1]))
+
+    def _level(self, version: Version, measures: Mapping[str, float]) -> Level:
+        """The state at which the engine stands."""
+        return Level(version, (), self._problem.engine.model.state_hash(), measures, self._levels)
 
     def _accept(
-        self, generation: int, child: int, parent: _Member | None, trace: Trace, measures: dict[str, float]
+        self, generation: int, child: int, parent: _Member | None, trace: Trace, level: Level
     ) -> _Member:
-        """Make a member of the state at which the engine stands."""
-        problem = self._problem
         individual = Individual(
             id=self._next_id,
             generation=generation,
             child=child,
             parent=None if parent is None else parent.individual.id,
             trace=trace,
-            measures=measures,
-            state_hash=f"{problem.engine.model.state_hash():016x}",
+            measures=level.measures,
+            state_hash=f"{level.state:016x}",
         )
         self._next_id += 1
-        version = self._levels.origin if parent is None else problem.engine.commit()
-        return self._member(individual, version)
-
-    def _member(self, individual: Individual, version: Version) -> _Member:
-        level = Level(version, (), int(individual.state_hash, 16), individual.measures, self._levels)
         return _Member(individual, level)
 
     def _restore(self, id_: int) -> _Member:
@@ -291,7 +290,7 @@ class Evolution:
         if lacking:
             raise self._store.damaged(f"individual {id_} has no measure `{lacking[0]}`")
         version = engine.commit() if individual.parent is not None else self._levels.origin
-        return self._member(individual, version)
+        return _Member(individual, self._level(version, individual.measures))
 
     def _generator(self, generation: int, child: int) -> Generator:
         return default_rng(SeedSequence(self._seed, spawn_key=(generation, child)))
