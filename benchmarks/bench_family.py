@@ -24,7 +24,8 @@ from time import perf_counter, process_time
 from typing import Any
 from unittest.mock import patch
 
-from envgraph.graph import Model, _versions
+from envgraph.graph import Model
+from envgraph.graph._versions import VersionTree
 from envgraph.lang import bundled_domain
 from envgraph.rewrite import Engine
 from envgraph.search import (
@@ -116,12 +117,12 @@ def _clocked(clock: dict[str, float]) -> Iterator[list[object]]:
 def _counted(walked: list[int]) -> Iterator[None]:
     """Note how many changes are undone or made again on each way between two versions."""
 
-    def counted(journal: list[Any], inverse: list[Any]) -> None:
-        walked.append(len(journal) // 4)
-        invert(journal, inverse)
+    def counted(tree: VersionTree, vertex: Any, end: Any) -> None:
+        walked.append(len(vertex.segment) // 4)
+        turn(tree, vertex, end)
 
-    invert = _versions.invert
-    with patch.object(_versions, "invert", counted):
+    turn = VersionTree._turn
+    with patch.object(VersionTree, "_turn", counted):
         yield
 
 

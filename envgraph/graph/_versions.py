@@ -341,7 +341,13 @@ def _splice(vertex: Vertex, child: Vertex) -> None:
         reduced = max(child.reduced, vertex.reduced)
         rest = second.segment if spliced else []
         whole += rest
-        child.segment, child.back, child.parent, child.spliced, child.reduced = whole, None, parent, spliced, reduced
+        child.segment, child.back, child.parent, child.spliced, child.reduced = (
+            whole,
+            None,
+            parent,
+            spliced,
+            reduced,
+        )
     if parent is not None:
         parent.children[child] = None
         parent.children.pop(vertex, None)

@@ -127,20 +127,19 @@ class SimulatedAnnealing:
         first, *others = pool.swaps([*fixed, *free])
         leaving = rng.integers(len(free), size=self.rounds).tolist()
         entering = rng.integers(len(rest), size=self.rounds).tolist()
-        now = found = [0.0] * (1 + len(others))
+        now, found = [0.0] * (1 + len(others)), [0.0] * (1 + len(others))
+        later = [*enumerate(others, 1)]
         for place, other, lowest in zip(leaving, entering, self._lowest_accepted(rng), strict=True):
             out, into = free[place], rest[other]
             delta = first.delta(out, into)
             if (delta if len(others) == 1 else _decisive(delta, others[:-1], out, into)) >= lowest:
-                now = [
-                    now[0] + delta,
-                    *[score + one.delta(out, into) for score, one in zip(now[1:], others, strict=True)],
-                ]
+                now[0] += delta
                 first.swap(out, into)
-                for one in others:
+                for number, one in later:
+                    now[number] += one.delta(out, into)
                     one.swap(out, into)
                 free[place], rest[other] = into, out
-                if not _worse(now, found):
+                if now[0] >= found[0] - TIE and not _worse(now, found):
                     best, found = free[:], [max(now[0], found[0]), *now[1:]]
         return sorted([*fixed, *best])
 

@@ -74,14 +74,14 @@ class World:
 def invert(journal: Journal) -> Journal:
     """The entries that undo the undoing."""
     inverse: Journal = []
-    _invert(journal, inverse)
+    _invert(reversed(journal), inverse)
     return inverse
 
 
 def invert_net(journal: Journal) -> Journal:
     """The same, each place once."""
     inverse: Journal = []
-    _invert(journal, inverse)
+    _invert(reversed(journal), inverse)
     return net_changes(inverse)
 
 

@@ -47,9 +47,9 @@ def test_other_structures_can_use_the_journal():
     take_back(journal, mark)
     assert matches == [(1, 2)]
     back: Journal = []
-    invert(journal, back)
+    invert(reversed(journal), back)
     assert (matches, counter.counts, index) == ([], {"p": None}, {1: None})
-    invert(back, [])
+    invert(reversed(back), [])
     assert (matches, counter.counts, index) == ([(1, 2)], {"p": 1}, {1: (1, 2)})
 
 
