@@ -199,7 +199,8 @@ class VersionTree:
         else:
             self.turning = len(segment), backwards, inverse
             undo(backwards)
-        reduced, back = vertex.reduced, segment
+        back: Journal | None = segment
+        reduced = vertex.reduced
         if vertex.spliced and len(inverse) > _LONG:
             inverse, back = net_changes(inverse), None
             reduced = len(inverse)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import field
 from math import inf, isfinite, isnan
 from numbers import Real
 from typing import TYPE_CHECKING, Any, Protocol
 
 from envgraph.code import dataclass
+from envgraph.env.compiled import unaffected
 from envgraph.errors import EvaluationError, with_article
 from envgraph.pattern import (
     Aggregate,
@@ -131,13 +132,18 @@ class CountWithin:
         return f"count {self.pattern} in {self.low}..{'*' if self.high is None else self.high}"
 
 
-def _find(library: Library, name: str) -> PatternCall:
-    """Any match of a pattern.
+def _named(library: Library, name: str) -> Pattern:
+    """The pattern that a constraint is about.
 
     Raises:
         InvalidArgument: there is no such pattern.
     """
-    pattern = library.resolve(name) or library.get(name)
+    return library.resolve(name) or library.get(name)
+
+
+def _find(library: Library, name: str) -> PatternCall:
+    """Any match of a pattern."""
+    pattern = _named(library, name)
     return PatternCall(pattern.qualified_name, (Variable("_"),) * len(pattern.parameters))
 
 
@@ -190,18 +196,32 @@ class Problem:
     order: str | None = None
     target_last: bool = True
     _checks: Sequence[Constraint] = field(init=False, repr=False, compare=False)
+    _open: Sequence[Constraint] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        queries = [one for one in self.constraints if isinstance(one, Require | Forbid | CountWithin)]
-        others = [one for one in self.constraints if not isinstance(one, Require | Forbid | CountWithin)]
-        joined = [_Queries.of(self.engine.library, queries)] if queries else []
-        object.__setattr__(self, "_checks", (*joined, *others))
+        fixed = () if self.engine.events.active else unaffected(self.engine, self.mutations)
+        object.__setattr__(self, "_checks", self._joined(()))
+        object.__setattr__(self, "_open", self._joined(fixed))
         if not isinstance(self.diversity, BinnedEntropy | Gini | Variance | _Checked):
             object.__setattr__(self, "diversity", _Checked(self.diversity))
+
+    def _joined(self, fixed: Container[str]) -> tuple[Constraint, ...]:
+        """The constraints, but for those on fixed patterns; those that are queries as a single one."""
+        queries, others = list[Require | Forbid | CountWithin](), list[Constraint]()
+        for one in self.constraints:
+            if not isinstance(one, Require | Forbid | CountWithin):
+                others.append(one)
+            elif _named(self.engine.library, one.pattern).qualified_name not in fixed:
+                queries.append(one)
+        return (*([_Queries.of(self.engine.library, queries)] if queries else ()), *others)
 
     def valid(self) -> bool:
         """Whether the model at which the engine stands satisfies every constraint."""
         return all(check.holds(self.engine) for check in self._checks)
+
+    def remains_valid(self) -> bool:
+        """The same of a model that mutations have made of a valid one: what they cannot violate is not looked at."""
+        return all(check.holds(self.engine) for check in self._open)
 
     def violations(self) -> Iterator[Constraint]:
         """The constraints that the model violates, in their order, each looked at when it is asked for."""

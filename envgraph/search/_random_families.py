@@ -57,7 +57,6 @@ def random_families(
     settings = domain.settings()
     engine, variation = problem.engine, Variation(problem, settings.max_attempts, settings.strength)
     first = problem.measure()
-    problem.valid()  # from the first question on patterns are kept current, unless a version is held by then
     origin = engine.commit()
     for number in range(count):
         found: list[Found] = []

@@ -101,7 +101,6 @@ class Sampler:
 
     def __init__(self, problem: Problem, settings: Settings, wanted: SampleSettings, seed: int) -> None:
         self._problem, self._settings, self._wanted, self._seed = problem, settings, wanted, seed
-        problem.valid()  # from the first question on patterns are kept current, unless a version is held by then
         self._variation = Variation(problem, settings.max_attempts, settings.strength)
         self._archive = Archive(wanted.count, [bins for _, bins in wanted.cover])
         self._versions: dict[int, Version] = {}

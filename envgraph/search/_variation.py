@@ -36,6 +36,8 @@ class Variation:
     def __init__(self, problem: Problem, max_attempts: int, strength: Strength = "single") -> None:
         self._problem = problem
         self._max_attempts = max_attempts
+        # From the first question on patterns are kept current, unless a version is held by then.
+        self._valid = problem.remains_valid if problem.valid() else problem.valid
         self._most = 2 * len(problem.engine.model) if strength == "heavy_tailed" else 1
         self.reasons: Counter[str] = Counter()
 
@@ -49,7 +51,7 @@ class Variation:
             trace = vary(rng)
             if trace is None:
                 reason = "no rule could be applied"
-            elif not problem.valid():
+            elif not self._valid():
                 reason = f"`{next(problem.violations())}` is violated"
             else:
                 try:

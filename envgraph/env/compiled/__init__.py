@@ -7,6 +7,7 @@ dialect, with numbers in place of objects. A member of a family is a row of data
 from envgraph.env.compiled import _kernels as kernels
 from envgraph.env.compiled import _values as values
 from envgraph.env.compiled._batch import Batch
+from envgraph.env.compiled._changes import unaffected
 from envgraph.env.compiled._enumeration import Tables, enumerated, explored
 from envgraph.env.compiled._environments import CompiledEnv, CompiledVectorEnv, Streams
 from envgraph.env.compiled._explanation import explanation
@@ -47,5 +48,6 @@ __all__ = [
     "program_over",
     "set_stream",
     "streams",
+    "unaffected",
     "values",
 ]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Container, Iterable, Iterator, Mapping
 from types import MappingProxyType
 
 from envgraph.behaviour import Agent, Behaviour, RuleCall
@@ -292,7 +292,10 @@ def plans_of(engine: Engine, behaviour: Behaviour) -> list[RulePlan]:
     Raises:
         NotCompiled: see `plan_of` and `checked_unit`; a unit calls itself, or a group.
     """
-    calls = (one for one in calls_of(behaviour) if one.rule is not None)
+    return _plans(engine, (one for one in calls_of(behaviour) if one.rule is not None))
+
+
+def _plans(engine: Engine, calls: Iterable[RuleCall]) -> list[RulePlan]:
     return [plan_of(engine, rule) for call in calls for rule in _rules(engine, call)]
 
 
@@ -379,3 +382,16 @@ class StaticPatterns:
                 return all(self.goal(inner) for alternative in alternatives for inner in alternative)
             case _:
                 return True
+
+
+def unaffected(engine: Engine, names: Iterable[str]) -> Container[str]:
+    """The patterns of which no rule, unit or group of some names ever changes the matches.
+
+    None where one of them does what is not known to change so little: see `plan_of`, `Changes` and `plans_of`.
+    """
+    calls = (RuleCall(member) for name in names for member in engine.catalog.group(name))
+    try:
+        changes = Changes.of(_plans(engine, calls), engine.model.metamodel)
+    except NotCompiled:
+        return ()
+    return StaticPatterns(changes, engine.library, CallGraph(engine.library))

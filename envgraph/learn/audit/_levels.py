@@ -136,7 +136,6 @@ class Maker:
         self._bounds = how.initial_applications
         self._variation = Variation(problem, how.max_attempts)
         self.engine = problem.engine
-        problem.valid()  # from the first question on patterns are kept current, unless a version is held by then
         self._origin = self.engine.commit()
         self._keys = domain.keys()
         assert domain.behaviour is not None, "the settings were checked"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from math import inf, nan
 from typing import Any
@@ -12,7 +13,7 @@ from numpy import float32
 from numpy.random import default_rng
 
 from envgraph.env.compiled import NotCompiled, Plan, Plans
-from envgraph.errors import EvaluationError, InvalidArgument
+from envgraph.errors import EvaluationError, InvalidArgument, RuleError
 from envgraph.rewrite import Engine
 from envgraph.search import Constraint, CountWithin, Domain, Forbid, NoValue, Problem, Require
 
@@ -35,6 +36,42 @@ CONSTRAINTS = [
     (CountWithin("burningTile", 0, None),),
     (FLOODED, SOLVABLE, CountWithin("burningTile", 0, 20)),
 ]
+
+
+@pytest.mark.parametrize("name", ["burning_forest", "network"])
+def test_what_mutations_cannot_violate_is_asked_once(name: str) -> None:
+    family = Domain.load(name)
+    problem, rng = family.problem(family.engine()), default_rng(5)
+    engine, found = problem.engine, []
+    for _ in range(60):
+        savepoint = engine.model.savepoint()
+        for _ in range(3):
+            chosen = engine.choose(problem.mutations, rng)
+            assert chosen is not None
+            with suppress(RuleError):
+                engine.fire(*chosen)
+        found.append(problem.valid())
+        assert problem.remains_valid() == found[-1]
+        if found[-1]:
+            engine.model.release(savepoint)
+        else:
+            engine.model.rollback(savepoint)
+    assert len({*found}) == 2
+
+
+def shift(engine: Engine) -> None:
+    """May do anything."""
+
+
+def test_what_no_mutation_changes_is_asked_of_other_changes(domain: Domain) -> None:
+    problem = problem_with(domain, [Require("startTileFixedLocation")])
+    problem.engine.model.node(next(iter(problem.engine.model.extent("StartTile")))).x = 1
+    assert (problem.valid(), problem.remains_valid()) == (False, True)
+    written = replace(problem, mutations=("collect", "burnDown"))
+    assert (written.valid(), written.remains_valid()) == (False, True)
+    problem.engine.unit(shift)
+    unknown = replace(problem, mutations=("shift",))
+    assert (unknown.valid(), unknown.remains_valid()) == (False, False)
 
 
 @pytest.mark.parametrize("constraints", CONSTRAINTS, ids=lambda found: ", ".join(map(str, found)))
