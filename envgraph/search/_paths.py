@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import field
-from functools import lru_cache
 from itertools import chain
 from math import sqrt
-from typing import ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 from envgraph.code import dataclass
 from envgraph.errors import EvaluationError
@@ -70,6 +69,7 @@ class PathComplexity:
     transform: Literal["sqrt", "linear"] = "linear"
     range: ClassVar = (0.0, 1.0)
     _references: tuple[Reference, ...] = field(init=False, repr=False, compare=False)
+    _known: list[Any] = field(init=False, repr=False, compare=False, default_factory=list)
 
     def __post_init__(self) -> None:
         features = (
@@ -87,9 +87,14 @@ class PathComplexity:
         """
         model = engine.model
         # Whole columns of the store: mutations seldom change a link, and then what follows from them is known.
-        links = tuple([tuple(map(tuple, model.store.forward[one.index])) for one in self._references])
-        starts, goals = tuple(model.extent(self.start)), tuple(model.extent(self.goal))
-        network = _network(links, starts, goals)
+        columns = [model.store.forward[one.index] for one in self._references]
+        ends = tuple(model.extent(self.start)), tuple(model.extent(self.goal))
+        known = self._known[:]
+        if known[:2] != [columns, ends]:
+            links = [[*map(tuple, column)] for column in columns]
+            self._known[:] = known = [links, ends, _network(links, *ends)]
+        starts, goals = ends
+        network: tuple[Steps, int] | None = known[2]
         if network is None:
             message = f"path_complexity: the links along {', '.join(self.along)} form a cycle"
             raise EvaluationError(message, hint="name references that lead one way, or take `shortest_path`")
@@ -99,9 +104,8 @@ class PathComplexity:
         return 1.0 - (sqrt(share) if self.transform == "sqrt" else share)
 
 
-@lru_cache(maxsize=8)
 def _network(
-    columns: tuple[tuple[tuple[int, ...], ...], ...], starts: tuple[int, ...], goals: tuple[int, ...]
+    columns: Sequence[Sequence[tuple[int, ...]]], starts: Sequence[int], goals: Sequence[int]
 ) -> tuple[Steps, int] | None:
     """The links in order (Kahn 1962), and the number of paths; None on a cycle. Columns list targets by node."""
     links = [tuple(chain.from_iterable(targets)) for targets in zip(*columns, strict=True)]
