@@ -86,7 +86,7 @@ def print_phases() -> None:
 
 _PHASES: list[tuple[str, object, tuple[str, ...]]] = [
     ("choose and apply", Engine, ("choose", "fire")),
-    ("validate", Problem, ("valid",)),
+    ("validate", Problem, ("remains_valid",)),
     ("measure", Problem, ("measure",)),
     ("commit and check out", Engine, ("commit", "checkout")),
     ("savepoints", Model, ("savepoint", "release", "rollback")),

@@ -128,11 +128,11 @@ class SimulatedAnnealing:
         leaving = rng.integers(len(free), size=self.rounds).tolist()
         entering = rng.integers(len(rest), size=self.rounds).tolist()
         now, found = [0.0] * (1 + len(others)), [0.0] * (1 + len(others))
-        later = [*enumerate(others, 1)]
+        later, between = [*enumerate(others, 1)], others[:-1]
         for place, other, lowest in zip(leaving, entering, self._lowest_accepted(rng), strict=True):
             out, into = free[place], rest[other]
             delta = first.delta(out, into)
-            if (delta if len(others) == 1 else _decisive(delta, others[:-1], out, into)) >= lowest:
+            if (_decisive(delta, between, out, into) if between else delta) >= lowest:
                 now[0] += delta
                 first.swap(out, into)
                 for number, one in later:
