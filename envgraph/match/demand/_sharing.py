@@ -16,6 +16,7 @@ from envgraph.match.demand._program import Function, Program
 from envgraph.match.generate._symbols import Mode, Symbol, View
 from envgraph.match.passes._calls import CallGraph
 from envgraph.match.plan._live import LiveSizes
+from envgraph.match.plan._plan import ViewKey
 from envgraph.match.plan._planner import Planner
 from envgraph.pattern import AggregateAtom, CallAtom, Library
 
@@ -42,7 +43,20 @@ class Questions:
         question = (pattern, mode)
         if question not in self._functions:
             self._functions[question] = self._program.answering(pattern, (), mode)
+        self._program.begin()
         return self._functions[question]()
+
+
+class _Answers(dict[Any, Any]):
+    """What a function gives for each value, computed where it is first looked up."""
+
+    def __init__(self, function: Function) -> None:
+        super().__init__()
+        self._function = function
+
+    def __missing__(self, value: Any) -> Any:
+        found = self[value] = self._function(value)
+        return found
 
 
 class _Sharing(Program):
@@ -52,7 +66,15 @@ class _Sharing(Program):
         super().__init__(model, library)
         self._aggregating = _Aggregating(library, self.calls)
         self.planner = Planner(library, self.calls, LiveSizes(library, model.store), self._aggregating)
-        self._sharing: dict[tuple[Any, Mode], Function] = {}
+        self._sharing: dict[tuple[ViewKey, Mode], _Answers] = {}
+        self._revision = -1
+
+    def begin(self) -> None:
+        """Something is asked: of another state nothing is known."""
+        if self._revision != self.model.store.revision:
+            for answers in self._sharing.values():
+                answers.clear()
+            self._revision = self.model.store.revision
 
     def _value(self, symbol: Symbol, inside: frozenset[str]) -> object:
         if not isinstance(symbol, View) or len(symbol.key.bound) != 1 or symbol.mode is Mode.EACH:
@@ -61,23 +83,8 @@ class _Sharing(Program):
             return super()._value(symbol, inside)
         place = (symbol.key, symbol.mode)
         if place not in self._sharing:
-            self._sharing[place] = self._shared(self.function(*place))
-        return self._sharing[place]
-
-    def _shared(self, function: Function) -> Function:
-        store, answers, revision = self.model.store, dict[Any, Any](), -1
-
-        def shared(value: Any) -> Any:
-            nonlocal revision
-            if revision != store.revision:
-                revision = store.revision
-                answers.clear()
-            elif value in answers:
-                return answers[value]
-            found = answers[value] = function(value)
-            return found
-
-        return shared
+            self._sharing[place] = _Answers(self.function(*place))
+        return self._sharing[place].__getitem__
 
 
 class _Aggregating:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy
@@ -10,7 +9,7 @@ import pytest
 
 import envgraph
 from envgraph.match import Questions
-from envgraph.match.demand._sharing import _Sharing
+from envgraph.match.demand._sharing import _Answers
 
 PATTERNS = ("craIndex", "cohesion", "coupling", "unassigned", "dependency", "tied", "several")
 
@@ -42,12 +41,13 @@ def test_what_aggregates_is_computed_once_for_an_object(monkeypatch: pytest.Monk
         chosen = engine.choose(("introduce", "move", "extract"), rng)
         assert chosen is not None
         engine.fire(*chosen)
-    share = _Sharing._shared
+    compute = _Answers.__missing__
 
-    def counting(program: _Sharing, function: Callable[..., Any]) -> Callable[..., Any]:
-        return share(program, lambda value: asked.append((id(function), value)) or function(value))
+    def counting(answers: _Answers, value: object) -> object:
+        asked.append((id(answers), value))
+        return compute(answers, value)
 
-    monkeypatch.setattr(_Sharing, "_shared", counting)
+    monkeypatch.setattr(_Answers, "__missing__", counting)
     questions = Questions(engine.model, engine.library)
     for _ in range(2):
         questions.rows(engine.queries.question("craIndex")[1])
