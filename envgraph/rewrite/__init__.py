@@ -46,7 +46,8 @@ from envgraph.rewrite.run._runner import Randomness, RuleRunner
 from envgraph.rewrite.run._units import RunResult
 
 if TYPE_CHECKING:
-    from envgraph.rewrite.derive._derive import check_derivation, derived, derived_rules
+    from envgraph.rewrite.derive._check import check_derivation
+    from envgraph.rewrite.derive._derive import derived, derived_rules
 
 __all__ = [
     "STEP_LIMIT",
@@ -84,5 +85,11 @@ __all__ = [
     "trace_to_text",
 ]
 
-later(globals(), {"envgraph.rewrite.derive._derive": "check_derivation derived derived_rules"})
+later(
+    globals(),
+    {
+        "envgraph.rewrite.derive._check": "check_derivation",
+        "envgraph.rewrite.derive._derive": "derived derived_rules",
+    },
+)
 shorten(globals(), __all__)

@@ -12,8 +12,7 @@ from envgraph.graph import Model, check_conformance
 from envgraph.metamodel import Attribute, Metamodel
 from envgraph.pattern import Derivation, Rule
 from envgraph.rewrite import Engine, check_derivation
-from envgraph.rewrite.derive._derive import derived
-from envgraph.rewrite.derive._operators import Derived
+from envgraph.rewrite.derive._derive import Derived, derived
 from tests.property.strategies import bounded_metamodels, valid_model
 
 EXAMPLES = 3 * settings().max_examples

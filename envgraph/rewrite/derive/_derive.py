@@ -1,100 +1,59 @@
-"""Rules that are generated from a metamodel."""
+"""Rules that are generated from a metamodel.
+
+The operators have the scheme of Burdusel, Zschaler and John, "Automatic generation of atomic multiplicity-preserving
+search operators for search-based model engineering" (Software and Systems Modeling 20, 2021): for a reference `n..m`
+whose opposite is `k..l`, every operator asks for what it needs so that a valid model stays valid. Beyond it, objects
+that cannot be without each other are created and deleted together, contained objects go with their container, and
+numbers, truth values and enums change.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from itertools import permutations
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from itertools import chain, count, permutations
 from typing import Final
 
-from envgraph.errors import RAISE_LIMIT, Diagnostic, Severity, Span, has_errors, limit, listed, with_article
+from envgraph.code import dataclass
 from envgraph.metamodel import Metamodel
-from envgraph.pattern import Derivation, LeftSide, Modification, Retype, Rule, TypeConstraint, Variable
-from envgraph.rewrite.check._containment import homeless
-from envgraph.rewrite.check._header import check_annotations, check_weight
-from envgraph.rewrite.derive._operators import Derived, check_operators, operators
+from envgraph.pattern import (
+    Derivation,
+    LeftSide,
+    Modification,
+    Pattern,
+    Retype,
+    Rule,
+    TypeConstraint,
+    Variable,
+)
+from envgraph.rewrite.derive._check import KINDS
+from envgraph.rewrite.derive._features import container_operators, link_operators, value_operators
+from envgraph.rewrite.derive._objects import creating_and_deleting, retypings
+from envgraph.rewrite.derive._rule_builder import RuleBuilder
+from envgraph.rewrite.derive._schema import Schema
 
-MOST_RULES: Final = 10_000
-"""Rules of one derivation: for each ordered pair of a hundred classes; they take 4 s and 100 MB."""
-
-ANNOTATIONS = {"retype": ("weight",), "operators": ("cap", "weight")}
-
-
-def check_derivation(derivation: Derivation, metamodel: Metamodel) -> list[Diagnostic]:
-    """All errors and warnings of a derivation."""
-    problems = [
-        *check_weight(derivation.weight, derivation.annotations, derivation.span),
-        *check_annotations(derivation.annotations, ANNOTATIONS[derivation.kind]),
-        *_check_classes(derivation, metamodel),
-    ]
-    if derivation.kind == "operators":
-        if not has_errors(problems):
-            problems += check_operators(derivation, metamodel)
-        return problems
-    for annotation in derivation.annotations:
-        if annotation.name == "weight" and annotation.named:
-            message = "a group of retypings has one weight: all its rules are of one kind"
-            problems.append(Diagnostic("bad-annotation", message, annotation.span, "write `@weight(2.0)`"))
-    if len(derivation.classes) < 2:
-        message = f"`{derivation.name}` needs at least two classes to retype among"
-        problems.append(
-            Diagnostic("too-few-classes", message, derivation.span, "write `retype among { A, B }`")
-        )
-    number = len(derivation.classes) * (len(derivation.classes) - 1)
-    if number > limit(MOST_RULES):
-        message = f"`{derivation.name}` stands for {number:,} rules; there may be {limit(MOST_RULES):,}"
-        hint = f"divide the classes among several derivations; {RAISE_LIMIT}"
-        problems.append(Diagnostic("too-many-rules", message, derivation.span, hint))
-    if not has_errors(problems):
-        problems += _check_containers(derivation, metamodel)
-    return problems
+MOST_WAYS: Final = 8
+"""In how many ways an object is created or retyped, unless `@cap` says otherwise."""
 
 
-def _check_containers(derivation: Derivation, metamodel: Metamodel) -> Iterator[Diagnostic]:
-    """Warn once of each class where a container is in the way, to it or from it."""
-    for position, name in enumerate(derivation.classes):
-        ways = (
-            (one, two)
-            for other in derivation.classes[:position]
-            for one, two in ((other, name), (name, other))
-        )
-        for before, after in ways:
-            if homeless([before], after, metamodel):
-                old, new = with_article(before), with_article(after)
-                message = f"what contains {old} cannot contain {new}: in a container none can be retyped"
-                hint = f"leave `{name}` out, or write a rule that moves the object"
-                span = _class_span(derivation, position)
-                yield Diagnostic("homeless", message, span, hint, Severity.WARNING)
-                break
+@dataclass(frozen=True, slots=True)
+class Derived:
+    """What a derivation stands for.
 
+    Attributes:
+        patterns: what the rules call.
+        rules: in the order of `KINDS`.
+    """
 
-def _check_classes(derivation: Derivation, metamodel: Metamodel) -> Iterator[Diagnostic]:
-    seen: set[str] = set()
-    for position, name in enumerate(derivation.classes):
-        span = _class_span(derivation, position)
-        cls = metamodel.classes.get(name)
-        if cls is None:
-            yield Diagnostic("unknown-type", f"unknown type `{name}`", span, metamodel.likely(name))
-        elif name in seen:
-            yield Diagnostic("duplicate-definition", f"`{name}` is named twice", span, "leave it out")
-        elif cls.abstract and derivation.kind == "retype":
-            concrete = listed(metamodel.concrete(name))
-            message = f"`{name}` is abstract: no object is exactly a `{name}`"
-            yield Diagnostic("abstract-class", message, span, f"name one of its subclasses: {concrete}")
-        elif cls.frozen and derivation.kind == "retype":
-            message = f"`{name}` is `@frozen`, and yet retyped here"
-            hint = "leave it out; else take `@frozen` away from the class"
-            yield Diagnostic("frozen-class", message, span, hint, Severity.WARNING)
-        seen.add(name)
-
-
-def _class_span(derivation: Derivation, position: int) -> Span | None:
-    return derivation.class_spans[position] if position < len(derivation.class_spans) else derivation.span
+    patterns: tuple[Pattern, ...]
+    rules: tuple[Rule, ...]
 
 
 def derived(derivation: Derivation, metamodel: Metamodel) -> Derived:
     """Return what a derivation without errors stands for: rules, and the patterns that they call."""
     if derivation.kind == "operators":
-        return operators(derivation, metamodel)
+        return _operators(derivation, metamodel)
     return Derived((), _retypings(derivation))
 
 
@@ -120,3 +79,72 @@ def _retypings(derivation: Derivation) -> tuple[Rule, ...]:
         )
         for before, after in permutations(derivation.classes, 2)
     )
+
+
+# --- operators
+
+
+def _operators(derivation: Derivation, metamodel: Metamodel) -> Derived:
+    """The operators of a derivation without errors."""
+    schema, ways = Schema(metamodel), _cap(derivation)
+    found: dict[str, Rule] = {}
+    patterns: dict[str, Pattern] = {}
+    for cls in derivation.classes:
+        for builder in _all(schema, derivation.qualified_name, cls, ways):
+            rule = _apart(replace(builder.rule(), span=derivation.span), found)
+            found.setdefault(rule.name, rule)
+            patterns.update(builder.patterns)
+    weights, caps = _named(derivation, "weight"), _named(derivation, "cap")
+    rules: list[Rule] = []
+    for kind in KINDS:
+        weight = derivation.weight * weights.get(kind, 1.0)
+        family = [rule for rule in found.values() if _part(rule, 1) == kind]
+        family = _first(family, int(caps.get(kind, len(family))))
+        if weight > 0:
+            rules += [replace(rule, weight=weight / len(family)) for rule in family]
+    return Derived(tuple(patterns.values()), tuple(rules))
+
+
+def _all(schema: Schema, group: str, cls: str, most: int) -> Iterator[RuleBuilder]:
+    for concrete in schema.metamodel.concrete(cls):
+        if not schema.frozen(concrete):
+            yield from creating_and_deleting(schema, group, concrete, most)
+    yield from link_operators(schema, group, cls)
+    yield from container_operators(schema, group, cls)
+    yield from retypings(schema, group, cls, most)
+    yield from value_operators(schema, group, cls)
+
+
+def _apart(rule: Rule, found: Mapping[str, Rule]) -> Rule:
+    """The rule, with a number behind its name if another one has it."""
+    names = chain([rule.name], (f"{rule.name}.{number}" for number in count(2)))
+    named = (replace(rule, name=name) for name in names)
+    return next(one for one in named if found.get(one.name, one) == one)
+
+
+def _part(rule: Rule, place: int) -> str:
+    """A part of the name `group.kind.Class..` of a rule."""
+    return rule.name.split(".")[place]
+
+
+def _first(rules: Sequence[Rule], most: int) -> list[Rule]:
+    """So many of the rules, in their order: the first of each class, then the second of each, and so on."""
+    before: Counter[str] = Counter()
+    ranks: list[tuple[int, int]] = []
+    for number, rule in enumerate(rules):
+        cls = _part(rule, 2)
+        ranks.append((before[cls], number))
+        before[cls] += 1
+    return [rules[number] for number in sorted(number for _, number in sorted(ranks)[:most])]
+
+
+def _cap(derivation: Derivation) -> int:
+    """In how many ways an object is created or retyped."""
+    caps = [value for one in derivation.annotations if one.name == "cap" for value in one.arguments]
+    return int(caps[0]) if caps else MOST_WAYS
+
+
+def _named(derivation: Derivation, name: str) -> dict[str, float]:
+    """Return what annotations of a name say about kinds."""
+    named = chain.from_iterable(one.named for one in derivation.annotations if one.name == name)
+    return {kind: float(value) for kind, value in named}

@@ -8,12 +8,11 @@ from itertools import product
 from math import prod
 from typing import Final
 
-from envgraph.metamodel import Attribute, Scalar, type_name
+from envgraph.metamodel import Attribute, EnumType, Scalar, Value, type_name
 from envgraph.pattern import (
     Aggregate,
     Assignment,
     Binary,
-    Body,
     Check,
     Comparison,
     Conditional,
@@ -25,7 +24,6 @@ from envgraph.pattern import (
     FunctionCall,
     Hash,
     Negation,
-    Node,
     PathConstraint,
     PatternCall,
     Variable,
@@ -39,7 +37,7 @@ MOST_KEYS: Final = 64
 _LARGEST_FLOAT: Final = float(2**52)
 """Above it adding 1 does not always make another number."""
 
-DIGITS = 18
+DIGITS: Final = 18
 """How many a number that is read from a string may have: a multiple of three, so that it fits 64 bits."""
 
 
@@ -64,100 +62,48 @@ def new_key(builder: RuleBuilder, classes: Sequence[str], position: int) -> list
     owner = key_owner(schema, cls)
     if owner is None:
         return []
-    features = [schema.metamodel.features(owner)[name] for name in schema.metamodel.key(owner)]
+    features = map(schema.metamodel.features(owner).__getitem__, schema.metamodel.key(owner))
     attributes = [feature for feature in features if isinstance(feature, Attribute)]
-    siblings = [schema.is_a(other, owner) for other in classes]
-    together = list(dict.fromkeys(c for c, same in zip(classes, siblings, strict=True) if same))
-    rank = sum(siblings[:position])
+    siblings = {place: one for place, one in enumerate(classes) if schema.is_a(one, owner)}
+    rank = 1 + sum(place < position for place in siblings)
     found: list[Assignment] = []
     for attribute in attributes:
         if attribute.type is Scalar.STRING:
-            suffix, bodies = _numbers(owner, attribute, together)
-            number = _largest(builder, suffix, bodies)
-            builder.ask([Check(Binary("<", number, Constant(10**DIGITS - 1 - rank)))])
-            name = Binary("+", Constant(cls), Binary("+", number, Constant(rank + 1)))
-            found.append(Assignment(attribute.name, name))
+            number = _largest(builder, owner, attribute, list(dict.fromkeys(siblings.values())))
+            builder.ask([Check(Binary("<", number, Constant(10**DIGITS - rank)))])
+            value: Expression = Binary("+", Constant(cls), Binary("+", number, Constant(rank)))
+            found.append(Assignment(attribute.name, value))
         elif attribute.type in (Scalar.INT, Scalar.FLOAT):
-            suffix, bodies = _values(owner, attribute)
-            number = _largest(builder, suffix, bodies, attribute.type)
-            value = Variable(builder.name("number"))
+            number, value = _largest(builder, owner, attribute), Variable(builder.fresh("number"))
             # Not in the assignment: a number that does not fit is no match, instead of an error.
-            builder.ask([Comparison("==", value, Evaluation(Binary("+", number, Constant(rank + 1))))])
+            builder.ask([Comparison("==", value, Evaluation(Binary("+", number, Constant(rank))))])
             if attribute.type is Scalar.FLOAT:
                 builder.ask([Check(Binary("<", number, Constant(_LARGEST_FLOAT)))])
             found.append(Assignment(attribute.name, value))
-    if not found and prod(len(_range(attribute)) for attribute in attributes) <= MOST_KEYS:
-        return _free(builder, owner, attributes)
-    if not found:
-        twin = builder.name("twin")
-        builder.block("not", [Node(twin, owner)], [], list(_defaults(owner, attributes, twin)))
-    return found
+    return found or _choice(builder, owner, attributes)
 
 
-def _free(builder: RuleBuilder, owner: str, attributes: Sequence[Attribute]) -> list[Assignment]:
-    """One of the keys that no object has, and no other one that is created."""
-    columns = [Variable(attribute.name) for attribute in attributes]
-    types = {attribute.name: type_name(attribute.type) for attribute in attributes}
-    one = Variable("object")
-    relations = [
-        PathConstraint(owner, (a.name,), one, column) for a, column in zip(attributes, columns, strict=True)
-    ]
-    taken = builder.pattern(f"#taken.{owner}", types, [Body(tuple(relations))])
-    bodies = [
-        Body(
-            (
-                *(Comparison("==", column, value) for column, value in zip(columns, values, strict=True)),
-                Negation(PatternCall(taken, tuple(columns))),
-            )
-        )
-        for values in product(*map(_range, attributes))
-    ]
-    free = builder.pattern(f"#free.{owner}", types, bodies)
-    key = tuple(Variable(builder.name(attribute.name)) for attribute in attributes)
-    builder.ask([PatternCall(free, key)])
-    for other in builder.keys.setdefault(owner, []):
-        differing = [Binary("!=", mine, theirs) for mine, theirs in zip(key, other, strict=True)]
-        builder.ask([Check(reduce(lambda left, right: Binary("||", left, right), differing))])
-    builder.keys[owner].append(key)
-    return [Assignment(attribute.name, value) for attribute, value in zip(attributes, key, strict=True)]
+# --- numbers
 
 
-def _range(attribute: Attribute) -> Sequence[Constant | EnumLiteral]:
-    """The values that an attribute of a key can have; of one that has any number of them, none."""
-    if isinstance(attribute.type, Scalar):
-        return (Constant(False), Constant(True)) if attribute.type is Scalar.BOOL else ()
-    return tuple(EnumLiteral(attribute.type.name, literal) for literal in attribute.type.literals)
-
-
-def _largest(
-    builder: RuleBuilder, suffix: str, bodies: Sequence[Body], type_: Scalar = Scalar.INT
-) -> Variable:
-    """The largest of the numbers of a pattern, once for all objects that are created together."""
+def _largest(builder: RuleBuilder, owner: str, attribute: Attribute, classes: Sequence[str] = ()) -> Variable:
+    """The largest number in use, once for all objects that are created together: of strings, behind these classes."""
+    suffix = ".".join((f"#key.{owner}.{attribute.name}", *classes))
     if suffix not in builder.largest:
+        number, default = Variable("number"), attribute.initial
+        below: int | float = 0
+        bodies = [list(_number(owner, attribute, cls)) for cls in classes]
+        if not classes:
+            assert isinstance(default, int | float)
+            bodies = [[PathConstraint(owner, (attribute.name,), Variable("_"), number)]]
+            below = max(default - 1, -(2**63)) if isinstance(default, int) else default - 1
+        type_ = Scalar.INT if classes else attribute.type
+        bodies.append([Comparison("==", number, Constant(below))])
         # The engine chooses how it is matched: it is about all objects of a class, and the same for all matches.
-        pattern = builder.pattern(suffix, {"number": type_.value}, bodies, strategy=None)
-        number = builder.largest[suffix] = Variable(builder.name("largest"))
-        builder.ask([Comparison("==", number, Aggregate("max", PatternCall(pattern, (Hash(),))))])
+        pattern = builder.pattern(suffix, {"number": type_name(type_)}, bodies, strategy=None)
+        largest = builder.largest[suffix] = Variable(builder.fresh("largest"))
+        builder.ask([Comparison("==", largest, Aggregate("max", PatternCall(pattern, (Hash(),))))])
     return builder.largest[suffix]
-
-
-def _values(owner: str, attribute: Attribute) -> tuple[str, list[Body]]:
-    """The values in use, and the one below the default."""
-    number, default = Variable("number"), attribute.initial
-    assert isinstance(default, int | float)
-    below = max(default - 1, -(2**63)) if isinstance(default, int) else default - 1
-    bodies = [
-        Body((PathConstraint(owner, (attribute.name,), Variable("_"), number),)),
-        Body((Comparison("==", number, Constant(below)),)),
-    ]
-    return f"#key.{owner}.{attribute.name}", bodies
-
-
-def _numbers(owner: str, attribute: Attribute, classes: Sequence[str]) -> tuple[str, list[Body]]:
-    """The numbers behind the classes in the strings in use, and 0."""
-    bodies = [Body(tuple(_number(owner, attribute, cls))) for cls in classes]
-    bodies.append(Body((Comparison("==", Variable("number"), Constant(0)),)))
-    return f"#key.{owner}.{attribute.name}.{'.'.join(classes)}", bodies
 
 
 def _number(owner: str, attribute: Attribute, cls: str) -> Iterator[Constraint]:
@@ -180,32 +126,54 @@ def _number(owner: str, attribute: Attribute, cls: str) -> Iterator[Constraint]:
     yield Check(Binary("==", name, Binary("+", Constant(cls), number)))
 
 
-def _three(digits: Expression, start: int) -> Binary:
+def _three(digits: Expression, start: int) -> Expression:
     """Return what three digits are worth."""
-    first, second, third = (_digit(digits, position) for position in range(start, start + 3))
-    return Binary("+", Binary("+", first, second), third)
-
-
-def _digit(digits: Expression, position: int) -> Expression:
-    """Return what a digit is worth."""
-    digit = _call("substring", digits, Constant(position), Constant(position + 1))
-    value = _call("indexOf", Constant("0123456789"), digit)
-    worth = 10 ** (DIGITS - 1 - position)
-    return value if worth == 1 else Binary("*", value, Constant(worth))
+    worth: list[Expression] = []
+    for place in range(start, start + 3):
+        digit = _call("substring", digits, Constant(place), Constant(place + 1))
+        value = _call("indexOf", Constant("0123456789"), digit)
+        worth.append(Binary("*", value, Constant(10 ** (DIGITS - 1 - place))))
+    return reduce(lambda left, right: Binary("+", left, right), worth)
 
 
 def _call(function: str, *arguments: Expression) -> FunctionCall:
     return FunctionCall(function, arguments)
 
 
-def _defaults(owner: str, attributes: Sequence[Attribute], twin: str) -> Iterator[Constraint]:
-    """An object has the defaults of all these attributes."""
-    for attribute in attributes:
-        value = attribute.initial
-        assert not isinstance(value, tuple), "a key has one value"
-        literal = (
-            Constant(value)
-            if isinstance(attribute.type, Scalar)
-            else EnumLiteral(attribute.type.name, str(value))
-        )
-        yield PathConstraint(owner, (attribute.name,), Variable(twin), literal)
+# --- literals and truth values
+
+
+def _choice(builder: RuleBuilder, owner: str, attributes: Sequence[Attribute]) -> list[Assignment]:
+    """One of the keys that no object has, and no other one that is created; of too many, that of the defaults."""
+    one, columns = Variable("object"), [Variable(attribute.name) for attribute in attributes]
+    types = {attribute.name: type_name(attribute.type) for attribute in attributes}
+    relations = [
+        PathConstraint(owner, (a.name,), one, column) for a, column in zip(attributes, columns, strict=True)
+    ]
+    many = prod(len(_range(attribute)) for attribute in attributes) > MOST_KEYS
+    ranges = [[_value(a, a.initial)] if many else [_value(a, one) for one in _range(a)] for a in attributes]
+    taken = PatternCall(builder.pattern(f"#taken.{owner}", types, [relations]), tuple(columns))
+    bodies = [
+        [Comparison("==", column, value) for column, value in zip(columns, values, strict=True)]
+        + [Negation(taken)]
+        for values in product(*ranges)
+    ]
+    free = builder.pattern(f"#free.{owner}", types, bodies)
+    key = tuple(Variable(builder.fresh(attribute.name)) for attribute in attributes)
+    builder.ask([PatternCall(free, key)])
+    for other in builder.keys.setdefault(owner, []):
+        differing = [Binary("!=", mine, theirs) for mine, theirs in zip(key, other, strict=True)]
+        builder.ask([Check(reduce(lambda left, right: Binary("||", left, right), differing))])
+    builder.keys[owner].append(key)
+    return [Assignment(attribute.name, value) for attribute, value in zip(attributes, key, strict=True)]
+
+
+def _range(attribute: Attribute) -> Sequence[Value]:
+    """The values of an attribute that has few."""
+    return (False, True) if isinstance(attribute.type, Scalar) else attribute.type.literals
+
+
+def _value(attribute: Attribute, value: object) -> Constant | EnumLiteral:
+    if isinstance(attribute.type, EnumType):
+        return EnumLiteral(attribute.type.name, str(value))
+    return Constant(value)  # type: ignore[arg-type]

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from itertools import combinations
+from functools import partial
+from itertools import permutations
 
 from envgraph.errors import with_article
 from envgraph.pattern import (
     Aggregate,
     Binary,
-    Body,
     Check,
     Comparison,
     Constant,
@@ -18,354 +18,255 @@ from envgraph.pattern import (
     Negation,
     Node,
     PatternCall,
-    Retype,
-    Term,
     TypeConstraint,
     Variable,
 )
 from envgraph.rewrite.derive._keys import key_owner, new_key
-from envgraph.rewrite.derive._links import Operator
 from envgraph.rewrite.derive._plans import Plan, creation_plans, retyping_plans
 from envgraph.rewrite.derive._rule_builder import RuleBuilder, variable_for
 from envgraph.rewrite.derive._schema import End, Schema
 
 
-def creating_and_deleting(schema: Schema, group: str, cls: str, most: int) -> Iterator[Operator]:
+def creating_and_deleting(schema: Schema, group: str, cls: str, most: int) -> Iterator[RuleBuilder]:
     """The operators that make and remove objects of exactly one class.
 
     What an operator creates together, another one deletes together; what one steals, another one spreads.
     """
+    begun = partial(RuleBuilder, schema, group)
     plans = creation_plans(schema, cls, most)
     for plan in plans:
-        yield _create(RuleBuilder(schema, group), plan)
-    yield _delete(RuleBuilder(schema, group), cls)
-    yield from _rehome(RuleBuilder(schema, group), cls)
+        builder = begun(f"create.{cls}{_suffix(plan)}", _creation_doc(plan))
+        _fulfil(builder, plan, _old(builder, plan))
+        yield builder
+    doc = f"A `{cls}` goes, with what it contains, if everybody else can do without."
+    yield _delete(begun(f"delete.{cls}", doc), Plan((cls,)))
+    if any(map(_goes_over, schema.ends_of(cls))):
+        doc = f"A `{cls}` goes, and another one takes its place where it is needed."
+        yield _rehome(begun(f"delete.{cls}.rehoming", doc), cls)
     for end in schema.ends_of(cls):
-        if _goes_over(end, 1) and not schema.metamodel.overlap(end.near, end.far):
-            yield _share(RuleBuilder(schema, group), cls, end)
+        if _goes_over(end, 1) and not schema.overlap(end.near, end.far):
+            doc = f"A `{cls}` goes, and two others take its place at `{end.name}`."
+            yield _rehome(begun(f"delete.{cls}.spreading.{end.name}.all", doc), cls, end)
     for plan in plans:
-        if plan.steals and len(plan.tops) == 1:
-            yield _spread(RuleBuilder(schema, group), plan)
-        elif not plan.steals and len(plan.tops) > 1:
-            yield _delete_together(RuleBuilder(schema, group), plan)
+        if plan.given(0) and len(plan.tops) == 1:
+            yield _spread(begun("", f"A `{cls}` goes, and what needs it goes over to others."), plan)
+        elif not plan.removed and len(plan.tops) > 1:
+            first, *others = (plan.new[node] for node in plan.tops)
+            doc = f"Objects that need each other go together: {', '.join(f'a `{o}`' for o in (first, *others))}."
+            yield _delete(begun(f"delete.{first}.with.{'.'.join(others)}", doc), plan)
 
 
-# --- the objects of a plan as variables
-
-
-class _Cast:
-    """Variables for the objects of a plan."""
-
-    def __init__(self, builder: RuleBuilder, plan: Plan) -> None:
-        self.builder = builder
-        self.plan = plan
-        self.new: list[str] = []
-        self.old: list[str] = []
-
-    def declare_old(self) -> None:
-        """Declare the objects that are there."""
-        builder, plan = self.builder, self.plan
-        for old in plan.old:
-            self.old.append(builder.node(variable_for(old.cls), old.cls))
-
-    def variable(self, position: int, new: bool) -> str:
-        """The variable of an object."""
-        return self.new[position] if new else self.old[position]
-
-    def connect(self) -> None:
-        """Make the links of the plan."""
-        for link in self.plan.links:
-            if not link.far_new:
-                donor = self.plan.old[link.far].stolen_from
-                if donor is not None:
-                    self.builder.unlink(link.end, self.old[donor], self.old[link.far])
-            self.builder.link(link.end, self.new[link.near], self.variable(link.far, link.far_new))
+# --- plans
 
 
 def _suffix(plan: Plan) -> str:
     """Return what tells the operators for the plans of one class apart, for names."""
-    parts = [link.end.name for link in plan.links if link.end.contained and not link.far_new][:1]
+    parts = [end.name for _, end, _, far in plan.added if end.contained and far < 0][:1]
     if len(plan.new) > 1:
         parts += ["with", *plan.new[1:]]
-    stolen = [
-        link.end.name
-        for link in plan.links
-        if not link.far_new and plan.old[link.far].stolen_from is not None
-    ]
-    if stolen:
-        parts += ["stealing", *stolen]
+    if plan.removed:
+        parts += ["stealing", *(link.end.name for link in plan.removed)]
     return "".join(f".{part}" for part in parts)
-
-
-def _create(builder: RuleBuilder, plan: Plan) -> Operator:
-    cast = _Cast(builder, plan)
-    cast.declare_old()
-    cast.new += [builder.name(variable_for(cls)) for cls in plan.new]
-    nodes = [
-        Node(name, cls, tuple(new_key(builder, plan.new, number)))
-        for number, (name, cls) in enumerate(zip(cast.new, plan.new, strict=True))
-    ]
-    builder.act(Create(tuple(nodes)))
-    cast.connect()
-    return "create", f"create.{plan.new[0]}{_suffix(plan)}", builder, _creation_doc(plan), False
 
 
 def _creation_doc(plan: Plan) -> str:
     text = f"A new `{plan.new[0]}`"
     if len(plan.new) > 1:
         text += ", together with " + " and ".join(map(with_article, plan.new[1:]))
-    return text + (", which takes what it needs from others." if plan.steals else ".")
+    return text + (", which takes what it needs from others." if plan.removed else ".")
+
+
+def _old(builder: RuleBuilder, plan: Plan) -> dict[int, str]:
+    """Variables of the left side for the objects of a plan that are there."""
+    return {~number: builder.node(cls) for number, cls in enumerate(plan.old)}
+
+
+def _fulfil(builder: RuleBuilder, plan: Plan, names: dict[int, str]) -> None:
+    """Create the objects of a plan that have no variable yet, and add and remove its links."""
+    new = {number: cls for number, cls in enumerate(plan.new) if number not in names}
+    names |= {number: builder.fresh(variable_for(cls)) for number, cls in new.items()}
+    classes = list(new.values())
+    nodes = [
+        Node(names[number], cls, tuple(new_key(builder, classes, place)))
+        for place, (number, cls) in enumerate(new.items())
+    ]
+    if nodes:
+        builder.act(Create(tuple(nodes)))
+    for sign, end, near, far in plan.links:
+        (builder.link if sign > 0 else builder.unlink)(end, names[near], names[far])
 
 
 # --- deletion
 
 
-def _delete(builder: RuleBuilder, cls: str) -> Operator:
-    name = builder.node(variable_for(cls), cls, exact=True)
-    if builder.schema.contains_any(cls):
-        _none_short(builder, f"delete.{cls}", [name])
+def _delete(builder: RuleBuilder, plan: Plan) -> RuleBuilder:
+    """Delete the objects of a plan that no other one contains, with everything inside."""
+    names = {number: builder.node(plan.new[number], exact=True) for number in plan.tops}
+    builder.differ(*names.values())
+    builder.delete(*names.values())
+    for _, end, near, far in plan.added:
+        if near in names and far in names:
+            builder.edge(end, names[near], names[far])
+    if len(names) > 1 or any(end.contains for end in builder.schema.ends_of(plan.new[0])):
+        _Gone(builder).none_short()
     else:
-        for end in builder.schema.ends_of(cls):
-            builder.lacking(end, name, name)
-    builder.delete(name)
-    doc = f"A `{cls}` goes, with what it contains, if everybody else can do without."
-    return "delete", f"delete.{cls}", builder, doc, True
+        _leave_all(builder, names[0])
+    return builder
 
 
-def _delete_together(builder: RuleBuilder, plan: Plan) -> Operator:
-    """Delete together what was created together."""
-    classes = {number: plan.new[number] for number in plan.tops}
-    names = {number: builder.node(variable_for(cls), cls, exact=True) for number, cls in classes.items()}
-    for one, other in combinations(names.values(), 2):
-        builder.differ(one, other)
-    for link in plan.links:
-        if link.far_new and link.near in names and link.far in names:
-            builder.edge(link.end, names[link.near], names[link.far])
-    first, *others = classes.values()
-    name = f"delete.{first}.with.{'.'.join(others)}"
-    _none_short(builder, name, list(names.values()))
-    for gone in names.values():
-        builder.delete(gone)
-    doc = (
-        "Objects that need each other go together: "
-        + ", ".join(f"a `{cls}`" for cls in classes.values())
-        + "."
-    )
-    return "delete", name, builder, doc, True
-
-
-def _none_short(builder: RuleBuilder, name: str, roots: Sequence[str]) -> None:
-    """Forbid deletions after which an object has fewer links than its multiplicity asks for."""
-    gone = _Gone(builder, name, roots)
-    bodies = [body for end in builder.schema.ends for body in gone.short(end)]
-    bodies += gone.frozen()
-    if bodies:
-        short = builder.pattern(f"#{name}.short", gone.parameters, bodies)
-        builder.ask([Negation(_find(short, roots))])
+def _leave_all(builder: RuleBuilder, name: str, but: Sequence[End] = ()) -> None:
+    """Remove all links of an object that contains nothing: what is inside would go, too, and leave others short."""
+    for end in builder.schema.ends_of(builder.types[name]):
+        if end.contains:
+            builder.absent(end, name)
+        elif end not in but:
+            builder.leave(end, name)
 
 
 class _Gone:
     """Objects that are about to go, with everything inside them."""
 
-    def __init__(self, builder: RuleBuilder, name: str, roots: Sequence[str]) -> None:
+    def __init__(self, builder: RuleBuilder) -> None:
         self.builder = builder
-        self.name = name
-        self.parameters = {root: builder.types[root] for root in roots}
-        self.typed = [TypeConstraint(cls, Variable(root)) for root, cls in self.parameters.items()]
+        self.roots = {root: builder.types[root] for root in builder.gone}
+        self.typed = [TypeConstraint(cls, Variable(root)) for root, cls in self.roots.items()]
+        self.part, self.far, self.lost, self.all = map(builder.fresh, ("part", "far", "lost", "all"))
 
-    def each(self, part: str, cls: str) -> Iterator[Constraint]:
-        """The ways in which an object of a class is one of them."""
-        overlap = self.builder.schema.metamodel.overlap
-        for root, outer in self.parameters.items():
-            if overlap(outer, cls):
-                yield Comparison("==", Variable(part), Variable(root))
-            for end in self.builder.contents(outer):
-                if overlap(end.far, cls):
-                    yield self.builder.inside(end, outer, root, part)
+    def none_short(self) -> None:
+        """Forbid that one that stays has too few links afterwards, or that one that is left alone goes or changes."""
+        bodies = [body for end in self.builder.schema.ends for body in self.short(end)]
+        contents = [end for cls in self.roots.values() for end in self.builder.schema.contents(cls)]
+        frozen = dict.fromkeys(cls for end in contents for cls in self.builder.schema.frozen_below(end.far))
+        bodies += [self.going(self.part, cls) for cls in frozen]
+        if bodies:
+            short = self.builder.pattern(f"#{self.builder.name}.short", self.roots, bodies)
+            self.builder.ask([Negation(self.find(short))])
 
-    def none(self, name: str, cls: str) -> Iterator[Constraint]:
-        """An object of a class is none of them."""
-        for way in self.each(name, cls):
-            match way:
-                case Comparison(_, left, right):
-                    yield Comparison("!=", left, right)
-                case PatternCall():
-                    yield Negation(way)
+    def find(self, pattern: str, *more: str) -> PatternCall:
+        """A pattern holds of the objects and others."""
+        return PatternCall(pattern, tuple(map(Variable, (*self.roots, *more))))
 
-    def frozen(self) -> Iterator[Body]:
-        """One of them is to be left alone."""
-        for outer in self.parameters.values():
-            for end in self.builder.contents(outer):
-                for cls in self.builder.schema.frozen_below(end.far):
-                    for way in self.each("part", cls):
-                        yield Body((*self.typed, TypeConstraint(cls, Variable("part")), way))
+    def going(self, name: str, cls: str) -> list[PatternCall]:
+        """An object of a class is one of those that go; [] if none can be."""
+        bodies: list[list[Constraint]] = []
+        for root, outer in self.roots.items():
+            if self.builder.schema.overlap(outer, cls):
+                bodies.append([*self.typed, Comparison("==", Variable(self.part), Variable(root))])
+            ways = self.builder.inside(outer, root, self.part, cls)
+            bodies += [[*self.typed, way] for way in ways]
+        if not bodies:
+            return []
+        suffix = f"#{self.builder.name}.going.{cls}"
+        return [self.find(self.builder.pattern(suffix, {**self.roots, self.part: cls}, bodies), name)]
 
-    def short(self, end: End) -> Iterator[Body]:
+    def short(self, end: End) -> Iterator[Sequence[Constraint]]:
         """Yield bodies in which an object that stays has too few links afterwards, or is to be left alone."""
-        links = [(*self.typed, way, end.path("part", "far")) for way in self.each("part", end.near)]
-        if end.association.frozen:
-            yield from map(Body, links)
-        if end.contains or end.association.frozen or not links:
+        going = self.going(self.part, end.near)
+        if not going or (end.contains and not end.frozen):
             return
-        links = [(*link, *self.none("far", end.far)) for link in links]
-        if end.other.held:
-            for cls in self.builder.schema.frozen_below(end.far):
-                yield from (Body((*link, TypeConstraint(cls, Variable("far")))) for link in links)
+        link: list[Constraint] = [*going, end.path(self.part, self.far)]
+        if end.frozen:
+            yield link
+            return
+        link += map(Negation, self.going(self.far, end.far))
+        for cls in self.builder.schema.frozen_below(end.far) if end.other.held else ():
+            yield [*link, TypeConstraint(cls, Variable(self.far))]
         if end.other.lower:
-            yield self._too_few(end, [Body(link) for link in links])
+            yield self.too_few(end, link)
 
-    def _too_few(self, end: End, links: Sequence[Body]) -> Body:
-        suffix = f"#{self.name}.{end.reference}.{'far' if end.forward else 'near'}"
-        parameters = {**self.parameters, "far": end.far, "part": end.near}
-        lost = self.builder.pattern(suffix, parameters, links)
-        roots = tuple(self.parameters)
-        counts: list[tuple[str, Term]] = [
-            ("lost", Aggregate("count", _find(lost, roots, "far", "_"))),
-            ("all", end.other.count("far")),
+    def too_few(self, end: End, link: Sequence[Constraint]) -> Sequence[Constraint]:
+        """An object has lost so many links to those that go that it has too few."""
+        suffix = f"#{self.builder.name}.{end.reference}.{'far' if end.forward else 'near'}"
+        parameters = {**self.roots, self.far: end.far, self.part: end.near}
+        lost = self.find(self.builder.pattern(suffix, parameters, [link]), self.far, "_")
+        left = Binary("-", Variable(self.all), Variable(self.lost))
+        return [
+            lost,
+            Comparison("==", Variable(self.lost), Aggregate("count", lost)),
+            Comparison("==", Variable(self.all), end.other.count(self.far)),
+            Check(Binary("<", left, Constant(end.other.lower))),
         ]
-        left = Binary("-", Variable("all"), Variable("lost"))
-        return Body(
-            (
-                _find(lost, roots, "far", "_"),
-                *(Comparison("==", Variable(name), count) for name, count in counts),
-                Check(Binary("<", left, Constant(end.other.lower))),
-            )
-        )
-
-
-def _find(pattern: str, roots: Sequence[str], *more: str) -> PatternCall:
-    return PatternCall(pattern, tuple(Variable(name) for name in (*roots, *more)))
 
 
 # --- deletion that gives others something else
 
 
-def _empty(builder: RuleBuilder, name: str, cls: str) -> None:
-    """The object contains nothing: what is inside would go as well, and could leave others short."""
-    for end in builder.schema.ends_of(cls):
-        if end.contains:
-            builder.ask([Negation(end.path(name, "_"))])
-
-
-def _spread(builder: RuleBuilder, plan: Plan) -> Operator:
+def _spread(builder: RuleBuilder, plan: Plan) -> RuleBuilder:
     """The inverse of stealing: what needs the object goes over to others, to as many as gave it away."""
-    cls = plan.new[0]
-    name = builder.node(variable_for(cls), cls, exact=True)
-    _empty(builder, name, cls)
-    moved: list[tuple[End, str]] = []
-    receivers: dict[int, str] = {}
-    for link in plan.links:
-        donor = None if link.far_new else plan.old[link.far].stolen_from
-        if link.near != 0 or donor is None:
-            continue
-        if donor not in receivers:
-            receivers[donor] = builder.node("other", link.end.near)
-        receiver, target = receivers[donor], builder.node(variable_for(link.end.far), link.end.far)
-        builder.differ(name, receiver)
-        builder.differ(name, target)
-        builder.lose(link.end, name, target)
-        moved.append((link.end, target))
-        if plan.old[donor].repaid:
-            builder.lose(link.end, receiver, name)
-            moved.append((link.end.other, receiver))
-        builder.link(link.end, receiver, target)
-    for end in builder.schema.ends_of(cls):
-        builder.lacking(end, name, name, *(target for one, target in moved if one == end))
+    name, given = builder.node(plan.new[0], exact=True), plan.given(0)
+    names: dict[int, str] = {}
+    for _, _, donor, far in given:
+        for node, wanted in ((donor, "other"), (far, "")):
+            if node not in names:
+                names[node] = builder.node(plan.old[~node], wanted)
+                builder.differ(name, names[node])
+    lost = [(end, far) for _, end, near, far in plan.added if near == 0 and far in names]
+    for end, far in lost:
+        builder.lose(end, name, names[far])
+    for _, end, donor, far in given:
+        builder.link(end, names[donor], names[far])
     builder.delete(name)
-    stolen = [end.name for end, _ in moved]
-    doc = f"A `{cls}` goes, and what needs it goes over to others."
-    return "delete", f"delete.{cls}.spreading.{'.'.join(stolen)}", builder, doc, True
-
-
-def _rehome(builder: RuleBuilder, cls: str) -> Iterator[Operator]:
-    """Link whatever would have too few links to one other object of the class."""
-    name, other = builder.node(variable_for(cls), cls, exact=True), builder.node("other", cls)
-    builder.differ(name, other)
-    if _all_over(builder, cls, name, other):
-        builder.delete(name)
-        doc = f"A `{cls}` goes, and another one takes its place where it is needed."
-        yield "delete", f"delete.{cls}.rehoming", builder, doc, True
-
-
-def _share(builder: RuleBuilder, cls: str, end: End) -> Operator:
-    """As rehoming, but of those that would have too few links at one end, one is linked to a third object."""
-    name, other = builder.node(variable_for(cls), cls, exact=True), builder.node("other", cls)
-    third = builder.node("third", cls)
-    for one, two in combinations((name, other, third), 2):
-        builder.differ(one, two)
-    needy = [builder.node(variable_for(end.far), end.far) for _ in range(2)]
-    for target, receiver in zip(needy, (third, other), strict=True):
-        builder.lose(end, name, target)
-        builder.ask([Comparison("==", end.other.count(target), Constant(end.other.lower))])
-        builder.link(end, receiver, target)
-    _all_over(builder, cls, name, other, shared=end)
-    builder.delete(name)
-    doc = f"A `{cls}` goes, and two others take its place at `{end.name}`."
-    return "delete", f"delete.{cls}.spreading.{end.name}.all", builder, doc, True
+    _leave_all(builder, name)
+    builder.name = f"delete.{plan.new[0]}.spreading.{'.'.join(end.name for end, _ in lost)}"
+    return builder
 
 
 def _goes_over(end: End, elsewhere: int = 0) -> bool:
     """Return whether who needs an object at an end may go over to another one, all but some that go elsewhere."""
     fits = end.upper is None or 2 * end.lower <= end.upper + elsewhere
-    return bool(end.other.lower) and fits and not (end.association.frozen or end.contained or end.contains)
+    return bool(end.other.lower) and fits and not (end.frozen or end.reference.containment)
 
 
-def _all_over(builder: RuleBuilder, cls: str, name: str, other: str, shared: End | None = None) -> bool:
-    """Link, at every end, what would have too few links to the other object; return whether there is such an end.
+def _rehome(builder: RuleBuilder, cls: str, shared: End | None = None) -> RuleBuilder:
+    """Link whatever would have too few links to one other object of the class; at a shared end one of it to a third."""
+    name, other = builder.node(cls, exact=True), builder.node(cls, "other")
+    builder.differ(name, other)
+    if shared is not None:
+        third = builder.node(cls, "third")
+        builder.differ(name, other, third)
+        for receiver, needy in [(one, builder.node(shared.far)) for one in (third, other)]:
+            builder.ask([shared.other.least(needy)])
+            builder.lose(shared, name, needy)
+            builder.link(shared, receiver, needy)
+    builder.delete(name)
+    over = [end for end in builder.schema.ends_of(cls) if _goes_over(end, int(end == shared))]
+    _leave_all(builder, name, over)
+    for end in over:
+        _go_over(builder, end, name, other, int(end == shared))
+    return builder
 
-    At the shared end one link goes elsewhere.
-    """
-    _empty(builder, name, cls)
-    ends = builder.schema.ends_of(cls)
-    for end in ends:
-        if _goes_over(end, int(end == shared)):
-            _rehome_end(builder, end, name, other, int(end == shared))
-        else:
-            builder.lacking(end, name, name)
-    return any(map(_goes_over, ends))
 
-
-def _rehome_end(builder: RuleBuilder, end: End, name: str, other: str, elsewhere: int) -> None:
+def _go_over(builder: RuleBuilder, end: End, name: str, other: str, elsewhere: int) -> None:
+    """Link what would have too few links at an end to the other object."""
     if end.held:
-        builder.spared(other, end.near)
-    if end.other.held:
-        builder.unfrozen(end, name)
+        builder.spared(other)
+    builder.untouched(end, name)
     if end.upper is not None:
-        ours, theirs = builder.name("links"), builder.name("links")
-        for number, one in ((ours, name), (theirs, other)):
-            builder.ask([Comparison("==", Variable(number), end.count(one))])
-        together = Binary("+", Variable(ours), Variable(theirs))
-        builder.ask([Check(Binary("<=", together, Constant(end.upper + elsewhere)))])
-    stuck, needy = builder.name("stuck"), builder.name("needy")
-    short = {one: Comparison("==", end.other.count(one), Constant(end.other.lower)) for one in (stuck, needy)}
-    edges = [end.edge(name, stuck), end.edge(other, stuck)]
-    builder.block("not", [Node(stuck, end.far)], edges, [short[stuck]])
+        ours, theirs = (Variable(builder.fresh("links")) for _ in range(2))
+        builder.ask(Comparison("==", links, end.count(one)) for links, one in ((ours, name), (theirs, other)))
+        builder.ask([Check(Binary("<=", Binary("+", ours, theirs), Constant(end.upper + elsewhere)))])
+    stuck, needy = builder.fresh("stuck"), builder.fresh("needy")
+    edges, least = [end.edge(name, stuck), end.edge(other, stuck)], end.other.least(stuck)
+    builder.block("not", stuck, end.far, edges, [least], but=builder.served(end))
     edge = end.edge(other, needy)
+    wanted: list[Constraint] = [end.other.least(needy), Negation(end.path(other, needy))]
     link = Create((Node(edge.source), Node(edge.target)), (edge,))
-    builder.block(
-        "forall",
-        [Node(needy, end.far)],
-        [end.edge(name, needy)],
-        [short[needy], Negation(end.path(other, needy))],
-        [link],
-    )
-    for one in (stuck, needy):
-        for known in builder.types:
-            if known != name and not (elsewhere and builder.types[known] == end.far):
-                builder.may_be(one, known)
+    builder.block("forall", needy, end.far, [end.edge(name, needy)], wanted, (link,), but=builder.served(end))
 
 
 # --- new classes
 
 
-def retypings(schema: Schema, group: str, cls: str, most: int) -> Iterator[Operator]:
+def retypings(schema: Schema, group: str, cls: str, most: int) -> Iterator[RuleBuilder]:
     """The operators that make an object an instance of another subclass of a class."""
     classes = [sub for sub in schema.metamodel.concrete(cls) if not schema.frozen(sub)]
-    for before in classes:
-        for after in classes:
-            if before != after and _has_place(schema, before, after):
-                for plan in retyping_plans(schema, before, after, most):
-                    yield _retype(RuleBuilder(schema, group), before, after, plan)
+    for before, after in permutations(classes, 2):
+        if _has_place(schema, before, after):
+            for plan in retyping_plans(schema, before, after, most):
+                name = f"retype.{before}.{after}{_suffix(plan)}"
+                yield _retype(
+                    RuleBuilder(schema, group, name, f"`{before}` becomes `{after}`."), before, plan
+                )
 
 
 def _has_place(schema: Schema, before: str, after: str) -> bool:
@@ -376,29 +277,12 @@ def _has_place(schema: Schema, before: str, after: str) -> bool:
     return keys[0] in (None, keys[1]) and all(end in had for end in schema.containers(after) if end.lower)
 
 
-def _retype(builder: RuleBuilder, before: str, after: str, plan: Plan) -> Operator:
-    cast = _Cast(builder, plan)
-    name = builder.node(variable_for(before), before, exact=True)
-    cast.declare_old()
-    for old in cast.old:
-        if not builder.schema.is_a(after, builder.types[old]):
-            builder.differ(name, old)
-    kept = builder.schema.ends_of(after)
-    gained = [link.end.association for link in plan.links]
-    for end in builder.schema.ends_of(before):
-        if end in kept:
-            continue
-        if end.contains or end.contained or end.association in gained:
-            builder.ask([Negation(end.path(name, "_"))])
-        else:
-            builder.lacking(end, name)
-    cast.new += [name, *(builder.name(variable_for(cls)) for cls in plan.new[1:])]
-    fresh = [
-        Node(one, cls, tuple(new_key(builder, plan.new[1:], number - 1)))
-        for number, (one, cls) in enumerate(zip(cast.new, plan.new, strict=True))
-        if number
-    ]
-    builder.act(Retype(Variable(name), after), *([Create(tuple(fresh))] if fresh else []))
-    cast.connect()
-    doc = f"`{before}` becomes `{after}`."
-    return "retype", f"retype.{before}.{after}{_suffix(plan)}", builder, doc, True
+def _retype(builder: RuleBuilder, before: str, plan: Plan) -> RuleBuilder:
+    after, name = plan.new[0], builder.node(before, exact=True)
+    names = {0: name, **_old(builder, plan)}
+    builder.retype(name, after, [link.end.reference for link in plan.added])
+    for one, cls in builder.types.items():
+        if one != name and not builder.schema.is_a(after, cls):
+            builder.differ(name, one)
+    _fulfil(builder, plan, names)
+    return builder

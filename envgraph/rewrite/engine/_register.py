@@ -17,7 +17,7 @@ from envgraph.rewrite.check._header import plain
 from envgraph.rewrite.check._unit_check import CheckedUnit, check_unit, unit_signature
 
 if TYPE_CHECKING:  # loaded with the first derivation
-    from envgraph.rewrite.derive._operators import Derived
+    from envgraph.rewrite.derive._derive import Derived
 
 Definition = Pattern | Rule | Unit | Derivation | FunctionDeclaration
 Called = TypeVar("Called", Rule, Unit)
@@ -99,7 +99,8 @@ class Registration:
         derivations = [one for one in self._definitions if isinstance(one, Derivation)]
         if not derivations:
             return found
-        from envgraph.rewrite.derive._derive import check_derivation, derived
+        from envgraph.rewrite.derive._check import check_derivation
+        from envgraph.rewrite.derive._derive import derived
 
         taken = {*directory.signatures, *library.names()}
         for derivation in derivations:

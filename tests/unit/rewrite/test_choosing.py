@@ -11,7 +11,7 @@ from envgraph.errors import InvalidArgument
 from envgraph.graph import Model
 from envgraph.pattern import Derivation
 from envgraph.rewrite import Engine, derived_rules
-from envgraph.rewrite.derive import _derive
+from envgraph.rewrite.derive import _check
 from tests.unit.rewrite.graphs import METAMODEL, chain, engine, problems
 
 RULES = """
@@ -111,7 +111,7 @@ def test_retypings_keep_identity() -> None:
 
 
 def test_a_derivation_stands_for_so_many_rules_at_most(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(_derive, "MOST_RULES", 1)
+    monkeypatch.setattr(_check, "MOST_RULES", 1)
     (found,) = problems("derive d = retype among { Item, Special };")
     assert found.code == "too-many-rules" and found.message == "`d` stands for 2 rules; there may be 1"
     assert found.span is not None and found.span.text == "d"

@@ -298,6 +298,8 @@ def test_a_key_of_too_many_literals_is_that_of_the_defaults() -> None:
     made = engine(f"@key(c) class A {{ C c }} {enum}", "A")
     applied(made, "create.A")
     assert not made.exists("d.create.A")
+    made = engine(f"@key(c) class A {{ C c }} class B {{ contains A[2] e }} {enum}", "B")
+    assert not made.exists("d.create.B.with.A.A"), "both would have that of the defaults"
 
 
 def test_a_float_key_that_is_too_large_is_not_surpassed() -> None:

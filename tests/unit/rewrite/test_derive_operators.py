@@ -186,6 +186,18 @@ def test_two_parts_that_somebody_needs_one_of_do_not_go_together() -> None:
     assert not made.exists("d.delete.Box")
 
 
+@pytest.mark.parametrize("name", ["Part", "Far", "Lost", "All", "Needy"])
+def test_a_class_may_be_called_like_a_variable_of_the_operators(name: str) -> None:
+    text = f"class {name} {{ contains Bolt[0..*] bolts }} class Bolt class Dog {{ refers Bolt[1..*] toys }}"
+    made = engine(text, name)
+    bolts = [made.model.create("Bolt") for _ in range(2)]
+    whole, other = made.model.create(name, bolts=bolts), made.model.create(name)
+    made.model.create("Dog", toys=bolts)
+    assert [match.row for match in made.matches(f"d.delete.{name}")] == [(other.id,)]
+    made.model.delete(other.id)
+    assert whole.bolts and not made.exists(f"d.delete.{name}")
+
+
 def test_objects_do_not_move_into_what_they_contain() -> None:
     made = engine("class Folder { contains Folder[0..*] inside }", "Folder")
     top, middle, leaf = (made.model.create("Folder") for _ in range(3))

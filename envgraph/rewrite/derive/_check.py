@@ -1,0 +1,176 @@
+"""What is wrong with derivations."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from typing import Final
+
+from envgraph.errors import (
+    RAISE_LIMIT,
+    Diagnostic,
+    Severity,
+    Span,
+    did_you_mean,
+    has_errors,
+    limit,
+    listed,
+    with_article,
+)
+from envgraph.metamodel import Metamodel
+from envgraph.pattern import Derivation
+from envgraph.rewrite.check._containment import homeless
+from envgraph.rewrite.check._header import check_annotations, check_weight
+from envgraph.rewrite.derive._plans import creation_plans
+from envgraph.rewrite.derive._schema import Schema
+
+KINDS: Final = ("create", "delete", "add", "remove", "change", "swap", "move", "retype", "set")
+"""The kinds of operators; each is drawn as often as any other unless `@weight` says otherwise."""
+
+MOST_RULES: Final = 10_000
+"""Rules of one derivation: for each ordered pair of a hundred classes; they take 4 s and 100 MB."""
+
+ANNOTATIONS = {"retype": ("weight",), "operators": ("cap", "weight")}
+
+
+def check_derivation(derivation: Derivation, metamodel: Metamodel) -> list[Diagnostic]:
+    """All errors and warnings of a derivation."""
+    problems = [
+        *check_weight(derivation.weight, derivation.annotations, derivation.span),
+        *check_annotations(derivation.annotations, ANNOTATIONS[derivation.kind]),
+        *_check_classes(derivation, metamodel),
+    ]
+    if derivation.kind == "operators":
+        if not has_errors(problems):
+            problems += _check_operators(derivation, metamodel)
+        return problems
+    for annotation in derivation.annotations:
+        if annotation.name == "weight" and annotation.named:
+            message = "a group of retypings has one weight: all its rules are of one kind"
+            problems.append(Diagnostic("bad-annotation", message, annotation.span, "write `@weight(2.0)`"))
+    if len(derivation.classes) < 2:
+        message = f"`{derivation.name}` needs at least two classes to retype among"
+        problems.append(
+            Diagnostic("too-few-classes", message, derivation.span, "write `retype among { A, B }`")
+        )
+    number = len(derivation.classes) * (len(derivation.classes) - 1)
+    if number > limit(MOST_RULES):
+        message = f"`{derivation.name}` stands for {number:,} rules; there may be {limit(MOST_RULES):,}"
+        hint = f"divide the classes among several derivations; {RAISE_LIMIT}"
+        problems.append(Diagnostic("too-many-rules", message, derivation.span, hint))
+    if not has_errors(problems):
+        problems += _check_containers(derivation, metamodel)
+    return problems
+
+
+def _check_containers(derivation: Derivation, metamodel: Metamodel) -> Iterator[Diagnostic]:
+    """Warn once of each class where a container is in the way, to it or from it."""
+    for position, name in enumerate(derivation.classes):
+        ways = (
+            (one, two)
+            for other in derivation.classes[:position]
+            for one, two in ((other, name), (name, other))
+        )
+        for before, after in ways:
+            if homeless([before], after, metamodel):
+                old, new = with_article(before), with_article(after)
+                message = f"what contains {old} cannot contain {new}: in a container none can be retyped"
+                hint = f"leave `{name}` out, or write a rule that moves the object"
+                span = _class_span(derivation, position)
+                yield Diagnostic("homeless", message, span, hint, Severity.WARNING)
+                break
+
+
+def _check_classes(derivation: Derivation, metamodel: Metamodel) -> Iterator[Diagnostic]:
+    seen: set[str] = set()
+    for position, name in enumerate(derivation.classes):
+        span = _class_span(derivation, position)
+        cls = metamodel.classes.get(name)
+        if cls is None:
+            yield Diagnostic("unknown-type", f"unknown type `{name}`", span, metamodel.likely(name))
+        elif name in seen:
+            yield Diagnostic("duplicate-definition", f"`{name}` is named twice", span, "leave it out")
+        elif cls.abstract and derivation.kind == "retype":
+            concrete = listed(metamodel.concrete(name))
+            message = f"`{name}` is abstract: no object is exactly a `{name}`"
+            yield Diagnostic("abstract-class", message, span, f"name one of its subclasses: {concrete}")
+        elif cls.frozen and derivation.kind == "retype":
+            message = f"`{name}` is `@frozen`, and yet retyped here"
+            hint = "leave it out; else take `@frozen` away from the class"
+            yield Diagnostic("frozen-class", message, span, hint, Severity.WARNING)
+        seen.add(name)
+
+
+def _class_span(derivation: Derivation, position: int) -> Span | None:
+    return derivation.class_spans[position] if position < len(derivation.class_spans) else derivation.span
+
+
+# --- operators
+
+
+def _check_operators(derivation: Derivation, metamodel: Metamodel) -> Iterator[Diagnostic]:
+    """Return what is wrong with a derivation of operators whose classes are known."""
+    annotations = list(_check_annotations(derivation))
+    yield from annotations
+    schema = Schema(metamodel)
+    for cls in derivation.classes:
+        concrete = metamodel.concrete(cls)
+        touched = [sub for sub in concrete if not schema.frozen(sub)]
+        if not touched:
+            message = f"`{cls}` is frozen" if concrete else f"`{cls}` has no concrete subclass"
+            hint = "operators leave frozen classes alone"
+            if concrete and all(map(schema.needs_values, concrete)):
+                message = f"`{cls}` needs values of an attribute with many"
+                hint = "operators cannot choose them, and leave its objects alone"
+            if not concrete:
+                hint = f"declare a class that extends `{cls}`, or leave `abstract` out there"
+            yield Diagnostic(
+                "nothing-derived", f"{message}: there is no operator for it", derivation.span, hint
+            )
+        elif not annotations:
+            yield from _without_creation(schema, touched, derivation)
+
+
+def _without_creation(schema: Schema, classes: Iterable[str], derivation: Derivation) -> Iterator[Diagnostic]:
+    """Warnings of objects that nothing creates; parts of which each whole has a fixed number come with it."""
+    for cls in classes:
+        containers = schema.containers(cls)
+        comes_along = containers and not any(end.other.flexible for end in containers)
+        if not comes_along and not creation_plans(schema, cls, 1):
+            yield Diagnostic(
+                "nothing-derived",
+                f"no operator creates a `{cls}`: what it needs is frozen, or too much at once",
+                derivation.span,
+                f"write a rule that creates a `{cls}`, if there shall be new ones",
+                Severity.WARNING,
+            )
+
+
+def _check_annotations(derivation: Derivation) -> Iterator[Diagnostic]:
+    for annotation in derivation.annotations:
+        if annotation.name == "cap":
+            given = annotation.arguments
+            if len(given) > 1 or not (given or annotation.named) or not all(map(_is_cap, given)):
+                hint = "write `@cap(8)`, in how many ways an object is created at most, or `@cap(swap = 2)`"
+                message = "`@cap` takes one number above 0, and numbers of kinds"
+                yield Diagnostic("bad-annotation", message, annotation.span, hint)
+        for kind, value in annotation.named if annotation.name in ANNOTATIONS["operators"] else ():
+            place = dict(annotation.places).get(kind, annotation.span)
+            if kind not in KINDS:
+                hint = did_you_mean(kind, KINDS) or "the kinds are " + ", ".join(f"`{one}`" for one in KINDS)
+                yield Diagnostic("bad-annotation", f"`{kind}` is no kind of operators", place, hint)
+            elif annotation.name == "cap" and not _is_cap(value):
+                message = f"of a kind there is a whole number of rules above 0, not {value}"
+                hint = f"`@weight({kind} = 0)` leaves a kind out"
+                yield Diagnostic("bad-annotation", message, place, hint)
+            elif annotation.name == "weight" and not _is_weight(value):
+                message = f"the weight of a kind is a number, 0 or above, not {value}"
+                hint = f"write `@weight({kind} = 0.5)`; with 0 the kind is left out"
+                yield Diagnostic("bad-weight", message, place, hint)
+
+
+def _is_cap(value: object) -> bool:
+    return type(value) is int and value > 0
+
+
+def _is_weight(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and 0 <= value < float("inf")

@@ -1,0 +1,182 @@
+"""Operators on features of objects that are there: their links, their containers, their values."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import combinations
+from typing import Final
+
+from envgraph.metamodel import Attribute, EnumType, Feature, Reference, Scalar
+from envgraph.pattern import (
+    Binary,
+    Check,
+    Constant,
+    Constraint,
+    EnumLiteral,
+    Expression,
+    FunctionCall,
+    Negation,
+    PathConstraint,
+    Set,
+    Unary,
+    Variable,
+)
+from envgraph.rewrite.derive._rule_builder import RuleBuilder
+from envgraph.rewrite.derive._schema import End, Schema
+
+_LINKS: Final = {
+    "add.{}": ("+ source target", "One more target of `{}`."),
+    "remove.{}": ("- source target", "One target less of `{}`."),
+    "change.{}.source": (
+        "- source target + other target",
+        "A target of `{}` goes over to another `{holder}`.",
+    ),
+    "change.{}.target": (
+        "- source target + source other",
+        "Another target of `{}` instead of one that is there.",
+    ),
+    "swap.{}": (
+        "- source target - source2 target2 + source target2 + source2 target",
+        "Two objects exchange a target of `{}`.",
+    ),
+}
+"""By the name, the links that are removed (-) and added (+), and the doc of operators on a reference."""
+
+_SYMMETRIC: Final = {name: _LINKS[name] for name in _LINKS if name != "change.{}.source"} | {
+    "swap.{}.joining": (
+        "+ source target - source source - target target",
+        "Two objects are linked to each other by `{}`.",
+    ),
+    "swap.{}.parting": (
+        "- source target + source source + target target",
+        "Two objects are linked each to itself by `{}`.",
+    ),
+}
+"""The same of one that is its own opposite: either change is the other, and an object may be linked to itself."""
+
+_SWAP: Final = "- container part - container2 part2 + container2 part + container part2"
+
+Setting = tuple[str, str, list[Constraint], Expression]
+"""A way to set an attribute: end of the name and of the doc, conditions, new value."""
+
+_OBJECT, _VALUE = Variable("object"), Variable("value")
+
+
+# --- links
+
+
+def link_operators(schema: Schema, group: str, cls: str) -> Iterator[RuleBuilder]:
+    """The operators on the links of a class; those of a pair of opposites in one class only once."""
+    for end, feature in _own_ends(schema, cls):
+        holder = schema.holder(cls, feature)
+        feature_name = f"{holder}.{end.name}"
+        for name, (links, doc) in (_SYMMETRIC if end.symmetric else _LINKS).items():
+            text = doc.format(feature_name, holder=holder)
+            builder = RuleBuilder(schema, group, name.format(feature_name), text)
+            _relink(builder, end, holder, end.far, links)
+            if all(place.flexible for place, _ in builder.balances):
+                yield builder
+
+
+def container_operators(schema: Schema, group: str, cls: str) -> Iterator[RuleBuilder]:
+    """The operators that change the containers of the objects of a class."""
+    for end in schema.ends:
+        child = next(
+            (one for one, other in ((cls, end.far), (end.far, cls)) if schema.is_a(one, other)), None
+        )
+        if not end.contains or child is None or end.frozen:
+            continue
+        if end.flexible:
+            doc = f"A `{child}` goes into another `{end.reference}`."
+            builder = RuleBuilder(schema, group, f"move.{cls}.{end.name}", doc)
+            part = builder.node(child, "part")
+            builder.move(end, builder.node(end.near, "container"), part)
+            yield builder
+        doc = f"Two containers exchange a `{child}` of `{end.reference}`."
+        builder = RuleBuilder(schema, group, f"swap.{cls}.{end.name}", doc)
+        _relink(builder, end, end.near, child, _SWAP)
+        yield builder
+
+
+def _own_ends(schema: Schema, cls: str) -> Iterator[tuple[End, Feature]]:
+    seen: list[Reference] = []
+    for feature in schema.features(cls):
+        for end in schema.ends:
+            if (
+                feature == end.feature
+                and end.reference not in seen
+                and not end.frozen
+                and not end.reference.containment
+            ):
+                seen.append(end.reference)
+                yield end, feature
+
+
+def _relink(builder: RuleBuilder, end: End, near: str, far: str, links: str) -> None:
+    """Remove and add the links of a template, from objects of one class to those of another."""
+    words = links.split()
+    changes = list(zip(words[::3], words[1::3], words[2::3], strict=True))
+    types: dict[str, str] = {}
+    for _, source, target in changes:
+        types.setdefault(source, near)
+        types.setdefault(target, far)
+    for name, cls in types.items():
+        builder.node(cls, name)
+    sources = {source for _, source, _ in changes}
+    for one, other in combinations(types, 2):
+        # An end of a symmetric link to itself would have another number of links afterwards.
+        if (one in sources) == (other in sources) or (end.symmetric and len(changes) > 2):
+            builder.differ(one, other)
+    for sign, source, target in changes:
+        (builder.link if sign == "+" else builder.unlink)(end, source, target)
+
+
+# --- values
+
+
+def value_operators(schema: Schema, group: str, cls: str) -> Iterator[RuleBuilder]:
+    """The operators on the attributes of a class: truth values flip, enums change, numbers with a range step."""
+    for feature in schema.features(cls):
+        if not isinstance(feature, Attribute) or schema.left_alone(feature) or _keyed(schema, cls, feature):
+            continue
+        holder = schema.holder(cls, feature)
+        for suffix, doc, asked, value in _settings(feature):
+            name = f"{holder}.{feature.name}"
+            builder = RuleBuilder(schema, group, f"set.{name}{suffix}", f"`{name}` {doc}")
+            builder.spared(builder.node(holder, "object"))
+            builder.ask(asked)
+            builder.act(Set(_OBJECT, feature.name, "=", value))
+            yield builder
+
+
+def _keyed(schema: Schema, cls: str, attribute: Attribute) -> bool:
+    """Return whether an attribute names the objects of a class or of one of its subclasses."""
+    return any(attribute.name in schema.metamodel.key(sub) for sub in schema.metamodel.concrete(cls))
+
+
+def _settings(attribute: Attribute) -> Iterator[Setting]:
+    """The ways to set an attribute."""
+    old = PathConstraint(attribute.owner, (attribute.name,), _OBJECT, _VALUE)
+    if isinstance(attribute.type, EnumType):
+        for literal in attribute.type.literals:
+            value = EnumLiteral(attribute.type.name, literal)
+            yield f".{literal}", f"becomes `{literal}`.", [Negation(replace(old, target=value))], value
+    elif attribute.type is Scalar.BOOL:
+        yield "", "becomes the opposite.", [old], Unary("!", _VALUE)
+    elif attribute.type in (Scalar.INT, Scalar.FLOAT):
+        yield from _steps(attribute, old)
+
+
+def _steps(attribute: Attribute, old: Constraint) -> Iterator[Setting]:
+    """The ways to move a number within its range."""
+    if attribute.range is None:
+        return
+    lowest, highest, step = attribute.range
+    for word, limit, compare, sign, choose, most in (
+        ("up", highest, "<", "+", "min", "most"),
+        ("down", lowest, ">", "-", "max", "least"),
+    ):
+        moved = FunctionCall(choose, (Binary(sign, _VALUE, Constant(step)), Constant(limit)))
+        doc = f"goes {word} by {step}, to {limit} at {most}."
+        yield f".{word}", doc, [old, Check(Binary(compare, _VALUE, Constant(limit)))], moved
