@@ -176,8 +176,7 @@ class UnitSource:
 
     def _alap(self, step: Alap, scope: Scope) -> None:
         function, loop = self._functions.now, self._functions.constant(("the `alap`", step.span))
-        name = self._inner(step.body, scope)
-        loops = code.Name("loops")
+        whole, loops = self._whole(step.body, scope), code.Name("loops")
         if self._loops:
             function.add(code.Do(code.method(loops, "begin")))
 
@@ -185,31 +184,7 @@ class UnitSource:
             function.add(*self._functions.takes_step(loop))
             if self._loops:
                 function.add(code.If(code.Member(loops, "due"), (code.Do(code.method(loops, "turn")),)))
-            if leaves_nothing(step.body, self._checked.calls):
-                function.add(code.Assign(OUTCOME, self._entered(name, scope)))
-            else:
-                # `run.whole`, written out.
-                mark, size, gaps = map(code.Local, ("mark", "size", "gaps"))
-                opened = code.Member(RUN, "opened")
-                function.add(
-                    code.Assign(mark, code.call("savepoint")),
-                    code.Assign(size, code.call("len", code.Member(RUN, "trace"))),
-                    code.Assign(gaps, code.call("len", code.Member(RUN, "gaps"))),
-                    code.Do(code.method(opened, "append", mark)),
-                    code.Assign(OUTCOME, self._entered(name, scope)),
-                    code.Do(code.method(opened, "pop")),
-                    code.If(
-                        code.is_none(OUTCOME),
-                        (
-                            code.Do(code.call("rollback", mark)),
-                            code.Do(
-                                code.Text("del run.trace[size:], run.gaps[gaps:]", reads=(RUN, size, gaps))
-                            ),
-                            code.Leave("break"),
-                        ),
-                    ),
-                    code.Do(code.call("release", mark)),
-                )
+            function.add(code.Assign(OUTCOME, whole))
             function.add(code.If(code.inverse(OUTCOME), (code.Leave("break"),)))
             self._functions.changed(code.TRUE)
 
