@@ -40,11 +40,11 @@ from envgraph.pattern import (
     Unit,
     Variable,
 )
+from envgraph.rewrite.engine._registered import named_type
 
 STEPS: Final = "steps"
 """The parameter by which a function says that it describes a unit."""
 
-_SCALARS: Final = {"str": "string"}
 _EXPRESSIONS: Final = (
     *(Variable, Constant, EnumLiteral, Navigation, FunctionCall),
     *(Unary, Binary, Conditional),
@@ -260,13 +260,10 @@ def unit_parameters(
 
 def _type(argument: Argument, name: str) -> str:
     """The type by its name in the metamodel: `"Hedgehog"`, `int`, `str`."""
-    given = argument.annotation
-    if isinstance(given, type) and given in (int, float, bool, str):
-        given = given.__name__
-    if not isinstance(given, str):
+    found = named_type(argument.annotation)
+    if found is None:
         raise InvalidArgument(
             f"parameter `{argument.name}` of unit `{name}` has no type: "
             f'write `{argument.name}: "Class"`, or a data type such as `int`'
         )
-    plain = given.strip("'\"")  # quoted, in a module with postponed annotations
-    return _SCALARS.get(plain, plain)
+    return found

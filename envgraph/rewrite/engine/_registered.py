@@ -83,14 +83,26 @@ def _signature(function: Callable[..., object], name: str) -> Signature:
 
 
 def _type(given: object, what: str, name: str) -> str:
-    """The name of a type."""
-    if isinstance(given, type) and given in _NAMES:
-        return _NAMES[given]
-    if not isinstance(given, str):
+    """The name of a type.
+
+    Raises:
+        InvalidArgument: it is none.
+    """
+    found = named_type(given)
+    if found is None:
         message = f"{what} of function `{name}` has no type"
         raise InvalidArgument(
             f'{message}: it is `int`, `float`, `bool`, `str` or the name of an enum, `"Way"`'
         )
+    return found
+
+
+def named_type(given: object) -> str | None:
+    """Return what a type is called that an annotation names: `int`, `"Way"`; None if it is no such thing."""
+    if isinstance(given, type):
+        return _NAMES.get(given)
+    if not isinstance(given, str):
+        return None
     plain = given.strip("'\"")  # quoted, in a module with postponed annotations
     return _TEXTS.get(plain, plain)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Container, Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from envgraph.errors import EvaluationError, InvalidArgument, RuleError
 from envgraph.metamodel import Value
@@ -26,9 +26,6 @@ from envgraph.rewrite.run._runner import (
     others,
 )
 from envgraph.rewrite.run._units import UnitProgram
-
-if TYPE_CHECKING:
-    pass
 
 
 class Rewriting:
