@@ -1,10 +1,21 @@
-"""Objects that can be in no container any more after they have changed their class."""
+"""Containers: which end of a link is inside the other, and objects that can be in none after a change of class."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from typing import TypeVar
 
 from envgraph.metamodel import Metamodel, Reference
+
+End = TypeVar("End", int, str)
+
+
+def content_of(reference: Reference, source: End, target: End, metamodel: Metamodel) -> End | None:
+    """Return which end of a link is contained in the other; None if neither is."""
+    opposite = metamodel.opposite(reference)
+    if opposite is not None and opposite.containment:
+        return source
+    return target if reference.containment else None
 
 
 def homeless(classes: Iterable[str], after: str, metamodel: Metamodel) -> bool:

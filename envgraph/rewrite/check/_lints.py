@@ -10,7 +10,7 @@ from envgraph.pattern import Edge, Modification
 from envgraph.rewrite._plan import BlockPlan, ChangeTargets, Increase, SetTargets, SetValues
 from envgraph.rewrite.check._actions import Changes
 from envgraph.rewrite.check._conflicts import Conflicts, Contradiction
-from envgraph.rewrite.check._containment import homeless
+from envgraph.rewrite.check._containment import content_of, homeless
 from envgraph.rewrite.check._scope import LinkKey, ResolvedEdge, RuleScope
 
 
@@ -90,13 +90,10 @@ def _check_orphans(changes: Changes) -> None:
     gone = changes.ending
     for arrow in changes.scope.arrows:
         own = arrow in changes.arrows or {arrow.source, arrow.target} & {*changes.deleted}
-        opposite = changes.scope.metamodel.opposite(arrow.reference)
-        if arrow.reference.containment:
-            container, part = arrow.source, arrow.target
-        elif opposite is not None and opposite.containment:
-            container, part = arrow.target, arrow.source
-        else:
+        part = content_of(arrow.reference, arrow.source, arrow.target, changes.scope.metamodel)
+        if part is None:
             continue
+        container = arrow.target if part == arrow.source else arrow.source
         if not own or container not in gone or part in changes.scope.deleted or _finds_home(changes, part):
             continue
         if changes.scope.key(arrow) in changes.removed:
@@ -114,12 +111,8 @@ def _finds_home(changes: Changes, part: str) -> bool:
     slot, metamodel = changes.scope.slot(part), changes.scope.metamodel
     if any(move.node == slot for move in changes.moves):
         return True
-    for edge in changes.links.values():
-        opposite = metamodel.opposite(edge.reference)
-        if edge.target == part and edge.reference.containment:
-            return True
-        if edge.source == part and opposite is not None and opposite.containment:
-            return True
+    if any(content_of(e.reference, e.source, e.target, metamodel) == part for e in changes.links.values()):
+        return True
     sets = (change for change in changes.values.sets if isinstance(change, SetTargets | ChangeTargets))
     return any(change.object == slot or slot in change.values for change in sets)
 
@@ -150,11 +143,9 @@ def _check_homeless(changes: Changes, name: str) -> None:
     )
     if any(move.node == changes.scope.slot(name) for move in changes.moves):
         return
-    for arrow in changes.scope.unlinked.values():
-        opposite = metamodel.opposite(arrow.reference)
-        upwards = arrow.source == name and opposite is not None and opposite.containment
-        if upwards or (arrow.target == name and arrow.reference.containment):
-            return
+    unlinked = changes.scope.unlinked.values()
+    if any(content_of(one.reference, one.source, one.target, metamodel) == name for one in unlinked):
+        return
     if before and homeless(metamodel.concrete(before), after, metamodel):
         old, new = with_article(before), with_article(after)
         message = f"what contains {old} cannot contain {new}: in a container `{name}` cannot be retyped"
@@ -169,13 +160,11 @@ def _is_lost(changes: Changes, arrow: ResolvedEdge, name: str) -> bool:
         *changes.scope.deleted
     }:
         return False
-    opposite = metamodel.opposite(reference)
     moved = any(move.node == changes.scope.slot(name) for move in changes.moves)
-    if arrow.source == name and metamodel.feature(cls, reference.name) != reference:
-        return not (moved and opposite is not None and opposite.containment)
-    if arrow.target == name and not metamodel.is_a(cls, reference.target):
-        return not (moved and reference.containment)
-    return False
+    if moved and content_of(reference, arrow.source, arrow.target, metamodel) == name:
+        return False
+    lacking = arrow.source == name and metamodel.feature(cls, reference.name) != reference
+    return lacking or (arrow.target == name and not metamodel.is_a(cls, reference.target))
 
 
 def _check_required(changes: Changes, plan: BlockPlan) -> None:

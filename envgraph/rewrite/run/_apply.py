@@ -20,6 +20,7 @@ from envgraph.metamodel import Metamodel, Reference, reached
 from envgraph.rewrite._match import Row
 from envgraph.rewrite._plan import BlockPlan, ChangeTargets, Link, RulePlan, SetTargets, SetValue
 from envgraph.rewrite.check._conflicts import Conflicts, Contradiction, Fresh, told
+from envgraph.rewrite.check._containment import content_of
 from envgraph.rewrite.run._effects import check_kept
 from envgraph.rewrite.run._notices import Report
 from envgraph.rewrite.run._refusal import refusal
@@ -168,7 +169,7 @@ def _always_fits(reference: Reference, metamodel: Metamodel) -> bool:
     opposite = metamodel.opposite(reference)
     return (
         reference.upper is None
-        and not _contains(reference, opposite)
+        and content_of(reference, 0, 1, metamodel) is None
         and (opposite is None or opposite.upper is None)
     )
 
@@ -176,13 +177,9 @@ def _always_fits(reference: Reference, metamodel: Metamodel) -> bool:
 def _always_set(reference: Reference, metamodel: Metamodel) -> bool:
     """Return whether the model never refuses to replace the targets of a single-valued reference."""
     opposite = metamodel.opposite(reference)
-    if reference.many or _contains(reference, opposite):
+    if reference.many or content_of(reference, 0, 1, metamodel) is not None:
         return False
     return opposite is None or opposite.upper in (None, 1)
-
-
-def _contains(reference: Reference, opposite: Reference | None) -> bool:
-    return reference.containment or (opposite is not None and opposite.containment)
 
 
 REFUSALS: Final = (RuleError, EvaluationError)

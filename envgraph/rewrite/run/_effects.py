@@ -94,14 +94,6 @@ def inside(model: Model, node: int, others: Collection[int]) -> bool:
     return False
 
 
-def content_of(reference: Reference, source: int, target: int, model: Model) -> int | None:
-    """Return which end of a link is contained in the other; None if neither is."""
-    opposite = model.metamodel.opposite(reference)
-    if opposite is not None and opposite.containment:
-        return source
-    return target if reference.containment else None
-
-
 def house(model: Model, source: int, reference: Reference, target: int) -> None:
     """Add a link between a container and an object that is in none: like any other, it needs room at both ends.
 

@@ -48,7 +48,8 @@ from envgraph.rewrite._plan import (
     Unlink,
 )
 from envgraph.rewrite._plan import Assign as Assign_
-from envgraph.rewrite.run._effects import ON_MODEL, ON_VALUES, absorb, content_of
+from envgraph.rewrite.check._containment import content_of
+from envgraph.rewrite.run._effects import ON_MODEL, ON_VALUES, absorb
 
 _VERBS: Final = (
     *("alive", "delete", "link", "new", "retype", "set_target", "set_targets", "set_value"),
@@ -206,11 +207,13 @@ class Writer:
             for m in plan.moves
         ]
         fresh = {new.node for new in plan.creates}
-        housed = Counter(content_of(op.reference, op.source, op.target, self.model) for op in plan.links)
+        housed = Counter(
+            content_of(op.reference, op.source, op.target, self.model.metamodel) for op in plan.links
+        )
         housed.update(op.node for op in plan.moves)
         links = []
         for op in plan.links:
-            content = content_of(op.reference, op.source, op.target, self.model)
+            content = content_of(op.reference, op.source, op.target, self.model.metamodel)
             homeless = content in fresh and housed[content] == 1
             new = op.source in fresh or op.target in fresh
             links.append(self._link(op, fresh=new, homeless=homeless))
