@@ -155,31 +155,29 @@ class ActionReader:
             mentioned, key=lambda node: node.type is None
         ):  # it may be mentioned before it is made
             self._new_or_known(node)
-        for action in right.actions:
-            if isinstance(action, Merge):
+        for kinds in (Merge, Retype | DeleteNode, Create | DeleteEdge | Set | Move | Redirect):
+            for action in right.actions:
+                if isinstance(action, kinds):
+                    self._act(action)
+
+    def _act(self, action: Action) -> None:
+        match action:
+            case Merge():
                 self._merge(action)
-        for action in right.actions:
-            match action:
-                case Retype():
-                    self._retype(action)
-                case DeleteNode():
-                    self._delete(action.node.name, action.node.span or action.span)
-                case _:
-                    pass
-        for action in right.actions:
-            match action:
-                case Create():
-                    self._new_graph(action.nodes, action.edges)
-                case DeleteEdge():
-                    self._delete_edge(action.edge)
-                case Set():
-                    self.values.set(action)
-                case Move():
-                    self._move(action)
-                case Redirect():
-                    self._redirect(action)
-                case _:
-                    pass
+            case Retype():
+                self._retype(action)
+            case DeleteNode():
+                self._delete(action.node.name, action.node.span or action.span)
+            case Create():
+                self._new_graph(action.nodes, action.edges)
+            case DeleteEdge():
+                self._delete_edge(action.edge)
+            case Set():
+                self.values.set(action)
+            case Move():
+                self._move(action)
+            case Redirect():
+                self._redirect(action)
 
     def _new_or_known(self, node: Node) -> None:
         if node.type is None:

@@ -236,27 +236,12 @@ class _Checker:
                     hint = "write the name of a rule or unit, or leave the block out"
                     found = Diagnostic("empty-block", "nothing to do here", step.span, hint, Severity.WARNING)
                     self.result.problems.append(found)
-                for inner in steps:
-                    self._step(inner, scope)
-            case Choice(alternatives):
-                for inner in alternatives:
-                    self._step(inner, dict(scope))
-            case Alap(body):
-                self._step(body, dict(scope))
-            case Atomic(body):
-                self._step(body, scope)
-            case Repeat(_, _, body):
+            case Repeat():
                 self._bounds(step, scope)
-                self._step(body, dict(scope))
-            case Try(body, otherwise):
-                self._step(body, dict(scope))
-                if otherwise is not None:
-                    self._step(otherwise, dict(scope))
             case If():
                 self._asked(step, scope)
-                self._step(step.then, dict(scope))
-                if step.otherwise is not None:
-                    self._step(step.otherwise, dict(scope))
+        for inner in inner_steps(step):
+            self._step(inner, scope if isinstance(step, Steps | Atomic) else dict(scope))
 
     def _bounds(self, step: Repeat, scope: Scope) -> None:
         lower, upper = step.lower, step.upper

@@ -69,13 +69,15 @@ class UnitValues:
         local = self._functions.local("a")
         if isinstance(term, Literal):
             return self._functions.constant(term.value)
-        site = self._functions.constant((f"{what} in `{self._name}`", term.span or span))
-        asked = code.call(
-            "argument", self._functions.constant(term), self.values(term, scope), code.Name("read"), site
-        )
-        self._functions.now.add(code.Assign(local, asked))
+        self._functions.now.add(code.Assign(local, self._worked_out(term, scope, what, span)))
         self._functions.fails_if(code.is_none(local), f"{what} has no value", term.span or span)
         return local
+
+    def _worked_out(self, term: Term, scope: Scope, what: str, span: Span | None) -> code.Expression:
+        """The value of an expression, None without one; `what` and the place are for errors."""
+        site = self._functions.constant((f"{what} in `{self._name}`", term.span or span))
+        term_, values = self._functions.constant(term), self.values(term, scope)
+        return code.call("argument", term_, values, code.Name("read"), site)
 
     def values(self, term: Term, scope: Scope) -> code.Mapping:
         """The values of the variables of an expression."""
@@ -103,10 +105,8 @@ class UnitValues:
                 if argument.name in scope.names:
                     given[parameter.name] = scope.names[argument.name]
                 continue
-            what = f"an argument of `{asked.name}` in `{self._name}`"
-            site = self._functions.constant((what, argument.span or asked.span))
-            term, values = self._functions.constant(argument), self.values(argument, scope)
-            given[parameter.name] = code.call("argument", term, values, code.Name("read"), site)
+            what = f"an argument of `{asked.name}`"
+            given[parameter.name] = self._worked_out(argument, scope, what, asked.span)
         rule = code.Local("rule")
         applicable = code.call("is_applicable", rule, self.mapping(given))
         test = code.call("any", code.Each(applicable, rule, rules, late=True))
