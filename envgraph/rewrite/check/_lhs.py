@@ -40,15 +40,14 @@ from envgraph.pattern import (
     Variable,
     static_type,
     terms_in,
-    type_text,
 )
 from envgraph.rewrite.check._header import plain
 from envgraph.rewrite.check._variables import (
     all_names,
     equated,
-    is_named,
     may_be_one,
     own_variables,
+    parameter_for,
 )
 
 _CONDITIONS = ("not", "require")
@@ -157,7 +156,7 @@ class LeftLowering:
     def _types(self, left: LeftSide, blocks: Sequence[Block], outside: Types) -> Types:
         """Types of all variables in scope, as far as the left side tells without its blocks: outside ones first."""
         constraints = (*self._nodes(left), *map(_path, left.edges), *left.constraints)
-        declared = [self._inherited(name, type_) for name, type_ in outside.items()]
+        declared = [parameter_for(name, type_) for name, type_ in outside.items()]
         pattern = Pattern(
             f"{self.rule.name}#types", tuple(declared), (Body(constraints),), package=self.rule.package
         )
@@ -183,7 +182,7 @@ class LeftLowering:
             if block.kind in _CONDITIONS:
                 constraints.append(self._condition(block, types))
             else:
-                lowered = self._rewriting(block, types)
+                lowered = self._helper(block, types, own_variables(block.left, types))
                 nested.append(lowered)
                 if block.kind == "forall+":
                     constraints.append(_call(lowered, span_of=block))
@@ -202,7 +201,7 @@ class LeftLowering:
             elif not isinstance(static_type(node.type, self.metamodel) or ObjectType(""), ObjectType):
                 hint = f"bind it, as in `Class.feature(object, {node.name});`, or make it a parameter"
                 message = f"nothing gives `{node.name}`, {with_article(node.type)}, a value"
-                self.problems.append(Diagnostic("unbound-value", message, node.span, hint))
+                self._error("unbound-value", message, node.span, hint)
                 self.untyped.add(node.name)
 
     def _untyped(self, name: str, span: Span | None) -> None:
@@ -210,6 +209,9 @@ class LeftLowering:
         message = f"nothing says of what class `{name}` is"
         hint = f"write `{name} : Class`"
         self.problems.append(Diagnostic("untyped-variable", message, span, hint, subject=(name,)))
+
+    def _error(self, code: str, message: str, span: Span | None, hint: str) -> None:
+        self.problems.append(Diagnostic(code, message, span, hint))
 
     def _nodes(self, left: LeftSide) -> Iterator[Constraint]:
         for node in left.nodes:
@@ -231,14 +233,9 @@ class LeftLowering:
             yield _path(edge)
 
     def _attribute_in_arrow(self, edge: Edge, feature: Attribute) -> None:
-        self.problems.append(
-            Diagnostic(
-                "not-a-reference",
-                f"`{feature}` is an attribute, and an arrow follows references",
-                edge.reference_span or edge.span,
-                f"write `{feature.owner}.{feature.name}({edge.source}, {edge.target});`",
-            )
-        )
+        hint = f"write `{feature.owner}.{feature.name}({edge.source}, {edge.target});`"
+        message = f"`{feature}` is an attribute, and an arrow follows references"
+        self._error("not-a-reference", message, edge.reference_span or edge.span, hint)
 
     def _injectivity(
         self, own: Sequence[str], enclosing: Sequence[str], types: Types, left: LeftSide
@@ -263,32 +260,18 @@ class LeftLowering:
     def _condition(self, block: Block, outside: Types) -> Constraint:
         """The call that stands for a `not` or `require` block."""
         if block.right is not None:
-            self.problems.append(
-                Diagnostic(
-                    "misplaced-right-side",
-                    f"a `{block.kind}` block is a condition and rewrites nothing",
-                    block.right.span or block.span,
-                    "move the rewriting to the rule, or use `forall`",
-                )
-            )
+            message = f"a `{block.kind}` block is a condition and rewrites nothing"
+            hint = "move the rewriting to the rule, or use `forall`"
+            self._error("misplaced-right-side", message, block.right.span or block.span, hint)
         for inner in block.blocks:
             if inner.kind not in _CONDITIONS:
-                self.problems.append(
-                    Diagnostic(
-                        "misplaced-block",
-                        f"`{inner.kind}` cannot stand in a `{block.kind}` block, which rewrites nothing",
-                        inner.span,
-                        "move it to the rule",
-                    )
-                )
+                message = f"`{inner.kind}` cannot stand in a `{block.kind}` block, which rewrites nothing"
+                self._error("misplaced-block", message, inner.span, "move it to the rule")
         conditions = tuple(inner for inner in block.blocks if inner.kind in _CONDITIONS)
         misplaced = len(conditions) < len(block.blocks)
         lowered = self._helper(replace(block, blocks=conditions), outside, (), quiet=misplaced)
         call = _call(lowered, span_of=block)
         return Negation(call, block.span) if block.kind == "not" else call
-
-    def _rewriting(self, block: Block, outside: Types) -> LoweredBlock:
-        return self._helper(block, outside, own_variables(block.left, outside))
 
     def _helper(
         self, block: Block, outside: Types, exported: Sequence[str], *, quiet: bool = False
@@ -299,28 +282,17 @@ class LeftLowering:
         number = next(self._numbers)
         constraints, nested = self._body(block.left, block.blocks, types, enclosing)
         if not constraints and not quiet:
-            self.problems.append(
-                Diagnostic(
-                    "empty-block",
-                    f"this `{block.kind}` block asks for nothing",
-                    block.span,
-                    "leave it out, or write a constraint in it",
-                )
-            )
+            message = f"this `{block.kind}` block asks for nothing"
+            self._error("empty-block", message, block.span, "leave it out, or write a constraint in it")
         used = all_names(LeftSide(constraints=tuple(constraints)))
         # What the blocks inside rewrite may need more: they are looked up with the enclosing match at hand.
         inherited = tuple(name for name in enclosing if name in used)
-        declared = [self._inherited(name, outside[name]) for name in inherited]
+        declared = [parameter_for(name, outside[name]) for name in inherited]
         declared += [Parameter(name) for name in exported]
         unknown = [name for name in inherited if outside[name] is None]  # which is reported outside
         suffix = f"{block.kind.rstrip('+')}{number}"
         pattern = self._pattern(suffix, declared, constraints, block.left, unknown)
         return LoweredBlock(block, block.left, pattern, inherited, tuple(exported), types, nested)
-
-    def _inherited(self, name: str, type_: StaticType | None) -> Parameter:
-        if type_ is None:
-            return Parameter(name)
-        return Parameter(name, type_text(type_), None if isinstance(type_, ObjectType) else "in")
 
     def _pattern(
         self,
@@ -367,9 +339,6 @@ def _call(lowered: LoweredBlock, span_of: Block) -> PatternCall:
     return PatternCall(
         lowered.pattern.qualified_name, tuple(Variable(name) for name in arguments), span=span_of.span
     )
-
-
-__all__ = ["LeftLowering", "LoweredBlock", "is_named", "own_variables"]
 
 
 def _declaration(declared: Node | Parameter) -> Span | None:

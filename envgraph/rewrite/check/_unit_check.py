@@ -61,7 +61,7 @@ from envgraph.rewrite.check._header import (
     duplicate_parameters,
     plain,
 )
-from envgraph.rewrite.check._variables import is_named, mentioned
+from envgraph.rewrite.check._variables import is_named, mentioned, parameter_for
 
 UNIT_ANNOTATIONS = ("priority", "weight")
 Scope = dict[str, StaticType | None]
@@ -451,7 +451,7 @@ class _Checker:
     def _pattern(self, relation: Constraint, negated: bool, scope: Scope, span: Span | None) -> Condition:
         """Negation is left to the caller: then an argument need not be bound by anything else."""
         used = tuple(dict.fromkeys(v.name for v in mentioned(relation) if is_named(v.name)))
-        parameters = tuple(_parameter(name, scope[name]) for name in used)
+        parameters = tuple(parameter_for(name, scope[name]) for name in used)
         name = f"{self.unit.name}#if{len(self.result.conditions) + 1}"
         pattern = Pattern(
             name,
@@ -463,12 +463,6 @@ class _Checker:
             span=span,
         )
         return Condition(pattern, used, negated)
-
-
-def _parameter(name: str, type_: StaticType | None) -> Parameter:
-    if type_ is None:
-        return Parameter(name)
-    return Parameter(name, type_text(type_), None if isinstance(type_, ObjectType) else "in")
 
 
 def _data(type_: StaticType | None) -> StaticType | None:

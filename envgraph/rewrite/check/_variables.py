@@ -15,9 +15,13 @@ from envgraph.pattern import (
     Evaluation,
     LeftSide,
     Negation,
+    ObjectType,
+    Parameter,
     PathConstraint,
+    StaticType,
     Variable,
     terms_in,
+    type_text,
     variables_in,
     variables_of_terms,
 )
@@ -26,6 +30,13 @@ from envgraph.pattern import (
 def is_named(name: str) -> bool:
     """Return whether a variable belongs to the match: `_`, names that start with it, and `#1` for a `_` do not."""
     return not name.startswith(("_", "#"))
+
+
+def parameter_for(name: str, type_: StaticType | None) -> Parameter:
+    """A parameter of a pattern for a variable from around it: what is no object is given."""
+    if type_ is None:
+        return Parameter(name)
+    return Parameter(name, type_text(type_), None if isinstance(type_, ObjectType) else "in")
 
 
 def mentioned(constraint: Constraint) -> Iterator[Variable]:
