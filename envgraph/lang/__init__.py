@@ -9,13 +9,11 @@ from typing import TYPE_CHECKING
 from envgraph.errors import later, shorten
 from envgraph.lang.family._family import (
     EXPRESSIONS,
-    ComponentSpec,
     ConstraintsSpec,
     CurriculumSpec,
     EpsilonSpec,
     FamilySpec,
     MutationSpec,
-    Name,
     OptimiseSpec,
     SamplesSpec,
     SearchSpec,
@@ -23,6 +21,7 @@ from envgraph.lang.family._family import (
     TrainingSpec,
 )
 from envgraph.lang.family._family_reader import find_family, load_family
+from envgraph.lang.family._section import ComponentSpec, Name
 from envgraph.lang.loading._checking import conformance
 from envgraph.lang.loading._family_check import (
     COMPONENTS,

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import field
-from typing import Literal
+from dataclasses import field, replace
+from math import inf
+from typing import Final, Literal, get_args
 
 from envgraph.code import dataclass
-from envgraph.errors import Source, Span
+from envgraph.errors import Source
+from envgraph.lang.family._section import ComponentSpec, Name, Section, counts, cover, key
 
 Sequences = Literal["suffixes", "full", "baselines", "direct"]
 Scheduled = Literal[
@@ -22,44 +23,11 @@ Scheduled = Literal[
 ]
 Strength = Literal["single", "heavy_tailed"]
 
+_MOST: Final = 100_000
+"""Members of a family, and agents that are trained for each curriculum."""
+
 EXPRESSIONS = "expressions"
 """The kind of an objective that is what expressions over measures of families say."""
-
-
-@dataclass(frozen=True, slots=True)
-class Name:
-    """A name in a family file and where it stands."""
-
-    text: str
-    span: Span | None = field(default=None, compare=False, repr=False)
-
-    def __str__(self) -> str:
-        return self.text
-
-
-@dataclass(frozen=True, slots=True)
-class ComponentSpec:
-    """A part of the search by the name of its kind, with its options as plain data.
-
-    Attributes:
-        name: the user's name of a measure; for the others their role ("diversity", "parents" ..).
-        kind: what is built ("path_complexity", "random" ...).
-        options: everything else in the table.
-        spans: where the table (""), its "kind", each option and ("along[0]") the items of a list stand.
-    """
-
-    name: str
-    kind: str
-    options: Mapping[str, object] = field(default_factory=dict)
-    spans: Mapping[str, Span] = field(default_factory=dict, compare=False, repr=False)
-
-    def span(self, option: str = "kind") -> Span | None:
-        """Where an option's value stands; else where the table does."""
-        return self.spans.get(option) or self.spans.get("")
-
-    def key_span(self, option: str) -> Span | None:
-        """Where the name of an option stands; else as `span`."""
-        return self.spans.get(f"{option} =") or self.span(option)
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,10 +41,10 @@ class ConstraintsSpec:
         reachable: outcomes ("success", "failure") that the enumerated behaviour must be able to reach.
     """
 
-    require: tuple[Name, ...] = ()
-    forbid: tuple[Name, ...] = ()
-    count: tuple[tuple[Name, tuple[int, int | None]], ...] = ()
-    reachable: tuple[Name, ...] = ()
+    require: tuple[Name, ...] = key((), Section.names)
+    forbid: tuple[Name, ...] = key((), Section.names)
+    count: tuple[tuple[Name, tuple[int, int | None]], ...] = key((), counts)
+    reachable: tuple[Name, ...] = key((), Section.choices, what="outcome", known=("success", "failure"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,11 +59,11 @@ class MutationSpec:
         strength: how many rule applications a mutation takes: one, or a number that is drawn anew each time.
     """
 
-    rules: tuple[Name, ...] = ()
-    rate: float = 0.85
-    initial_applications: tuple[int, int] = (1, 5)
-    max_attempts: int = 50
-    strength: Strength = "single"
+    rules: tuple[Name, ...] = key((), Section.names)
+    rate: float = key(0.85, Section.number, low=0, high=1)
+    initial_applications: tuple[int, int] = key((1, 5), Section.interval)
+    max_attempts: int = key(50, Section.integer, low=1)
+    strength: Strength = key("single", Section.choice, known=get_args(Strength))
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,14 +78,14 @@ class SearchSpec:
         stagnation: stop after so many generations without improvement, or None.
     """
 
-    population: int = 6
-    generations: int | None = 1000
-    keep_initial: bool = True
-    parents: ComponentSpec = ComponentSpec("parents", "random")
-    survivors: ComponentSpec = ComponentSpec("survivors", "simulated_annealing")
-    time_limit: float | None = None
-    target: float | None = None
-    stagnation: int | None = None
+    population: int = key(6, Section.integer, low=1, most=_MOST)
+    generations: int | None = key(1000, Section.unless_false, off=None, read=Section.integer, low=0)
+    keep_initial: bool = key(True, Section.boolean)
+    parents: ComponentSpec = key(ComponentSpec("parents", "random"), Section.chosen)
+    survivors: ComponentSpec = key(ComponentSpec("survivors", "simulated_annealing"), Section.chosen)
+    time_limit: float | None = key(None, Section.number, low=0)
+    target: float | None = key(None, Section.unless_false, off=inf, read=Section.number)
+    stagnation: int | None = key(None, Section.integer, low=1)
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,12 +100,12 @@ class OptimiseSpec:
         target: a value of the only objective at which the search ends, or None.
     """
 
-    maximise: tuple[Name, ...] = ()
-    minimise: tuple[Name, ...] = ()
-    strategy: ComponentSpec = ComponentSpec("strategy", "simulated_annealing")
-    steps: int = 10_000
-    time_limit: float | None = None
-    target: float | None = None
+    maximise: tuple[Name, ...] = key((), Section.names)
+    minimise: tuple[Name, ...] = key((), Section.names)
+    strategy: ComponentSpec = key(ComponentSpec("strategy", "simulated_annealing"), Section.chosen)
+    steps: int = key(10_000, Section.integer, low=1)
+    time_limit: float | None = key(None, Section.number, low=0)
+    target: float | None = key(None, Section.number)
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,11 +120,11 @@ class SamplesSpec:
         attempts: how many models are tried; None for ten times as many as members.
     """
 
-    count: int = 1_000
-    cover: tuple[ComponentSpec, ...] = ()
-    maximise: tuple[Name, ...] = ()
-    minimise: tuple[Name, ...] = ()
-    attempts: int | None = None
+    count: int = key(1_000, Section.integer, low=2, most=_MOST)
+    cover: tuple[ComponentSpec, ...] = key((), cover)
+    maximise: tuple[Name, ...] = key((), Section.names)
+    minimise: tuple[Name, ...] = key((), Section.names)
+    attempts: int | None = key(None, Section.integer, low=1)
 
 
 @dataclass(frozen=True, slots=True)
@@ -170,37 +138,48 @@ class CurriculumSpec:
         schedules: what else the environments are chosen by, to be compared with.
     """
 
-    order: Name | None = None
-    sequences: Sequences = "suffixes"
-    initial: Literal["last", "ordered"] = "last"
-    schedules: tuple[Name, ...] = ()
+    order: Name | None = key(None, Section.string)
+    sequences: Sequences = key("suffixes", Section.choice, known=get_args(Sequences))
+    initial: Literal["last", "ordered"] = key("last", Section.choice, known=("last", "ordered"))
+    schedules: tuple[Name, ...] = key((), Section.choices, what="schedule", known=get_args(Scheduled))
 
 
 @dataclass(frozen=True, slots=True)
 class EpsilonSpec:
     """`epsilon` of `[training]`: it starts at `start` and is multiplied by `decay` down to `minimum`."""
 
-    start: float = 1.0
-    decay: float = 0.995
-    minimum: float = 0.05
-    per: Literal["episode", "step"] = "episode"
-    reset: Literal["stage", "never"] = "stage"
+    start: float = key(1.0, Section.number, low=0, high=1)
+    decay: float = key(0.995, Section.number, low=0, high=1)
+    minimum: float = key(0.05, Section.number, low=0, high=1)
+    per: Literal["episode", "step"] = key("episode", Section.choice, known=("episode", "step"))
+    reset: Literal["stage", "never"] = key("stage", Section.choice, known=("stage", "never"))
+
+
+def _epsilon(top: Section, name: str, default: EpsilonSpec) -> EpsilonSpec:
+    section = top.table(name)
+    spec = section.read(EpsilonSpec)
+    if spec.minimum > spec.start and "minimum" in section:
+        message = f"`minimum` is {spec.minimum}, above `start`, which is {spec.start}"
+        section.error("bad-range", message, section.span("minimum"), "the larger one is `start`")
+    return replace(spec, minimum=min(spec.minimum, spec.start))
 
 
 @dataclass(frozen=True, slots=True)
 class TrainingSpec:
     """`[training]`; the defaults are the published settings."""
 
-    agent: str = "q_learning"
-    learning_rate: float = 0.1
-    discount: float = 0.99
-    epsilon: EpsilonSpec = EpsilonSpec()
-    steps_per_environment: int = 50_000
-    evaluation_episodes: int = 3_000
-    seeds: int = 30
-    initial_value: float = 0.0
-    n_step: int = 1
-    ties: Literal["lowest", "random"] = "lowest"
+    agent: str = key(
+        "q_learning", Section.choice, known=("q_learning", "sarsa", "expected_sarsa", "double_q_learning")
+    )
+    learning_rate: float = key(0.1, Section.positive, high=1)
+    discount: float = key(0.99, Section.number, low=0, high=1)
+    epsilon: EpsilonSpec = key(EpsilonSpec(), _epsilon)
+    steps_per_environment: int = key(50_000, Section.integer, low=1)
+    evaluation_episodes: int = key(3_000, Section.integer, low=1)
+    seeds: int = key(30, Section.integer, low=1, most=_MOST)
+    initial_value: float = key(0.0, Section.number)
+    n_step: int = key(1, Section.integer, low=1)
+    ties: Literal["lowest", "random"] = key("lowest", Section.choice, known=("lowest", "random"))
 
 
 @dataclass(frozen=True, slots=True)

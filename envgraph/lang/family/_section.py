@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterable, Mapping
-from dataclasses import field, replace
+from collections.abc import Callable, Collection, Iterable, Mapping
+from dataclasses import field, fields, replace
+from functools import partial
 from math import isfinite
-from typing import Any
+from typing import Any, TypeVar
 
 from envgraph.code import dataclass
 from envgraph.errors import RAISE_LIMIT, Diagnostic, Span, did_you_mean, limit, quoted
-from envgraph.lang.family._family import ComponentSpec, Name
 from envgraph.lang.syntax._toml import TomlText
+
+Spec = TypeVar("Spec")
 
 # What to write where another type is expected.
 _WANTED = {
@@ -21,6 +23,53 @@ _WANTED = {
     "true or false": "write `{0} = true` or `{0} = false`",
     "a list of names": 'names stand between `"`: `{} = ["...", "..."]`',
 }
+
+
+@dataclass(frozen=True, slots=True)
+class Name:
+    """A name in a family file and where it stands."""
+
+    text: str
+    span: Span | None = field(default=None, compare=False, repr=False)
+
+    def __str__(self) -> str:
+        return self.text
+
+
+@dataclass(frozen=True, slots=True)
+class ComponentSpec:
+    """A part of the search by the name of its kind, with its options as plain data.
+
+    Attributes:
+        name: the user's name of a measure; for the others their role ("diversity", "parents" ..).
+        kind: what is built ("path_complexity", "random" ...).
+        options: everything else in the table.
+        spans: where the table (""), its "kind", each option and ("along[0]") the items of a list stand.
+    """
+
+    name: str
+    kind: str
+    options: Mapping[str, object] = field(default_factory=dict)
+    spans: Mapping[str, Span] = field(default_factory=dict, compare=False, repr=False)
+
+    def span(self, option: str = "kind") -> Span | None:
+        """Where an option's value stands; else where the table does."""
+        return self.spans.get(option) or self.spans.get("")
+
+    def key_span(self, option: str) -> Span | None:
+        """Where the name of an option stands; else as `span`."""
+        return self.spans.get(f"{option} =") or self.span(option)
+
+
+def key(default: Any, read: Callable[..., Any], /, **limits: Any) -> Any:
+    """A field of a data class that stands for a table: the key of its name.
+
+    Args:
+        default: what holds where the key is not there.
+        read: a question of `Section`, which takes the key, the default and the limits.
+        **limits: see there.
+    """
+    return field(default=default, metadata={"read": partial(read, **limits)})
 
 
 @dataclass(slots=True)
@@ -66,6 +115,13 @@ class Section:
         self.asked[key] = None
         return self.data.get(key)
 
+    def read(self, spec: type[Spec]) -> Spec:
+        """The table as a data class, whose fields are made by `key`."""
+        made: Any = spec
+        found = {one.name: one.metadata["read"](self, one.name, one.default) for one in fields(made)}
+        self.finish()
+        return spec(**found)
+
     def string(self, key: str, default: str | None = None) -> Name | None:
         value = self.take(key)
         if value is None:
@@ -78,7 +134,7 @@ class Section:
             return None
         return Name(value, self.span(key))
 
-    def choice(self, key: str, known: Iterable[str], default: str) -> str:
+    def choice(self, key: str, default: str, known: Iterable[str]) -> str:
         value = self.string(key, default)
         names = tuple(known)
         if value is None or value.text in names:
@@ -92,7 +148,7 @@ class Section:
         value = self.take(key)
         if value is None:
             return default
-        if not is_int(value):
+        if not _is_int(value):
             self.wrong(key, "a whole number")
             return default
         if low is not None and value < low:
@@ -140,11 +196,11 @@ class Section:
         self.wrong(key, "true or false")
         return default
 
-    def names(self, key: str) -> tuple[Name, ...]:
+    def names(self, key: str, default: tuple[Name, ...] = ()) -> tuple[Name, ...]:
         """A list of names; a name alone is a list of one."""
         value = self.take(key)
         if value is None:
-            return ()
+            return default
         if isinstance(value, str):
             return (Name(value, self.span(key)),)
         if not isinstance(value, list):
@@ -160,6 +216,26 @@ class Section:
             else:
                 found[item] = Name(item, self.span(key, index))
         return tuple(found.values())
+
+    def choices(
+        self, key: str, default: tuple[Name, ...], what: str, known: tuple[str, ...]
+    ) -> tuple[Name, ...]:
+        """A list of names, each of which is known."""
+        found = self.names(key, default)
+        for one in found:
+            if one.text not in known and one.span:
+                hint = did_you_mean(one.text, known) or f"there are {quoted(known)}"
+                self.error("unknown-choice", f"`{one}` is no {what}", one.span, hint)
+        return found
+
+    def unless_false(
+        self, key: str, default: Any, off: object, read: Callable[..., Any], **limits: Any
+    ) -> Any:
+        """A key that `false` turns off."""
+        if self.data.get(key) is not False:
+            return read(self, key, default, **limits)
+        self.take(key)
+        return off
 
     def table(self, key: str) -> Section:
         """A table inside, also under a mistyped name, which is unknown then; empty if it is not there."""
@@ -179,9 +255,9 @@ class Section:
         value = self.take(key)
         if value is None:
             return default
-        if is_int(value):
+        if _is_int(value):
             value = [value, value]
-        if not isinstance(value, list) or len(value) != 2 or not all(is_int(one) for one in value):
+        if not isinstance(value, list) or len(value) != 2 or not all(_is_int(one) for one in value):
             self.wrong(key, "a pair of whole numbers", hint=f"write `{key} = [1, 5]`")
             return default
         if not 0 <= value[0] <= value[1]:
@@ -248,7 +324,49 @@ class Section:
         return near or f"there are {quoted(self.asked)}"
 
 
-def is_int(value: object) -> bool:
+def counts(
+    section: Section, name: str, default: tuple[tuple[Name, tuple[int, int | None]], ...]
+) -> tuple[tuple[Name, tuple[int, int | None]], ...]:
+    """A table of names with bounds such as `"1..5"`."""
+    section, found = section.table(name), [*default]
+    for key in section.data:
+        value = section.take(key)
+        bounds = _bounds_of(value)
+        span = section.span(key)
+        if bounds is None:
+            hint = 'write `"1..5"`, `"2..*"` or `3`'
+            section.error("bad-range", f"`{key}` has no bounds for its number of matches", span, hint)
+        elif bounds[1] is not None and bounds[1] < bounds[0]:
+            section.error(
+                "bad-range",
+                "the upper bound is below the lower one",
+                span,
+                f'write `"{bounds[1]}..{bounds[0]}"`',
+            )
+        else:
+            found.append((Name(key, section.text.key(*section.path, key)), bounds))
+    return tuple(found)
+
+
+def cover(section: Section, name: str, default: tuple[ComponentSpec, ...]) -> tuple[ComponentSpec, ...]:
+    """A table of `measure = 20`, a number of bins, or `measure = { bins = 20, range = [0, 1] }`."""
+    section, found = section.table(name), [*default]
+    for key, value in section.data.items():
+        place = section.text.key(*section.path, key)
+        if _is_int(value):
+            section.take(key)
+            spans = {"bins": section.span(key), "": place}
+            found.append(ComponentSpec(key, key, {"bins": value}, spans))
+        elif not isinstance(value, dict):
+            section.take(key)
+            section.wrong(key, "a number of bins", hint=f"write `{key} = 10`, or `{key} = {{ bins = 10 }}`")
+        else:
+            options = section.table(key).options(key)
+            found.append(replace(options, spans={**options.spans, "": place}))
+    return tuple(found)
+
+
+def _is_int(value: object) -> bool:
     """Return whether a TOML value is a whole number."""
     return isinstance(value, int) and not isinstance(value, bool)
 
@@ -275,11 +393,11 @@ def kind_of(value: object) -> str:
     return "a date or time"
 
 
-def bounds_of(value: object) -> tuple[int, int | None] | None:
+def _bounds_of(value: object) -> tuple[int, int | None] | None:
     """The numbers of `"1..5"`, `"2..*"`, `"3"`, `3` or `[1, 5]`; None for anything else."""
-    if is_int(value):
+    if _is_int(value):
         return (value, value) if isinstance(value, int) and value >= 0 else None
-    if isinstance(value, list) and len(value) == 2 and all(is_int(one) and one >= 0 for one in value):
+    if isinstance(value, list) and len(value) == 2 and all(_is_int(one) and one >= 0 for one in value):
         return value[0], value[1]
     found = (
         re.fullmatch(r"\s*(\d{1,9})(?:\s*\.\.\s*(\d{1,9}|\*))?\s*", value) if isinstance(value, str) else None

@@ -6,7 +6,8 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from types import MappingProxyType
 
 from envgraph.errors import Diagnostic, Span, did_you_mean, listed, name_hint, quoted
-from envgraph.lang.family._family import EXPRESSIONS, ComponentSpec, FamilySpec, Name
+from envgraph.lang.family._family import EXPRESSIONS, FamilySpec
+from envgraph.lang.family._section import ComponentSpec, Name
 from envgraph.lang.loading._workspace import Workspace
 from envgraph.metamodel import Metamodel, Reference, Scalar
 from envgraph.pattern import Derivation, Library, Rule, Unit

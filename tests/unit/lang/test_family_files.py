@@ -1,12 +1,15 @@
 """`family.toml`: what it means. What is said about mistakes: tests/golden/family."""
 
+import re
 import shutil
+from dataclasses import fields
 from pathlib import Path
 
 import pytest
 
 from envgraph.errors import LoadError, Source
 from envgraph.lang import FamilySpec, TextFiles, bundled_domain, check_family, load_family, load_workspace
+from envgraph.lang.family._family_reader import TABLES
 from envgraph.lang.syntax._toml import parse_toml
 
 MINIMAL = 'model = "a.model"\n[measures.size]\nkind = "count"\nof = "any"\n[mutation]\nrules = ["grow"]\n'
@@ -22,6 +25,15 @@ def errors(text: str) -> list[str]:
     return [
         f"{one.span.line}:{one.span.column} {one.message}" for one in caught.value.diagnostics if one.span
     ]
+
+
+def test_the_reference_names_every_key() -> None:
+    pages = [Path(__file__).parents[3] / "docs/languages" / name for name in ("family.md", "problem.md")]
+    code = " ".join(
+        re.findall(r"`[^`\n]+`|^.* = .*$", "".join(page.read_text() for page in pages), re.MULTILINE)
+    )
+    known = set(re.findall(r"\w+", code))
+    assert {one.name for spec in TABLES.values() for one in fields(spec)} <= known
 
 
 def test_the_bundled_family_has_the_settings_of_the_paper() -> None:
