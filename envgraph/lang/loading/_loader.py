@@ -34,14 +34,13 @@ from envgraph.lang.loading._import_check import (
 from envgraph.lang.loading._metamodels import Metamodels
 from envgraph.lang.loading._workspace import Workspace
 from envgraph.lang.read._ecore_types import ECORE
-from envgraph.lang.read._expressions import Reading
 from envgraph.lang.read._imports import Import, near_uri
 from envgraph.lang.read._metamodel import read_metamodel
 from envgraph.lang.read._model import ModelText, imports_of, read_models
 from envgraph.lang.read._query import read_query
 from envgraph.lang.read._query_header import DefinitionsFile, header_of
+from envgraph.lang.read._reading import Reading, TypeNames
 from envgraph.lang.read._suppress import Suppression, suppressions_of, unsuppressed
-from envgraph.lang.read._type_names import TypeNames
 from envgraph.lang.syntax._data import bundled_domains, data_path
 from envgraph.lang.syntax._files import DiskFiles, Files, file_format, in_directory, read_source
 from envgraph.lang.syntax._formats import FORMATS, suffix_of

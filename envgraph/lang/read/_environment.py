@@ -16,10 +16,9 @@ from envgraph.lang.read._environment_clauses import (
     on_find_of,
     on_reset_of,
 )
-from envgraph.lang.read._expressions import Reading, type_of, type_span_of
 from envgraph.lang.read._query import parameters_of
 from envgraph.lang.read._query_header import DefinitionsFile, name_of, read_definitions
-from envgraph.lang.read._type_names import TypeNames
+from envgraph.lang.read._reading import Reading, TypeNames, type_of, type_span_of
 from envgraph.lang.syntax._parsing import Parsed, annotation_of, tokens, trees
 from envgraph.metamodel import SUPPRESS, Annotation, Metamodel
 

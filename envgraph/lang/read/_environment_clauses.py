@@ -30,15 +30,9 @@ from envgraph.behaviour import (
 from envgraph.behaviour import Token as DrawnToken
 from envgraph.code import dataclass
 from envgraph.errors import Span
-from envgraph.lang.read._expressions import (
-    Reading,
-    expression_of,
-    expressions_of,
-    type_of,
-    type_span_of,
-    variable_of,
-)
+from envgraph.lang.read._expressions import expression_of, expressions_of, variable_of
 from envgraph.lang.read._query_conditions import condition_of, pattern_call_of
+from envgraph.lang.read._reading import Reading, type_of, type_span_of
 from envgraph.lang.syntax._parsing import number_of, qualified_name_of, signed, tokens, trees
 from envgraph.pattern import Expression, Navigation, Negation, Parameter, PatternCall
 

@@ -11,8 +11,8 @@ from envgraph.code import dataclass
 from envgraph.errors import Diagnostic, InvalidArgument, LoadError, Severity, Source, Span
 from envgraph.lang.read._query import read_query
 from envgraph.lang.read._query_header import DefinitionsFile, Header
+from envgraph.lang.read._reading import TypeNames
 from envgraph.lang.read._rules import read_rules
-from envgraph.lang.read._type_names import TypeNames
 from envgraph.lang.syntax._grammar import grammar
 from envgraph.lang.syntax._lexer import Lexeme
 from envgraph.lang.syntax._parsing import Parsed, parse

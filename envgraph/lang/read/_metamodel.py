@@ -18,6 +18,7 @@ from envgraph.errors import (
     name_hint,
     with_article,
 )
+from envgraph.lang.read._reading import Reading
 from envgraph.lang.syntax._parsing import Parsed, annotation_of, signed, tokens, trees
 from envgraph.metamodel import (
     SUPPRESS,
@@ -69,10 +70,9 @@ class MetamodelFile:
 
 def read_metamodel(parsed: Parsed) -> MetamodelFile:
     """The metamodel of a parsed file, and all that is wrong with it, syntax errors included."""
-    reader = _Reader(parsed)
+    reader = _Reader(parsed, list(parsed.diagnostics))
     metamodel = reader.read()
-    lost = parsed.lost | reader.lost
-    return MetamodelFile(metamodel, reader.span, tuple(reader.diagnostics), lost)
+    return MetamodelFile(metamodel, reader.place, tuple(reader.diagnostics), reader.all_lost())
 
 
 @dataclass(slots=True)
@@ -86,17 +86,13 @@ class Marks:
 
 
 @dataclass(slots=True)
-class _Reader:
-    parsed: Parsed
-    diagnostics: list[Diagnostic] = field(default_factory=list)
-    lost: set[str] = field(default_factory=set)
-    span: Span = field(init=False)
+class _Reader(Reading):
+    place: Span = field(init=False)
     _enums: dict[str, EnumType] = field(default_factory=dict)
     _class_names: list[str] = field(default_factory=list)
 
     def read(self) -> Metamodel | None:
-        self.span = self.parsed.source.span(0, 0)
-        self.diagnostics.extend(self.parsed.diagnostics)
+        self.place = self.parsed.source.span(0, 0)
         if self.parsed.tree is None:
             return None
         definitions = trees(self.parsed.tree.children)
@@ -107,7 +103,7 @@ class _Reader:
         self._class_names = [str(tokens(tree.children, "NAME")[0]) for tree in class_trees]
         classes = [self._class(tree) for tree in class_trees]
         if has_errors(self.diagnostics):
-            self.diagnostics += check_classes(classes, enums, self.parsed.lost | self.lost)
+            self.diagnostics += check_classes(classes, enums, self.all_lost())
             return None
         try:
             return Metamodel(name, classes, enums, uri)
@@ -120,8 +116,8 @@ class _Reader:
     def _header(self, definitions: list[Tree[Token]]) -> tuple[str, str | None]:
         headers = trees(definitions, "header")
         for header in headers[1:]:
-            first = self.parsed.span(tokens(headers[0].children)[0])
-            self._error(
+            first = self.span(tokens(headers[0].children)[0])
+            self.error(
                 "duplicate-definition",
                 "a file defines one metamodel",
                 tokens(header.children)[0],
@@ -130,28 +126,18 @@ class _Reader:
             )
         if not headers:
             if not self.parsed.diagnostics:
-                start = self.parsed.source.span(0, 0)
                 hint = "start the file with `metamodel` and a name"
-                self.diagnostics.append(
-                    Diagnostic("missing-header", "the metamodel has no name", start, hint)
-                )
+                self.error("missing-header", "the metamodel has no name", self.place, hint)
             return "metamodel", None
         if headers[0] is not definitions[0]:
-            span = self.parsed.span(tokens(headers[0].children)[0])
-            self.diagnostics.append(
-                Diagnostic(
-                    "misplaced-header",
-                    "the name of the metamodel comes first",
-                    span,
-                    "move this line to the top",
-                )
-            )
+            hint, message = "move this line to the top", "the name of the metamodel comes first"
+            self.error("misplaced-header", message, tokens(headers[0].children)[0], hint)
         self._annotations(headers[0], ())
         name, uri = tokens(headers[0].children, "NAME", "STRING")[0], tokens(headers[0].children, "STRING")
-        self.span = self._span(name)
-        following = self.parsed.source.text[self.span.end :].split(maxsplit=1)
-        if self.span.text == "abstract" and following[:1] == ["class"]:
-            self._error("unexpected-token", "unexpected `abstract`", name, "expected a name")
+        self.place = self.span(name)
+        following = self.parsed.source.text[self.place.end :].split(maxsplit=1)
+        if self.place.text == "abstract" and following[:1] == ["class"]:
+            self.error("unexpected-token", "unexpected `abstract`", name, "expected a name")
         return str(name), str(uri[0]) if uri else None
 
     def _enum(self, tree: Tree[Token]) -> EnumType:
@@ -162,8 +148,8 @@ class _Reader:
             str(name),
             tuple(str(literal) for literal in literals),
             doc=self.parsed.doc(tree),
-            span=self._span(name),
-            places=tuple((f"literal {i}", self._span(literal)) for i, literal in enumerate(literals)),
+            span=self.span(name),
+            places=tuple((f"literal {i}", self.span(literal)) for i, literal in enumerate(literals)),
         )
 
     def _class(self, tree: Tree[Token]) -> Class:
@@ -181,8 +167,8 @@ class _Reader:
             frozen=marks.frozen,
             doc=self.parsed.doc(tree),
             annotations=annotations,
-            span=self._span(name),
-            places=(*((f"extends {token}", self._span(token)) for token in above), *marks.places),
+            span=self.span(name),
+            places=(*((f"extends {token}", self.span(token)) for token in above), *marks.places),
         )
 
     # --- features ---
@@ -199,23 +185,22 @@ class _Reader:
         type_token, name = tokens(tree.children, "NAME")
         annotations = self._annotations(tree, _ATTRIBUTE_ANNOTATIONS)
         multiplicity = trees(tree.children, "multiplicity")
-        bounds = self.parsed.span(multiplicity[0]).text if multiplicity else ""
+        bounds = self.span(multiplicity[0]).text if multiplicity else ""
         type_ = self._type(type_token, bounds, name)
         if type_ is None:
             self.lost.add(str(name))
             return None
         lower, upper = self._bounds(multiplicity[0]) if multiplicity else (1, 1)
         defaults = [part for part in trees(tree.children) if part.data not in ("annotation", "multiplicity")]
-        places = [("type", self._span(type_token))]
-        places.extend(("multiplicity", self.parsed.span(part)) for part in multiplicity)
+        places = [("type", self.span(type_token))]
+        places.extend(("multiplicity", self.span(part)) for part in multiplicity)
         single = next((one for one in annotations if one.name == "nonunique" and upper == 1), None)
         if single is not None:
             message = f"`@nonunique` is for many values, and `{name}` has one at most"
-            warning = Diagnostic("unknown-annotation", message, single.span, "leave it out", Severity.WARNING)
-            self.diagnostics.append(warning)
+            self.add(Diagnostic("unknown-annotation", message, single.span, "leave it out", Severity.WARNING))
         value = None
         if defaults:
-            places.append(("default", self.parsed.span(defaults[0])))
+            places.append(("default", self.span(defaults[0])))
             value = self._default(defaults[0], type_, str(name))
         return Attribute(
             str(name),
@@ -223,7 +208,7 @@ class _Reader:
             value,
             doc=self.parsed.doc(tree),
             annotations=annotations,
-            span=self._span(name),
+            span=self.span(name),
             places=tuple(places),
             lower=lower,
             upper=upper,
@@ -240,12 +225,12 @@ class _Reader:
         if token in self._class_names:
             rest = f"{token}{bounds} {name}"
             hint = f"write `refers {rest}` or `contains {rest}`"
-            self._error("wrong-type", f"`{token}` is a class, not a data type", token, hint)
+            self.error("wrong-type", f"`{token}` is a class, not a data type", token, hint)
             return None
         known = [*Scalar, *self._enums, "contains", "refers"]
         turned = f"the type stands first: `{name}{bounds} {token}`" if name in known else None
         advice = turned or data_type_hint(token) or name_hint(token, known)
-        self._error("unknown-type", f"unknown type `{token}`", token, advice)
+        self.error("unknown-type", f"unknown type `{token}`", token, advice)
         return None
 
     def _default(self, tree: Tree[Token], type_: AttributeType, name: str) -> Value | None:
@@ -272,7 +257,7 @@ class _Reader:
             return None
         if enum and enum[0] != type_.name:
             hint = f"write `{type_.name}::` or `::`"
-            self._error(
+            self.error(
                 "wrong-type",
                 f"`{name}` is {with_article(type_.name)}, not {with_article(enum[0])}",
                 enum[0],
@@ -283,16 +268,16 @@ class _Reader:
 
     def _wrong_default(self, tree: Tree[Token], type_: AttributeType, name: str, hint: str | None) -> None:
         hint = hint or "write a value of that type, or no default"
-        self._error("wrong-type", f"default of `{name}` is not of type `{type_name(type_)}`", tree, hint)
+        self.error("wrong-type", f"default of `{name}` is not of type `{type_name(type_)}`", tree, hint)
 
     def _reference(self, tree: Tree[Token]) -> Reference:
         annotations = self._annotations(tree, _REFERENCE_ANNOTATIONS)
         target, name, *opposite = tokens(tree.children, "NAME")
         multiplicity = trees(tree.children, "multiplicity")
         lower, upper = self._bounds(multiplicity[0]) if multiplicity else (1, 1)
-        places = [("target", self._span(target))]
-        places.extend(("multiplicity", self.parsed.span(part)) for part in multiplicity)
-        places.extend(("opposite", self._span(part)) for part in opposite)
+        places = [("target", self.span(target))]
+        places.extend(("multiplicity", self.span(part)) for part in multiplicity)
+        places.extend(("opposite", self.span(part)) for part in opposite)
         return Reference(
             str(name),
             str(target),
@@ -302,7 +287,7 @@ class _Reader:
             opposite=str(opposite[0]) if opposite else None,
             doc=self.parsed.doc(tree),
             annotations=annotations,
-            span=self._span(name),
+            span=self.span(name),
             places=tuple(places),
         )
 
@@ -313,7 +298,7 @@ class _Reader:
             return 0, None
         first, last = bounds[0], bounds[-1]
         if first is None and len(bounds) == 2:
-            self._error(
+            self.error(
                 "bad-multiplicity", "the lower bound is a number", tree, "write `[*]`, `[1..*]` or `[0..3]`"
             )
             return 0, None
@@ -335,7 +320,7 @@ class _Reader:
         seen: dict[str, Span | None] = {}
         for part, annotation in zip(trees(tree.children, "annotation"), annotations, strict=True):
             if annotation.name in seen:
-                self._error(
+                self.error(
                     "duplicate-annotation",
                     f"`@{annotation.name}` stands here twice",
                     part,
@@ -354,24 +339,16 @@ class _Reader:
                 name = tokens(part.children)[0]
                 place = _PLACES.get(annotation.name)
                 message = f"`@{name}` is for {place}" if place else f"unknown annotation `@{name}`"
-                self.diagnostics.append(
-                    Diagnostic(
-                        "unknown-annotation",
-                        message,
-                        self._span(name),
-                        name_hint(name, known),
-                        severity=Severity.WARNING,
-                    )
-                )
+                self.warn("unknown-annotation", message, name, name_hint(name, known))
         return found
 
     def _key(self, tree: Tree[Token], annotation: Annotation, marks: Marks) -> None:
         names = self._plain_names(tree)
         if names is None or not names:
-            self._error("bad-annotation", "`@key` takes the names of attributes", tree, "write `@key(y, x)`")
+            self.error("bad-annotation", "`@key` takes the names of attributes", tree, "write `@key(y, x)`")
             return
         marks.key = tuple(str(name) for name in names)
-        marks.places = (*marks.places, *((f"key {name}", self._span(name)) for name in names))
+        marks.places = (*marks.places, *((f"key {name}", self.span(name)) for name in names))
 
     def _plain_names(self, tree: Tree[Token]) -> list[Token] | None:
         """The arguments of an annotation if they all are bare names."""
@@ -390,28 +367,13 @@ class _Reader:
             return
         if annotation.named or len(strings) != len(arguments) or not 1 <= len(strings) <= 2:
             hint = 'write `@glyph("B", "#e8590c")`'
-            self._error("bad-annotation", "`@glyph` takes a letter and a colour, both in quotes", tree, hint)
+            self.error("bad-annotation", "`@glyph` takes a letter and a colour, both in quotes", tree, hint)
             return
         marks.glyph = Glyph(*(str(string) for string in strings))
-        places = zip(("letter", "colour"), (self._span(string) for string in strings), strict=False)
+        places = zip(("letter", "colour"), (self.span(string) for string in strings), strict=False)
         marks.places = (*marks.places, *places)
 
     def _frozen(self, tree: Tree[Token], annotation: Annotation, marks: Marks) -> None:
         marks.frozen = True
         if annotation.arguments or annotation.named:
-            self._error("bad-annotation", "`@frozen` takes no arguments", tree, "write `@frozen`")
-
-    # --- messages ---
-
-    def _span(self, token: Token) -> Span:
-        return self.parsed.span(token)
-
-    def _error(
-        self,
-        code: str,
-        message: str,
-        where: Tree[Token] | Token,
-        hint: str | None = None,
-        notes: tuple[Note, ...] = (),
-    ) -> None:
-        self.diagnostics.append(Diagnostic(code, message, self.parsed.span(where), hint, notes=notes))
+            self.error("bad-annotation", "`@frozen` takes no arguments", tree, "write `@frozen`")

@@ -189,9 +189,9 @@ class _Reader:
             hint = name_hint(cls, metamodel.classes)
             if metamodel.named(cls):
                 hint = "several packages have one of this name: their objects can be in `.xmi` and JSON files"
-            self.reports.report("unknown-class", f"unknown class `{cls}`", span, hint)
+            self.reports.error("unknown-class", f"unknown class `{cls}`", span, hint)
             return False
-        return is_concrete(metamodel, cls, cls, self.reports.report, span)
+        return is_concrete(metamodel, cls, cls, self.reports.error, span)
 
     def _free(self, name: Token) -> bool:
         if str(name) not in self._names:
@@ -352,10 +352,10 @@ class _Reader:
             if not self._fits(target, reference, where):
                 continue
             if target in seen:
-                self.reports.report(
+                self.reports.error(
                     "duplicate-target", f"`{reference.name}` has this object already", where, "leave it out"
                 )
-            elif not has_room(reference, kept, self.reports.report, where):
+            elif not has_room(reference, kept, self.reports.error, where):
                 return
             else:
                 self._link(task.node, reference, target, where)
@@ -434,13 +434,13 @@ class _Reader:
         if self.metamodel.is_a(cls, reference.target):
             return True
         message = f"`{reference}` takes {_of_class(reference)}, not {with_article(cls)}"
-        self.reports.report("wrong-type", message, where, f"name an object of class `{reference.target}`")
+        self.reports.error("wrong-type", message, where, f"name an object of class `{reference.target}`")
         return False
 
     def _link(self, node: int, reference: Reference, target: int, where: Span) -> None:
         known = self._model.has_link(node, reference, target)
         if not known and not self._contained_elsewhere(reference, target, where):
-            add_link(self._model, node, reference, target, self.reports.report, where)
+            add_link(self._model, node, reference, target, self.reports.error, where)
 
     def _contained_elsewhere(self, reference: Reference, target: int, where: Span) -> bool:
         """Return whether an object has a container already: the model would move it, a file says two things at once."""
@@ -450,7 +450,7 @@ class _Reader:
         holder = self._model.describe(container[0])
         notes = (Note("the container is here", self.spans[container[0]]),)
         message = f"the object is contained in {holder} already, by `{container[1].name}`"
-        self.reports.report("two-containers", message, where, "an object has one container at most", notes)
+        self.reports.error("two-containers", message, where, "an object has one container at most", notes)
         return True
 
 

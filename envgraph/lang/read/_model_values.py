@@ -7,9 +7,10 @@ from dataclasses import field
 from lark import Token, Tree
 
 from envgraph.code import dataclass
-from envgraph.errors import Diagnostic, Note, Span, did_you_mean, with_article
+from envgraph.errors import Diagnostic, did_you_mean, with_article
 from envgraph.lang.read._features import allowed_values, unknown_literal
-from envgraph.lang.syntax._parsing import Parsed, signed, tokens, trees
+from envgraph.lang.read._reading import Reading
+from envgraph.lang.syntax._parsing import signed, tokens, trees
 from envgraph.metamodel import Attribute, EnumType, Scalar, Value, accepts, type_name
 from envgraph.pattern import value_hint
 
@@ -17,32 +18,16 @@ NO_VALUE = "write `none`, or leave the feature out"
 
 
 @dataclass(slots=True)
-class Reports:
-    """What is wrong with one model."""
+class Reports(Reading):
+    """One model, of which each mistake is reported once at each place.
 
-    parsed: Parsed
-    diagnostics: list[Diagnostic] = field(default_factory=list)
+    A line of a legend or the head of a table stands for many objects.
+    """
+
     _reported: set[tuple[str, int, int]] = field(default_factory=set)
 
-    def error(
-        self,
-        code: str,
-        message: str,
-        where: Tree[Token] | Token,
-        hint: str | None = None,
-        notes: tuple[Note, ...] = (),
-    ) -> None:
-        """Report an error at a place of the tree."""
-        self.report(code, message, self.parsed.span(where), hint, notes)
-
-    def report(
-        self, code: str, message: str, span: Span, hint: str | None = None, notes: tuple[Note, ...] = ()
-    ) -> None:
-        """Report an error."""
-        self.add(Diagnostic(code, message, span, hint, notes=notes))
-
     def add(self, diagnostic: Diagnostic) -> None:
-        """Once for each place: a line of a legend or the head of a table stands for many objects."""
+        """See above."""
         span = diagnostic.span
         assert span is not None
         if (diagnostic.code, span.start, span.end) not in self._reported:
@@ -53,11 +38,11 @@ class Reports:
 def values_of(tree: Tree[Token], attribute: Attribute, reports: Reports) -> list[Value]:
     """Values of an attribute with many; what is wrong is reported and left out."""
     found = (
-        (value, reports.parsed.span(item))
+        (value, reports.span(item))
         for item in (trees(tree.children) if tree.data == "list" else [tree])
         if (value := value_of(item, attribute, reports)) is not None
     )
-    return allowed_values(attribute, found, reports.report, mark="`@nonunique` on the attribute")
+    return allowed_values(attribute, found, reports.error, mark="`@nonunique` on the attribute")
 
 
 def value_of(tree: Tree[Token], attribute: Attribute, reports: Reports) -> Value | None:
@@ -101,7 +86,7 @@ def _literal(tree: Tree[Token], attribute: Attribute, reports: Reports) -> Value
             hint,
         )
     elif literal not in type_.literals:
-        unknown_literal(type_, literal, type_.literals, reports.report, reports.parsed.span(literal))
+        unknown_literal(type_, literal, type_.literals, reports.error, reports.span(literal))
     else:
         return str(literal)
     return None

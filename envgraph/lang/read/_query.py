@@ -8,10 +8,9 @@ from dataclasses import replace
 from lark import Token, Tree
 
 from envgraph.errors import Span
-from envgraph.lang.read._expressions import Reading, type_of, type_span_of
 from envgraph.lang.read._query_conditions import conditions_of, java_type_of
 from envgraph.lang.read._query_header import DefinitionsFile, name_of, read_definitions
-from envgraph.lang.read._type_names import TypeNames
+from envgraph.lang.read._reading import Reading, TypeNames, type_of, type_span_of
 from envgraph.lang.syntax._parsing import Parsed, annotation_of, tokens, trees
 from envgraph.metamodel import SUPPRESS
 from envgraph.pattern import Body, FunctionDeclaration, Parameter, Pattern, Strategy

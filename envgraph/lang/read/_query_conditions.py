@@ -9,16 +9,14 @@ from lark import Token, Tree
 
 from envgraph.errors import did_you_mean
 from envgraph.lang.read._expressions import (
-    Reading,
     constant_of,
     dotted_literal,
     expression_of,
     literal_of,
-    type_of,
-    type_span_of,
     variable_of,
 )
 from envgraph.lang.read._java import JAVA_TYPES
+from envgraph.lang.read._reading import Reading, type_of, type_span_of
 from envgraph.lang.syntax._parsing import qualified_name_of, tokens, trees
 from envgraph.pattern import (
     Aggregate,

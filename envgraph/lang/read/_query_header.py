@@ -11,9 +11,8 @@ from lark import Token, Tree
 from envgraph.code import dataclass
 from envgraph.errors import Diagnostic, Span
 from envgraph.lang.read._ecore_types import library_types
-from envgraph.lang.read._expressions import Reading
 from envgraph.lang.read._imports import Import
-from envgraph.lang.read._type_names import TypeNames
+from envgraph.lang.read._reading import Reading, TypeNames
 from envgraph.lang.syntax._parsing import Parsed, qualified_name_of, tokens, trees
 from envgraph.metamodel import type_name
 

@@ -6,13 +6,12 @@ from typing import Literal, cast
 
 from lark import Token, Tree
 
-from envgraph.lang.read._expressions import Reading, type_of, type_span_of
 from envgraph.lang.read._query import parameters_of
 from envgraph.lang.read._query_header import DefinitionsFile, name_of, read_definitions
+from envgraph.lang.read._reading import Reading, TypeNames, type_of, type_span_of
 from envgraph.lang.read._rules_annotations import marks_of
 from envgraph.lang.read._rules_graph import left_side_of, modification_of, right_side_of
 from envgraph.lang.read._rules_units import block_of
-from envgraph.lang.read._type_names import TypeNames
 from envgraph.lang.syntax._parsing import Parsed, tokens, trees
 from envgraph.pattern import (
     Block,

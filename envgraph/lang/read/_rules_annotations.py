@@ -9,7 +9,7 @@ from lark import Token, Tree
 
 from envgraph.code import dataclass
 from envgraph.errors import Span, did_you_mean
-from envgraph.lang.read._expressions import Reading
+from envgraph.lang.read._reading import Reading
 from envgraph.lang.syntax._parsing import annotation_of, signed, tokens, trees
 from envgraph.metamodel import Annotation
 

@@ -9,8 +9,9 @@ from typing import Literal, cast
 from lark import Token, Tree
 
 from envgraph.code import dataclass
-from envgraph.lang.read._expressions import Reading, type_of, type_span_of, value_of, variable_of
+from envgraph.lang.read._expressions import value_of, variable_of
 from envgraph.lang.read._query_conditions import closure_of, conditions_of
+from envgraph.lang.read._reading import Reading, type_of, type_span_of
 from envgraph.lang.syntax._parsing import tokens, trees
 from envgraph.pattern import (
     Action,

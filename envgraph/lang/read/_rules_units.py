@@ -6,8 +6,9 @@ from collections.abc import Callable, Mapping
 
 from lark import Token, Tree
 
-from envgraph.lang.read._expressions import Reading, expression_of, expressions_of
+from envgraph.lang.read._expressions import expression_of, expressions_of
 from envgraph.lang.read._query_conditions import condition_of, term_of
+from envgraph.lang.read._reading import Reading
 from envgraph.lang.syntax._parsing import qualified_name_of, tokens, trees
 from envgraph.pattern import (
     Alap,

@@ -8,8 +8,8 @@ from dataclasses import fields, replace
 from envgraph.errors import Diagnostic, InvalidArgument, LoadError, Severity, Source
 from envgraph.lang.format._format import format_text
 from envgraph.lang.read._query import read_query
+from envgraph.lang.read._reading import TypeNames
 from envgraph.lang.read._rules import read_rules
-from envgraph.lang.read._type_names import TypeNames
 from envgraph.lang.syntax._grammar import Grammar, grammar
 from envgraph.lang.syntax._lexer import END
 from envgraph.lang.syntax._parsing import parse
