@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from envgraph.errors import Diagnostic, LoadError, Source, Span, sort_diagnostics
 from envgraph.graph import JsonPath, Model, json_place, model_from_json
-from envgraph.lang.read._model import ModelText
+from envgraph.lang.read._model import ModelFile, ModelText
 from envgraph.metamodel import LARGEST_INT, Metamodel
 
 if TYPE_CHECKING:
@@ -61,18 +61,18 @@ def parse_json(source: Source) -> tuple[object, dict[JsonPath, Span]]:
     return _decoded(source), dict(locate(source))
 
 
-def read_json_model(source: Source, metamodel: Metamodel | None) -> tuple[ModelText, tuple[Diagnostic, ...]]:
+def read_json_model(source: Source, metamodel: Metamodel | None) -> ModelFile:
     """The model of a JSON text, and all that is wrong with it; without a metamodel only whether it is JSON."""
     start = source.span(0, 0)
     name = posixpath.basename(source.name).rpartition(".")[0] or source.name
     try:
         if metamodel is None:
             _decoded(source)
-            return ModelText(name, start, "", None, {}), ()
+            return ModelFile((ModelText(name, start, "", None, {}),), ())
         model = parse_model(source, metamodel)
     except LoadError as error:
-        return ModelText(name, start, "", None, {}), tuple(error.diagnostics)
-    return ModelText(model.name, start, metamodel.name, model, _Places(source)), ()
+        return ModelFile((ModelText(name, start, "", None, {}),), error.diagnostics)
+    return ModelFile((ModelText(model.name, start, metamodel.name, model, _Places(source)),), ())
 
 
 class _Places(Mapping[int, Span]):

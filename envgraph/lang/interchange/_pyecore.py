@@ -90,10 +90,11 @@ def model_from_pyecore(*roots: Any, metamodel: Metamodel) -> Model:
     if not roots:
         raise InvalidArgument("a model is made from one object at least")
     found = read_xmi(Source("model.xmi", _written(list(roots))), metamodel)
-    if found.text.model is None:
+    model = found.models[0].model
+    if model is None:
         raise LoadError(sort_diagnostics(found.diagnostics))
     _tell(one for one in found.diagnostics if one.code == "values-left-out")
-    return found.text.model
+    return model
 
 
 def model_to_pyecore(model: Model, package: Any = None) -> list[Any]:

@@ -12,32 +12,18 @@ from __future__ import annotations
 import posixpath
 from urllib.parse import unquote
 
-from envgraph.code import dataclass
-from envgraph.errors import Diagnostic, LoadError, Source, has_errors, sort_diagnostics
+from envgraph.errors import LoadError, Source, has_errors, sort_diagnostics
 from envgraph.graph import Model
 from envgraph.lang.interchange._xmi_document import Document, Fetch, Reading, Spans
 from envgraph.lang.interchange._xmi_links import Linker
 from envgraph.lang.interchange._xmi_tags import TagReader
-from envgraph.lang.read._model import ModelText
+from envgraph.lang.read._model import ModelFile, ModelText
 from envgraph.lang.syntax._once import once_for_each_name
 from envgraph.lang.syntax._xml import XSI, Handlers, Reader, Stop, XmlPlaces, namespaces
 from envgraph.metamodel import Metamodel
 
 _HEAD = 100_000
 """The first tag of a file ends before this character."""
-
-
-@dataclass(frozen=True, slots=True)
-class XmiFile:
-    """What an `.xmi` file says, with the files that it refers to.
-
-    Attributes:
-        documents: the names of all files that were read.
-    """
-
-    text: ModelText
-    documents: tuple[str, ...]
-    diagnostics: tuple[Diagnostic, ...]
 
 
 def read_xmi(
@@ -47,7 +33,7 @@ def read_xmi(
     fetch: Fetch | None = None,
     *,
     allow_unresolved: bool = False,
-) -> XmiFile:
+) -> ModelFile:
     """The model of an `.xmi` file, and all that is wrong with it.
 
     Args:
@@ -75,7 +61,7 @@ def read_xmi(
         reading.model if complete else None,
         Spans(reading),
     )
-    return XmiFile(text, tuple(reading.documents), tuple(reading.diagnostics))
+    return ModelFile((text,), tuple(reading.diagnostics), tuple(reading.documents))
 
 
 def parse_xmi(source: Source, metamodel: Metamodel, *, allow_unresolved: bool = False) -> Model:
@@ -90,9 +76,10 @@ def parse_xmi(source: Source, metamodel: Metamodel, *, allow_unresolved: bool = 
         LoadError: all that is wrong with it.
     """
     found = read_xmi(source, metamodel, allow_unresolved=allow_unresolved)
-    if found.text.model is None:
+    model = found.models[0].model
+    if model is None:
         raise LoadError(once_for_each_name(sort_diagnostics(found.diagnostics)))
-    return found.text.model
+    return model
 
 
 def _read_all(first: Document) -> None:

@@ -6,12 +6,13 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import field, replace
 
 from envgraph.code import dataclass
-from envgraph.errors import Diagnostic, Severity, did_you_mean
+from envgraph.errors import Diagnostic, Severity, Source, did_you_mean
 from envgraph.lang.read._ecore_types import library_types
 from envgraph.lang.read._imports import Import
 from envgraph.lang.read._query_header import PatternImport
 from envgraph.lang.syntax._data import bundled_domains
 from envgraph.lang.syntax._formats import suffix_of
+from envgraph.lang.syntax._parsing import Parsed
 from envgraph.metamodel import Metamodel, simple_name
 from envgraph.pattern import Pattern, UnknownNames
 
@@ -29,10 +30,13 @@ NAME_IT = "name its file too, for example with `--metamodel`, or import the path
 
 
 @dataclass(slots=True)
-class ImportedFile:
-    """What is known about a file, to tell which of its imports are of use.
+class LoadedFile:
+    """What is known about a file.
 
     Attributes:
+        format: "" where that, or what the file says, is not known.
+        source: None where it cannot be read, or is not read from a file.
+        parsed: what it says, in one of our languages.
         imports: of files, with the names of these; None for an import that none of the files is.
         patterns: that it imports by name.
         mentioned: the names that stand in a file of queries; None for others, which may import what runs by itself.
@@ -40,6 +44,9 @@ class ImportedFile:
         metamodel: whether it is one.
     """
 
+    format: str = ""
+    source: Source | None = None
+    parsed: Parsed | None = None
     imports: list[tuple[Import, str | None]] = field(default_factory=list)
     patterns: Sequence[PatternImport] = ()
     mentioned: frozenset[str] | None = None
@@ -80,7 +87,7 @@ def names_of(metamodel: Metamodel, calls: Collection[str] | None = None) -> set[
 
 
 def imported_patterns(
-    file: ImportedFile, patterns: Mapping[str, Pattern], name: str, unknown: UnknownNames
+    file: LoadedFile, patterns: Mapping[str, Pattern], name: str, unknown: UnknownNames
 ) -> Iterator[Diagnostic]:
     """Patterns that a file, of this name, imports, and that none of the files has or shows.
 
@@ -107,7 +114,7 @@ def imported_patterns(
             yield Diagnostic("private-pattern", message, one.span, hint, subject=(one.name,))
 
 
-def unused_files(files: Mapping[str, ImportedFile]) -> Iterator[Diagnostic]:
+def unused_files(files: Mapping[str, LoadedFile]) -> Iterator[Diagnostic]:
     """Warns of files that are imported where nothing of them, or of what they import, is mentioned."""
     for name, file in files.items():
         if file.mentioned is None or not file.defined:
@@ -132,9 +139,7 @@ def _unused(import_: Import, message: str) -> Diagnostic:
     return Diagnostic("unused-import", message, import_.span, "leave the import out", Severity.WARNING)
 
 
-def _useful(
-    files: Mapping[str, ImportedFile], name: str, target: str, imported: Iterable[str | None]
-) -> bool:
+def _useful(files: Mapping[str, LoadedFile], name: str, target: str, imported: Iterable[str | None]) -> bool:
     """Return whether a file mentions what another defines, or knows something from it that no other import tells."""
     mentioned = files[name].mentioned or frozenset()
     if mentioned & files[target].defined:
@@ -147,7 +152,7 @@ def _useful(
     )
 
 
-def _reached(files: Mapping[str, ImportedFile], starts: Iterable[str | None], without: str) -> Iterator[str]:
+def _reached(files: Mapping[str, LoadedFile], starts: Iterable[str | None], without: str) -> Iterator[str]:
     """Files and all that they import, but not one of them."""
     seen = {without}
     waiting = list(starts)

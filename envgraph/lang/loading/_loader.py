@@ -24,7 +24,7 @@ from envgraph.lang.loading._family_check import check_family
 from envgraph.lang.loading._import_check import (
     LANGUAGE_OF,
     NAME_IT,
-    ImportedFile,
+    LoadedFile,
     at_import,
     imported_patterns,
     is_path,
@@ -45,7 +45,6 @@ from envgraph.lang.syntax._data import bundled_domains, data_path
 from envgraph.lang.syntax._files import DiskFiles, Files, file_format, in_directory, read_source
 from envgraph.lang.syntax._formats import FORMATS, suffix_of
 from envgraph.lang.syntax._grammar import grammar
-from envgraph.lang.syntax._lexer import Lexeme
 from envgraph.lang.syntax._once import once_for_each_name
 from envgraph.lang.syntax._parsing import Parsed, parse_tokens
 from envgraph.lang.syntax._xml import as_utf8
@@ -86,12 +85,9 @@ class Loader:
     overrides: Sequence[str] = ()
     diagnostics: list[Diagnostic] = field(default_factory=list)
     roots: list[str] = field(default_factory=list)
-    order: dict[str, int] = field(default_factory=dict)
-    sources: dict[str, str] = field(default_factory=dict)
+    read: dict[str, LoadedFile] = field(default_factory=dict)
+    """All files in the order of reading, those that cannot be read among them."""
     lost: set[str] = field(default_factory=set)
-    texts: list[tuple[str, Parsed, Sequence[Lexeme]]] = field(default_factory=list)
-    """Files with definitions, which are read when it is known what the names in them mean."""
-    models: list[Parsed | Source] = field(default_factory=list)
     definitions: list[Any] = field(default_factory=list)
     """Patterns, functions, rules, units, derivations, and behaviours."""
     families: list[FamilySpec] = field(default_factory=list)
@@ -101,8 +97,6 @@ class Loader:
     """Imports that may be the uri or the name of a metamodel, with the file that has them."""
     schemas: list[str] = field(default_factory=list)
     """Metamodels that models mention, in case that there is no other."""
-    xml: dict[str, Source] = field(default_factory=dict)
-    read: dict[str, ImportedFile] = field(default_factory=dict)
     incomplete: bool = False
     """Whether a file is missing: then names that it may define are not reported as unknown."""
 
@@ -121,7 +115,7 @@ class Loader:
         families = (in_directory(directory, file) for file in (FAMILY_FILE, PROBLEM_FILE))
         found += [family for family in families if family in known]
         if not found:
-            self.order.setdefault(directory, len(self.order))
+            self.read.setdefault(directory, LoadedFile())
             place = Source(directory, "").span(0, 0)
             message = "the directory holds no file of any of the languages"
             self.diagnostics.append(Diagnostic("missing-file", message, place, _extensions()))
@@ -139,33 +133,32 @@ class Loader:
         most = limit(_MOST_FILES)
         while waiting:
             name, asked = waiting.pop()
-            if name not in self.order:
-                if len(self.order) == most:
+            if name not in self.read:
+                if len(self.read) == most:
                     span = asked.span if asked else Source(name, "").span(0, 0)
                     message = f"this is one more than {most} files that are read together"
                     self.diagnostics.append(Diagnostic("too-many-files", message, span, RAISE_LIMIT))
                     self.incomplete = True
                     return
-                self.order[name] = len(self.order)
+                self.read[name] = LoadedFile()
                 waiting.extend(reversed(self._read_one(name, asked)))
 
     def _read_one(self, name: str, asked: Import | None) -> list[tuple[str, Import | None]]:
         """Reads one file and returns the names of what it imports."""
-        format = file_format(self.files, name)
+        file, format = self.read[name], file_format(self.files, name)
         try:
             if format == "toml" and asked is None:
                 return self._family(name)
             if format not in LANGUAGE_OF and self.files.exists(name):
                 self._no_language(name, format, asked)
-            source = read_source(self.files, name)
+            file.source = read_source(self.files, name)
         except LoadError as error:
             self.diagnostics.extend(at_import(one, asked, name) for one in error.diagnostics)
             self.incomplete = True
             return []
         assert format is not None
-        self.sources[name] = as_utf8(source.text) if format in ("ecore", "xmi") else source.text
-        file = self.read[name] = ImportedFile()
-        imports = self._take(format, source, asked)
+        file.format = format
+        imports = self._take(file, file.source, asked)
         self.named.extend((one, name) for one in imports if not is_path(one.path))
         found = [(one, self.files.name(one.path, beside=name)) for one in imports if is_path(one.path)]
         if format == "ecore":
@@ -193,46 +186,41 @@ class Loader:
         message = f"`{name.rpartition('/')[2]}` is {what} of none of the languages"
         raise LoadError([Diagnostic("unknown-language", message, span, hint or _extensions())])
 
-    def _take(self, format: str, source: Source, asked: Import | None) -> Sequence[Import]:
+    def _take(self, file: LoadedFile, source: Source, asked: Import | None) -> Sequence[Import]:
         """Keeps what a file says, and returns its imports."""
-        if format == "ecore":
+        if file.format == "ecore":
             from envgraph.lang.interchange._ecore_document import EcoreDocument
 
             self.metamodels.ecore[source.name] = EcoreDocument(source), asked
-            return ()
-        if format == "json":
-            self.models.append(source)
-            return ()
-        if format == "xmi":
-            self.models.append(source)
-            self.xml[source.name] = source
+        elif file.format == "xmi":
             from envgraph.lang.interchange._xmi import schema_paths
 
             self.schemas += [self.files.name(path, source.name) for path in schema_paths(source)]
-            return ()
-        return self._take_text(LANGUAGE_OF[format], source, asked)
+        elif file.format != "json":
+            return self._take_text(file, source, asked)
+        return ()
 
-    def _take_text(self, language: str, source: Source, asked: Import | None) -> Sequence[Import]:
+    def _take_text(self, file: LoadedFile, source: Source, asked: Import | None) -> Sequence[Import]:
+        language = LANGUAGE_OF[file.format]
         parsed, lexemes = parse_tokens(grammar(language), source)
         self.lost |= parsed.lost
         self.incomplete |= any(one.code == "other-language" for one in parsed.diagnostics)
         suppressions, problems = suppressions_of(parsed)
         self.suppressions += suppressions
         self.diagnostics += problems
-        match language:
-            case "metamodel":
-                self.metamodels.files[parsed.source.name] = read_metamodel(parsed), asked
-                return ()
-            case "model":
-                self.models.append(parsed)
-                return imports_of(parsed)
-        self.texts.append((language, parsed, lexemes))
+        if language == "metamodel":
+            self.metamodels.files[source.name] = read_metamodel(parsed), asked
+            return ()
+        file.parsed = parsed
+        if language == "model":
+            return imports_of(parsed)
+        if language == "query":
+            file.mentioned = frozenset(one.value for one in lexemes if one.kind == "NAME")
         return header_of(Reading(parsed)).imports
 
-    def _read_definitions(self, metamodel: Metamodel | None) -> None:
-        """Reads the files with definitions."""
-        for language, parsed, lexemes in self.texts:
-            self._define(language, parsed, lexemes, self._types(parsed.source.name, metamodel))
+    def _of(self, *languages: str) -> list[tuple[str, LoadedFile]]:
+        """The files of some languages that could be read, by name."""
+        return [(name, one) for name, one in self.read.items() if LANGUAGE_OF.get(one.format) in languages]
 
     def _types(self, name: str, metamodel: Metamodel | None) -> TypeNames | None:
         """Return what the names of types mean in a file."""
@@ -251,35 +239,30 @@ class Loader:
                 aliases[import_.alias] = paths or tuple(one.path for one in metamodel.packages)
         return TypeNames(metamodel, aliases, tuple(imported))
 
-    def _define(
-        self, language: str, parsed: Parsed, lexemes: Sequence[Lexeme], types: TypeNames | None
-    ) -> None:
+    def _define(self, file: LoadedFile, parsed: Parsed, types: TypeNames | None) -> None:
         """Keeps the definitions of a file."""
-        file: DefinitionsFile[Any]
-        match language:
+        found: DefinitionsFile[Any]
+        match LANGUAGE_OF[file.format]:
             case "query":
-                file = read_query(parsed, types)
+                found = read_query(parsed, types)
             case "rules":
                 from envgraph.lang.read._rules import read_rules
 
-                file = read_rules(parsed, types)
+                found = read_rules(parsed, types)
             case _:
                 from envgraph.lang.read._environment import read_environment
 
-                file = read_environment(parsed, types)
-        self.definitions += file.definitions
-        self._note(file.diagnostics, file.lost)
-        known = self.read[parsed.source.name]
-        known.patterns, known.defined = file.header.patterns, {one.name for one in file.definitions}
-        if language == "query":
-            known.mentioned = frozenset(one.value for one in lexemes if one.kind == "NAME")
+                found = read_environment(parsed, types)
+        self.definitions += found.definitions
+        self._note(found.diagnostics, found.lost)
+        file.patterns, file.defined = found.header.patterns, {one.name for one in found.definitions}
 
     def _note(self, diagnostics: Iterable[Diagnostic], lost: frozenset[str]) -> None:
         self.diagnostics.extend(diagnostics)
         self.lost |= lost
 
     def _family(self, name: str) -> list[tuple[str, Import | None]]:
-        self.sources[name] = read_source(self.files, name).text
+        self.read[name].source = read_source(self.files, name)
         found = read_family(name, self.files, self.overrides)
         spec = found.spec
         self.diagnostics.extend(found.diagnostics)
@@ -297,7 +280,9 @@ class Loader:
         self._resolve_names()
         metamodel = self._metamodel()
         clear = not self.metamodels.others()  # else nobody knows which of them the names are of
-        self._read_definitions(metamodel if clear else None)
+        for name, file in self._of("query", "rules", "environment"):
+            if file.parsed is not None:
+                self._define(file, file.parsed, self._types(name, metamodel if clear else None))
         lost = frozenset(self.lost)
         unknown = UnknownNames(lost, self.incomplete)
         imports = self._wrong_imports(unknown) if clear else []
@@ -313,7 +298,11 @@ class Loader:
             tuple(self.families),
             functions=self._defined(FunctionDeclaration),
             roots=tuple(dict.fromkeys(self.roots)),
-            sources=self.sources,
+            sources={
+                name: as_utf8(one.source.text) if one.format in ("ecore", "xmi") else one.source.text
+                for name, one in self.read.items()
+                if one.source is not None
+            },
             unknown=unknown | (str(name) for one in imports for name in one.subject),
             unread=frozenset(
                 one.span.source.name
@@ -330,7 +319,8 @@ class Loader:
             checked = check(workspace)
             # The import next to a mistake may be lost with it.
             cut = {_file(one) for one in self.diagnostics if one.span and "import" in one.span.source.text}
-            broken = {_file(one) for one in self.diagnostics} & set(self.xml) | cut
+            xmi = {name for name, one in self.read.items() if one.format == "xmi"}
+            broken = {_file(one) for one in self.diagnostics} & xmi | cut
             self.diagnostics += [
                 one for one in checked if one.code != "no-metamodel" or _file(one) not in broken
             ]
@@ -346,7 +336,7 @@ class Loader:
 
     def _behaviours(self, metamodel: Metamodel | None) -> tuple[Behaviour, ...]:
         """Those of environments, in which it is known what literals are of which enum."""
-        if not any(language == "environment" for language, _, _ in self.texts):
+        if not self._of("environment"):
             return ()
         from envgraph.behaviour import Behaviour
         from envgraph.lang.read._environment import with_enums
@@ -378,7 +368,7 @@ class Loader:
                     self.read[other].defined = names_of(file.metamodel, set(document.calls()))
         given = self.metamodels.given
         if given is not None and not self.metamodels.files:
-            self.read[""] = ImportedFile(defined=names_of(given), metamodel=True)
+            self.read[""] = LoadedFile(defined=names_of(given), metamodel=True)
         return list(unused_files(self.read))
 
     def _conformance(self, models: Iterable[ModelText]) -> list[Diagnostic]:
@@ -391,7 +381,7 @@ class Loader:
         ]
 
     def _metamodel(self) -> Metamodel | None:
-        self.diagnostics += self.metamodels.put_together(self.order)
+        self.diagnostics += self.metamodels.put_together(self._order())
         for file, _ in self.metamodels.files.values():
             self._note(file.diagnostics, file.lost)
         self.diagnostics += self.metamodels.one()
@@ -411,8 +401,7 @@ class Loader:
             from envgraph.lang.interchange._ecore_document import ecore_itself
 
             self.metamodels.ecore[ECORE] = ecore_itself(), None
-            self.order.setdefault(ECORE, len(self.order))
-            self.read[ECORE] = ImportedFile()
+            self.read[ECORE] = LoadedFile()
         while self.named:
             import_, beside = self.named.pop(0)
             known = self.metamodels.names()
@@ -437,44 +426,44 @@ class Loader:
         """The models of all files; an XMI document that another one names is part of that one's model."""
         models: list[ModelText] = []
         parts: set[str] = set()
-        for parsed in self.models:
-            if isinstance(parsed, Parsed):
-                read = read_models(parsed, metamodel)
-                models.extend(read.models)
-                self.diagnostics.extend(read.diagnostics)
-            elif parsed.name not in self.xml:
+        for name, file in self._of("model"):
+            if name in parts or file.source is None:
+                continue
+            if file.parsed is not None:
+                found = read_models(file.parsed, metamodel)
+            elif file.format == "json":
                 from envgraph.lang.interchange._json import read_json_model
 
-                json, problems = read_json_model(parsed, metamodel)
-                models.append(json)
-                self.diagnostics.extend(problems)
-            elif parsed.name not in parts:
+                found = read_json_model(file.source, metamodel)
+            else:
                 from envgraph.lang.interchange._xmi import read_xmi
 
-                document = read_xmi(
-                    parsed, metamodel, lost, self._fetch, allow_unresolved=self.metamodels.allow_unresolved
-                )
-                models.append(document.text)
-                self.diagnostics.extend(document.diagnostics)
-                parts.update(name for name in document.documents if name != parsed.name)
+                unresolved = self.metamodels.allow_unresolved
+                found = read_xmi(file.source, metamodel, lost, self._fetch, allow_unresolved=unresolved)
+            models += found.models
+            self.diagnostics += found.diagnostics
+            parts.update(one for one in found.parts if one != name)
         return [one for one in models if one.span.source.name not in parts]
 
     def _fetch(self, path: str, beside: str) -> Source:
         """Another XMI document."""
-        name = self.files.name(path, beside=beside)
-        if name not in self.xml:
-            self.order.setdefault(name, len(self.order))
-            self.xml[name] = read_source(self.files, name)
-            self.sources[name] = as_utf8(self.xml[name].text)
-        return self.xml[name]
+        file = self.read.setdefault(self.files.name(path, beside=beside), LoadedFile("xmi"))
+        if file.source is None:
+            file.source = read_source(self.files, self.files.name(path, beside=beside))
+        return file.source
+
+    def _order(self) -> dict[str, int]:
+        """The place of each file among all that were read."""
+        return {name: place for place, name in enumerate(self.read)}
 
     def _sorted(self) -> tuple[Diagnostic, ...]:
         """In the order of reading, and each file in the order of its text."""
+        order = self._order()
 
         def key(one: Diagnostic) -> tuple[int, int, int]:
             if one.span is None:
                 return (-1, 0, 0)
-            return (self.order.get(one.span.source.name, -1), one.span.start, one.span.end)
+            return (order.get(one.span.source.name, -1), one.span.start, one.span.end)
 
         found = dict.fromkeys(unsuppressed(self.diagnostics, self.suppressions))
         return tuple(once_for_each_name(sorted(found, key=key)))

@@ -58,10 +58,11 @@ class ModelText:
 
 @dataclass(frozen=True, slots=True)
 class ModelFile:
-    """What a `.model` file says."""
+    """What a file with models says; `parts` are the names of all files that were read for it."""
 
     models: tuple[ModelText, ...]
     diagnostics: tuple[Diagnostic, ...]
+    parts: tuple[str, ...] = ()
 
 
 def imports_of(parsed: Parsed) -> tuple[Import, ...]:
