@@ -43,9 +43,8 @@ if TYPE_CHECKING:
     from envgraph.lang.format._format import format_text, language_of
     from envgraph.lang.interchange._ecore import parse_ecore
     from envgraph.lang.interchange._json import check_json, model_at, parse_json, parse_model
-    from envgraph.lang.interchange._level import Level, LevelCell
     from envgraph.lang.interchange._level_template import LevelTemplate
-    from envgraph.lang.interchange._levels import read_levels
+    from envgraph.lang.interchange._levels import Level, LevelCell, read_levels
     from envgraph.lang.interchange._pyecore import (
         metamodel_from_pyecore,
         metamodel_to_pyecore,
@@ -133,8 +132,7 @@ later(
         "envgraph.lang.interchange._ecore": "parse_ecore",
         "envgraph.lang.interchange._json": "check_json model_at parse_json parse_model",
         "envgraph.lang.interchange._level_template": "LevelTemplate",
-        "envgraph.lang.interchange._level": "Level LevelCell",
-        "envgraph.lang.interchange._levels": "read_levels",
+        "envgraph.lang.interchange._levels": "Level LevelCell read_levels",
         "envgraph.lang.interchange._pyecore": "metamodel_from_pyecore metamodel_to_pyecore "
         "model_from_pyecore model_to_pyecore",
         "envgraph.lang.interchange._trace": "parse_trace",

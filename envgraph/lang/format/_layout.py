@@ -22,8 +22,7 @@ from envgraph.lang.format._document import (
     indented,
     joined,
 )
-from envgraph.lang.format._spacing import spaced
-from envgraph.lang.format._tokens import Gap, Item, Part, Remark, Tokens
+from envgraph.lang.format._tokens import Gap, Item, Part, Remark, Tokens, spaced
 from envgraph.lang.syntax._parsing import level_of
 
 CHAINS: Final = frozenset({"binary", "conditional"})

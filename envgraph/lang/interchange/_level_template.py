@@ -11,7 +11,7 @@ from lark import Token, Tree
 
 from envgraph.code import dataclass
 from envgraph.errors import MOST_ERRORS, Diagnostic, InvalidArgument, LoadError, Source
-from envgraph.lang.interchange._level import BLANK, Level, LevelCell
+from envgraph.lang.interchange._levels import BLANK, Level, LevelCell
 from envgraph.lang.read._grid import grid_letters
 from envgraph.lang.syntax._parsing import parse, tokens, trees
 from envgraph.metamodel import Metamodel

@@ -3,14 +3,39 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 from envgraph.code import dataclass
-from envgraph.errors import Diagnostic, LoadError, Source, Span
-from envgraph.lang.interchange._level import BLANK, Level, LevelCell
-from envgraph.lang.interchange._tiled import read_tiled
+from envgraph.errors import MOST_ERRORS, Diagnostic, LoadError, Source, Span
+from envgraph.graph import JsonPath
+from envgraph.lang.interchange._json import parse_json
 from envgraph.lang.syntax._formats import suffix_of
+from envgraph.lang.syntax._xml import Element, XmlPlaces, read_tree
+
+BLANK = " "
+
+
+@dataclass(frozen=True, slots=True)
+class LevelCell:
+    """A cell: what it may be called, the first name first, and where it is written.
+
+    A letter has one name, an empty floor of Sokoban three; a tile of Tiled has its class, if there is one, and number.
+    """
+
+    names: tuple[str, ...]
+    where: Span
+
+
+@dataclass(frozen=True, slots=True)
+class Level:
+    """A level: its rows from the top, equally long; `title` is "" if it has none, `where` is its first row."""
+
+    title: str
+    where: Span
+    rows: tuple[tuple[LevelCell, ...], ...]
+
 
 FLOORS = (BLANK, "_", "-")
 """Letters for an empty floor in files of Sokoban; where a legend has only some of them, they stand for each other."""
@@ -116,3 +141,141 @@ def _des_levels(source: Source) -> Iterator[Level]:
             inside, rows = True, []
         elif found := _DES.match(word):
             title = found.group(1)
+
+
+_FLIPPED = 0xF000_0000
+"""Bits of a number that say how a tile is turned."""
+_NUMBER = re.compile(r"[^\s,]+")
+_PACKED = "choose `Tile Layer Format: CSV` in the properties of the map"
+_MOST_CELLS = 1_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class _Layer:
+    """Numbers of tiles, row by row, with their places; 0 is no tile."""
+
+    where: Span
+    tiles: Sequence[tuple[str, Span]]
+
+
+@dataclass(frozen=True, slots=True)
+class _Map:
+    width: int
+    height: int
+    where: Span
+    layers: Sequence[_Layer]
+    classes: Mapping[int, str]
+
+
+def read_tiled(source: Source) -> Level:
+    """The level of a map. A cell where no layer has a tile is a blank.
+
+    Raises:
+        LoadError: the file is no map, or has data that is not read.
+    """
+    found = _xml_map(source) if suffix_of(source.name) == "tmx" else _json_map(source)
+    cells = [LevelCell((BLANK,), found.where)] * (found.width * found.height)
+    problems: list[Diagnostic] = []
+    for layer in found.layers:
+        if len(layer.tiles) != len(cells):
+            message = f"the layer has {len(layer.tiles)} tiles, not {found.width} x {found.height}"
+            problems.append(
+                Diagnostic("bad-map", message, layer.where, "width and height are those of the map")
+            )
+            continue
+        for place, (text, where) in enumerate(layer.tiles):
+            if not text.isdecimal():
+                problems.append(Diagnostic("bad-map", f"`{text}` is no number of a tile", where))
+            elif number := int(text) & ~_FLIPPED:
+                names = (found.classes.get(number), str(number))
+                cells[place] = LevelCell(tuple(name for name in names if name), where)
+    if not found.layers:
+        problems.append(Diagnostic("no-level", "the map has no layer of tiles", found.where))
+    if problems:
+        raise LoadError(problems[:MOST_ERRORS])
+    rows = (tuple(cells[at : at + found.width]) for at in range(0, len(cells), found.width))
+    return Level("", found.where, tuple(rows))
+
+
+def _refuse(code: str, message: str, where: Span, hint: str | None = None) -> LoadError:
+    return LoadError([Diagnostic(code, message, where, hint)])
+
+
+def _size(width: object, height: object, where: Span) -> tuple[int, int]:
+    texts = str(width), str(height)
+    if not all(text.isdecimal() and 0 < len(text) < 7 and int(text) for text in texts):
+        raise _refuse("bad-map", "this is no map of Tiled: it has no `width` and `height`", where)
+    if int(texts[0]) * int(texts[1]) > _MOST_CELLS:
+        raise _refuse("bad-map", f"the map has more than {_MOST_CELLS:,} cells", where)
+    return int(texts[0]), int(texts[1])
+
+
+def _xml_map(source: Source) -> _Map:
+    places = XmlPlaces(source)
+    root, problem = read_tree(places)
+    if root is None or problem:
+        raise LoadError([problem] if problem else [])
+    where = places.tag(root.byte)
+    size = root.attributes
+    if root.tag != "map":
+        raise _refuse("bad-map", f"`<{root.tag}>` is no map of Tiled", where, "a map is a tag `<map>`")
+    if size.get("infinite") == "1":
+        raise _refuse(
+            "bad-map", "infinite maps are not read", where, "take back `Infinite` in the properties"
+        )
+    layers = tuple(_xml_layer(places, layer) for layer in root.children if layer.tag == "layer")
+    return _Map(*_size(size.get("width"), size.get("height"), where), where, layers, dict(_xml_classes(root)))
+
+
+def _xml_layer(places: XmlPlaces, layer: Element) -> _Layer:
+    data = next((one for one in layer.children if one.tag == "data"), None)
+    where = places.tag((data or layer).byte)
+    if data is None or data.attributes.get("encoding") != "csv":
+        raise _refuse("bad-map", "the data of this layer is not CSV", where, _PACKED)
+    start = places.source.text.index(">", where.end) + 1
+    end = places.source.text.index("<", start)
+    words = _NUMBER.finditer(places.source.text, start, end)
+    return _Layer(where, [(word.group(), places.source.span(*word.span())) for word in words])
+
+
+def _xml_classes(root: Element) -> Iterator[tuple[int, str]]:
+    """The classes of tiles by number; Tiled calls them `type`, and `class` in version 1.9."""
+    for tileset in (one for one in root.children if one.tag == "tileset"):
+        for tile in (one for one in tileset.children if one.tag == "tile"):
+            name = tile.attributes.get("type") or tile.attributes.get("class")
+            first, number = tileset.attributes.get("firstgid", ""), tile.attributes.get("id", "")
+            if name and first.isdecimal() and number.isdecimal():
+                yield int(first) + int(number), name
+
+
+def _json_map(source: Source) -> _Map:
+    value, spans = parse_json(source)
+    where = spans[()]
+    if not isinstance(value, dict) or not isinstance(value.get("layers"), list):
+        raise _refuse("bad-map", "this is no map of Tiled", where, "a map has `layers`")
+    layers = tuple(_json_layers(value["layers"], spans))
+    return _Map(
+        *_size(value.get("width"), value.get("height"), where), where, layers, dict(_json_classes(value))
+    )
+
+
+def _json_layers(layers: Sequence[Any], spans: Mapping[JsonPath, Span]) -> Iterator[_Layer]:
+    for number, layer in enumerate(layers):
+        if isinstance(layer, dict) and layer.get("type") == "tilelayer":
+            data, path = layer.get("data"), ("layers", number)
+            if not isinstance(data, list):
+                raise _refuse("bad-map", "the data of this layer is not CSV", spans[path], _PACKED)
+            yield _Layer(spans[path], [(str(one), spans[(*path, "data", at)]) for at, one in enumerate(data)])
+
+
+def _json_classes(value: Mapping[str, Any]) -> Iterator[tuple[int, str]]:
+    for tileset in _objects(value.get("tilesets")):
+        for tile in _objects(tileset.get("tiles")):
+            name = tile.get("type") or tile.get("class")
+            first, number = tileset.get("firstgid"), tile.get("id")
+            if isinstance(name, str) and isinstance(first, int) and isinstance(number, int):
+                yield first + number, name
+
+
+def _objects(value: object) -> list[dict[str, Any]]:
+    return [one for one in value if isinstance(one, dict)] if isinstance(value, list) else []

@@ -1,16 +1,32 @@
-"""The grammars, each built once in a process, when it is first needed."""
+"""The grammars, each built once in a process, when it is first needed, and kept.
+
+Lark keeps LALR(1) tables as pickles; these are the same data as JSON, since building them takes longer than all the
+rest. A file begins with a hash of its text and of the grammar it was made from, and is made anew when it is another
+one. Of what it says little is made into objects: a small text comes to few states, and needs few rules.
+"""
 
 from __future__ import annotations
 
+import json
+from collections.abc import Callable, Iterator
+from contextlib import suppress
 from functools import cache
+from hashlib import sha256
 from pathlib import Path
+from sys import intern
+from typing import Any, NamedTuple
 
-from lark.lexer import TerminalDef
-from lark.parsers.lalr_analysis import Shift
+import lark
+from lark import Lark, Tree
+from lark.grammar import Rule
+from lark.lexer import Lexer, LexerState, TerminalDef, Token
+from lark.parse_tree_builder import ExpandSingleChild, ParseTreeBuilder
+from lark.parsers.lalr_analysis import Reduce, Shift
+from lark.utils import SerializeMemoizer
 
 from envgraph.code import dataclass
+from envgraph.files import cache_directory, replace_file
 from envgraph.lang.syntax._data import data_path
-from envgraph.lang.syntax._grammar_tables import States, tables
 from envgraph.lang.syntax._lexer import END, LexicalCore
 
 RECOVERY: dict[str, tuple[str, ...]] = {
@@ -111,3 +127,107 @@ def build(name: str, path: Path, recovery: tuple[str, ...] = ()) -> Grammar:
 def grammar(language: str) -> Grammar:
     """The grammar of one of the languages, by the name that is also its file extension."""
     return build(language, data_path("grammars", f"{language}.lark"), RECOVERY[language])
+
+
+class Reduction(NamedTuple):
+    """What a rule makes of its parts.
+
+    Attributes:
+        size: how many parts there are.
+        rule: what the result is called.
+        make: makes it; None where it is the one part, as in a chain of precedences.
+    """
+
+    size: int
+    rule: str
+    make: Callable[[list[Any]], Any] | None
+
+
+Row = dict[str, tuple[Any, Any]]
+"""What to do at each terminal: shift to a state, or a `Reduction`; and the state to go to after each rule."""
+
+
+class States(dict[int, Row]):
+    """For each state of a parser what to do, made when the parser first comes to it.
+
+    Attributes:
+        names: of all terminals and rules that any state knows.
+    """
+
+    def __init__(self, data: dict[str, Any]) -> None:
+        super().__init__()
+        self._names = {int(number): intern(name) for number, name in data["table"]["tokens"].items()}
+        self._rows: dict[str, dict[str, Any]] = data["table"]["states"]
+        self._parts: dict[str, Any] = data["memo"]
+        self._reduction = cache(self._reduction_of)
+
+    def __missing__(self, state: int) -> Row:
+        row: Row = {}
+        for number, (reduces, argument) in self._rows[str(state)].items():
+            found = self._reduction(argument["@"]) if reduces else argument
+            row[self._names[int(number)]] = (Reduce if reduces else Shift, found)
+        self[state] = row
+        return row
+
+    @property
+    def names(self) -> set[str]:
+        """See above."""
+        return set(self._names.values())
+
+    def _reduction_of(self, number: int) -> Reduction:
+        rule: Any = Rule.deserialize(self._parts[str(number)], {})
+        builder: Any = ParseTreeBuilder
+        (make,) = builder([rule], Tree, maybe_placeholders=True).create_callback().values()
+        size = len(rule.expansion)
+        same = size == 1 and isinstance(make, ExpandSingleChild)
+        return Reduction(size, intern(str(rule.origin.name)), None if same else make)
+
+
+class _NoLexer(Lexer):
+    """Stands for the lexer that Lark asks for; to build tables none is needed."""
+
+    def __init__(self, conf: Any) -> None:
+        pass
+
+    def lex(self, lexer_state: LexerState, parser_state: Any) -> Iterator[Token]:
+        return iter(())
+
+
+def tables(path: Path) -> Any:
+    """The tables of a grammar file, as Lark serialises them; a conflict in it is an exception when they are built."""
+    directory, key = cache_directory(), _key(path)
+    kept = directory / f"grammar-{path.stem}.json" if directory else None
+    if kept is not None:
+        with suppress(OSError, ValueError):  # not there, or no text
+            head, _, text = kept.read_text("utf-8").partition("\n")
+            if head == _hash(key, text):
+                return json.loads(text)
+    text = json.dumps(_built(path))
+    if kept is not None:
+        with suppress(OSError):
+            replace_file(kept, f"{_hash(key, text)}\n{text}")
+    return json.loads(text)
+
+
+def _key(path: Path) -> str:
+    """All that tables depend on: the grammars, which import each other, and Lark."""
+    texts = [one.read_text(encoding="utf-8") for one in sorted(path.parent.glob("*.lark"))]
+    return "\0".join([lark.__version__, *texts])
+
+
+def _hash(*texts: str) -> str:
+    return sha256("\0".join(texts).encode()).hexdigest()
+
+
+def _built(path: Path) -> dict[str, Any]:
+    """The tables as Lark serialises them."""
+    with path.open(encoding="utf-8") as text:
+        made = Lark(text, parser="lalr", lexer=_NoLexer, strict=True)
+    memo = SerializeMemoizer([Rule, TerminalDef])
+    table: Any = made.parser.parser._parse_table
+    data = {
+        "table": table.serialize(memo),
+        "terminals": [terminal.serialize(memo) for terminal in made.terminals],
+        "ignored": sorted(made.ignore_tokens),
+    }
+    return {**data, "memo": memo.serialize()}

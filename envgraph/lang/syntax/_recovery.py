@@ -16,10 +16,9 @@ from typing import Any
 
 from envgraph.code import dataclass
 from envgraph.errors import Diagnostic, Note, did_you_mean, nearest, too_many_errors
-from envgraph.lang.syntax._hints import VALUE_WORDS
 from envgraph.lang.syntax._lexer import END, PUNCTUATION, Lexeme, first_on_line
 from envgraph.lang.syntax._stack import Level, ParseStack
-from envgraph.lang.syntax._unexpected import Reports
+from envgraph.lang.syntax._unexpected import VALUE_WORDS, Reports
 
 _LOOKAHEAD = 3
 _SEPARATORS = (";", ",", ")", "]")

@@ -2,13 +2,168 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 from envgraph.errors import Diagnostic, Note, did_you_mean
-from envgraph.lang.syntax._hints import expectation as expectation_of
-from envgraph.lang.syntax._hints import habit
+from envgraph.lang.syntax._grammar import Grammar
 from envgraph.lang.syntax._lexer import END, PUNCTUATION, Lexeme, first_on_line, overlapping
 from envgraph.lang.syntax._stack import Level, ParseStack
+
+VALUE_WORDS = frozenset(
+    ["true", "false", "TRUE", "FALSE", "none", "eval", "count", "sum", "min", "max", "avg"]
+)
+"""Keywords that a value may start with; they start statements too, so they say little about where one begins."""
+
+_VALUES = frozenset(
+    ["a name", "a string", "a whole number", "a number", "`_`", "`#`", "`+`", "`-`", "`!`", "`(`", "`::`"]
+    + [f"`{word}`" for word in (*VALUE_WORDS, "if")]
+)
+_OPERATORS = frozenset(
+    f"`{sign}`"
+    for group in (
+        ".?+-*/%<>=",
+        ("<=", ">=", "==", "===", "!=", "!==", "&&", "||", "and", "or", "as", "instanceof"),
+    )
+    for sign in group
+)
+_COMPARISONS = ("==", "===", "!=", "!==", "=", "<", "<=", ">", ">=")
+_STEPS = ("first", "top", "all", "alap", "repeat", "try", "atomic", "if")
+"""What starts a step of a unit; a rule may have such a name, too."""
+_MOST_SHOWN = 9
+_BELONGS = {"query": ("pattern",), "rules": ("rule", "unit", "derive")}
+"""What starts a definition of which kind of file."""
+
+
+def _negation(grammar: Grammar, states: list[int], lexemes: Sequence[Lexeme], index: int) -> str | None:
+    """Return how to write what someone negates here with `not`, or with a `neg` that is out of place."""
+    around = range(index - 4, index + 1)
+    *before, word = (lexemes[place].value if place >= 0 else "" for place in around)
+    keywords, signs = grammar.core.keywords, grammar.core.signs
+    rules = "rule" in keywords
+    if word == "{" and before[3] in ("neg", "not"):
+        block = (
+            "a block `not { .. }` stands after the `lhs { .. }`" if rules else "make a pattern of the block"
+        )
+        return block if before[3] == "not" and rules else f"`neg` takes one condition: {block}"
+    if word == "neg" and rules and grammar.accepts(states, keywords["not"]):
+        return "write `not { .. }`"
+    if word == "not" and grammar.accepts(states, keywords["neg"]):
+        return "write `neg`"
+    if before[0] == "neg" and before[1] == "check":
+        return "a `check` is negated inside: `check(!(..))`"
+    if before[1] == "not" and before[2] == "(":
+        return "write `neg`, without brackets"
+    if before[2] == "find" and before[3] == "neg":
+        return f"write `neg find {word}(..)`"
+    if before[3] == "not" and "not" not in keywords:
+        return "write `!`" if grammar.accepts(states, signs["&&"]) else "write `neg` instead of `not`"
+    return None
+
+
+def expectation(grammar: Grammar, states: list[int]) -> str:
+    """The terminals that a parser with this stack of states takes, as `expected a name or `;``.
+
+    What values start with is called a value, and what continues an expression an operator.
+    """
+    expected = grammar.expected(states)
+    spelt: Sequence[str] = list(dict.fromkeys(grammar.spelling[terminal] for terminal in expected))
+    if {"NAME", "STRING", "INT"} <= set(expected):
+        spelt = ["a value", *(one for one in spelt if one not in _VALUES)]
+    if sum(one in _OPERATORS for one in spelt) > 4:
+        spelt = ["an operator", *(one for one in spelt if one not in _OPERATORS)]
+    # Kinds of tokens, then signs, then keywords.
+    spelt = sorted(
+        spelt, key=lambda one: (one.startswith("`") and one[1].isalpha(), one.startswith("`"), one)
+    )
+    if len(spelt) > _MOST_SHOWN:
+        spelt = [*spelt[: _MOST_SHOWN - 1], "another statement"]
+    return "expected " + (" or ".join([", ".join(spelt[:-1]), spelt[-1]]) if len(spelt) > 1 else spelt[0])
+
+
+def habit(grammar: Grammar, states: list[int], lexemes: Sequence[Lexeme], index: int) -> str | None:
+    """Return how to write here what people write by habit from other languages; None if this is nothing of the kind."""
+    around = (index - 2, index - 1, index, index + 1)
+    *before, word, after = (lexemes[place].value if 0 <= place < len(lexemes) else "" for place in around)
+    keywords, signs = grammar.core.keywords, grammar.core.signs
+    if before[1] == "-" and after == "->":
+        return f"an arrow starts at an object: write `x -{word}-> ..`"
+    if word == "-" and before[0] == "(" and index > 2 and lexemes[index - 3].value == "suppress":
+        return 'the code of a warning stands in quotes: `@suppress("..")`'
+    if before[0] == "metamodel" and before[1] in keywords and "metamodel" in keywords:
+        return f"the metamodel has no name: write `metamodel name` before `{before[1]}`"
+    if before[0] == "," and lexemes[index - 4].value == "=" and lexemes[index - 3].kind == "NAME":
+        expected = expectation(grammar, states)
+        if expected == "expected `=`":
+            return (
+                f"{expected}; several objects stand in brackets: `[{lexemes[index - 3].value}, {before[1]}]`"
+            )
+    if "observe" in keywords:
+        if word == "reward" and any(one.value == "else" for one in lexemes[max(0, index - 6) : index]):
+            return "an action has its `reward` before its `else reward`"
+        if (word, after) == (",", "with") or before == [",", "with"]:
+            return "leave out the `,` before `with`"
+        if word in ("near", "when", "where", "within") and grammar.accepts(states, keywords["if"]):
+            return "what is seen in some states alone: write `if find p(..)`, with a pattern that says when"
+        if before[1] == "terminate" and word.startswith("truncat"):
+            return "write `truncate`, without `terminate`"
+        if grammar.expected(states) == [keywords["up"]]:
+            return f"a count has a highest value: write `up to {after if word[:2] == 'up' else 3}`"
+        if word == "up" and grammar.accepts(states, keywords["in"]):
+            return f"a number has a range: write `in 0..{lexemes[index + 2].value}`"
+        if word == "%" and grammar.accepts(states, signs[":"]):
+            return f"a probability is a number from 0 to 1: write `{float(before[1]) / 100:g}`"
+        if (word in ("+", "-", "*", "/") and grammar.accepts(states, signs[":"])) or (before[1], word) == (
+            ")",
+            ":",
+        ):
+            return "a probability that is computed stands in brackets: `(1 - x.loss): rule(x)`"
+    if before[1] == "=" and word in (">", "<"):
+        return f"write `{word}=`"
+    if "neg" not in keywords:
+        return None
+    if "unit" in keywords and after == ":" and grammar.accepts(states, signs["{"]) and word[0].isdigit():
+        return f"alternatives have weights, at their rules: write `@weight({word})` before the `rule`"
+    if "unit" in keywords and before[1] in _STEPS and word in (";", "|", "("):
+        return f"{expectation(grammar, states)}; to call a rule of that name write `^{before[1]}`"
+    home = "query" if "rule" in keywords else "rules"
+    starts = [keywords[one] for one in ("pattern", "rule") if one in keywords]
+    if word in _BELONGS[home] and after and any(grammar.accepts(states, one) for one in starts):
+        return f"a `{word}` stands in a `.{home}` file, which other files may import"
+    negation = _negation(grammar, states, lexemes, index)
+    if negation is not None:
+        return negation
+    if word in ("|", "||") and before[1] == "}" and "or" in keywords:
+        return "write `or` between two bodies"
+    if home == "rules" and before == ["<", "-"]:
+        return "arrows are for rules: write `Class.reference(source, target)`"
+    if home == "rules" and word in ("-", "<", ":") and lexemes[index - 1].kind == "NAME":
+        if word == ":":
+            return f"write `Class({before[1]})`, with its class: `{before[1]} : {after}` is for rules"
+        if after in ("-", "->") or lexemes[min(index + 2, len(lexemes) - 1)].value in ("->", "-", "+"):
+            return "arrows are for rules: write `Class.reference(source, target)`"
+    if word == "!" and grammar.accepts(states, keywords["neg"]):
+        return "write `neg`"
+    if word == "(" and before[1] in ("neg", "count", "sum", "min", "max", "avg"):
+        return f"leave the brackets out: `{before[1]} find p(..)`, `{before[1]} Type(..)`"
+    if word == "|" and "&&" in signs and grammar.accepts(states, signs["||"]):
+        return "write `||`"
+    if word in _COMPARISONS and before[0] == "." and grammar.accepts(states, signs["("]):
+        return "a condition on a feature stands in `check(..)`"
+    if word == "{" and before[1] in ("(", "return"):
+        return "one expression stands here: there are no blocks of statements"
+    if before[1] == "new":
+        return "no objects are made in an expression"
+    if word in ("+", "-", "*", "/", "%") and after != ">" and grammar.accepts(states, signs[")"]):
+        return "a computed value stands in `eval(..)`"
+    if word == "." and grammar.accepts(states, signs["::"]):
+        if before[1][:1].isupper():
+            return f"a literal of an enum is written `{before[1]}::{after}`"
+        return "a feature is read in `check(..)`, in `eval(..)`, or by a path"
+    if word == "." and home == "query" and before[0] in ("{", ";") and grammar.accepts(states, signs["->"]):
+        return f"write `set {before[1]}.{after} = ..`"
+    return None
+
 
 _ENDLESS = {"unterminated-text", "unterminated-comment", "too-many-errors"}
 
@@ -92,7 +247,7 @@ class Reports:
 
     def expectation(self, states: list[int] | None = None) -> str:
         """Return what may come next, in plain words."""
-        return expectation_of(self._grammar, self._stack.states if states is None else states)
+        return expectation(self._grammar, self._stack.states if states is None else states)
 
     def words(self, states: list[int]) -> list[str]:
         """The keywords that may come next; `and` is only read to be refused."""
