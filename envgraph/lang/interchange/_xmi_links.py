@@ -7,10 +7,10 @@ from collections.abc import Callable, Iterator
 from functools import partial
 from urllib.parse import unquote
 
-from envgraph.errors import LoadError, Note, Span, name_hint, with_article
+from envgraph.errors import LoadError, Span, name_hint
 from envgraph.graph import arrange_targets
 from envgraph.lang.interchange._xmi_document import LOST, Document, Link, Spans, short
-from envgraph.lang.read._features import add_link, has_room
+from envgraph.lang.read._features import Links
 from envgraph.metamodel import Reference
 
 _NAMED = "objects are named by `xmi:id`, by an `iD` attribute of the metamodel, or by place: `//@...`"
@@ -74,42 +74,21 @@ class Linker:
 
     def link(self) -> None:
         """Makes the links of all references."""
+        # To name an object twice is to name it once, as in EMF.
+        links = Links(self._model, self._document.report, Spans(self._reading), repeated=False)
         for link in self._document.links:
-            self._resolve_link(link)
+            targets = links.fill(link.node, link.reference, self._targets(link))
+            if len(targets) > 1 and link.reference.opposite is not None:
+                self._lists.append((link.node, link.reference, targets))
 
-    def _resolve_link(self, link: Link) -> None:
-        model, reference = self._model, link.reference
+    def _targets(self, link: Link) -> Iterator[tuple[int, Callable[[], Span]]]:
         words = link.text.split()
-        targets: dict[int, None] = {}
         for index, word in enumerate(words):
             if ":" in word and "#" not in word and index + 1 < len(words) and "#" in words[index + 1]:
                 continue  # the type of the object that comes next
             target = self._target(link, word)
-            where = partial(self._document.where, link, word)
-            if target is None or target == LOST or target in targets:
-                continue  # to say it twice is to say it once, as in EMF
-            if not self._reading.metamodel.is_a(model.class_of(target), reference.target):
-                self._wrong_class(link, word, target)
-            elif not has_room(reference, len(targets), self._document.report, where):
-                break
-            else:
-                targets[target] = None
-                self._add(link, target, where)
-        if len(targets) > 1 and reference.opposite is not None:
-            self._lists.append((link.node, reference, list(targets)))
-
-    def _add(self, link: Link, target: int, where: Callable[[], Span]) -> None:
-        model, reference = self._model, link.reference
-        if model.has_link(link.node, reference, target):
-            return  # the opposite has said so
-        relation = model.store.relations[reference.index]
-        child = target if relation.containment else link.node if relation.contained else None
-        if child is not None and model.container(child) is not None:
-            message = f"{model.describe(child)} is in another container already"
-            hint = "an object has one container at most"
-            self._document.report("two-containers", message, where(), hint)
-            return
-        add_link(model, link.node, reference, target, self._document.report, where)
+            if target is not None and target != LOST:
+                yield target, partial(self._document.where, link, word)
 
     def reorder(self) -> None:
         """Gives many-valued references the order of the text, which making links from the other end has changed."""
@@ -117,20 +96,6 @@ class Linker:
             ends = self._model.targets(node, reference)
             if list(ends) != targets and sorted(ends) == sorted(targets):
                 arrange_targets(self._model, node, reference, targets)
-
-    def _wrong_class(self, link: Link, word: str, target: int) -> None:
-        cls = self._model.class_of(target)
-        message = (
-            f"`{link.reference}` takes objects of class `{link.reference.target}`, "
-            f"and {self._model.describe(target)} is {with_article(cls)}"
-        )
-        hint = f"name {with_article(link.reference.target)}"
-        where = self._document.where(link, word)
-        self._document.report("wrong-type", message, where, hint, notes=self._note(target))
-
-    def _note(self, target: int) -> tuple[Note, ...]:
-        span = Spans(self._reading).get(target)
-        return (Note("it is here", span),) if span else ()
 
     def _target(self, link: Link, word: str) -> int | None:
         """The object that a word names; None, reported, if there is none."""

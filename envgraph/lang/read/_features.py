@@ -2,18 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Protocol
 
-from envgraph.errors import RuleError, Span, TypeMismatch, did_you_mean, plural, quoted
+from envgraph.errors import Note, RuleError, Span, TypeMismatch, did_you_mean, plural, quoted, with_article
 from envgraph.graph import Model
 from envgraph.metamodel import Attribute, EnumType, Metamodel, Reference, Value
 
 Place = Span | Callable[[], Span]
 """Where something stands, or how to find that out when it is needed."""
 
+Found = Iterable[tuple[int, Place]]
+"""Objects, each with the place that names it."""
 
-Report = Callable[[str, str, Span, str], None]
-"""Notes a mistake: its code, the message, where it is, and a hint."""
+
+class Report(Protocol):
+    """Notes a mistake."""
+
+    def __call__(
+        self, code: str, message: str, span: Span, hint: str | None = None, notes: tuple[Note, ...] = (), /
+    ) -> None: ...
 
 
 def allowed_values(
@@ -62,23 +70,73 @@ def is_concrete(metamodel: Metamodel, cls: str, shown: str, report: Report, span
     return False
 
 
-def has_room(reference: Reference, count: int, report: Report, where: Place) -> bool:
-    """Return whether a reference with so many targets can have one more; else that is reported."""
-    if reference.upper is None or count < reference.upper:
-        return True
-    message = f"`{reference}` takes {plural(reference.upper, 'object')} at most"
-    report("too-many-targets", message, _span(where), "leave the others out")
-    return False
+class Links:
+    """Makes the links that a file says, and reports those that there cannot be.
 
+    Args:
+        model: which has all objects.
+        report: notes a mistake.
+        spans: where each object stands.
+        repeated: whether it is a mistake to name an object twice.
+    """
 
-def add_link(
-    model: Model, node: int, reference: Reference, target: int, report: Report, where: Place
-) -> None:
-    """Link two objects of fitting classes; that the model refuses it is reported."""
-    try:
-        model.link(node, reference, target)
-    except (RuleError, TypeMismatch) as error:
-        report("impossible-link", error.message, _span(where), _link_hint(error, reference))
+    def __init__(self, model: Model, report: Report, spans: Mapping[int, Span], *, repeated: bool) -> None:
+        self._model = model
+        self._report = report
+        self._spans = spans
+        self._repeated = repeated
+
+    def fill(self, node: int, reference: Reference, found: Found) -> list[int]:
+        """Link an object to others, and return those that it may be linked to."""
+        kept: dict[int, None] = {}
+        for target, where in found:
+            if target in kept:
+                if self._repeated:
+                    message = f"`{reference.name}` has this object already"
+                    self._report("duplicate-target", message, _span(where), "leave it out")
+            elif self._fits(reference, target, where):
+                if len(kept) == reference.upper:
+                    message = f"`{reference}` takes {plural(len(kept), 'object')} at most"
+                    self._report("too-many-targets", message, _span(where), "leave the others out")
+                    break
+                kept[target] = None
+                self._link(node, reference, target, where)
+        return [*kept]
+
+    def _fits(self, reference: Reference, target: int, where: Place) -> bool:
+        cls = self._model.class_of(target)
+        if self._model.metamodel.is_a(cls, reference.target):
+            return True
+        message = f"`{reference}` takes objects of class `{reference.target}`, not {with_article(cls)}"
+        hint = f"name an object of class `{reference.target}`"
+        self._report("wrong-type", message, _span(where), hint, self._note("it is here", target, where))
+        return False
+
+    def _link(self, node: int, reference: Reference, target: int, where: Place) -> None:
+        model = self._model
+        if model.has_link(node, reference, target):  # as the opposite has said
+            return
+        relation = model.store.relations[reference.index]
+        child = target if relation.containment else node if relation.contained else None
+        held = None if child is None else model.container(child)
+        if (
+            child is not None and held is not None
+        ):  # the model would move it, and a file says two things at once
+            inside, around = model.describe(child), model.describe(held[0])
+            message = f"{inside} is contained in {around} already, by `{held[1].name}`"
+            notes = self._note("the container is here", held[0], where)
+            self._report(
+                "two-containers", message, _span(where), "an object has one container at most", notes
+            )
+            return
+        try:
+            model.link(node, reference, target)
+        except (RuleError, TypeMismatch) as error:
+            self._report("impossible-link", error.message, _span(where), _link_hint(error, reference))
+
+    def _note(self, text: str, node: int, where: Place) -> tuple[Note, ...]:
+        span = self._spans.get(node)
+        return (Note(text, span),) if span and span != _span(where) else ()
 
 
 def _span(place: Place) -> Span:

@@ -22,10 +22,9 @@ from envgraph.errors import (
     name_hint,
     plural,
     quoted,
-    with_article,
 )
 from envgraph.graph import Model
-from envgraph.lang.read._features import add_link, has_room, is_concrete
+from envgraph.lang.read._features import Links, is_concrete
 from envgraph.lang.read._grid import Cell, Entry, GridText, read_grid
 from envgraph.lang.read._imports import Import
 from envgraph.lang.read._model_values import NO_VALUE, Reports, kind_of, value_of, values_of
@@ -128,6 +127,7 @@ class _Reader:
     reports: Reports
     spans: dict[int, Span] = field(default_factory=dict)
     _model: Model = field(init=False)
+    _links: Links = field(init=False)
     _names: dict[str, tuple[int | None, Span]] = field(default_factory=dict)
     _unknown: int = 0
     _grids: dict[str, _Grid] = field(default_factory=dict)
@@ -136,6 +136,7 @@ class _Reader:
     def read(self, tree: Tree[Token]) -> ModelText:
         name, metamodel = tokens(tree.children)
         self._model = Model(self.metamodel or Metamodel(str(metamodel), ()), str(name))
+        self._links = Links(self._model, self.reports.error, self.spans, repeated=True)
         if self.metamodel and metamodel != self.metamodel.name:
             hint = (
                 did_you_mean(metamodel, [self.metamodel.name]) or f"the metamodel is `{self.metamodel.name}`"
@@ -310,8 +311,8 @@ class _Reader:
             self.reports.error(
                 "wrong-type", f"`{feature}` is an attribute, not a reference", token, "name a reference"
             )
-        elif feature is not None and self._fits(after, feature, self.parsed.span(token)):
-            self._link(node, feature, after, self.parsed.span(token))
+        elif feature is not None:
+            self._links.fill(node, feature, [(after, self.parsed.span(token))])
 
     # --- features ---
 
@@ -347,21 +348,7 @@ class _Reader:
     # --- references ---
 
     def _fill(self, task: _Task, reference: Reference) -> None:
-        seen: set[int] = set()
-        kept = 0
-        for target, where in self._targets(task.value, reference, task.made):
-            if not self._fits(target, reference, where):
-                continue
-            if target in seen:
-                self.reports.error(
-                    "duplicate-target", f"`{reference.name}` has this object already", where, "leave it out"
-                )
-            elif not has_room(reference, kept, self.reports.error, where):
-                return
-            else:
-                self._link(task.node, reference, target, where)
-            kept += 1
-            seen.add(target)
+        self._links.fill(task.node, reference, self._targets(task.value, reference, task.made))
 
     def _targets(self, tree: Tree[Token], reference: Reference, made: Made) -> Iterator[tuple[int, Span]]:
         match tree.data:
@@ -377,10 +364,9 @@ class _Reader:
             case "cell":
                 yield from self._cell(tree)
             case _:
-                message = f"`{reference}` takes {_of_class(reference)}, not {kind_of(tree)}"
-                self.reports.error(
-                    "wrong-type", message, tree, f"name an object of class `{reference.target}`"
-                )
+                message = f"`{reference}` takes objects of class `{reference.target}`, not {kind_of(tree)}"
+                hint = f"name an object of class `{reference.target}`"
+                self.reports.error("wrong-type", message, tree, hint)
 
     def _named(self, token: Token) -> Iterator[tuple[int, Span]]:
         if str(token) in self._names:
@@ -429,35 +415,6 @@ class _Reader:
             hint = f"the letter there stands for none; columns and rows of `{name}` count from 0"
             self.reports.error("unknown-object", message, tree, hint)
 
-    def _fits(self, target: int, reference: Reference, where: Span) -> bool:
-        assert self.metamodel is not None
-        cls = self._model.class_of(target)
-        if self.metamodel.is_a(cls, reference.target):
-            return True
-        message = f"`{reference}` takes {_of_class(reference)}, not {with_article(cls)}"
-        self.reports.error("wrong-type", message, where, f"name an object of class `{reference.target}`")
-        return False
-
-    def _link(self, node: int, reference: Reference, target: int, where: Span) -> None:
-        known = self._model.has_link(node, reference, target)
-        if not known and not self._contained_elsewhere(reference, target, where):
-            add_link(self._model, node, reference, target, self.reports.error, where)
-
-    def _contained_elsewhere(self, reference: Reference, target: int, where: Span) -> bool:
-        """Return whether an object has a container already: the model would move it, a file says two things at once."""
-        container = self._model.container(target) if reference.containment else None
-        if container is None:
-            return False
-        holder = self._model.describe(container[0])
-        notes = (Note("the container is here", self.spans[container[0]]),)
-        message = f"the object is contained in {holder} already, by `{container[1].name}`"
-        self.reports.error("two-containers", message, where, "an object has one container at most", notes)
-        return True
-
 
 def _at(cell: Cell) -> tuple[int, int]:
     return cell.column, cell.row
-
-
-def _of_class(reference: Reference) -> str:
-    return f"objects of class `{reference.target}`"
