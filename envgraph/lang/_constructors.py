@@ -2,58 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import replace
-from typing import Any, Literal, TypeVar
+from typing import Literal, TypeVar
 
 from envgraph.errors import InvalidArgument
-from envgraph.lang.read._from_text import Parts
-from envgraph.lang.write._text_rules import annotations_of, block_again, left_again, right_again, steps_again
-from envgraph.lang.write._text_terms import TermText, plain_doc
+from envgraph.lang._parts import Parts
+from envgraph.lang.write._text_rules import annotations_of
+from envgraph.lang.write._text_terms import plain_doc
 from envgraph.metamodel import Annotation
 from envgraph.pattern import (
     Action,
-    Alap,
-    Atomic,
     Block,
     Body,
-    Call,
-    Check,
-    Choice,
-    Comparison,
     Constraint,
-    Create,
-    DeleteEdge,
-    DeleteNode,
     Edge,
-    If,
     LeftSide,
-    Merge,
     Modification,
-    Move,
-    Negation,
     Node,
     Parameter,
-    PathConstraint,
-    PatternCall,
-    Redirect,
-    Repeat,
-    Retype,
     RightSide,
-    Sequence,
-    Set,
     Step,
     Strategy,
-    Try,
-    TypeConstraint,
 )
 from envgraph.pattern import Pattern as PatternData
 from envgraph.pattern import Rule as RuleData
 from envgraph.pattern import Unit as UnitData
-
-_CONSTRAINTS = (TypeConstraint, PathConstraint, PatternCall, Negation, Comparison, Check)
-_ACTIONS = (Create, DeleteNode, DeleteEdge, Set, Retype, Move, Merge, Redirect)
-_STEPS = (Call, Sequence, Choice, Alap, Repeat, Try, If, Atomic)
 
 _Data = TypeVar("_Data", RuleData, UnitData)
 
@@ -89,7 +63,7 @@ def Pattern(
     >>> print(to_text(near), end="")
     pattern near(a : Tile, b : Tile) { Tile.right(a, b); } or { Tile.down(a, b); }
     """
-    parts = _Reader("pattern", name)
+    parts = Parts("pattern", name)
     marks = parts.marks(annotations)
     data = PatternData(
         name,
@@ -156,7 +130,7 @@ def Rule(
         raise InvalidArgument(
             f"`{name}` has `rhs`, what is there afterwards, and `modify`, what changes: keep one of them"
         )
-    parts = _Reader("rule", name)
+    parts = Parts("rule", name)
     marks = parts.marks(annotations)
     given = {
         "weight": None if weight is None else float(weight),
@@ -214,7 +188,7 @@ def Unit(
         repeat 1..3 { water | mow; }
     }
     """
-    parts = _Reader("unit", name)
+    parts = Parts("unit", name)
     marks = parts.marks(annotations)
     given = {"weight": None if weight is None else float(weight), "priority": priority}
     data: UnitData = replace(
@@ -233,104 +207,3 @@ def Unit(
 def _said(data: _Data) -> _Data:
     """With annotations and comment as a text has them."""
     return replace(data, annotations=annotations_of(data), doc=plain_doc(data.doc), span=None)
-
-
-class _Reader:
-    """The parts of one definition, as text or as data."""
-
-    def __init__(self, kind: str, name: str) -> None:
-        if not isinstance(name, str) or not name:
-            raise InvalidArgument(f"a {kind} begins with its name, not with {name!r}")
-        TermText(name, ()).name(name)
-        self._kind = kind
-        self._name = name
-        self._parts = Parts(kind, name)
-        self.finish: Callable[[], None] = self._parts.finish
-
-    def _items(self, part: str, given: Any, kinds: tuple[type, ...], wanted: str) -> tuple[Any, ...]:
-        """A single item or several, all of these kinds."""
-        single = isinstance(given, kinds)
-        items = (given,) if single else tuple(given) if isinstance(given, Iterable) else None
-        for item in (given,) if items is None else items:
-            if not isinstance(item, kinds):
-                raise InvalidArgument(f"`{part}` of `{self._name}` takes a text or {wanted}, not {item!r}")
-        return items or ()
-
-    def marks(self, given: str | Iterable[Annotation]) -> Any:
-        """A definition that has nothing but annotations."""
-        if isinstance(given, str):
-            return self._parts.read("annotations", given)
-        found = self._items("annotations", given, (Annotation,), "annotations")
-        return replace(self._parts.read("annotations", ""), annotations=found)
-
-    def parameters(self, given: str | Iterable[Parameter]) -> tuple[Parameter, ...]:
-        """Parameters."""
-        if isinstance(given, str):
-            found: tuple[Parameter, ...] = self._parts.read("parameters", given).parameters
-            return found
-        return self._items("parameters", given, (Parameter,), "parameters")
-
-    def bodies(self, given: str | Body | Iterable[str | Body | Constraint]) -> tuple[Body, ...]:
-        """One body, or several."""
-        wanted = "constraints, or several texts or bodies"
-        items = self._items("body", given, (str, Body, *_CONSTRAINTS), wanted)
-        conditions = [item for item in items if isinstance(item, _CONSTRAINTS)]
-        if not items or (conditions and len(conditions) < len(items)):
-            raise InvalidArgument(f"`body` of `{self._name}` takes a text or {wanted}, not {given!r}")
-        if conditions:
-            return (Body(tuple(conditions)),)
-        return tuple(
-            self._parts.read("body", one).bodies[0] if isinstance(one, str) else one for one in items
-        )
-
-    def left(self, given: str | LeftSide | Iterable[Node | Edge | Constraint]) -> LeftSide:
-        """A left side."""
-        if isinstance(given, str):
-            found: LeftSide = self._parts.read("lhs", given).left
-            return found
-        if isinstance(given, LeftSide):
-            return left_again(given)
-        items = self._items("lhs", given, (Node, Edge, *_CONSTRAINTS), "nodes, edges and constraints")
-        nodes, edges = _of(items, Node), _of(items, Edge)
-        rest = tuple(item for item in items if not isinstance(item, Node | Edge))
-        return left_again(LeftSide(nodes, edges, rest))
-
-    def right(self, given: str | RightSide | Iterable[Node | Edge | Action]) -> Any:
-        """Return what is there afterwards."""
-        if isinstance(given, str):
-            return self._parts.read("rhs", given).right
-        if isinstance(given, RightSide):
-            return right_again(given)
-        items = self._items(
-            "rhs", given, (Node, Edge, Set, DeleteNode, DeleteEdge), "nodes, edges and `Set`s"
-        )
-        rest = tuple(item for item in items if not isinstance(item, Node | Edge))
-        return right_again(RightSide(_of(items, Node), _of(items, Edge), rest))
-
-    def modification(self, given: str | Modification | Iterable[Action] | None) -> Any:
-        """Return what changes, or nothing."""
-        if isinstance(given, str):
-            return self._parts.read("modify", given).right
-        if given is None or isinstance(given, Modification):
-            return right_again(given)
-        return right_again(Modification(self._items("modify", given, _ACTIONS, "actions")))
-
-    def blocks(self, given: str | Iterable[Block]) -> tuple[Block, ...]:
-        """Nested conditions and rules."""
-        if isinstance(given, str):
-            found: tuple[Block, ...] = self._parts.read("blocks", given).blocks
-            return found
-        return tuple(map(block_again, self._items("blocks", given, (Block,), "blocks")))
-
-    def steps(self, given: str | Step | Iterable[str | Step]) -> Sequence:
-        """One sequence of steps."""
-        items = self._items("body", given, (str, *_STEPS), "steps")
-        found: list[Step] = []
-        for item in items:
-            step = self._parts.read("body", item).body if isinstance(item, str) else steps_again(item)
-            found += step.steps
-        return Sequence(tuple(found))
-
-
-def _of(items: Iterable[Any], kind: type[Any]) -> tuple[Any, ...]:
-    return tuple(item for item in items if isinstance(item, kind))

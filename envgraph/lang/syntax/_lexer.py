@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Container, Iterable
-from dataclasses import field
+from dataclasses import field, replace
 from inspect import cleandoc
 
 from lark.lexer import PatternStr, TerminalDef
@@ -41,6 +41,11 @@ _NO_TERM = r"#(?![ \t]*(?:[=!]=|[<>]))"
 _REMARK = re.compile(_NO_TERM + r"[ \t]")
 _WORD_REMARK = re.compile(_NO_TERM + r"(?:[ \t!\n]|[^\W\d]|$)")
 _TOUCHING = re.compile(r"[\w#@$]")
+
+
+Frame = tuple[str, str]
+"""Texts that are read before and after another one, as if they stood there and took up no room."""
+NO_FRAME: Frame = ("", "")
 
 
 @dataclass(slots=True)
@@ -106,9 +111,10 @@ class LexicalCore:
         groups = [f"(?P<{terminal.name}>{terminal.pattern.to_regexp()})" for terminal in regular]
         self._token = re.compile("|".join([*groups, f"(?P<{PUNCTUATION}>{signs})"] if signs else groups))
 
-    def scan(self, source: Source) -> Scan:
+    def scan(self, source: Source, frame: Frame = NO_FRAME) -> Scan:
         """Splits a text; nothing in it can make this raise."""
-        return _Scanner(source, self._token, self.signs, self.keywords).run()
+        before, after = (self.scan(Source("", one)).lexemes[:-1] if one else () for one in frame)
+        return _Scanner(source, self._token, self.signs, self.keywords).run(before, after)
 
 
 class _Scanner:
@@ -127,9 +133,11 @@ class _Scanner:
         self._too_deep = False
         self._remarks_end = 0
 
-    def run(self) -> Scan:
+    def run(self, before: Iterable[Lexeme], after: Iterable[Lexeme]) -> Scan:
         match = self._token.match
         text, position, end = self._text, 0, len(self._text)
+        for one in before:
+            self._append(replace(one, start=0, end=0))
         while position < end:
             if len(self._scan.diagnostics) >= MOST_ERRORS:
                 message = "too many mistakes: the rest of the file is not read"
@@ -146,7 +154,8 @@ class _Scanner:
             if kind not in _IGNORED_KINDS:
                 self._take(kind, position, found.end())
             position = found.end()
-        self._append(Lexeme(END, "", end, end))
+        for one in (*after, Lexeme(END, "", end, end)):
+            self._append(replace(one, start=end, end=end))
         return self._scan
 
     def _take(self, kind: str, start: int, end: int) -> None:

@@ -13,7 +13,7 @@ from envgraph.code import dataclass
 from envgraph.errors import MOST_ERRORS, Diagnostic, Source, Span
 from envgraph.lang.syntax._formats import other_language
 from envgraph.lang.syntax._grammar import Grammar, grammar
-from envgraph.lang.syntax._lexer import END, DocComment, Lexeme
+from envgraph.lang.syntax._lexer import END, NO_FRAME, DocComment, Frame, Lexeme
 from envgraph.lang.syntax._once import once_for_each_text
 from envgraph.lang.syntax._recovery import Recovery
 from envgraph.lang.syntax._stack import ERROR, ParseStack
@@ -83,9 +83,9 @@ def parse(language: str, source: Source) -> Parsed:
     return parse_tokens(grammar(language), source)[0]
 
 
-def parse_tokens(grammar: Grammar, source: Source) -> tuple[Parsed, list[Lexeme]]:
+def parse_tokens(grammar: Grammar, source: Source, frame: Frame = NO_FRAME) -> tuple[Parsed, list[Lexeme]]:
     """As `parse`, with all lexemes as the tree has them: where `<-` was two signs, it is two lexemes."""
-    scan = grammar.core.scan(source)
+    scan = grammar.core.scan(source, frame)
     if any(problem.code == "nested-too-deeply" for problem in scan.diagnostics):
         return _nothing(source, scan.diagnostics), scan.lexemes
     stack = ParseStack(grammar, source, scan.lexemes)

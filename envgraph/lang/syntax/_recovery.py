@@ -330,7 +330,7 @@ class Recovery:
         if sign == ";":
             return "a statement ends with `;`"
         lexeme = self._lexemes[index]
-        before = self._source.text[lexeme.start : lexeme.end].split("\n")[0][:30]
+        before = (self._source.text[lexeme.start : lexeme.end] or lexeme.value).split("\n")[0][:30]
         return f"write `{sign}` before `{before}`"
 
     def _close_all(self, index: int) -> int | None:

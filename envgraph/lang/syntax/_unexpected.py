@@ -200,7 +200,7 @@ class Reports:
             hint = habit(self._grammar, states, self._lexemes, foreign.begin) or self.expectation(states)
             self.report("unexpected-token", f"unexpected `{keyword.value}`", keyword, hint)
             return
-        shown = self._source.text[lexeme.start : lexeme.end].split("\n")[0]
+        shown = (self._source.text[lexeme.start : lexeme.end] or lexeme.value).split("\n")[0]
         shown = shown if len(shown) <= 30 else shown[:27] + "..."
         if lexeme.value == "}" and lexeme.kind == PUNCTUATION and lexeme.braces == 0:
             hint = "no `{` is open here: take it out, or look for one that is closed too soon"

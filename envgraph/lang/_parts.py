@@ -1,0 +1,301 @@
+"""The parts of a pattern, rule or unit of Python, as texts or as data, such as the inside of a `lhs`."""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from collections.abc import Iterable, Sequence
+from dataclasses import fields, replace
+from typing import Any, Final
+
+from envgraph.code import dataclass
+from envgraph.errors import Diagnostic, InvalidArgument, Severity, Source
+from envgraph.lang.read._from_text import Definition, raise_errors, read_framed
+from envgraph.lang.read._query_header import Header
+from envgraph.lang.syntax._grammar import grammar
+from envgraph.lang.syntax._lexer import Lexeme
+from envgraph.lang.write._text_rules import block_again, left_again, right_again, steps_again
+from envgraph.lang.write._text_terms import TermText
+from envgraph.metamodel import Annotation
+from envgraph.pattern import (
+    Action,
+    Block,
+    Body,
+    Constraint,
+    DeleteEdge,
+    DeleteNode,
+    Edge,
+    LeftSide,
+    Modification,
+    Node,
+    Parameter,
+    RightSide,
+    Set,
+    Step,
+)
+from envgraph.pattern import Sequence as Steps
+
+
+@dataclass(frozen=True, slots=True)
+class _Frame:
+    """The text around a part of a definition.
+
+    Attributes:
+        fills: fields of the definition that the part may fill; the first is its own.
+        ends: what may stand at the end of the part; else `;` is added. Empty: nothing is.
+    """
+
+    language: str
+    before: str
+    after: str
+    fills: tuple[str, ...]
+    ends: tuple[str, ...] = ()
+
+
+_MARKS: Final = ("annotations", "doc", "homomorphic", "injective", "priority", "semantics", "weight")
+_FRAMES: Final = {
+    "pattern": {
+        "annotations": _Frame("query", "", "pattern ^x() { }", _MARKS),
+        "parameters": _Frame("query", "pattern ^x(", ") { }", ("parameters",)),
+        "body": _Frame("query", "pattern ^x() {", "}", ("bodies",), (";",)),
+    },
+    "rule": {
+        "annotations": _Frame("rules", "", "rule ^x { lhs { } }", _MARKS),
+        "parameters": _Frame("rules", "rule ^x(", ") { lhs { } }", ("parameters",)),
+        "lhs": _Frame("rules", "rule ^x { lhs {", "} }", ("left",), (";",)),
+        "blocks": _Frame("rules", "rule ^x { lhs { } ", "}", ("blocks",)),
+        "rhs": _Frame("rules", "rule ^x { lhs { } rhs {", "} }", ("right",), (";",)),
+        "modify": _Frame("rules", "rule ^x { lhs { } modify {", "} }", ("right",), (";",)),
+    },
+    "unit": {
+        "annotations": _Frame("rules", "", "unit ^x { }", _MARKS),
+        "parameters": _Frame("rules", "unit ^x(", ") { }", ("parameters",)),
+        "body": _Frame("rules", "unit ^x {", "}", ("body",), (";", "}")),
+    },
+}
+
+
+class Parts:
+    """Reads the parts of one definition, and keeps what is wrong with their texts.
+
+    Args:
+        kind: "pattern", "rule" or "unit".
+        name: of the definition, for messages.
+    """
+
+    def __init__(self, kind: str, name: str) -> None:
+        if not isinstance(name, str) or not name:
+            raise InvalidArgument(f"a {kind} begins with its name, not with {name!r}")
+        TermText(name, ()).name(name)
+        self._frames = _FRAMES[kind]
+        self._name = name
+        self._problems: list[Diagnostic] = []
+
+    def finish(self) -> None:
+        """Raise what is wrong with any of the texts.
+
+        Raises:
+            LoadError: all errors together.
+        """
+        raise_errors(self._problems)
+
+    # --- texts and data
+
+    def marks(self, given: str | Iterable[Annotation]) -> Any:
+        """A definition that has nothing but annotations."""
+        if isinstance(given, str):
+            return self._read("annotations", given)
+        found = self._items("annotations", given, Annotation, "annotations")
+        return replace(self._read("annotations", ""), annotations=found)
+
+    def parameters(self, given: str | Iterable[Parameter]) -> Any:
+        """Parameters."""
+        if isinstance(given, str):
+            return self._field("parameters", given)
+        return self._items("parameters", given, Parameter, "parameters")
+
+    def bodies(self, given: str | Body | Iterable[str | Body | Constraint]) -> tuple[Body, ...]:
+        """One body, or several."""
+        wanted = "constraints, or several texts or bodies"
+        items = self._items("body", given, str | Body | Constraint, wanted)
+        conditions = [item for item in items if isinstance(item, Constraint)]
+        if not items or (conditions and len(conditions) < len(items)):
+            raise InvalidArgument(f"`body` of `{self._name}` takes a text or {wanted}, not {given!r}")
+        if conditions:
+            return (Body(tuple(conditions)),)
+        return tuple(self._field("body", one)[0] if isinstance(one, str) else one for one in items)
+
+    def left(self, given: str | LeftSide | Iterable[Node | Edge | Constraint]) -> Any:
+        """A left side."""
+        if isinstance(given, str):
+            return self._field("lhs", given)
+        if not isinstance(given, LeftSide):
+            kinds = Node | Edge | Constraint
+            given = LeftSide(*_graph(self._items("lhs", given, kinds, "nodes, edges and constraints")))
+        return left_again(given)
+
+    def right(self, given: str | RightSide | Iterable[Node | Edge | Action]) -> Any:
+        """Return what is there afterwards."""
+        if isinstance(given, str):
+            return self._field("rhs", given)
+        if not isinstance(given, RightSide):
+            kinds = Node | Edge | Set | DeleteNode | DeleteEdge
+            given = RightSide(*_graph(self._items("rhs", given, kinds, "nodes, edges and `Set`s")))
+        return right_again(given)
+
+    def modification(self, given: str | Modification | Iterable[Action] | None) -> Any:
+        """Return what changes, or nothing."""
+        if isinstance(given, str):
+            return self._field("modify", given)
+        if not (given is None or isinstance(given, Modification)):
+            given = Modification(self._items("modify", given, Action, "actions"))
+        return right_again(given)
+
+    def blocks(self, given: str | Iterable[Block]) -> Any:
+        """Nested conditions and rules."""
+        if isinstance(given, str):
+            return self._field("blocks", given)
+        return tuple(map(block_again, self._items("blocks", given, Block, "blocks")))
+
+    def steps(self, given: str | Step | Iterable[str | Step]) -> Steps:
+        """One sequence of steps."""
+        items = self._items("body", given, str | Step, "steps")
+        found = (self._field("body", one) if isinstance(one, str) else steps_again(one) for one in items)
+        return Steps(tuple(step for one in found for step in one.steps))
+
+    def _items(self, part: str, given: Any, kinds: Any, wanted: str) -> tuple[Any, ...]:
+        """A single item or several, all of these kinds."""
+        single = isinstance(given, kinds)
+        items = (given,) if single else tuple(given) if isinstance(given, Iterable) else None
+        for item in (given,) if items is None else items:
+            if not isinstance(item, kinds):
+                raise InvalidArgument(f"`{part}` of `{self._name}` takes a text or {wanted}, not {item!r}")
+        return items or ()
+
+    # --- texts
+
+    def _field(self, part: str, text: str) -> Any:
+        """What a part says."""
+        return getattr(self._read(part, text), self._frames[part].fills[0])
+
+    def _read(self, part: str, text: str) -> Any:
+        """A definition that has nothing but this part; something, if the part has errors."""
+        frame = self._frames[part]
+        own = Source(f"{part} of {self._name}", text)
+        (empty,) = read_framed(frame.language, Source(own.name, frame.before + frame.after))[0].definitions
+        lexemes = grammar(frame.language).core.scan(own).lexemes
+        misplaced = _misplaced(part, own, lexemes, several=frame.language == "query")
+        if misplaced is not None:
+            self._problems.append(misplaced)
+            return empty
+        last = lexemes[-2].value if len(lexemes) > 1 else ""
+        end = ";" if frame.ends and last and last not in frame.ends else ""
+        file, lexemes = read_framed(frame.language, own, (frame.before, end + frame.after))
+        problems = _but_last_separators(file.diagnostics, lexemes)
+        self._problems += _of_the_part(problems, len(text))
+        found = file.definitions
+        if any(one.severity is Severity.ERROR for one in problems) or not found:
+            return empty
+        alone = len(found) == 1 and file.header == Header()
+        if not alone or _filled(empty, found[0]) - {*frame.fills}:
+            message = f"there is more here than what belongs into `{part}`"
+            hint = "leave the rest out, or read the whole with `envgraph.lang.from_text`"
+            self._problems.append(Diagnostic("misplaced-part", message, own.span(0, len(text)), hint))
+        return found[-1]
+
+
+def _graph(items: Sequence[Any]) -> tuple[tuple[Any, ...], tuple[Any, ...], tuple[Any, ...]]:
+    """The nodes and the edges among some items, and the rest."""
+    nodes = tuple(one for one in items if isinstance(one, Node))
+    edges = tuple(one for one in items if isinstance(one, Edge))
+    return nodes, edges, tuple(one for one in items if not isinstance(one, Node | Edge))
+
+
+_OPENING: Final = {"{": "}", "(": ")", "[": "]"}
+
+
+_BLOCKS: Final = ("not", "require", "forall", "optional")
+_SIDES: Final = ("lhs", "rhs", "modify")
+
+
+def _misplaced(part: str, source: Source, lexemes: Sequence[Lexeme], *, several: bool) -> Diagnostic | None:
+    """Return what does not belong into a part, where the parser could only be puzzled by the frame."""
+
+    def problem(lexeme: Lexeme, message: str, hint: str | None) -> Diagnostic:
+        return Diagnostic("misplaced-part", message, source.span(lexeme.start, lexeme.end), hint)
+
+    stray = _stray(lexemes)
+    if stray is not None:
+        return problem(stray, f"`{stray.value}` closes nothing in this text", None)
+    words = [_word(lexeme) for lexeme in lexemes]
+    if part == "parameters" and words[0] == "(":
+        return problem(
+            lexemes[0], "`parameters` takes what stands between the brackets", "leave the brackets out"
+        )
+    braces = words[0] == "{" and (part != "body" or several or _closes_last(words))
+    if part in (*_SIDES, "body") and (braces or words[:2] == [part, "{"]):
+        hint = "leave them out; several bodies are a list of texts" if several else "leave them out"
+        return problem(lexemes[0], f"`{part}` takes what stands between its braces", hint)
+    if part == "blocks" and words[0] and words[0] not in _BLOCKS:
+        hint = "conditions belong into `lhs`, and what happens into `rhs` or `modify`"
+        message = "`blocks` takes `not`, `require`, `forall` and `optional` blocks"
+        return problem(lexemes[0], message, hint)
+    for number, word in enumerate(words if part in _SIDES else ()):
+        begins = number == 0 or words[number - 1] in (";", "}")
+        after = words[number + 1 : number + 3]
+        if begins and word in (*_BLOCKS, *_SIDES) and (after[:1] == ["{"] or after == ["+", "{"]):
+            hint = f"give it as `{'blocks' if word in _BLOCKS else word}`"
+            return problem(lexemes[number], f"`{word} {{ .. }}` does not stand in `{part}`", hint)
+    return None
+
+
+def _closes_last(words: Sequence[str]) -> bool:
+    """Return whether the brace that a text begins with is closed by its last word, or not at all."""
+    level = 0
+    for number, word in enumerate(words):
+        level += (word == "{") - (word == "}")
+        if level == 0:
+            return not any(words[number + 1 :])
+    return True
+
+
+def _word(lexeme: Lexeme) -> str:
+    """A sign, or a word that may be a keyword; "" for anything else."""
+    return lexeme.value if lexeme.kind in ("NAME", "punctuation") and not lexeme.escaped else ""
+
+
+def _but_last_separators(problems: Sequence[Diagnostic], lexemes: Sequence[Lexeme]) -> tuple[Diagnostic, ...]:
+    """The problems without a `;` that is missing before a `}`, where the parser has put it in."""
+    starts = [lexeme.start for lexeme in lexemes]
+
+    def follows(problem: Diagnostic) -> str:
+        return lexemes[bisect_left(starts, problem.span.start)].value if problem.span else ""
+
+    return tuple(
+        one for one in problems if one.subject != (";",) or one.code != "missing-token" or follows(one) != "}"
+    )
+
+
+def _of_the_part(problems: Sequence[Diagnostic], length: int) -> Sequence[Diagnostic]:
+    """The problems inside a part; if they are all behind it, the first of them."""
+    inside = [one for one in problems if one.span is None or one.span.start < length]
+    return inside or problems[:1]
+
+
+def _stray(lexemes: Sequence[Lexeme]) -> Lexeme | None:
+    """The first bracket that closes what the text has not opened."""
+    waiting: list[str] = []
+    for lexeme in lexemes:
+        if lexeme.kind == "punctuation" and lexeme.value in _OPENING:
+            waiting.append(_OPENING[lexeme.value])
+        elif lexeme.kind == "punctuation" and lexeme.value in _OPENING.values():
+            if lexeme.value not in waiting:
+                return lexeme
+            while waiting.pop() != lexeme.value:
+                pass  # the parser tells of brackets that pair up wrongly
+    return None
+
+
+def _filled(empty: Definition, found: Definition) -> set[str]:
+    """The fields in which the definitions differ."""
+    names = [field.name for field in fields(found) if field.compare]
+    return {name for name in names if getattr(empty, name, None) != getattr(found, name)}
