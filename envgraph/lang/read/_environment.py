@@ -16,11 +16,11 @@ from envgraph.lang.read._environment_clauses import (
     on_find_of,
     on_reset_of,
 )
-from envgraph.lang.read._query import parameters_of
+from envgraph.lang.read._query import parameters_of, suppressions_in
 from envgraph.lang.read._query_header import DefinitionsFile, name_of, read_definitions
 from envgraph.lang.read._reading import Reading, TypeNames, type_of, type_span_of
-from envgraph.lang.syntax._parsing import Parsed, annotation_of, tokens, trees
-from envgraph.metamodel import SUPPRESS, Annotation, Metamodel
+from envgraph.lang.syntax._parsing import Parsed, tokens, trees
+from envgraph.metamodel import Metamodel
 
 _OUTSIDE = {
     "reset": "on reset",
@@ -66,11 +66,9 @@ def _distinguished(domain: Domain, metamodel: Metamodel) -> Domain:
 def _behaviour(reading: Reading, _: str, tree: Tree[Token]) -> Behaviour:
     name = name_of(tree)
     clauses = _clauses(tree)
-    drawings, limits = trees(clauses, "draw_grid", "draw_graph"), trees(clauses, "limit")
-    together = trees(clauses, "together")
-    reading.once("`draw`", drawings)
-    reading.once("`limit`", limits)
-    reading.once("`agents together`", together)
+    drawing = reading.only("`draw`", trees(clauses, "draw_grid", "draw_graph"))
+    limit = reading.only("`limit`", trees(clauses, "limit"))
+    together = reading.only("`agents together`", trees(clauses, "together"))
     behaviour = Behaviour(
         name=str(name),
         parameters=parameters_of(reading, tree),
@@ -79,23 +77,16 @@ def _behaviour(reading: Reading, _: str, tree: Tree[Token]) -> Behaviour:
         resets=_resets(reading, clauses),
         observations=_observations(reading, clauses),
         agents=tuple(_agent(reading, part) for part in trees(clauses, "agent")),
-        together=bool(together),
-        limit=int(tokens(limits[0].children)[0]) if limits else None,
-        draw=drawing_of(reading, drawings[0]) if drawings else None,
-        annotations=tuple(_annotation(reading, part) for part in trees(tree.children, "annotation")),
+        together=together is not None,
+        limit=int(tokens(limit.children)[0]) if limit else None,
+        draw=drawing_of(reading, drawing) if drawing else None,
+        annotations=suppressions_in(reading, tree),
         doc=reading.parsed.doc(tree),
         span=reading.span(name),
-        limit_span=reading.span(limits[0]) if limits else None,
-        together_span=reading.span(together[0]) if together else None,
+        limit_span=reading.span(limit) if limit else None,
+        together_span=reading.span(together) if together else None,
     )
     return replace(behaviour, unread=reading.all_lost() | {str(name)}) if reading.broken(tree) else behaviour
-
-
-def _annotation(reading: Reading, tree: Tree[Token]) -> Annotation:
-    annotation = annotation_of(reading.parsed.source, tree)
-    if annotation.name != SUPPRESS:
-        reading.warn("unknown-annotation", f"`@{annotation.name}` means nothing here", tree, "leave it out")
-    return annotation
 
 
 def _agent(reading: Reading, tree: Tree[Token]) -> Agent:

@@ -46,9 +46,9 @@ def action_of(reading: Reading, tree: Tree[Token]) -> Action:
     """The data of `action name(parameters) = branches reward e else reward e`."""
     name = tokens(tree.children, "NAME")[0]
     domains = [part for group in trees(tree.children, "domains") for part in trees(group.children)]
-    rewards, others = trees(tree.children, "reward"), trees(tree.children, "other")
-    reading.once("`reward`", rewards, "add the rewards up")
-    reading.once("`else`", others)
+    others = trees(tree.children, "other")
+    reward = reading.only("`reward`", trees(tree.children, "reward"), "add the rewards up")
+    other_reward = reading.only("`else`", others)
     for other in others:
         if not tokens(other.children, "REWARD"):
             reading.error(
@@ -59,15 +59,16 @@ def action_of(reading: Reading, tree: Tree[Token]) -> Action:
         name=str(name),
         branches=branches,
         parameters=tuple((str(tokens(part.children)[0]), _domain(reading, part)) for part in domains),
-        reward=_amount(reading, rewards),
-        else_reward=_amount(reading, others),
+        reward=_amount(reading, reward),
+        else_reward=_amount(reading, other_reward),
         span=reading.span(name),
         parameter_spans=tuple(reading.span(tokens(part.children)[0]) for part in domains),
     )
 
 
-def _amount(reading: Reading, rewards: list[Tree[Token]]) -> Expression | None:
-    return expression_of(reading, trees(rewards[0].children)[0]) if rewards else None
+def _amount(reading: Reading, tree: Tree[Token] | None) -> Expression | None:
+    """The expression in a `reward`, a `weight` or the like, if there is one."""
+    return expression_of(reading, trees(tree.children)[0]) if tree else None
 
 
 def _domain(reading: Reading, tree: Tree[Token]) -> Domain:
@@ -138,10 +139,9 @@ class _Parts:
 
 
 def _parts(reading: Reading, tree: Tree[Token]) -> _Parts:
-    found = {word: trees(tree.children, word) for word in ("reward", "end", "apply")}
-    for word, parts in found.items():
-        reading.once("an end" if word == "end" else f"`{word}`", parts)
-    return _Parts(*(next(iter(parts), None) for parts in found.values()))
+    reward = reading.only("`reward`", trees(tree.children, "reward"))
+    end = reading.only("an end", trees(tree.children, "end"))
+    return _Parts(reward, end, reading.only("`apply`", trees(tree.children, "apply")))
 
 
 def each_step_of(reading: Reading, tree: Tree[Token]) -> EachStep | None:
@@ -153,7 +153,7 @@ def each_step_of(reading: Reading, tree: Tree[Token]) -> EachStep | None:
     elif not (parts.reward or parts.apply):
         reading.error("empty-clause", "this does nothing", tree, "add `reward` or `apply`")
     return EachStep(
-        expression_of(reading, trees(parts.reward.children)[0]) if parts.reward else None,
+        _amount(reading, parts.reward),
         _for_all(reading, parts.apply) if parts.apply else (),
         reading.span(tree),
     )
@@ -170,8 +170,7 @@ def _for_all(reading: Reading, apply: Tree[Token]) -> tuple[Branch, ...]:
 def _applied(reading: Reading, apply: Tree[Token]) -> tuple[tuple[Branch, ...], Expression | None]:
     """The branches of an `apply`, and the weight of a match if one of them is drawn."""
     branches = branches_of(reading, trees(apply.children, "branches")[0])
-    weights = trees(apply.children, "weight")
-    return branches, expression_of(reading, trees(weights[0].children)[0]) if weights else None
+    return branches, _amount(reading, next(iter(trees(apply.children, "weight")), None))
 
 
 def on_find_of(reading: Reading, tree: Tree[Token]) -> OnFind | None:
@@ -186,7 +185,7 @@ def on_find_of(reading: Reading, tree: Tree[Token]) -> OnFind | None:
         return None
     return OnFind(
         condition,
-        expression_of(reading, trees(parts.reward.children)[0]) if parts.reward else None,
+        _amount(reading, parts.reward),
         _end(parts.end) if parts.end else None,
         branches,
         weight,
@@ -241,14 +240,13 @@ def on_reset_of(reading: Reading, tree: Tree[Token]) -> OnReset | None:
 def observation_of(reading: Reading, tree: Tree[Token]) -> Observation:
     """The data of `observe ...`."""
     observed = trees(tree.children)[0]
-    each, visible = trees(tree.children, "each_object"), trees(tree.children, "visible")
-    reading.once("`for`", each)
-    reading.once("`if`", visible)
+    every, visibles = trees(tree.children, "each_object"), trees(tree.children, "visible")
+    each, visible = reading.only("`for`", every), reading.only("`if`", visibles)
     span = reading.span(tree)
     if observed.data in ("holds", "count"):
-        return _observe_find(reading, observed, each, visible, span)
-    parameter = _each(reading, each[0]) if each else None
-    only = pattern_call_of(reading, trees(visible[0].children)[0]) if visible else None
+        return _observe_find(reading, observed, every, visibles, span)
+    parameter = _each(reading, each) if each else None
+    only = pattern_call_of(reading, trees(visible.children)[0]) if visible else None
     inner = trees(observed.children)
     match observed.data:
         case "among":

@@ -32,7 +32,7 @@ from envgraph.lang.syntax._parsing import (
     tokens,
     trees,
 )
-from envgraph.metamodel import type_name
+from envgraph.metamodel import Value, type_name
 from envgraph.pattern import (
     Binary,
     Conditional,
@@ -45,6 +45,7 @@ from envgraph.pattern import (
     Variable,
 )
 
+_WORDS: Mapping[str, bool | None] = {"true": True, "false": False, "none": None}
 _REFUSED = frozenset({"=", "and", "or"})
 
 
@@ -76,27 +77,15 @@ def expression_of(reading: Reading, tree: Tree[Token]) -> Expression:
 
 def literal_of(reading: Reading, tree: Tree[Token], sign: Token | None = None) -> Constant:
     """The data of a `literal`, with the sign that stands before it."""
-    span = reading.span(sign).to(reading.span(tree)) if sign is not None else reading.span(tree)
+    if sign is not None and tree.data != "number":
+        reading.error("unexpected-sign", "only a number takes a sign", sign, "leave the `-` out")
+        sign = None
+    value: Value | None = _WORDS[tree.data] if tree.data in _WORDS else str(tree.children[0])
     if tree.data == "number":
         number = number_of(tokens(tree.children)[0])
-        return Constant(number if sign is None else -number, span)
-    if sign is not None:
-        reading.error("unexpected-sign", "only a number takes a sign", sign, "leave the `-` out")
-    return _plain_literal(reading, tree)
-
-
-def _plain_literal(reading: Reading, tree: Tree[Token]) -> Constant:
+        value = number if sign is None else -number
     span = reading.span(tree)
-    match tree.data:
-        case "number":
-            return Constant(number_of(tokens(tree.children)[0]), span)
-        case "string":
-            return Constant(str(tree.children[0]), span)
-        case "true":
-            return Constant(True, span)
-        case "false":
-            return Constant(False, span)
-    return Constant(None, span)
+    return Constant(value, span if sign is None else reading.span(sign).to(span))
 
 
 def enum_literal_of(reading: Reading, tree: Tree[Token]) -> EnumLiteral:
@@ -314,11 +303,11 @@ def _conditional(reading: Reading, tree: Tree[Token]) -> Conditional:
 
 _READERS: Mapping[str, Callable[[Reading, Tree[Token]], Expression]] = {
     "variable": _variable,
-    "number": _plain_literal,
-    "string": _plain_literal,
-    "true": _plain_literal,
-    "false": _plain_literal,
-    "none": _plain_literal,
+    "number": literal_of,
+    "string": literal_of,
+    "true": literal_of,
+    "false": literal_of,
+    "none": literal_of,
     "enum_literal": constant_of,
     "aliased_literal": constant_of,
     "group": _group,

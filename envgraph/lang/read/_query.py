@@ -12,7 +12,7 @@ from envgraph.lang.read._query_conditions import conditions_of, java_type_of
 from envgraph.lang.read._query_header import DefinitionsFile, name_of, read_definitions
 from envgraph.lang.read._reading import Reading, TypeNames, type_of, type_span_of
 from envgraph.lang.syntax._parsing import Parsed, annotation_of, tokens, trees
-from envgraph.metamodel import SUPPRESS
+from envgraph.metamodel import SUPPRESS, Annotation
 from envgraph.pattern import Body, FunctionDeclaration, Parameter, Pattern, Strategy
 
 
@@ -38,11 +38,21 @@ def parameters_of(reading: Reading, tree: Tree[Token]) -> tuple[Parameter, ...]:
     )
 
 
+def suppressions_in(reading: Reading, tree: Tree[Token]) -> tuple[Annotation, ...]:
+    """The annotations of what can have `@suppress` only; others are reported."""
+    parts = trees(tree.children, "annotation")
+    found = tuple(annotation_of(reading.parsed.source, part) for part in parts)
+    for part, one in zip(parts, found, strict=True):
+        if one.name != SUPPRESS:
+            reading.warn("unknown-annotation", f"`@{one.name}` means nothing here", part, "leave it out")
+    return found
+
+
 def _pattern(reading: Reading, package: str, tree: Tree[Token]) -> Pattern:
     name = name_of(tree)
     words = [tokens(part.children)[0] for part in trees(tree.children, "modifier")]
     for word in ("private", "search", "incremental"):
-        reading.once(f"`{word}`", (token for token in words if token == word))
+        reading.only(f"`{word}`", (token for token in words if token == word))
     return Pattern(
         name=str(name),
         parameters=parameters_of(reading, tree),
@@ -61,10 +71,7 @@ def _pattern(reading: Reading, package: str, tree: Tree[Token]) -> Pattern:
 
 def _declaration(reading: Reading, tree: Tree[Token]) -> FunctionDeclaration:
     name = name_of(tree)
-    for annotation in trees(tree.children, "annotation"):
-        word = annotation_of(reading.parsed.source, annotation).name
-        if word != SUPPRESS:
-            reading.warn("unknown-annotation", f"`@{word}` means nothing here", annotation, "leave it out")
+    suppressions_in(reading, tree)
     result, result_span = _typed(reading, tree)
     return FunctionDeclaration(
         str(name),

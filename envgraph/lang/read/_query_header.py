@@ -131,14 +131,13 @@ def unused_imports(reading: Reading, header: Header) -> None:
 
 
 def _package(reading: Reading, definitions: list[Tree[Token]]) -> str:
-    packages = trees(definitions, "package")
-    reading.once("`package`", packages, "a file has one package")
-    if not packages:
+    package = reading.only("`package`", trees(definitions, "package"), "a file has one package")
+    if package is None:
         return ""
-    if packages[0] is not definitions[0]:
+    if package is not definitions[0]:
         hint = "move this line above the imports and definitions"
-        reading.error("misplaced-header", "the package comes first", packages[0], hint)
-    return qualified_name_of(trees(packages[0].children)[0])
+        reading.error("misplaced-header", "the package comes first", package, hint)
+    return qualified_name_of(trees(package.children)[0])
 
 
 def _file(reading: Reading, tree: Tree[Token]) -> Import:

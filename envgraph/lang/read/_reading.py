@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import field
 from itertools import takewhile
+from typing import TypeVar
 
 from lark import Token, Tree
 
@@ -75,6 +76,9 @@ class TypeNames:
         return len(known) < 2 and all(one == simple_name(one) for one in known.values())
 
 
+_Item = TypeVar("_Item", Tree[Token], Token)
+
+
 @dataclass(slots=True)
 class Reading:
     """One file while its tree becomes data.
@@ -137,15 +141,16 @@ class Reading:
         span = where if isinstance(where, Span) else self.span(where)
         self.add(Diagnostic(code, message, span, hint, Severity.WARNING))
 
-    def once(self, what: str, items: Iterable[Tree[Token] | Token], hint: str | None = None) -> None:
-        """Reports all but the first of the items."""
-        first: Span | None = None
+    def only(self, what: str, items: Iterable[_Item], hint: str | None = None) -> _Item | None:
+        """The first of the items, None if there is none; the others are reported."""
+        first: _Item | None = None
         for item in items:
             if first is None:
-                first = self.span(item)
+                first = item
                 continue
-            notes = (Note("the first one is here", first),)
+            notes = (Note("the first one is here", self.span(first)),)
             self.error("duplicate-part", f"{what} stands here twice", item, hint or "leave one out", notes)
+        return first
 
     def gap(self, tree: Tree[Token]) -> None:
         """Notes that the data lacks what a tree says; that has been reported."""

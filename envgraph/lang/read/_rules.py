@@ -69,7 +69,7 @@ def _rule(reading: Reading, package: str, tree: Tree[Token]) -> Rule:
 def _left(reading: Reading, tree: Tree[Token], owner: Token) -> LeftSide:
     """The one `lhs` of a rule or of a `forall` or `optional` block; that a block is empty is noticed later."""
     sides = trees(tree.children, "left")
-    reading.once("`lhs`", (tokens(side.children)[0] for side in sides), "put all of it into the first")
+    reading.only("`lhs`", (tokens(side.children)[0] for side in sides), "put all of it into the first")
     if sides:
         return left_side_of(reading, trees(sides[0].children), tokens(sides[0].children)[0])
     if tree.data == "rule" and not reading.broken(tree):
@@ -82,8 +82,8 @@ def _left(reading: Reading, tree: Tree[Token], owner: Token) -> LeftSide:
 def _right(reading: Reading, tree: Tree[Token]) -> RightSide | Modification | None:
     """The one `rhs` or `modify`."""
     rights, modifications = trees(tree.children, "right"), trees(tree.children, "modification")
-    reading.once("`rhs`", (tokens(side.children)[0] for side in rights), "put all of it into the first")
-    reading.once(
+    reading.only("`rhs`", (tokens(side.children)[0] for side in rights), "put all of it into the first")
+    reading.only(
         "`modify`", (tokens(side.children)[0] for side in modifications), "put all of it into the first"
     )
     if rights and modifications:

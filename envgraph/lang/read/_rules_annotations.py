@@ -32,7 +32,7 @@ def marks_of(reading: Reading, tree: Tree[Token]) -> Marks:
     parts = trees(tree.children, "annotation")
     marks = Marks(tuple(annotation_of(reading.parsed.source, part) for part in parts))
     for name in ("weight", "priority", "semantics", "match"):
-        reading.once(f"`@{name}`", (part for part in parts if part.children[0] == name))
+        reading.only(f"`@{name}`", (part for part in parts if part.children[0] == name))
     for part in parts:
         read = _READERS.get(str(part.children[0]))
         if read is _weight and tree.data == "derivation":
