@@ -48,6 +48,11 @@ class DiagnosticError(EnvgraphError):
 class LoadError(DiagnosticError):
     """A file, or several that import each other, cannot be loaded; all their problems together."""
 
+    @classmethod
+    def of(cls, code: str, message: str, span: Span | None = None, hint: str | None = None) -> LoadError:
+        """One problem."""
+        return cls([Diagnostic(code, message, span, hint)])
+
 
 class ResolutionError(DiagnosticError):
     """A name in a definition made in Python (pattern, rule, behaviour) means nothing, or a type is wrong."""

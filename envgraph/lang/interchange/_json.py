@@ -157,9 +157,7 @@ def parse_model(source: Source, metamodel: Metamodel) -> Model:
     """
     value = _decoded(source)
     if not isinstance(value, dict):
-        raise LoadError(
-            [Diagnostic("bad-format", "a model is an object", source.span(0, 1), "write `{ .. }`")]
-        )
+        raise LoadError.of("bad-format", "a model is an object", source.span(0, 1), "write `{ .. }`")
     try:
         return model_from_json(value, metamodel, file=source.name)
     except LoadError as error:
@@ -173,47 +171,34 @@ def parse_model(source: Source, metamodel: Metamodel) -> Model:
 
 def _decoded(source: Source) -> object:
     if not source.text.strip():
-        raise LoadError(
-            [
-                Diagnostic(
-                    "empty-file",
-                    "the file is empty",
-                    source.span(0, 0),
-                    "`envgraph convert` writes models as JSON",
-                )
-            ]
+        raise LoadError.of(
+            "empty-file", "the file is empty", source.span(0, 0), "`envgraph convert` writes models as JSON"
         )
     try:
         value: object = json.loads(source.text, parse_constant=_finite, parse_float=_finite)
     except _NotFinite as error:
         span = next(span for _, span in locate(source) if span.text == error.text)
         hint = 'JSON has finite numbers only; in a model an infinite float is written `"inf"`'
-        raise LoadError([Diagnostic("bad-number", f"`{error.text}` is no number", span, hint)]) from None
+        raise LoadError.of("bad-number", f"`{error.text}` is no number", span, hint) from None
     except json.JSONDecodeError as error:
         span = source.span(error.pos, error.pos + 1)
-        raise LoadError(
-            [
-                Diagnostic(
-                    "syntax", f"not JSON: {error.msg.lower().removesuffix(' at')}", span, _json_hint(error)
-                )
-            ]
+        raise LoadError.of(
+            "syntax", f"not JSON: {error.msg.lower().removesuffix(' at')}", span, _json_hint(error)
         ) from error
     except RecursionError:
         hint = "a model has lists inside of objects inside of a list, and nothing deeper"
-        problem = Diagnostic("syntax", "the JSON is nested too deeply", source.span(0, 1), hint)
-        raise LoadError([problem]) from None
+        raise LoadError.of("syntax", "the JSON is nested too deeply", source.span(0, 1), hint) from None
     except ValueError as error:
         found = _LONG.search(source.text)
         if found is None:  # nothing else raises it
             raise
         span, hint = source.span(*found.span()), f"an int has 64 bits: it is {LARGEST_INT} at most"
-        problem = Diagnostic("number-too-large", "the number is too large", span, hint)
-        raise LoadError([problem]) from error
+        raise LoadError.of("number-too-large", "the number is too large", span, hint) from error
     found = next(_lone_surrogates(source.text), None)
     if found is not None:
         message = f"`{found.group()}` is half of a character"
         hint = "write the character itself, or both halves"
-        raise LoadError([Diagnostic("bad-escape", message, source.span(*found.span()), hint)])
+        raise LoadError.of("bad-escape", message, source.span(*found.span()), hint)
     return value
 
 

@@ -47,7 +47,7 @@ class LevelTemplate:
                     name, text = _token(model), _token(rows)
                     return cls(source, grid_letters(parsed, grid, metamodel), name, text)
         message = "the model has no grid whose rows a level could take the place of"
-        raise LoadError([Diagnostic("missing-rows", message, source.span(0, 0))])
+        raise LoadError.of("missing-rows", message, source.span(0, 0))
 
     def text(self, level: Level, name: str, given: Mapping[str, str]) -> str:
         """The text of a model with the rows of a level.

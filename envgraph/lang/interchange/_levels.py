@@ -62,7 +62,7 @@ def read_levels(source: Source, letters: Collection[str]) -> tuple[Level, ...]:
     found = tuple(_des_levels(source) if suffix == "des" else _text_levels(source, letters))
     if not found:
         hint = "a map stands between `MAP` and `ENDMAP`" if suffix == "des" else _known(letters)
-        raise LoadError([Diagnostic("no-level", "the file has no level", source.span(0, 0), hint)])
+        raise LoadError.of("no-level", "the file has no level", source.span(0, 0), hint)
     return found
 
 
@@ -197,16 +197,12 @@ def read_tiled(source: Source) -> Level:
     return Level("", found.where, tuple(rows))
 
 
-def _refuse(code: str, message: str, where: Span, hint: str | None = None) -> LoadError:
-    return LoadError([Diagnostic(code, message, where, hint)])
-
-
 def _size(width: object, height: object, where: Span) -> tuple[int, int]:
     texts = str(width), str(height)
     if not all(text.isdecimal() and 0 < len(text) < 7 and int(text) for text in texts):
-        raise _refuse("bad-map", "this is no map of Tiled: it has no `width` and `height`", where)
+        raise LoadError.of("bad-map", "this is no map of Tiled: it has no `width` and `height`", where)
     if int(texts[0]) * int(texts[1]) > _MOST_CELLS:
-        raise _refuse("bad-map", f"the map has more than {_MOST_CELLS:,} cells", where)
+        raise LoadError.of("bad-map", f"the map has more than {_MOST_CELLS:,} cells", where)
     return int(texts[0]), int(texts[1])
 
 
@@ -218,9 +214,9 @@ def _xml_map(source: Source) -> _Map:
     where = places.tag(root.byte)
     size = root.attributes
     if root.tag != "map":
-        raise _refuse("bad-map", f"`<{root.tag}>` is no map of Tiled", where, "a map is a tag `<map>`")
+        raise LoadError.of("bad-map", f"`<{root.tag}>` is no map of Tiled", where, "a map is a tag `<map>`")
     if size.get("infinite") == "1":
-        raise _refuse(
+        raise LoadError.of(
             "bad-map", "infinite maps are not read", where, "take back `Infinite` in the properties"
         )
     layers = tuple(_xml_layer(places, layer) for layer in root.children if layer.tag == "layer")
@@ -231,7 +227,7 @@ def _xml_layer(places: XmlPlaces, layer: Element) -> _Layer:
     data = next((one for one in layer.children if one.tag == "data"), None)
     where = places.tag((data or layer).byte)
     if data is None or data.attributes.get("encoding") != "csv":
-        raise _refuse("bad-map", "the data of this layer is not CSV", where, _PACKED)
+        raise LoadError.of("bad-map", "the data of this layer is not CSV", where, _PACKED)
     start = places.source.text.index(">", where.end) + 1
     end = places.source.text.index("<", start)
     words = _NUMBER.finditer(places.source.text, start, end)
@@ -252,7 +248,7 @@ def _json_map(source: Source) -> _Map:
     value, spans = parse_json(source)
     where = spans[()]
     if not isinstance(value, dict) or not isinstance(value.get("layers"), list):
-        raise _refuse("bad-map", "this is no map of Tiled", where, "a map has `layers`")
+        raise LoadError.of("bad-map", "this is no map of Tiled", where, "a map has `layers`")
     layers = tuple(_json_layers(value["layers"], spans))
     return _Map(
         *_size(value.get("width"), value.get("height"), where), where, layers, dict(_json_classes(value))
@@ -264,7 +260,7 @@ def _json_layers(layers: Sequence[Any], spans: Mapping[JsonPath, Span]) -> Itera
         if isinstance(layer, dict) and layer.get("type") == "tilelayer":
             data, path = layer.get("data"), ("layers", number)
             if not isinstance(data, list):
-                raise _refuse("bad-map", "the data of this layer is not CSV", spans[path], _PACKED)
+                raise LoadError.of("bad-map", "the data of this layer is not CSV", spans[path], _PACKED)
             yield _Layer(spans[path], [(str(one), spans[(*path, "data", at)]) for at, one in enumerate(data)])
 
 

@@ -184,7 +184,7 @@ class Loader:
         hint = did_you_mean(suffix, LANGUAGE_OF) if suffix and format is None else None
         what = f"{FORMATS[format]}, and" if format else "a file"
         message = f"`{name.rpartition('/')[2]}` is {what} of none of the languages"
-        raise LoadError([Diagnostic("unknown-language", message, span, hint or _extensions())])
+        raise LoadError.of("unknown-language", message, span, hint or _extensions())
 
     def _take(self, file: LoadedFile, source: Source, asked: Import | None) -> Sequence[Import]:
         """Keeps what a file says, and returns its imports."""

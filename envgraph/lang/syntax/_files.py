@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import os
 import posixpath
+from codecs import BOM_UTF8
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import NoReturn, Protocol
 
 from envgraph.code import dataclass
-from envgraph.errors import RAISE_LIMIT, Diagnostic, LoadError, Source, did_you_mean, limit, listed
+from envgraph.errors import RAISE_LIMIT, LoadError, Source, did_you_mean, limit, listed
 from envgraph.files import open_input
 from envgraph.lang.syntax._formats import HEAD, UNCLEAR, format_of
-from envgraph.lang.syntax._xml import xml_source
+from envgraph.lang.syntax._xml import decoded, xml_source
 
 LARGEST_FILE = 16 * 1024 * 1024
 LARGEST_MODEL = 256 * 1024 * 1024
@@ -183,23 +184,11 @@ def read_source(files: Files, name: str) -> Source:
         _refuse(name, "file-too-large", f"the file has more than {most / 2**20:g} MB", divide + RAISE_LIMIT)
     if format in _XML:
         return xml_source(name, data)
-    try:
-        return Source(name, data.decode("utf-8-sig"))
-    except UnicodeDecodeError as error:
-        # Shown in its surroundings: what comes before the first bad byte is fine.
-        before = data[: error.start].decode("utf-8-sig", errors="ignore")
-        source = Source(name, before + data[error.start :].decode("utf-8", errors="replace"))
-        problem = Diagnostic(
-            "not-utf-8",
-            f"the byte 0x{data[error.start]:02x} is not UTF-8",
-            source.span(len(before), len(before) + 1),
-            "save the file as UTF-8",
-        )
-        raise LoadError([problem]) from None
+    return Source(name, decoded(name, data.removeprefix(BOM_UTF8), "utf-8"))
 
 
 def _refuse(name: str, code: str, message: str, hint: str | None) -> NoReturn:
-    raise LoadError([Diagnostic(code, message, Source(name, "").span(0, 0), hint)]) from None
+    raise LoadError.of(code, message, Source(name, "").span(0, 0), hint) from None
 
 
 def _inside(files: Files, name: str) -> str | None:

@@ -99,8 +99,9 @@ def parse_toml(source: Source) -> TomlText:
     except (ValueError, RecursionError) as error:
         # A number of thousands of digits; arrays over many lines, one inside the other.
         hint = "a number or a list in it is far too large"
-        problem = Diagnostic("syntax-error", f"the file cannot be read: {error}", source.span(0, 0), hint)
-        raise LoadError([problem]) from None
+        raise LoadError.of(
+            "syntax-error", f"the file cannot be read: {error}", source.span(0, 0), hint
+        ) from None
     return text
 
 
@@ -116,17 +117,16 @@ def _check_depth(source: Source) -> None:
         if line.count("[") + line.count("{") > deepest:
             message = f"more than {deepest} brackets stand on one line"
             span = source.span(at, at + len(line))
-            raise LoadError([Diagnostic("nested-too-deeply", message, span, RAISE_LIMIT)])
+            raise LoadError.of("nested-too-deeply", message, span, RAISE_LIMIT)
         at += len(line) + 1
     found = re.search(_PARTS + f"{{{deepest}}}", source.text)
     if found:
-        problem = Diagnostic(
+        raise LoadError.of(
             "nested-too-deeply",
             f"a key has more than {deepest} parts",
             source.span(*found.span()),
             RAISE_LIMIT,
         )
-        raise LoadError([problem])
 
 
 def override(toml: TomlText, overrides: Iterable[str]) -> None:
@@ -157,8 +157,7 @@ def _setting(text: str) -> TomlText:
     if not equals or "\n" in text:
         source = Source(SETTING, text)
         hint = "write a key of the file and its value: `--set search.population=10`"
-        problem = Diagnostic("syntax-error", "a setting is `key=value`", source.span(0, len(text)), hint)
-        raise LoadError([problem])
+        raise LoadError.of("syntax-error", "a setting is `key=value`", source.span(0, len(text)), hint)
     if _WORD.fullmatch(value.strip()) and value.strip() not in _NO_TEXTS:
         value = f'"{value.strip()}"'
     return parse_toml(Source(SETTING, f"{key}={value}"))
@@ -180,7 +179,7 @@ def _override(toml: TomlText, setting: TomlText) -> None:
                 f"`{where}` is no table",
                 f"give all of it: `--set '{where}={{ name = \"...\" }}'`",
             )
-            raise LoadError([Diagnostic("wrong-type", message, setting.key(*path[:size]), hint)])
+            raise LoadError.of("wrong-type", message, setting.key(*path[:size]), hint)
     for spans, others in ((toml.keys, setting.keys), (toml.values, setting.values)):
         for place in [one for one in spans if one[: len(path)] == path]:
             del spans[place]

@@ -49,20 +49,20 @@ def xml_source(name: str, data: bytes) -> Source:
         (b"\xfe\xff", "utf-16-be"),
     ):
         if data.startswith(mark):
-            return Source(name, _decoded(name, data[len(mark) :], encoding))
+            return Source(name, decoded(name, data[len(mark) :], encoding))
     if data[:2] in (b"<\0", b"\0<"):
-        return Source(name, _decoded(name, data, "utf-16-le" if data[:1] == b"<" else "utf-16-be"))
+        return Source(name, decoded(name, data, "utf-16-le" if data[:1] == b"<" else "utf-16-be"))
     found = _DECLARED.match(data[:1000])
     if found is None:
-        return Source(name, _decoded(name, data, "utf-8"))
+        return Source(name, decoded(name, data, "utf-8"))
     declared = found.group(1).decode("latin-1")
     if not _ENCODINGS.fullmatch(declared) or not _known(declared):
         source = Source(name, data.decode("latin-1"))
         message = f"unknown encoding `{declared}`"
         hint = 'save the file as UTF-8, and write `encoding="UTF-8"`'
-        raise LoadError([Diagnostic("unknown-encoding", message, source.span(*found.span(1)), hint)])
+        raise LoadError.of("unknown-encoding", message, source.span(*found.span(1)), hint)
     # A file in UTF-16 was recognised above: this one only says that it is.
-    return Source(name, _decoded(name, data, "utf-8" if declared.lower().startswith("utf") else declared))
+    return Source(name, decoded(name, data, "utf-8" if declared.lower().startswith("utf") else declared))
 
 
 def as_utf8(text: str) -> str:
@@ -81,7 +81,12 @@ def _known(encoding: str) -> bool:
     return True
 
 
-def _decoded(name: str, data: bytes, encoding: str) -> str:
+def decoded(name: str, data: bytes, encoding: str) -> str:
+    """The text of a file.
+
+    Raises:
+        LoadError: a byte is none of the encoding; it is shown in its surroundings, since what comes before is fine.
+    """
     try:
         return data.decode(encoding)
     except UnicodeDecodeError as error:
@@ -92,7 +97,7 @@ def _decoded(name: str, data: bytes, encoding: str) -> str:
         span = source.span(len(before), len(before) + 1)
         message = f"the byte 0x{data[error.start]:02x} is not {shown}"
         code = "not-utf-8" if shown == "UTF-8" else "wrong-encoding"
-        raise LoadError([Diagnostic(code, message, span, hint)]) from None
+        raise LoadError.of(code, message, span, hint) from None
 
 
 @dataclass(slots=True)
@@ -247,7 +252,7 @@ class Reader:
     def refuse(self, code: str, message: str) -> NoReturn:
         """A limit is passed at the innermost open tag."""
         place = self.places.tag(self.open[-1][1])
-        raise LoadError([Diagnostic(code, message, place, RAISE_LIMIT)])
+        raise LoadError.of(code, message, place, RAISE_LIMIT)
 
     def _refuse_doctype(self, *_: object) -> NoReturn:
         text = self.places.source.text
@@ -255,7 +260,7 @@ class Reader:
         span = self.places.source.span(start, start + len("<!DOCTYPE"))
         hint = "leave it out, and write what its entities stand for"
         message = "a document type is not read: it could name other files, or entities without end"
-        raise LoadError([Diagnostic("document-type", message, span, hint)])
+        raise LoadError.of("document-type", message, span, hint)
 
     def _malformed(self, error: expat.ExpatError) -> Diagnostic:
         start = self.places.offset(max(self._parser.ErrorByteIndex, 0))
