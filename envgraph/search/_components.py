@@ -189,7 +189,7 @@ def _learning(options: Options, context: Context) -> Callable[[Levels, int], Jud
             )
             hint = f"do without it, or make the target smaller: up to {MOST_STATES:,} states have a table"
             notes = (note,) if reason.span else ()
-            place = options.spec.span("kind")
+            place = options.spec.span()
             raise LoadError([Diagnostic("not-compiled", message, place, hint, notes=notes)]) from reason
 
     return made
@@ -202,7 +202,7 @@ def _chain_transfer(options: Options, context: Context) -> Callable[[Levels, int
             levels.target.tabular  # noqa: B018  # so that too many states are told before there is a run
         except TooManyStates as error:
             hint = 'write `kind = "learning"`, whose learners need no table, or make the target smaller'
-            place = options.spec.span("kind")
+            place = options.spec.span()
             raise LoadError([Diagnostic("too-many-states", error.message, place, hint)]) from error
         return Measured(ChainTransfer(), context.spec.search.population)
 

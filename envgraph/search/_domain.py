@@ -476,4 +476,4 @@ def _without(component: ComponentSpec, option: str) -> ComponentSpec:
     options: Mapping[str, object] = {
         name: value for name, value in component.options.items() if name != option
     }
-    return ComponentSpec(component.name, component.kind, options, component.spans)
+    return replace(component, options=options)

@@ -214,7 +214,7 @@ class _Reader:
             return []
         found = []
         for index, one in enumerate(value):
-            place = self.spec.span(f"{key}[{index}]")
+            place = self.spec.span(key, index)
             if isinstance(one, str):
                 found.append((one, place))
             else:

@@ -283,7 +283,7 @@ class _Reader:
             section.error("bad-value", message, section.span("minimise"), "leave one of them out")
         self._check_objectives(section, spec)
         for covered in spec.cover:
-            self._check_measure(section, "cover", covered.name, covered.key_span(""))
+            self._check_measure(section, "cover", covered.name, covered.key_span())
         return spec
 
     def _curriculum(self, section: Section) -> CurriculumSpec:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Collection, Iterable, Mapping
-from dataclasses import field, fields, replace
+from dataclasses import field, fields
 from functools import partial
 from math import isfinite
 from typing import Any, TypeVar
@@ -44,21 +44,28 @@ class ComponentSpec:
         name: the user's name of a measure; for the others their role ("diversity", "parents" ..).
         kind: what is built ("path_complexity", "random" ...).
         options: everything else in the table.
-        spans: where the table (""), its "kind", each option and ("along[0]") the items of a list stand.
+        text, path: the file that has it, and the names of its table there; None for one of Python.
     """
 
     name: str
     kind: str
     options: Mapping[str, object] = field(default_factory=dict)
-    spans: Mapping[str, Span] = field(default_factory=dict, compare=False, repr=False)
+    text: TomlText | None = field(default=None, compare=False, repr=False)
+    path: tuple[str, ...] = field(default=(), compare=False, repr=False)
 
-    def span(self, option: str = "kind") -> Span | None:
-        """Where an option's value stands; else where the table does."""
-        return self.spans.get(option) or self.spans.get("")
+    def span(self, option: str | None = None, *item: int) -> Span | None:
+        """Where the value of an option, or an item of it, stands; where the table does if it is not there.
 
-    def key_span(self, option: str) -> Span | None:
-        """Where the name of an option stands; else as `span`."""
-        return self.spans.get(f"{option} =") or self.span(option)
+        Without an option where the kind stands.
+        """
+        if self.text is None:
+            return None
+        named = "kind" if (*self.path, "kind") in self.text.values else "name"
+        return self.text.value(*self.path, named if option is None else option, *item)
+
+    def key_span(self, *option: str) -> Span | None:
+        """Where the name of an option stands, or of the table."""
+        return self.text.key(*self.path, *option) if self.text else None
 
 
 def key(default: Any, read: Callable[..., Any], /, **limits: Any) -> Any:
@@ -277,25 +284,19 @@ class Section:
             elif word not in self.data and self.there:
                 self.missing(word, f'write `{word} = "..."`')
             return None
-        found = self.options(role, kind.text, word)
-        return replace(found, spans={**found.spans, "kind": kind.span or self.span()})
+        return self.options(role, kind.text, word)
 
     def options(self, role: str, kind: str | None = None, word: str | None = None) -> ComponentSpec:
         """This table as options, all but the key that names the kind; the kind is by default the role."""
-        spans = {key: self.span(key) for key in self.data} | {"": self.span()}
-        for key, value in self.data.items():
-            items = range(len(value)) if isinstance(value, list) else ()
-            spans |= {f"{key}[{index}]": self.span(key, index) for index in items}
-        spans |= {f"{key} =": self.text.key(*self.path, key) for key in self.data}
         options = {key: value for key, value in self.data.items() if key != word}
-        return ComponentSpec(role, kind or role, options, spans)
+        return ComponentSpec(role, kind or role, options, self.text, self.path)
 
     def chosen(self, key: str, default: ComponentSpec) -> ComponentSpec:
         """`key = { name = "...", option = ... }`, or the name alone."""
         value = self.data.get(key)
         if isinstance(value, str):
             self.take(key)
-            return ComponentSpec(key, value, {}, {"kind": self.span(key), "": self.span(key)})
+            return ComponentSpec(key, value, {}, self.text, (*self.path, key))
         table = self.table(key)
         if not table.data:
             return default
@@ -352,17 +353,14 @@ def cover(section: Section, name: str, default: tuple[ComponentSpec, ...]) -> tu
     """A table of `measure = 20`, a number of bins, or `measure = { bins = 20, range = [0, 1] }`."""
     section, found = section.table(name), [*default]
     for key, value in section.data.items():
-        place = section.text.key(*section.path, key)
         if _is_int(value):
             section.take(key)
-            spans = {"bins": section.span(key), "": place}
-            found.append(ComponentSpec(key, key, {"bins": value}, spans))
+            found.append(ComponentSpec(key, key, {"bins": value}, section.text, (*section.path, key)))
         elif not isinstance(value, dict):
             section.take(key)
             section.wrong(key, "a number of bins", hint=f"write `{key} = 10`, or `{key} = {{ bins = 10 }}`")
         else:
-            options = section.table(key).options(key)
-            found.append(replace(options, spans={**options.spans, "": place}))
+            found.append(section.table(key).options(key))
     return tuple(found)
 
 

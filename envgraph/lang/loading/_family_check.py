@@ -252,7 +252,7 @@ class _Checker:
             yield Diagnostic("wrong-type", f"`{option}` is {wanted}", span, hint)
             return
         for index, name in enumerate(names):
-            span = measure.spans.get(f"{option}[{index}]", span)
+            span = measure.span(option, index)
             match what:
                 case "class":
                     yield from self._class(str(name), span)
@@ -309,7 +309,7 @@ class _Checker:
         start, goal, avoid = map(str, classes)
         reached = _reached(metamodel, start, [one for references in found for one in references])
         for index, (name, references) in enumerate(zip(names, found, strict=True)):
-            span = measure.spans.get(f"along[{index}]", measure.span("along"))
+            span = measure.span("along", index)
             if references and reached.isdisjoint(c for r in references for c in metamodel.concrete(r.owner)):
                 owners = listed(r.owner for r in references)
                 hint = (

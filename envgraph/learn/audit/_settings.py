@@ -117,7 +117,7 @@ def _wrong_patterns(
     assert registration is not None, "the files have no errors"
     library, problems = registration.library, list[Diagnostic]()
     for place, name in enumerate(names):
-        span = spec.spans.get(f"{key}[{place}]") or spec.span(key)
+        span = spec.span(key, place)
         pattern = library.resolve(name)
         if pattern is None:
             hint = did_you_mean(name, [one.rpartition(".")[2] for one in library.names()])
