@@ -19,7 +19,7 @@ from envgraph.lang.interchange._xmi_links import Linker
 from envgraph.lang.interchange._xmi_tags import TagReader
 from envgraph.lang.read._model import ModelFile, ModelText
 from envgraph.lang.syntax._once import once_for_each_name
-from envgraph.lang.syntax._xml import XSI, Handlers, Reader, Stop, XmlPlaces, namespaces
+from envgraph.lang.syntax._xml import XSI, Reader, Stop, XmlPlaces, namespaces
 from envgraph.metamodel import Metamodel
 
 _HEAD = 100_000
@@ -118,6 +118,6 @@ def schema_paths(source: Source) -> list[str]:
         return
 
     head = Source(source.name, source.text[:_HEAD])
-    Reader(XmlPlaces(head)).read(Handlers(start, nothing, nothing))
+    Reader(XmlPlaces(head)).read(start, nothing, nothing)
     paths = dict.fromkeys(unquote(one.partition("#")[0]) for one in found)
     return [path for path in paths if path.endswith((".ecore", ".metamodel")) and "://" not in path]

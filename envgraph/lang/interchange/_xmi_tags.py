@@ -12,7 +12,7 @@ from envgraph.lang.interchange._xmi_document import LOST, Document, Link, Table,
 from envgraph.lang.interchange._xmi_namespaces import Namespaces
 from envgraph.lang.read._ecore_types import too_large, value_of
 from envgraph.lang.read._features import allowed_values, unknown_literal
-from envgraph.lang.syntax._xml import XMI, XSI, Handlers, Reader, Stop
+from envgraph.lang.syntax._xml import XMI, XSI, Reader, Stop
 from envgraph.metamodel import Attribute, EnumType, Reference, Scalar, Value, type_name
 
 
@@ -52,7 +52,7 @@ class TagReader:
 
     def check_syntax(self) -> None:
         """Only whether the file is XML."""
-        problem = self._xml.read(Handlers(self._open_only, self._close_only, lambda _: None))
+        problem = self._xml.read(self._open_only, self._close_only, lambda _: None)
         if problem:
             self._reading.diagnostics.append(problem)
 
@@ -69,7 +69,7 @@ class TagReader:
             Stop: the file is no XML, or has too many mistakes.
         """
         self._document.first = self._model.store.next_id
-        problem = self._xml.read(Handlers(self._start, self._end, self._text))
+        problem = self._xml.read(self._start, self._end, self._text)
         found = self._reading.diagnostics
         if problem:
             # What stands in a tag that is not closed may not belong there, and references may lead to what comes later.

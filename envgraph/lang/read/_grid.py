@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Container, Iterator, Mapping, Sequence
+from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import field
 
 from lark import Token, Tree
 
 from envgraph.code import dataclass
-from envgraph.errors import Diagnostic, Note, Span, quoted
+from envgraph.errors import Note, Span, plural, quoted
+from envgraph.lang.read._reading import Reading
 from envgraph.lang.syntax._parsing import Parsed, tokens, trees
 from envgraph.metamodel import Metamodel
-
-Report = Callable[[Diagnostic], None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,43 +54,41 @@ class GridText:
     axes: dict[str, Axis] = field(default_factory=dict)
 
 
-def read_grid(parsed: Parsed, tree: Tree[Token], metamodel: Metamodel | None, report: Report) -> GridText:
+def read_grid(reading: Reading, tree: Tree[Token], metamodel: Metamodel | None) -> GridText:
     """The cells of a `grid` tree, row by row; a letter that stands for nothing has no entry."""
-    parts = _parts(parsed, tree, report)
+    parts = _parts(reading, tree)
     name = tokens(tree.children)[0]
     axes: dict[str, Axis] = {kind: _axis(parts[kind]) for kind in ("column", "row") if kind in parts}
     if "rows" not in parts:
-        if not parsed.diagnostics:
+        if not reading.parsed.diagnostics:
             hint = 'write `rows """` and the letters, a line for each row'
-            report(Diagnostic("missing-rows", f"the grid `{name}` has no rows", parsed.span(name), hint))
+            reading.error("missing-rows", f"the grid `{name}` has no rows", name, hint)
         return GridText(name, [], 0, 0, axes)
-    legend, given = _legend(parsed, parts.get("legend"), metamodel, report)
+    legend, given = _legend(reading, parts.get("legend"), metamodel)
     blanks = " " in legend
-    lines = list(_lines(parsed, tokens(parts["rows"].children)[0], keep_blanks=blanks))
-    usual = _check_lengths(lines, report, "blanks at the end of a row count" if blanks else None)
+    lines = list(_lines(reading.parsed, tokens(parts["rows"].children)[0], keep_blanks=blanks))
+    usual = _check_lengths(reading, lines, "blanks at the end of a row count" if blanks else None)
     # Without the metamodel, whose glyphs the letters are, nothing is known of any of them.
-    lost = parsed.lost if given or metamodel else {*"".join(one.text for one in lines)}
-    cells = _cells(lines, legend, lost, given, usual, report)
+    lost = reading.parsed.lost if given or metamodel else {*"".join(one.text for one in lines)}
+    cells = _cells(reading, lines, legend, lost, given, usual)
     return GridText(name, cells, max((len(line.text) for line in lines), default=0), len(lines), axes)
 
 
 def grid_letters(parsed: Parsed, tree: Tree[Token], metamodel: Metamodel) -> dict[str, str | None]:
     """The letters of a `grid` tree without errors; with the class of each that is no more than an object of it."""
     part = next(iter(trees(tree.children, "legend")), None)
-    legend, _ = _legend(parsed, part, metamodel, list[Diagnostic]().append)
+    legend, _ = _legend(Reading(parsed), part, metamodel)
     return {letter: None if entry.body else entry.cls for letter, entry in legend.items()}
 
 
-def _parts(parsed: Parsed, tree: Tree[Token], report: Report) -> dict[str, Tree[Token]]:
+def _parts(reading: Reading, tree: Tree[Token]) -> dict[str, Tree[Token]]:
     parts: dict[str, Tree[Token]] = {}
     for part in trees(tree.children):
         first = parts.setdefault(part.data, part)
         if first is not part:
-            note = Note("the first one is here", parsed.span(first))
+            notes = (Note("the first one is here", reading.span(first)),)
             message = f"the grid has `{part.data}` twice"
-            report(
-                Diagnostic("duplicate-definition", message, parsed.span(part), "leave one out", notes=(note,))
-            )
+            reading.error("duplicate-definition", message, part, "leave one out", notes)
     return parts
 
 
@@ -101,30 +98,22 @@ def _axis(part: Tree[Token]) -> Axis:
 
 
 def _legend(
-    parsed: Parsed, tree: Tree[Token] | None, metamodel: Metamodel | None, report: Report
+    reading: Reading, tree: Tree[Token] | None, metamodel: Metamodel | None
 ) -> tuple[Mapping[str, Entry], bool]:
     """Letter to entry, and whether the file gives the legend; without one it is the glyphs of the classes."""
     if tree is None:
-        nowhere = parsed.source.span(0, 0)
+        nowhere = reading.parsed.source.span(0, 0)
         classes = metamodel.class_list if metamodel else ()
         return {cls.glyph.letter: Entry(cls.name, nowhere) for cls in classes if cls.glyph}, False
     legend: dict[str, Entry] = {}
     for part in trees(tree.children):
         key, *cls = tokens(part.children)
-        where = parsed.span(cls[0] if cls else key)
+        where = reading.span(cls[0] if cls else key)
         entry = Entry(str(cls[0]) if cls else None, where, next(iter(trees(part.children, "body")), None))
         if len(key) != 1:
-            report(
-                Diagnostic(
-                    "bad-legend", f"`{key}` is not a single letter", parsed.span(key), "write one letter"
-                )
-            )
+            reading.error("bad-legend", f"`{key}` is not a single letter", key, "write one letter")
         elif key in legend:
-            report(
-                Diagnostic(
-                    "duplicate-definition", f"the legend has `{key}` twice", parsed.span(key), "leave one out"
-                )
-            )
+            reading.error("duplicate-definition", f"the legend has `{key}` twice", key, "leave one out")
         else:
             legend[str(key)] = entry
     return legend, True
@@ -162,7 +151,7 @@ def _lines(parsed: Parsed, token: Token, keep_blanks: bool) -> Iterator[_Line]:
         yield _Line(row[indent:], parsed.source.span(start + indent, start + len(row)))
 
 
-def _check_lengths(lines: Sequence[_Line], report: Report, hint: str | None) -> int:
+def _check_lengths(reading: Reading, lines: Sequence[_Line], hint: str | None) -> int:
     """Reports rows of another length than the others have, and returns that."""
     advice = "all rows have the same length" + (f": {hint}" if hint else "")
     lengths = Counter(len(line.text) for line in lines)
@@ -170,25 +159,20 @@ def _check_lengths(lines: Sequence[_Line], report: Report, hint: str | None) -> 
     model = usual or next(iter(lines), None)
     for line in lines:
         if model and len(line.text) != len(model.text):
-            note = Note(
-                f"{'most rows have' if usual else 'the first row has'} {len(model.text)}", model.where
-            )
-            message = f"this row has {_count(line.text)}"
-            report(Diagnostic("unequal-rows", message, line.where, advice, notes=(note,)))
+            what = "most rows have" if usual else "the first row has"
+            notes = (Note(f"{what} {len(model.text)}", model.where),)
+            message = f"this row has {plural(len(line.text), 'letter')}"
+            reading.error("unequal-rows", message, line.where, advice, notes)
     return len(model.text) if model else 0
 
 
-def _count(text: str) -> str:
-    return "1 letter" if len(text) == 1 else f"{len(text)} letters"
-
-
 def _cells(
+    reading: Reading,
     lines: Sequence[_Line],
     legend: Mapping[str, Entry],
     lost: Container[str],
     given: bool,
     usual: int,
-    report: Report,
 ) -> list[Cell]:
     """The cells; in a row of another length than usual a letter more is no mistake of its own."""
     cells: list[Cell] = []
@@ -200,19 +184,16 @@ def _cells(
             entry = legend.get(letter)
             if entry is None and letter not in unknown and letter not in lost and len(line.text) == usual:
                 unknown.add(letter)
-                report(_unknown_letter(letter, where, legend, given))
+                hint = _letters(legend, given)
+                reading.error("unknown-letter", f"the letter `{letter}` stands for no class", where, hint)
             cells.append(Cell(column, row, letter, where, entry))
     return cells
 
 
-def _unknown_letter(letter: str, where: Span, legend: Mapping[str, Entry], given: bool) -> Diagnostic:
+def _letters(legend: Mapping[str, Entry], given: bool) -> str:
     known = quoted(legend)
     if given:
-        hint = f"the legend has {known}" if known else "the legend is empty"
-    else:
-        hint = (
-            f"the classes have the glyphs {known}"
-            if known
-            else "give the grid a `legend`, or classes a `@glyph`"
-        )
-    return Diagnostic("unknown-letter", f"the letter `{letter}` stands for no class", where, hint)
+        return f"the legend has {known}" if known else "the legend is empty"
+    return (
+        f"the classes have the glyphs {known}" if known else "give the grid a `legend`, or classes a `@glyph`"
+    )

@@ -261,7 +261,7 @@ class _Reader:
     # --- grids ---
 
     def _grid(self, tree: Tree[Token], made: Made) -> None:
-        text = read_grid(self.parsed, tree, self.metamodel, self.reports.add)
+        text = read_grid(self.reports, tree, self.metamodel)
         grid = _Grid(text, {})
         first = self._grids.setdefault(str(text.name), grid)
         if first is not grid:

@@ -192,15 +192,6 @@ class Stop(Exception):
     """Raised by a handler that wants no more of the text."""
 
 
-@dataclass(slots=True)
-class Handlers:
-    """What is called while a text is read: with a tag and its attributes, at its end, and with text between tags."""
-
-    start: Callable[[str, dict[str, str]], None]
-    end: Callable[[str], None]
-    text: Callable[[str], None]
-
-
 class Reader:
     """One reading of one text.
 
@@ -220,16 +211,27 @@ class Reader:
         """The byte at which what is just being read begins."""
         return self._parser.CurrentByteIndex
 
-    def read(self, handlers: Handlers) -> Diagnostic | None:
-        """Reads the text; says why it is no XML, or None."""
+    def read(
+        self,
+        start: Callable[[str, dict[str, str]], None],
+        end: Callable[[str], None],
+        text: Callable[[str], None],
+    ) -> Diagnostic | None:
+        """Reads the text; says why it is no XML, or None.
+
+        Args:
+            start: called with a tag and its attributes.
+            end: called at the end of a tag.
+            text: called with text between tags.
+        """
         source = self.places.source
         if not source.text.strip():
             hint = "`envgraph convert` writes `.ecore` and `.xmi` files"
             return Diagnostic("empty-file", "the file is empty", source.span(0, 0), hint)
         parser = self._parser
-        parser.StartElementHandler = handlers.start
-        parser.EndElementHandler = handlers.end
-        parser.CharacterDataHandler = handlers.text
+        parser.StartElementHandler = start
+        parser.EndElementHandler = end
+        parser.CharacterDataHandler = text
         parser.StartDoctypeDeclHandler = self._refuse_doctype
         try:
             parser.Parse(self.places.data, True)
@@ -384,7 +386,7 @@ def read_tree(places: XmlPlaces) -> tuple[Element | None, Diagnostic | None]:
     def text(data: str) -> None:
         path[-1].text += data
 
-    problem = reader.read(Handlers(start, end, text))
+    problem = reader.read(start, end, text)
     return (None, problem) if problem or not roots else (roots[0], None)
 
 

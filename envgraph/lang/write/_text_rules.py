@@ -8,7 +8,7 @@ from typing import Final
 
 from envgraph.code import dataclass
 from envgraph.lang.write._text_terms import TermText, plain_doc
-from envgraph.metamodel import Annotation
+from envgraph.metamodel import Annotation, Value
 from envgraph.pattern import (
     Action,
     Alap,
@@ -332,13 +332,14 @@ def split(actions: Iterable[Action]) -> list[Action]:
 def annotations_of(one: Rule | Unit | Derivation) -> tuple[Annotation, ...]:
     """The annotations with what the fields say: a rule built in Python has weights and no annotations."""
     found = [*one.annotations]
-    wanted: dict[str, list[Annotation]] = {"weight": _number(found, "weight", one.weight, 1.0)}
+    wanted = {"weight": _said(found, "weight", ((one.weight,),), ((1.0,),))}
     if not isinstance(one, Derivation):
-        wanted["priority"] = _number(found, "priority", one.priority, 0)
+        wanted["priority"] = _said(found, "priority", ((one.priority,),), ((0,),))
     if isinstance(one, Rule):
-        wanted["semantics"] = _word(found, "semantics", one.semantics, "dpo")
-        wanted["match"] = _word(found, "match", "injective" if one.injective else "homomorphic", "injective")
-        wanted["hom"] = _hom(found, one.homomorphic)
+        match = "injective" if one.injective else "homomorphic"
+        wanted["semantics"] = _said(found, "semantics", ((one.semantics,),), (("dpo",),))
+        wanted["match"] = _said(found, "match", ((match,),), (("injective",),))
+        wanted["hom"] = _said(found, "hom", one.homomorphic, ())
     result: list[Annotation] = []
     for annotation in found:
         result += wanted.pop(annotation.name, [] if annotation.name in _FIELDS else [annotation])
@@ -348,31 +349,15 @@ def annotations_of(one: Rule | Unit | Derivation) -> tuple[Annotation, ...]:
 _FIELDS: Final = ("weight", "priority", "semantics", "match", "hom")
 
 
-def _named(annotations: Iterable[Annotation], name: str) -> list[Annotation]:
-    return [annotation for annotation in annotations if annotation.name == name]
-
-
-def _number(annotations: Iterable[Annotation], name: str, value: float, default: float) -> list[Annotation]:
-    known = _named(annotations, name)
-    said = known[0].arguments[0] if known and known[0].arguments else default
-    if said == value:
+def _said(
+    annotations: Iterable[Annotation], name: str, wanted: Sequence[tuple[Value, ...]], usual: Sequence[object]
+) -> list[Annotation]:
+    """The annotations of a name if they say what is wanted, else others with these arguments."""
+    known = [one for one in annotations if one.name == name]
+    if (tuple(one.arguments for one in known if one.arguments) or usual) == wanted:
         return known
-    return [replace(known[0], arguments=(value,)) if known else Annotation(name, (value,))]
-
-
-def _word(annotations: Iterable[Annotation], name: str, value: str, default: str) -> list[Annotation]:
-    known = _named(annotations, name)
-    said = known[0].arguments[0] if known and known[0].arguments else default
-    return known if said == value else [Annotation(name, (value,))]
-
-
-def _hom(annotations: Iterable[Annotation], groups: tuple[tuple[str, ...], ...]) -> list[Annotation]:
-    known = _named(annotations, "hom")
-    return (
-        known
-        if tuple(one.arguments for one in known) == groups
-        else [Annotation("hom", one) for one in groups]
-    )
+    blank = known[0] if len(known) == len(wanted) == 1 else Annotation(name)
+    return [replace(blank, arguments=arguments) for arguments in wanted]
 
 
 def read_again(one: Rule | Unit | Derivation) -> Rule | Unit | Derivation:
