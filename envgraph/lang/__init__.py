@@ -21,7 +21,8 @@ from envgraph.lang.family._family import (
     TrainingSpec,
 )
 from envgraph.lang.family._family_reader import find_family, load_family
-from envgraph.lang.family._section import ComponentSpec, Name
+from envgraph.lang.family._options import LARGEST, Options
+from envgraph.lang.family._section import ComponentSpec, Name, key
 from envgraph.lang.loading._checking import conformance
 from envgraph.lang.loading._family_check import (
     COMPONENTS,
@@ -63,6 +64,7 @@ __all__ = [
     "EXPRESSIONS",
     "FORMATS",
     "LANGUAGES",
+    "LARGEST",
     "NEED_ENVIRONMENT",
     "Bundle",
     "ComponentSpec",
@@ -80,6 +82,7 @@ __all__ = [
     "MutationSpec",
     "Name",
     "OptimiseSpec",
+    "Options",
     "Pattern",
     "Rule",
     "SamplesSpec",
@@ -99,6 +102,7 @@ __all__ = [
     "find_family",
     "format_text",
     "from_text",
+    "key",
     "language_of",
     "load",
     "load_behaviour",

@@ -5,6 +5,7 @@
 """
 
 from envgraph.errors import shorten
+from envgraph.lang import Options
 from envgraph.search._archive import Archive
 from envgraph.search._certified import (
     Searched,
@@ -38,7 +39,6 @@ from envgraph.search._measures import MatchCount, PatternValue, ShortestPath, Sh
 from envgraph.search._objective import Condition, Objective, Term
 from envgraph.search._objective_text import FamilyCall, WrongCall
 from envgraph.search._optimise_file import optimise_domain
-from envgraph.search._options import Options
 from envgraph.search._outcome import Outcome, why_low
 from envgraph.search._paths import PathComplexity, count_paths
 from envgraph.search._problem import (

@@ -6,14 +6,14 @@ from collections.abc import Callable, Mapping
 from dataclasses import field, replace
 from itertools import takewhile
 from types import MappingProxyType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from envgraph.code import dataclass
 from envgraph.env import Behaviour, TooManyStates
 from envgraph.env.compiled import NotCompiled
 from envgraph.errors import Diagnostic, LoadError, Note
 from envgraph.graph import Model
-from envgraph.lang import numeric_parameters
+from envgraph.lang import Options, numeric_parameters
 from envgraph.metamodel import Metamodel, Scalar
 from envgraph.pattern import Constant, Library
 from envgraph.search._diversity import BinnedEntropy, Gini, Statistic, Variance
@@ -31,7 +31,6 @@ from envgraph.search._measures import (
     ShortestPlan,
 )
 from envgraph.search._objective_text import FAMILY_MEASURES, FamilyFactory
-from envgraph.search._options import Options
 from envgraph.search._paths import PathComplexity
 from envgraph.search._problem import IndividualMeasure
 from envgraph.search._selection import (
@@ -48,6 +47,8 @@ from envgraph.search._selection import (
 from envgraph.search.curricula import MOST_STATES, Judged, Learning, Levels, Measured
 from envgraph.search.optimising import Annealing, Beam, HillClimb, Strategy, TreeSearch
 from envgraph.solve.learning import TrainingSettings
+
+T = TypeVar("T")
 
 MOST_BINS, _MOST_STEPS = 100_000, 100_000_000
 
@@ -209,28 +210,9 @@ def _chain_transfer(options: Options, context: Context) -> Callable[[Levels, int
     return made
 
 
-def _annealing(options: Options, context: Context) -> SurvivorSelection:
-    del context
-    return SimulatedAnnealing(
-        rounds=options.integer("rounds", 500, 0),
-        initial_temperature=options.number("initial_temperature", 0.1, 1e-9, 1e9),
-        cooling_rate=options.number("cooling_rate", 0.95, 1e-9, 1.0),
-    )
-
-
-def _annealed_walk(options: Options, context: Context) -> Strategy:
-    del context
-    return Annealing(options.integer("runs", 1, 1) if options.given("runs") else None)
-
-
-def _beam_of_walks(options: Options, context: Context) -> Strategy:
-    del context
-    return Beam(options.integer("width", 20, 1), options.integer("branching", 5, 1))
-
-
-def _tree_search(options: Options, context: Context) -> Strategy:
-    del context
-    return TreeSearch(options.number("exploration", 0.1, 0, 1e9), options.integer("length", 10, 1))
+def _of(component: type[T]) -> Callable[[Options, Context], T]:
+    """A factory of a data class whose fields are its options."""
+    return lambda options, context: options.read(component)
 
 
 @dataclass(frozen=True, slots=True)
@@ -282,18 +264,18 @@ class Components:
         default_factory=lambda: MappingProxyType(
             {
                 "random": lambda options, context: RandomParents(),
-                "tournament": lambda options, context: TournamentParents(options.integer("rounds", 2, 1)),
-                "elitist": lambda options, context: ElitistParents(options.number("share", 0.5, 0.0, 1.0)),
+                "tournament": _of(TournamentParents),
+                "elitist": _of(ElitistParents),
             }
         )
     )
     survivors: Mapping[str, SurvivorsFactory] = field(
         default_factory=lambda: MappingProxyType(
             {
-                "simulated_annealing": _annealing,
+                "simulated_annealing": _of(SimulatedAnnealing),
                 "hill_climbing": lambda options, context: HillClimbing(),
-                "beam": lambda options, context: BeamSearch(options.integer("width", 16, 1)),
-                "exact": lambda options, context: ExactSelection(options.integer("limit", 200_000, 1)),
+                "beam": _of(BeamSearch),
+                "exact": _of(ExactSelection),
             }
         )
     )
@@ -301,10 +283,10 @@ class Components:
     strategy: Mapping[str, StrategyFactory] = field(
         default_factory=lambda: MappingProxyType(
             {
-                "simulated_annealing": _annealed_walk,
-                "hill_climbing": lambda options, context: HillClimb(options.integer("patience", 1000, 1)),
-                "beam": _beam_of_walks,
-                "tree_search": _tree_search,
+                "simulated_annealing": _of(Annealing),
+                "hill_climbing": _of(HillClimb),
+                "beam": _of(Beam),
+                "tree_search": _of(TreeSearch),
             }
         )
     )

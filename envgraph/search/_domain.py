@@ -19,6 +19,7 @@ from envgraph.errors import (
 from envgraph.graph import Model, model_from_json, model_to_json
 from envgraph.lang import (
     EXPRESSIONS,
+    LARGEST,
     NEED_ENVIRONMENT,
     Bundle,
     ComponentSpec,
@@ -27,6 +28,7 @@ from envgraph.lang import (
     ModelText,
     Name,
     OptimiseSpec,
+    Options,
     TextFiles,
     Workspace,
     find_family,
@@ -41,7 +43,6 @@ from envgraph.search._evolution import Settings
 from envgraph.search._initial import check_initial
 from envgraph.search._objective import Objective
 from envgraph.search._objective_text import read_objective
-from envgraph.search._options import LARGEST, Options
 from envgraph.search._problem import (
     IndividualMeasure,
     Problem,

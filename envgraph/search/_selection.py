@@ -16,6 +16,7 @@ from numpy.random import Generator
 
 from envgraph.code import dataclass
 from envgraph.errors import InvalidArgument
+from envgraph.lang import Options, key
 from envgraph.search._diversity import BinnedEntropy, Swaps
 from envgraph.search._families import DIGITS, TIE, Over, Pool
 
@@ -57,7 +58,7 @@ class RandomParents:
 class TournamentParents:
     """The fittest of `rounds` uniform draws, for each parent; ties go to the first drawn."""
 
-    rounds: int = 2
+    rounds: int = key(2, Options.integer, low=1)
 
     def select(self, fitness: Sequence[float], count: int, rng: Generator) -> list[int]:
         """Winners of independent tournaments."""
@@ -69,7 +70,7 @@ class TournamentParents:
 class ElitistParents:
     """The best members in turn, from the fittest down; ties go to the earlier member."""
 
-    share: float = 0.5
+    share: float = key(0.5, Options.number, low=0.0, high=1.0)
 
     def select(self, fitness: Sequence[float], count: int, rng: Generator) -> list[int]:
         """The upper `share` of the population, cycled through."""
@@ -104,9 +105,9 @@ class SimulatedAnnealing:
         cooling_rate: temperature after a round over temperature before it, in (0, 1].
     """
 
-    rounds: int = 500
-    initial_temperature: float = 0.1
-    cooling_rate: float = 0.95
+    rounds: int = key(500, Options.integer, low=0)
+    initial_temperature: float = key(0.1, Options.number, low=1e-9, high=1e9)
+    cooling_rate: float = key(0.95, Options.number, low=1e-9, high=1.0)
 
     def __post_init__(self) -> None:
         if self.rounds < 0 or self.initial_temperature <= 0 or not 0 < self.cooling_rate <= 1:
@@ -217,7 +218,7 @@ class BeamSearch:
         width: how many families are kept at each size.
     """
 
-    width: int = 16
+    width: int = key(16, Options.integer, low=1)
 
     def select(
         self, pool: Pool, size: int, pinned: Sequence[int], start: Sequence[int], rng: Generator
@@ -267,7 +268,7 @@ class ExactSelection:
         limit: more families than this are not tried, and refused where the measure has no bins.
     """
 
-    limit: int = 200_000
+    limit: int = key(200_000, Options.integer, low=1)
 
     def select(
         self, pool: Pool, size: int, pinned: Sequence[int], start: Sequence[int], rng: Generator

@@ -69,11 +69,11 @@ class ComponentSpec:
 
 
 def key(default: Any, read: Callable[..., Any], /, **limits: Any) -> Any:
-    """A field of a data class that stands for a table: the key of its name.
+    """A field of a data class that stands for a table, or for a component: the key of its name.
 
     Args:
         default: what holds where the key is not there.
-        read: a question of `Section`, which takes the key, the default and the limits.
+        read: a question of `Section`, or of `Options`, which takes the key, the default and the limits.
         **limits: see there.
     """
     return field(default=default, metadata={"read": partial(read, **limits)})
@@ -109,7 +109,8 @@ class Section:
         return f"`[{'.'.join(self.path)}]`" if self.path else "the file"
 
     def error(self, code: str, message: str, span: Span, hint: str | None = None) -> None:
-        self.diagnostics.append(Diagnostic(code, message, span, hint))
+        known = bool(self.text.source.name)  # else it is a table of Python
+        self.diagnostics.append(Diagnostic(code, message, span if known else None, hint))
 
     def wrong(self, key: str, wanted: str, *path: str | int, hint: str | None = None) -> None:
         value: Any = self.data[key]
@@ -322,7 +323,7 @@ class Section:
         if home:
             before = ", before the first `[section]`" if home.startswith("the top") else ""
             return f"`{key}` belongs to {home}{before}"
-        return near or f"there are {quoted(self.asked)}"
+        return near or (f"there are {quoted(self.asked)}" if self.asked else "leave it out: there are none")
 
 
 def counts(

@@ -12,6 +12,7 @@ from math import inf
 
 from envgraph.code import dataclass
 from envgraph.errors import InvalidArgument
+from envgraph.lang import Options, key
 from envgraph.search._selection import acceptance
 from envgraph.search.optimising._goals import Standing
 from envgraph.search.optimising._walk import Walk
@@ -34,7 +35,7 @@ class Annealing:
             several goals.
     """
 
-    runs: int | None = None
+    runs: int | None = key(None, Options.integer, low=1)
 
     def __post_init__(self) -> None:
         if self.runs is not None and self.runs < 1:
@@ -93,7 +94,7 @@ class HillClimb:
         patience: moves without improvement after which it begins anew at the start.
     """
 
-    patience: int = 1000
+    patience: int = key(1000, Options.integer, low=1)
 
     def __post_init__(self) -> None:
         if self.patience < 1:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from envgraph.code import dataclass
 from envgraph.errors import InvalidArgument
+from envgraph.lang import Options, key
 from envgraph.search.optimising._archive import Found, ranked
 from envgraph.search.optimising._walk import Walk
 
@@ -20,8 +21,8 @@ class Beam:
         branching: moves that are tried from each of them.
     """
 
-    width: int = 20
-    branching: int = 5
+    width: int = key(20, Options.integer, low=1)
+    branching: int = key(5, Options.integer, low=1)
 
     def __post_init__(self) -> None:
         if self.width < 1 or self.branching < 1:

@@ -6,6 +6,7 @@ from math import inf, log, sqrt
 
 from envgraph.code import dataclass
 from envgraph.errors import InvalidArgument
+from envgraph.lang import Options, key
 from envgraph.search.optimising._archive import Found
 from envgraph.search.optimising._goals import Standing
 from envgraph.search.optimising._walk import Walk
@@ -39,8 +40,8 @@ class TreeSearch:
         length: random moves from a state to a child of it.
     """
 
-    exploration: float = 0.1
-    length: int = 10
+    exploration: float = key(0.1, Options.number, low=0, high=1e9)
+    length: int = key(10, Options.integer, low=1)
 
     def __post_init__(self) -> None:
         if self.exploration < 0 or self.length < 1:

@@ -357,7 +357,7 @@ def test_mistakes_are_told_at_their_place(override: str, message: str, place: st
         (['objective.maximise=["distinct"]', 'objective.subject_to=["distinct"]'], "compares nothing"),
         (['objective.maximise=["distinct"]', 'objective.subjectto=["distinct >= 1"]'], "unknown key `subjectto`"),
         (['objective.maximize=["distinct"]'], "unknown key `maximize`"),
-        (['objective={ maximise = ["distinct"], search = "climbing" }'], "`search` of"),
+        (['objective={ maximise = ["distinct"], search = "climbing" }'], "`search` cannot be"),
         (['objective.maximise=["distinct"]', "objective.lanes=2"], "unknown key `lanes`"),
         (['objective.maximise=["distinct"]', "search.stagnation=3"], "`stagnation` is about the diversity"),
     ],

@@ -179,7 +179,7 @@ def test_a_heavy_tailed_strength_is_that_of_walks(garden: Path) -> None:
         ("samples.cover={ size = 3 }", "nobody knows the range of `size`"),
         (
             "samples.cover={ size = { bins = 0, range = [0, 6] } }",
-            "`bins` of `size` is a whole number from 1",
+            "`bins` is 0, it must be at least 1",
         ),
         ("samples.cover={ size = 'many' }", "`size` is a number of bins, not a string"),
         ("samples.cover={ sizes = 3 }", "unknown measure `sizes`"),

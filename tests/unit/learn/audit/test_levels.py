@@ -125,7 +125,7 @@ def test_all_that_is_wrong_is_said_with_its_place(tmp_path: Path) -> None:
         'sees = ["itself", "ahaed"]\nhiden = 64\nlevels = "many"',
     )
     assert "did you mean `hidden`?" in said
-    assert "`levels` of `audit` is a whole number from 64" in said
+    assert "`levels` is a whole number, not a string" in said
     line = 'sees = ["itself", "ahaed"]'
     caret = said.index("unknown pattern `ahaed`")
     shown = said[caret:].split("\n")

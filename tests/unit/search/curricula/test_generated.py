@@ -110,8 +110,8 @@ def test_a_file_of_a_bundled_domain_has_a_short_name(tmp_path: Path, monkeypatch
         ('objective.steps=[1, "a"]', "wrong-type", "write `steps = [2000]`"),
         ('objective.begin="walk"', "wrong-type", 'write `begin = "easing"`'),
         ('objective.diversity="most"', "wrong-type", 'write `diversity = "maximum"`'),
-        ("objective.lanes=0", "wrong-type", "write `lanes = 4`"),
-        ("objective.effort=0", "wrong-type", "write `effort = 4e+09`"),
+        ("objective.lanes=0", "bad-range", "write `lanes = 1` or more"),
+        ("objective.effort=0", "bad-range", "write another number"),
         (
             "search.population=1",
             "bad-objective",
@@ -120,7 +120,7 @@ def test_a_file_of_a_bundled_domain_has_a_short_name(tmp_path: Path, monkeypatch
         ("search.keep_initial=false", "bad-objective", "write `population = 2` or more"),
         ('curriculum.initial="ordered"', "bad-objective", "leave `keep_initial` and `initial` out"),
         ("objective.steps=[2000, 100_000_001]", "bad-range", "ENVGRAPH_LIMITS=10"),
-        ("objective.enough=true", "wrong-type", "write `enough = 1`"),
+        ("objective.enough=true", "wrong-type", "write `enough = 0.5`"),
     ],
 )
 def test_mistakes_are_told_with_a_hint(override: str, code: str, hint: str) -> None:

@@ -1,0 +1,112 @@
+"""The options of a component: typed, all mistakes together, each at its place in the family file."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import fields
+from typing import Any, TypeVar
+
+from envgraph.errors import RAISE_LIMIT, Diagnostic, Source, limit
+from envgraph.lang.family._section import ComponentSpec, Section
+from envgraph.lang.syntax._toml import TomlText
+
+T = TypeVar("T")
+
+LARGEST = 1e300
+"""Numbers in a family file are no larger, so that differences of them are finite."""
+
+
+class Options:
+    """The options of one component. Ask for each option that it may have, then call `finish`.
+
+    A wrong option gives a diagnostic and its default, so that one look finds all mistakes.
+    """
+
+    def __init__(self, spec: ComponentSpec) -> None:
+        self.spec = spec
+        self.problems: list[Diagnostic] = []
+        text, path = spec.text or TomlText(Source("", ""), {}), spec.path or (spec.kind,)
+        self._table = Section(text, path, spec.options, self.problems, {})
+
+    def read(self, component: type[T]) -> T:
+        """A component that is a data class, whose fields are made by `key` of questions of this class."""
+        made: Any = component
+        return component(
+            **{one.name: one.metadata["read"](self, one.name, one.default) for one in fields(made)}
+        )
+
+    def number(self, name: str, default: float, low: float, high: float) -> float:
+        """A number within bounds, both included."""
+        return float(self._table.number(name, default, low, high))
+
+    def integer(self, name: str, default: int, low: int, most: int | None = None) -> int:
+        """A whole number, at least `low`, and at most a limit."""
+        found: int = self._table.integer(name, default, low, most)
+        return found
+
+    def word(self, name: str, default: str, known: Sequence[str]) -> str:
+        """One of several words."""
+        return self._table.choice(name, default, known)
+
+    def name(self, name: str) -> str:
+        """A name that must be given."""
+        found = self._table.string(name)
+        if not self.given(name):
+            self._table.missing(name, f'write `{name} = "..."`')
+        return found.text if found else ""
+
+    def names(self, name: str) -> tuple[str, ...]:
+        """A name or a list of names, at least one."""
+        value = self._table.take(name)
+        found = [value] if isinstance(value, str) else value
+        if isinstance(found, list) and found and all(isinstance(one, str) for one in found):
+            return tuple(found)
+        return self._wrong(name, "a name or a list of names", (), '["..."]')
+
+    def integers(self, name: str, default: list[int], low: int, most: int) -> tuple[int, ...]:
+        """A whole number or a list of them, at least one, each at least `low`, and at most a limit."""
+        value = self._table.take(name) if self.given(name) else default
+        found = value if isinstance(value, list) else [value]
+        if not found or not all(type(one) is int and low <= one for one in found):
+            what = f"a whole number from {low}, or a list of them"
+            return self._wrong(name, what, tuple(default), f"[{', '.join(map(str, default))}]")
+        if max(found) > limit(most):
+            message = f"`{name}` is {max(found)}, and at most {limit(most):,}"
+            self._table.error("bad-range", message, self._table.span(name), RAISE_LIMIT)
+            return (low,)
+        return tuple(found)
+
+    def number_or(self, name: str, word: str) -> float | str | None:
+        """A number, a certain word, or None where the option is not there."""
+        value = self._table.take(name)
+        if value is None or value == word or (type(value) in (int, float) and abs(value) <= LARGEST):
+            return value  # type: ignore[no-any-return]
+        return self._wrong(name, f'a number or "{word}"', None, f'"{word}"')
+
+    def range(self, name: str, default: tuple[float, float]) -> tuple[float, float]:
+        """Two numbers, the lower first."""
+        value = self._table.take(name) if self.given(name) else list(default)
+        fits = isinstance(value, list) and len(value) == 2 and all(type(one) in (int, float) for one in value)
+        if fits and -LARGEST <= value[0] < value[1] <= LARGEST:
+            return float(value[0]), float(value[1])
+        low, high = sorted(value) if fits and value[0] != value[1] else default
+        return self._wrong(name, "two numbers, the lower first", default, f"[{low:g}, {high:g}]")
+
+    def given(self, name: str) -> bool:
+        """Whether the option is there."""
+        self._table.take(name)
+        return name in self._table
+
+    def finish(self) -> None:
+        """Note every option that was not asked for; an unknown one may be what was meant by one that is missing."""
+        if not self._table.asked.keys() >= self._table.data.keys():
+            self.problems[:] = [problem for problem in self.problems if problem.code != "missing-key"]
+        self._table.finish()
+
+    def _wrong(self, name: str, what: str, default: T, written: str) -> T:
+        hint = f"write `{name} = {written}`"
+        if name in self._table:
+            self._table.error("wrong-type", f"`{name}` is {what}", self._table.span(name), hint)
+        else:
+            self._table.missing(name, hint)
+        return default
