@@ -15,12 +15,13 @@ from functools import partial
 from typing import Any
 
 from envgraph.code import dataclass
-from envgraph.errors import Diagnostic, Note, did_you_mean, nearest, too_many_errors
+from envgraph.errors import Diagnostic, did_you_mean, nearest, too_many_errors
 from envgraph.lang.syntax._lexer import END, PUNCTUATION, Lexeme, first_on_line
 from envgraph.lang.syntax._stack import Level, ParseStack
 from envgraph.lang.syntax._unexpected import VALUE_WORDS, Reports
 
 _LOOKAHEAD = 3
+_MOST_CLOSED = 50
 _SEPARATORS = (";", ",", ")", "]")
 
 
@@ -35,6 +36,7 @@ class Repair:
         inserted: whether it is put before the lexeme.
         until: up to this lexeme the text has to make sense then.
         told: code, message, lexeme, hint and notes; () for what is said of any unexpected lexeme.
+        times: how often the token is read.
     """
 
     place: int
@@ -44,6 +46,7 @@ class Repair:
     inserted: bool
     until: int
     told: tuple[Any, ...]
+    times: int = 1
 
 
 class Recovery:
@@ -69,7 +72,7 @@ class Recovery:
         """Reports the unexpected lexeme, mends or gives up a part, and says where to go on."""
         self._stack.depth = self._lexemes[index].braces
         attempts: tuple[Callable[[int], int | None], ...] = (
-            self._misplaced,
+            partial(self._mend, self._misplaced),
             partial(self._mend, self._mistyped),
             partial(self._mend, self._braces),
             partial(self._mend, self._unescaped),
@@ -96,7 +99,8 @@ class Recovery:
             states = stack.states[: repair.height]
             if not grammar.accepts(states, repair.terminal):
                 continue
-            grammar.shift(states, repair.terminal)
+            for _ in range(repair.times):
+                grammar.shift(states, repair.terminal)
             if not stack.makes_sense(states, start, repair.until):
                 continue
             stack.cut(repair.height)
@@ -106,7 +110,8 @@ class Recovery:
                 self._reports.report(*repair.told)
             else:
                 self._reports.unexpected(index)
-            stack.feed(repair.terminal, repair.token, repair.place)
+            for _ in range(repair.times):
+                stack.feed(repair.terminal, repair.token, repair.place)
             return start
         return None
 
@@ -118,68 +123,58 @@ class Recovery:
         end = self._stack.previous_end
         if sign in "{}":
             end = self._lexemes[place - 1].end if place else 0
-        opening = self._stack.open_brace(place) if sign == "}" else None
-        notes = (Note("this `{` is not closed", self._stack.span(opening)),) if opening else ()
+        notes = self._stack.unclosed(place) if sign == "}" else ()
         token = Lexeme(PUNCTUATION, sign, end, end)
         told = "missing-token", f"missing `{sign}`", token, self._completion(sign, place), notes
         yield Repair(place, height, terminal, token, True, until, told)
 
-    def _misplaced(self, index: int) -> int | None:
-        """A keyword that starts an outer definition, taken for a name so far: a `}` is missing before it."""
+    def _misplaced(self, index: int) -> Iterator[Repair]:
+        """Every `}` that is missing before a keyword that starts an outer definition, taken for a name so far."""
         levels = list(self._stack.levels())
-        if len(levels) < 2:
-            return None
+        brace = self._grammar.core.signs.get("}")
+        if len(levels) < 2 or brace is None:
+            return
+        # What has just been read as a whole stays; else it is given up.
+        whole = self._grammar.accepts(self._stack.states, brace)
         inner = levels[0]
-        first = inner.begin if inner.begin >= 0 else index
-        for place in range(first, index + 1):
+        height = len(self._stack.states) if whole else inner.height
+        for place in range(inner.begin if inner.begin >= 0 else index, index + 1):
             lexeme = self._lexemes[place]
             keyword = self._grammar.core.keywords.get(lexeme.value)
-            if (
-                place in self._closed
-                or keyword is None
-                or lexeme.escaped
-                or not first_on_line(self._source, lexeme.start)
-            ):
+            if keyword is None or lexeme.escaped or place in self._closed:
                 continue
-            for outer in levels[1:]:
-                if not self._starts_outer(outer, keyword, lexeme):
-                    continue
-                if not self._closed_before(inner, outer, place, keyword):
-                    continue
+            outer = any(self._starts_outer(level, keyword, lexeme) for level in levels[1:])
+            times = self._braces_before(keyword, brace, height) if outer else 0
+            if times and first_on_line(self._source, lexeme.start):
                 self._closed.add(place)
-                return place
-        return None
+                token, hint = (
+                    Lexeme(PUNCTUATION, "}", lexeme.start, lexeme.start),
+                    "a `}` is missing before it",
+                )
+                told = (
+                    "unexpected-token",
+                    f"unexpected `{lexeme.value}`",
+                    lexeme,
+                    hint,
+                    self._stack.unclosed(place),
+                )
+                yield Repair(place, height, brace, token, True, place, told, times)
 
     def _starts_outer(self, outer: Level, keyword: str, lexeme: Lexeme) -> bool:
         if outer.begin < 0 or not self._grammar.accepts(outer.states, keyword):
             return False
         return self._stack.column(lexeme) <= self._stack.column(self._lexemes[outer.begin])
 
-    def _closed_before(self, inner: Level, outer: Level, place: int, keyword: str) -> bool:
-        """Closes what is open until the keyword can follow; reports where the open brace is."""
-        brace = self._grammar.core.signs.get("}")
-        # What has just been read as a whole stays; else it is given up.
-        whole = brace is not None and self._grammar.accepts(self._stack.states, brace)
-        height = len(self._stack.states) if whole else inner.height
+    def _braces_before(self, keyword: str, brace: str, height: int) -> int:
+        """Return how many braces have to be closed until a keyword can follow; 0 if that does not help."""
         states = self._stack.states[:height]
-        closing = 0
-        while brace and not self._grammar.accepts(states, keyword) and closing < 50:
+        for times in range(_MOST_CLOSED):
+            if self._grammar.accepts(states, keyword):
+                return times
             if not self._grammar.accepts(states, brace):
-                return False
+                return 0
             self._grammar.shift(states, brace)
-            closing += 1
-        if closing == 0 or brace is None:
-            return False
-        lexeme = self._lexemes[place]
-        self._stack.forget(height, place, place)
-        opening = self._stack.open_brace(place)
-        for _ in range(closing):
-            self._stack.feed(brace, Lexeme(PUNCTUATION, "}", lexeme.start, lexeme.start), place)
-        notes = (Note("this `{` is not closed", self._stack.span(opening)),) if opening else ()
-        self._reports.report(
-            "unexpected-token", f"unexpected `{lexeme.value}`", lexeme, "a `}` is missing before it", notes
-        )
-        return True
+        return 0
 
     def _mistyped(self, index: int) -> Iterator[Repair]:
         """A word that is nearly the keyword that makes sense here, or at the start of the statement under way."""

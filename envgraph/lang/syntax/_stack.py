@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 from lark import Token, Tree
 from lark.parsers.lalr_analysis import Shift
 
-from envgraph.errors import Source, Span
+from envgraph.errors import Note, Source, Span
 from envgraph.lang.syntax._grammar import Grammar
 from envgraph.lang.syntax._lexer import END, PUNCTUATION, Lexeme
 
@@ -163,14 +163,13 @@ class ParseStack:
         self.values.append(Tree(ERROR, []))
         self.begins.append(level.begin if level.begin >= 0 else index)
 
-    def open_brace(self, place: int) -> Lexeme | None:
-        """The innermost `{` that is open before a lexeme."""
+    def unclosed(self, place: int) -> tuple[Note, ...]:
+        """A note on the innermost `{` that is open before a lexeme, if there is one."""
         depth = self.lexemes[place].braces
-        for index in range(place - 1, -1, -1):
-            lexeme = self.lexemes[index]
+        for lexeme in reversed(self.lexemes[:place]):
             if lexeme.kind == PUNCTUATION and lexeme.value == "{" and lexeme.braces == depth - 1:
-                return lexeme
-        return None
+                return (Note("this `{` is not closed", self.span(lexeme)),)
+        return ()
 
     def span(self, lexeme: Lexeme) -> Span:
         """The characters of a lexeme."""

@@ -189,8 +189,7 @@ class Reports:
         """Reports a lexeme that cannot stand where it does."""
         lexeme = self._lexemes[index]
         if lexeme.kind == END:
-            opening = self._stack.open_brace(index)
-            notes = (Note("this `{` is not closed", self._stack.span(opening)),) if opening else ()
+            notes = self._stack.unclosed(index)
             self.report("unexpected-end", "unexpected end of the file", lexeme, self.expectation(), notes)
             return
         foreign = self.foreign(index)
