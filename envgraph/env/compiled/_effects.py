@@ -202,7 +202,7 @@ class Effects:
             self._site.add(code.Assign(self._cell(change.object, attribute), absent(attribute.type)))
             return
         value = self._fitting(change.value, attribute)
-        self._site.add(code.Assign(self._cell(change.object, attribute), value))
+        self._site.add(code.Assign(self._cell(change.object, attribute), _one_zero(value, attribute)))
 
     def _increase(self, change: Increase) -> None:
         attribute = change.attribute
@@ -216,4 +216,9 @@ class Effects:
             self._site.fail_if(code.inverse(finite))
         if (beyond := Term(local, attribute.type, bits=WORD + 1).beyond) is not None:
             self._site.fail_if(beyond, "BEYOND")
-        self._site.add(code.Assign(place, local))
+        self._site.add(code.Assign(place, _one_zero(local, attribute)))
+
+
+def _one_zero(value: code.Expression, attribute: Attribute) -> code.Expression:
+    """A value as a cell has it: -0.0 is 0.0, since states are equal if their bits are."""
+    return code.Operation("+", (value, code.Constant(0.0))) if attribute.type is Scalar.FLOAT else value

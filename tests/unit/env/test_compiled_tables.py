@@ -24,6 +24,7 @@ from envgraph.errors import EvaluationError
 from envgraph.rewrite import Engine
 from tests.profile import NIGHTLY
 from tests.unit.env.side_by_side import BUNDLED, family_keys, mutants, opened
+from tests.unit.env.test_compiled_corners import Corner, written
 
 MODELS = {
     "keydoor": BUNDLED / "keydoor/two_rooms.model",
@@ -260,3 +261,13 @@ def test_an_object_without_an_index_that_a_step_leads_to_is_named(tmp_path: Path
     keys = KeyIndex.of(other.model, indexed_classes(behaviour, other.model.metamodel))
     with pytest.raises(EvaluationError, match="has no index among `Spot`"):
         enumerated(program_of(engine, behaviour, keys=keys, native=False))
+
+
+def test_zero_is_one_value_whatever_its_sign(tmp_path: Path) -> None:
+    turn = "rule turn { lhs { i : Item; check i.id == 1; } modify { set i.weight = i.weight * -1.0; } }"
+    zero = "rule zero { lhs { i : Item; check i.id == 1; } modify { set i.weight = 0.0; } }"
+    actions = "action turn = turn()\naction zero = zero()\nobserve adam.kind"
+    engine, behaviour = written(tmp_path, Corner(f"{turn}\n{zero}", actions))
+    table = enumerated(program_of(engine, behaviour, native=False))
+    assert_equal_tables(table, explore(engine, behaviour).tabular)
+    assert table.n_states == 3
