@@ -20,9 +20,12 @@ from envgraph.graph import Model
 from envgraph.lang import load_workspace
 from envgraph.metamodel import Reference
 from envgraph.rewrite import Engine
+from tests.unit.env.remembered import Remembered, State, Transition
 
 REPOSITORY = Path(__file__).parents[3]
 BUNDLED = REPOSITORY / "rules"
+CLOSELY = 40
+"""States of which all are compared cell by cell."""
 MASKED = 500
 """Actions of which all masks are compared: of many agents that act together there may be some ten thousand."""
 EXTRA = REPOSITORY / "tests" / "data" / "compiled"
@@ -76,63 +79,102 @@ def step_side_by_side(
 ) -> Program:
     """Step all members on both, with random actions; anything that differs is an error of the test.
 
+    What each step gives is compared, and whether states that are one are one on both sides; of the states those that
+    are new at first, and each 128th of the others, cell by cell. The live engine makes each transition once.
+
     Where an episode cannot begin, or something has no space in a state, that is all.
     """
     keys = family_keys(engines, behaviour)
     members = [engine.copy() for engine in engines]
     program = program_of(engines[0], behaviour, members, keys, native=native, spare=spare)
     batch = Batch(program, range(len(engines)))
-    live = [Simulator(engine, behaviour, keys) for engine in engines]
+    live = [Remembered(Simulator(engine, behaviour, keys)) for engine in engines]
+    same = [SameStates(batch, number, one) for number, one in enumerate(live)]
     streams = [np.random.Generator(np.random.PCG64([seed, number])) for number in range(len(engines))]
     batch.seed(streams)
-    assert all(simulator.action_names == program.action_names for simulator in live)
-    assert all(simulator.observation_shape == program.observation_shape for simulator in live)
+    assert all(one.simulator.action_names == program.action_names for one in live)
+    assert all(one.simulator.observation_shape == program.observation_shape for one in live)
     chosen = np.random.default_rng(seed)
-    again = np.ones(len(engines), dtype=np.bool_)
+    over = np.ones(len(engines), dtype=np.bool_)
     for step in range(steps):
-        if again.any():
-            begun = {n: _tried(live[n].reset, streams[n]) for n in map(int, np.flatnonzero(again))}
-            enough = _agree(batch, _tried(batch.reset, again), begun.values(), f"before step {step}")
-            if not enough or any(isinstance(one, Exception) for one in begun.values()):
+        if over.any():
+            begun = {n: live[n].reset(streams[n].random()) for n in map(int, np.flatnonzero(over))}
+            enough = _agree(batch, _tried(batch.reset, over), begun.values(), f"before step {step}")
+            if not enough or any(one.error for one in begun.values()):
                 break
             for number, wanted in begun.items():
-                assert batch.observation[number] == wanted, f"before step {step}, member {number}"
+                assert batch.observation[number] == wanted.observation, f"before step {step}, member {number}"
+                same[number].see(f"before step {step}, member {number}")
         actions = chosen.integers(len(program.action_names), size=len(engines))
-        allowed = np.array([simulator.allowed() for simulator in live])
-        if not native and len(program.action_names) <= MASKED:  # numba has to compile what asks
-            assert batch.allowed().tolist() == allowed.tolist(), f"before step {step}"
+        allowed = [one.present.allowed for one in live]
         expected = [
-            _tried(simulator.step, int(action), stream)
-            for simulator, action, stream in zip(live, actions, streams, strict=True)
+            one.step(action, stream.random())
+            for one, action, stream in zip(live, actions.tolist(), streams, strict=True)
         ]
         said = f"step {step}, {[program.action_names[action] for action in actions]}"
         if not _agree(batch, _tried(batch.step, actions, again=False), expected, said):
             break
-        again = np.zeros(len(engines), dtype=np.bool_)
-        for number, outcome in enumerate(expected):
-            if isinstance(outcome, Exception):
-                again[number] = True
+        over = (batch.ended != 0) | (batch.steps >= (behaviour.limit or 200))
+        found = zip(batch.reward.tolist(), batch.ended.tolist(), batch.observation.tolist(), strict=True)
+        for number, (outcome, results) in enumerate(zip(expected, found, strict=True)):
+            if outcome.error is not None:
+                over[number] = True
                 continue
-            did = live[number].did and not behaviour.together  # what one does may let another one act
-            assert allowed[number, actions[number]] or not did, f"{said}, member {number}"
-            found = (batch.reward[number], batch.ended[number], batch.observation[number])
-            wanted = (outcome.reward, outcome.terminated, outcome.observation)
-            assert found == wanted, f"{said}, member {number}"
-            again[number] = outcome.terminated != 0 or batch.steps[number] >= (behaviour.limit or 200)
-            if step % 32 == number:
-                assert_same_state(batch, number, live[number])
+            at = f"{said}, member {number}"
+            can = behaviour.together or allowed[number] is None or allowed[number][actions[number]]
+            assert can or not outcome.did, at  # of those that act together, one may let another one act
+            assert results == (outcome.reward, outcome.terminated, outcome.observation), at
+            same[number].see(at)
     return program
 
 
-def _tried(function: Callable[..., Any], *arguments: object, **options: object) -> Any:
-    """What a function returns, or the error that it raises."""
+class SameStates:
+    """Sees that the states of an environment are those of the live one.
+
+    Args:
+        batch: has the environment.
+        number: of it.
+        live: steps beside it.
+    """
+
+    def __init__(self, batch: Batch, number: int, live: Remembered) -> None:
+        self._batch = batch
+        self._number = number
+        self._live = live
+        self._known: dict[bytes, State] = {}
+        self._mask = not batch.program.native and len(batch.program.action_names) <= MASKED
+        """Whether masks are compared: numba has to compile what asks."""
+
+    def see(self, said: str) -> None:
+        """Compare the present states."""
+        batch, state = self._batch, self._live.present
+        row = batch.states[self._number].tobytes() + batch.float_states[self._number].tobytes()
+        known = self._known.setdefault(row, state)
+        assert known is state, f"{said}: two states of the live engine are one"
+        if state.row == row:
+            return
+        grown = len(state.row) != len(row)
+        assert grown, f"{said}: a state of the live engine is two"
+        state.row = row
+        if state.number > CLOSELY and state.number % 128:
+            return
+        live = self._live.enter()
+        state.allowed = live.allowed()
+        if self._mask:
+            assert batch.allowed()[self._number].tolist() == state.allowed.tolist(), said
+        assert_same_state(batch, self._number, live)
+
+
+def _tried(function: Callable[..., Any], *arguments: object, **options: object) -> Exception | None:
+    """The error that a function raises, if it does."""
     try:
-        return function(*arguments, **options)
+        function(*arguments, **options)
     except (RuleError, EvaluationError) as error:
         return error
+    return None
 
 
-def _agree(batch: Batch, error: Exception | None, expected: Iterable[object], said: str) -> bool:
+def _agree(batch: Batch, error: Exception | None, expected: Iterable[Transition], said: str) -> bool:
     """See that all environments together raise the last of the errors that each alone does, if there is one.
 
     Returns:
@@ -140,7 +182,7 @@ def _agree(batch: Batch, error: Exception | None, expected: Iterable[object], sa
     """
     if np.isin(batch.states[:, ERROR], (OVERFLOW, BEYOND, FULL)).any():
         return False
-    errors = [one for one in expected if isinstance(one, Exception)]
+    errors = [one.error for one in expected if one.error]
     assert (error is not None) == bool(errors), f"{said}: {error}, but live {errors}"
     if errors:  # links have no order, but are listed in the one in which they came
         found, wanted = (sorted(str(one).splitlines()) for one in (error, errors[-1]))
