@@ -86,15 +86,8 @@ def _check(plan: RulePlan, call: RuleCall) -> None:
         for change in body.sets:
             if isinstance(change, Increase) and change.attribute.type is Scalar.STRING:
                 raise NotCompiled(f"strings that a rule puts together (`{plan.name}`)", change.span)
-            if isinstance(change, SetValues) or (
-                not isinstance(change, ChangeTargets) and _many_valued(change)
-            ):
+            if isinstance(change, SetValues | Increase) and change.attribute.many:
                 raise NotCompiled(f"many values that a rule sets (`{plan.name}`)", change.span)
-
-
-def _many_valued(change: SetValue | Increase | SetTargets) -> bool:
-    """Whether a change is one of a feature with many values."""
-    return (change.reference if isinstance(change, SetTargets) else change.attribute).many
 
 
 @dataclass(frozen=True, slots=True)
@@ -194,6 +187,10 @@ class _Found:
                         raise NotCompiled(
                             f"containers that are set among others (`{reference}`)", change.span
                         )
+                    if isinstance(change, SetTargets) and reference.many and not self._replaced(change, body):
+                        raise NotCompiled(
+                            f"many targets that are set among others (`{reference}`)", change.span
+                        )
                 case SetValue(_, attribute) | Increase(_, attribute):
                     self.written.add(attribute.index)
                 case _:
@@ -213,6 +210,14 @@ class _Found:
         if reference.containment or (opposite is not None and opposite.containment):
             content = reference.target if reference.containment else reference.owner
             self._enters(content, reference)
+
+    def _replaced(self, change: SetTargets, body: BlockPlan) -> bool:
+        """Whether all targets are replaced by different ones, and nothing else of a rule changes such links."""
+        ends = {change.reference, self.metamodel.opposite(change.reference)}
+        sets = [one for one in body.sets if isinstance(one, SetTargets | ChangeTargets) and one is not change]
+        others = any(one.reference in ends for one in (*sets, *body.links, *body.unlinks))
+        simple = body.kind == "rule" and not (body.nested or body.coinciding or others)
+        return simple and (len(change.values) < 2 or max(change.values) < body.variables)
 
     def _enters(self, content: str | None, entered: Reference) -> None:
         """An object enters a container: it leaves another."""

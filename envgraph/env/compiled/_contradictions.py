@@ -70,7 +70,8 @@ def claims_of(frame: Frame, metamodel: Metamodel) -> Iterator[Claim]:
             case SetTargets(node, reference, values):
                 yield Claim("touched", node)
                 yield Claim("owner", node, reference.owner)
-                yield Claim("targets", node, reference, values[0] if values else None)
+                if not reference.many:  # else nothing else changes such links
+                    yield Claim("targets", node, reference, values[0] if values else None)
                 for value in values:
                     yield from _linked(metamodel, reference, node, value, forced=True)
             case ChangeTargets(node, reference, operator, values):

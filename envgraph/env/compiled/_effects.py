@@ -122,6 +122,8 @@ class Effects:
                     self._increase(change)
                 case SetTargets(_, reference) if houses(reference, self._facts.metamodel):
                     self._links.set_container(change)
+                case SetTargets(_, reference) if reference.many:
+                    self._links.set_targets(change)
                 case SetTargets():
                     self._links.set_target(change)
                 case ChangeTargets():

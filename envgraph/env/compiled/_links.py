@@ -258,6 +258,19 @@ class Links:
             site.unless(test)
         site.add(code.Assign(kept.place, kept.linked))
 
+    def set_targets(self, change: SetTargets) -> None:
+        """All targets of an object are replaced."""
+        block, reference = code.Block(), change.reference
+        source, sure = self._site.slots[change.object], self._site.sure(change.object, reference.owner)
+        links = self._facts.links
+        target, kept = links.each(block, reference, source, forward=True, sure=sure)
+        block.add(code.Assign(kept.place, kept.unlinked))
+        if links.symmetric(reference):
+            back = links.cell(reference, target, source, sure=(True, sure))
+            block.add(code.Assign(back.place, back.unlinked))
+        self._site.add(*block.body())
+        self.change_targets(ChangeTargets(change.object, reference, "+=", change.values))
+
     def change_targets(self, change: ChangeTargets) -> None:
         """Targets are added, or removed; where the opposite of an added one is single and taken, its holder lets go."""
         opposite = self._facts.metamodel.opposite(change.reference)

@@ -222,6 +222,38 @@ CORNERS = {
         """,
         "pattern kept(m : Man, i : Item) { Man.bag(m, i); }",
     ),
+    "all targets are replaced": Corner(
+        """
+        rule net { lhs { s : Spot; t : Spot; u : Spot; check t.x < u.x; } modify { set s.near = [u, t]; } }
+        rule one { lhs { s : Spot; t : Spot; } modify { set s.near = t; } }
+        rule tour(m : Man) { lhs { m : Man; s : Spot; t : Spot; } modify { set m.visited = [s, t]; } }
+        rule stay(m : Man) { lhs { m : Man; } modify { set m.visited = m.at; } }
+        rule pick(m : Man) { lhs { m : Man; i : Item; j : Item; } modify { set m.likes = [j, i]; } }
+        rule cheer(i : Item) { lhs { i : Item; m : Man; n : Man; } modify { set i.fans = [m, n]; } }
+        rule call { lhs { s : Spot; m : Man; n : Man; } modify { set s.men = [n, m]; } }
+        rule crowd { lhs { s : Spot; l : Man; m : Man; n : Man; } modify { set s.men = [l, m, n]; } }
+        rule none1 { lhs { s : Spot -men-> _; s -near-> t : Spot; } modify { set s.men = none; set t.near = none; } }
+        """,
+        """
+        action net = net() reward 1 else reward -1
+        action one = one() reward 2
+        action tour(m : Man) = tour(m) reward 3 else reward -3
+        action stay(m : Man) = stay(m) reward 4
+        action pick(m : Man) = pick(m) reward 5 else reward -5
+        action cheer(i : Item) = cheer(i) reward 6
+        action call = 0.9: call() | 0.05: crowd() reward 7 else reward -7
+        action none1 = none1() reward 8 else reward -8
+        observe count find near(_, _) up to 9
+        observe count find seen(_, _) up to 9
+        observe m.at among Spot or none for m : Man
+        on find liked(m, i) reward 0.1
+        """,
+        """
+        pattern near(s : Spot, t : Spot) { Spot.near(s, t); }
+        pattern seen(m : Man, s : Spot) { Man.visited(m, s); }
+        pattern liked(m : Man, i : Item) { Man.likes(m, i); }
+        """,
+    ),
     "references that are their own opposites": Corner(
         """
         rule befriend(m : Man, n : Man) { lhs { m : Man; n : Man; } modify { set m.friend = n; } }
@@ -1276,6 +1308,8 @@ REFUSED = {
     "strings that a rule puts together": 'lhs { s : Spot; } modify { set s.tag += "x"; }',
     "keys that change": "lhs { s : Spot; } modify { set s.x += 1; }",
     "many values that a rule sets": 'lhs { s : Spot; } modify { set s.marks = ["x"]; }',
+    "many targets that are set among others": "lhs { m : Man; n : Man; } "
+    "modify { set m.visited = none; set n.visited = none; }",
     "containers that blocks delete": "lhs { y : Yard; } forall { lhs { b : Box; i : Item; } "
     "modify { delete b; delete i; } } modify { }",
     "containers that are set among others": "lhs { b : Box; i : Item; } modify { set b.item = i; set i.pair = i; }",
