@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from envgraph.env import Behaviour, KeyIndex, Simulator
-from envgraph.env.compiled import NotCompiled, program_of
+from envgraph.env.compiled import Batch, NotCompiled, program_of
 from envgraph.errors import EvaluationError
 from envgraph.rewrite import Engine
 from tests.profile import NIGHTLY
@@ -449,6 +449,53 @@ CORNERS = {
         pattern liked(s : Spot) { Box.likes(_, s); }
         """,
         head="",
+    ),
+    "what only a goal says of an object, and what a called pattern is given": Corner(
+        """
+        rule deepen { lhs { find deep(c, n); check n < 6; } modify { } }
+        rule sink { lhs { b : Chest; check b.depth < 6; } modify { set b.depth += 2; } }
+        rule swell { lhs { find sized(c, n); c : Plain; check n < 9; } modify { set c.size += 1; } }
+        @semantics(spo) rule turn { lhs { c : Crate; } modify { retype c : Chest; } }
+        @semantics(spo) rule flatten { lhs { c : Chest; find deep(c, 4); } modify { retype c : Plain; } }
+        rule make { lhs { y : Yard; n == count Crate(_); check n < 6; } modify { create p : Plain; } }
+        """,
+        """
+        action deepen = deepen() reward 1 else reward -1
+        action sink = sink() reward 2
+        action swell = swell() reward 3 else reward -3
+        action turn = 0.5: turn() reward 4
+        action flatten = flatten() reward 5
+        action make = make() reward 6
+        on find anyDeep(c, n) reward n * 0.1
+        on find notDeep(_) reward 0.01
+        observe count find sized(_, _) up to 9
+        observe count find anyDeep(_, 0) up to 4
+        """,
+        """
+        pattern deep(c : Crate, n : int) { Chest.depth(c, n); }
+        pattern sized(c : Crate, n : int) { Plain.size(c, n); } or { Box.size(c, n); }
+        pattern anyDeep(c : Crate, n : int) { Crate(c); find deep(c, n); }
+        pattern notDeep(c : Crate) { Crate(c); neg find deep(c, _); }
+        """,
+    ),
+    "one that is deleted is gone by all of its classes": Corner(
+        """
+        @semantics(spo) rule killHeavy { lhs { h : Heavy; } modify { delete h; } }
+        @semantics(spo) rule killItem { lhs { i : Item; check i.id > 1; } modify { delete i; } }
+        rule light { lhs { h : Heavy; } modify { retype h : Item; } }
+        rule weigh { lhs { i : Item; neg Heavy(i); check i.id < 3; } modify { retype i : Heavy; } }
+        """,
+        """
+        action killHeavy = 0.2: killHeavy() reward 1 else reward -1
+        action killItem = 0.2: killItem() reward 2 else reward -2
+        action light = light() reward 3 else reward -3
+        action weigh = weigh() reward 4 else reward -4
+        on find item(i) reward i.id * 0.1
+        on find heavy(h) reward h.weight
+        observe count find item(_) up to 6
+        observe count find heavy(_) up to 6
+        """,
+        "pattern item(i : Item) { Item(i); } pattern heavy(h : Heavy) { Heavy(h); }",
     ),
     "agents that go, or change their class": Corner(
         """
@@ -1379,3 +1426,22 @@ def refusal(folder: Path, corner: Corner) -> NotCompiled:
     with pytest.raises(NotCompiled) as caught:
         program_of(engine, behaviour, native=False)
     return caught.value
+
+
+def test_what_becomes_of_the_models_later_changes_no_program(tmp_path: Path) -> None:
+    rules = "@semantics(spo) rule kill { lhs { i : Item; check i.id > 0; } modify { delete i; } }"
+    seen = "pattern item(i : Item) { Item(i); }\n"
+    engine, behaviour = written(
+        tmp_path, Corner(rules, "action kill = kill()\nobserve count find item(_) up to 9", seen)
+    )
+    program = program_of(engine, behaviour, native=False)
+    while engine.apply("kill"):
+        pass
+    engine.apply("newSpot")
+    batch = Batch(program, [0])
+    batch.reset(np.ones(1, dtype=np.bool_))
+    counted = [batch.observation.item()]
+    for _ in range(5):
+        batch.step(np.zeros(1, dtype=np.int64), again=False)
+        counted.append(batch.observation.item())
+    assert counted == [5, 4, 3, 2, 1, 1]
