@@ -41,6 +41,10 @@ DOMAINS = {
     "wildfire": (ROOT / "tests/data/compiled/wildfire", "wild", 300),
 }
 """The folder of a domain, a model, and how many times as fast as the live engine it has to be."""
+ALONE: tuple[tuple[str, dict[str, str]], ...] = (
+    ("envgraph/KeyDoor-v0", {"engine": "compiled"}),
+    ("FrozenLake-v1", {}),
+)
 COUNT = 1024
 BURSTS = 40
 """Of each of two things, in turns: the machine may be busy with something else."""
@@ -64,6 +68,9 @@ def main() -> None:
         one, frozen = alternating(alone(CompiledEnv(program), behaviour.limit, 1000), alone(lake, None, 300))
         rates = f"{1e-6 / min(fast):7.1f} {1e-6 / median(fast):7.1f}"
         print(f"{name:16} {rates} {ratios(slow, fast)} {needed:7}   {ratios(frozen, one, 2):>21}", flush=True)
+    made = [gymnasium.make(name, **options) for name, options in ALONE]
+    one, frozen = alternating(*(alone(env, None, 300) for env in made))
+    print(f"one, made by Gymnasium as FrozenLake is: {ratios(frozen, one, 2)} times (>= 3)")
     _by_hand()
     _doorkey()
     _tables()
@@ -192,7 +199,7 @@ def _doorkey() -> None:
 def _tables() -> None:
     """Visits of all states, beside the live engine where that takes less than a minute."""
     print("seconds to visit all states: the best of 5, and how many times that is the live engine's")
-    for name in ("burning_forest", "keydoor", "sokoban"):
+    for name in ("burning_forest", "keydoor", "sokoban", "network"):
         engine, behaviour = opened(name)
         program = program_of(engine, behaviour)
         states = enumerated(program).n_states

@@ -60,6 +60,8 @@ class Batch:
         ]
         self._threads = threads
         self._pool = ThreadPoolExecutor(threads - 1) if len(self._parts) > 1 else None
+        # Without threads nothing stands between: of one environment each call shows.
+        self._advance = self._in_threads if self._pool else self._parts[0][1].advance
         self._twins: dict[int, Twin] = {}
         self._made = [
             int(arrays.offsets[n]) for column, n in program.layout.stored() if isinstance(column, Made)
@@ -158,7 +160,7 @@ class Batch:
         self.close()
         vars(self).update(vars(other))
 
-    def _advance(
+    def _in_threads(
         self,
         which: NDArray[np.bool_],
         starts: NDArray[np.float64],
@@ -167,8 +169,7 @@ class Batch:
         limit: int,
     ) -> int:
         """What `advance` does, in several threads; the last environment in which something went wrong, or -1."""
-        if self._pool is None:
-            return self._parts[0][1].advance(which, starts, actions, uniforms, limit)
+        assert self._pool is not None
         (_, first), *others = self._parts
         given = [(which[part], starts[part], actions[part], uniforms[part], limit) for part, _ in self._parts]
         waiting = [
