@@ -167,3 +167,14 @@ def test_nothing_is_kept_where_that_cannot_be(tmp_path: Path, monkeypatch: pytes
     monkeypatch.setenv("ENVGRAPH_CACHE", str(tmp_path / "file" / "cache"))
     assert set(_native("def twice(x):\n    return 2 * x\n", ["twice"])) > {"twice"}
     assert [path.name for path in tmp_path.rglob("*")] == ["file"]
+
+
+def test_what_is_kept_of_a_text_is_not_run_for_an_edited_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("numba")
+    monkeypatch.setenv("ENVGRAPH_CACHE", str(tmp_path))
+    for factor in (2, 3, 2):
+        text = f"def times(x):\n    return {factor} * x\n"
+        assert _native(text, ["times"])["times"](4) == 4 * factor
+    assert len([*tmp_path.rglob("program_*.py")]) == 2
