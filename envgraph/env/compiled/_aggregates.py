@@ -7,8 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from envgraph import code
-from envgraph.env.compiled._layout import ONE, ZERO
-from envgraph.env.compiled._refused import NotCompiled
+from envgraph.env.compiled._layout import ONE, RF, ZERO, failed
 from envgraph.match.plan import Kind, Step, call_key
 from envgraph.metamodel import Scalar
 from envgraph.pattern import AggregateAtom, CallAtom
@@ -17,6 +16,8 @@ if TYPE_CHECKING:
     from envgraph.env.compiled._bodies import Body
 
 COUNT = code.Local("n", "int")
+PARTS, SPACE = code.Local("parts", "int"), code.Local("space", "int")
+"""How many floats add up exactly to what was found so far, and the row from which on they are kept."""
 
 
 def count_solutions(body: Body, number: code.Local) -> None:
@@ -51,13 +52,14 @@ def aggregated(body: Body, goal: AggregateAtom, step: Step) -> None:
 def _fold(body: Body, goal: AggregateAtom, column: int, steps: Sequence[Step]) -> None:
     """The sum, mean, least or greatest of a column of different tuples; without one there is only a sum."""
     type_ = body.conjunction.types[column]
-    if type_ is Scalar.FLOAT and goal.function in ("sum", "avg"):
-        raise NotCompiled(f"the aggregate `{goal.function}` of floats that change")
+    exact = type_ is Scalar.FLOAT and goal.function in ("sum", "avg")
     folded = code.Local("folded", "float" if type_ is Scalar.FLOAT else "int")
 
     def found(part: Body) -> None:
         value = part.source(column)
-        if goal.function in ("sum", "avg"):
+        if exact:
+            part.block.add(code.Assign(PARTS, code.call("add_exactly", RF, SPACE, PARTS, value)))
+        elif goal.function in ("sum", "avg"):
             part.block.add(code.Assign(folded, value, "+="))
         else:
             operator = "<" if goal.function == "min" else ">"
@@ -66,11 +68,20 @@ def _fold(body: Body, goal: AggregateAtom, column: int, steps: Sequence[Step]) -
             part.block.add(code.If(first, (code.Assign(folded, value),)))
         count_solutions(part, COUNT)
 
+    def write(part: Body) -> None:
+        if exact:
+            part.take_space(SPACE)
+        part.steps(steps, found)
+
     nothing: code.Expression = code.Constant(0.0 if type_ is Scalar.FLOAT else 0)
-    head = (code.Assign(COUNT, ZERO), code.Assign(folded, nothing))
-    whole = body.inside(lambda part: part.steps(steps, found), code.tuple_of(COUNT, folded), head)
+    head = (code.Assign(COUNT, ZERO), code.Assign(PARTS, ZERO) if exact else code.Assign(folded, nothing))
+    last = code.call("sum_exactly", RF, SPACE, PARTS) if exact else folded
+    whole = body.inside(write, code.tuple_of(COUNT, last), head)
     number, result = body.matching.module.fresh("n"), body.facts.local(type_)
     body.block.add(code.Assign(code.Tuple((number, result)), whole))
+    if exact:  # the live engine knows sums that are beyond all floats on the way only
+        finite = code.Operation("<", (code.call("abs", result), code.Name("INFINITY")))
+        body.block.add(code.If(code.inverse(finite), (failed("FAILED"),)))
     if goal.function != "sum":
         body.block.test(code.Operation(">", (number, ZERO)))
     body.give(goal.result, code.Operation("/", (result, number)) if goal.function == "avg" else result)

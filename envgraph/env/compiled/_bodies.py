@@ -82,6 +82,12 @@ class Body:
         self.matching.module.uses(name, self._levels)
         return call(name, *values, top=self._top)
 
+    def take_space(self, top: code.Local) -> None:
+        """A variable gets the first row of a stretch that nothing else here uses."""
+        self.block.add(code.Assign(top, plus(self._top, CAPACITY)))
+        self._top, self._levels = top, self._levels + 1
+        self.matching.module.needs(self._levels + 1)
+
     def values(self, key: ViewKey) -> list[code.Expression]:
         """The values at the positions that are asked for."""
         return [self.source(self.conjunction.parameters[position]) for position in key.outputs]
@@ -354,8 +360,7 @@ class Body:
         start, end = (goal.source, goal.target) if forward else (goal.target, goal.source)
         name = self.matching.search(goal.step, goal.closure is Closure.STAR, forward)
         number, top = self.matching.module.fresh("n"), self.matching.module.fresh("t")
-        self.block.add(code.Assign(top, plus(self._top, CAPACITY)))
-        self._top, self._levels = top, self._levels + 1
+        self.take_space(top)
         self.block.add(code.Assign(number, self.called(name, [self.source(start)])))
         if self.known(end):
             self.block.test(_marked(top, self.source(end)))
@@ -371,8 +376,7 @@ class Body:
         """Loop over the rows of a call, which are written behind those of this function."""
         fresh = self.matching.module.fresh
         number, row, top = fresh("n"), fresh("i"), fresh("t")
-        self.block.add(code.Assign(top, plus(self._top, CAPACITY)))
-        self._top, self._levels = top, self._levels + 1
+        self.take_space(top)
         self.block.add(
             code.Assign(number, self.called(self.matching.rows(key, self.suits(goal, key)), values))
         )

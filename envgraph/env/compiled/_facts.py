@@ -83,7 +83,11 @@ class Module:
 
     def uses(self, name: str, above: int) -> None:
         """The function that is being written calls another, so many stretches above its own."""
-        self._open[-1] = max(self._open[-1], above + self.levels[name])
+        self.needs(above + self.levels[name])
+
+    def needs(self, levels: int) -> None:
+        """The function that is being written uses so many stretches."""
+        self._open[-1] = max(self._open[-1], levels)
 
     def once(
         self, key: object, prefix: str, write: Callable[[], tuple[Sequence[code.Local], code.Body]]

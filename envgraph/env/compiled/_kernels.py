@@ -106,6 +106,41 @@ def renumber(S, start, count, first, RI, top):
             S[number] = first + RI[top + S[number] - first, 0]
 
 
+def add_exactly(RF, top, parts, value):
+    """Floats from the row `top` on add up exactly to a sum: so many there are after a value has joined it."""
+    kept = 0
+    for number in range(parts):
+        other = RF[top + number, 0]
+        if abs(value) < abs(other):
+            value, other = other, value
+        whole = value + other
+        lost = other - (whole - value)
+        if lost != 0.0:
+            RF[top + kept, 0] = lost
+            kept += 1
+        value = whole
+    RF[top + kept, 0] = value
+    return kept + 1
+
+
+def sum_exactly(RF, top, parts):
+    """The float that is nearest to the sum of those that `add_exactly` has left, as `math.fsum` rounds it."""
+    whole, lost = 0.0, 0.0
+    while parts > 0 and lost == 0.0:
+        parts -= 1
+        other = RF[top + parts, 0]
+        before = whole
+        whole = before + other
+        lost = other - (whole - before)
+    if parts > 0 and (lost < 0.0) == (
+        RF[top + parts - 1, 0] < 0.0
+    ):  # half way between two: what is left decides
+        doubled = whole + 2.0 * lost
+        if 2.0 * lost == doubled - whole:
+            whole = doubled
+    return whole
+
+
 def quotient(left, right):
     """The quotient, truncated toward zero."""
     result = left // right

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import fsum
 from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from envgraph.env import Behaviour, KeyIndex, Simulator
 from envgraph.env.compiled import Batch, NotCompiled, program_of
+from envgraph.env.compiled._kernels import add_exactly, sum_exactly
 from envgraph.errors import EvaluationError
 from envgraph.rewrite import Engine
 from tests.profile import NIGHTLY
@@ -1104,6 +1108,7 @@ CORNERS = {
         rule starve { lhs { m : Man; h == max Man.hunger(_, #); check m.hunger == h && h > 0; }
             modify { set m.hunger = 0; } }
         @semantics(spo) rule kill(i : Item) { lhs { i : Item; } modify { delete i; } }
+        rule gain(m : Man) { lhs { m : Man; } modify { set m.power = m.power * -3.3 + 0.1; } }
         """,
         """
         action put(i : Item, s : Spot) = put(i, s)
@@ -1115,8 +1120,16 @@ CORNERS = {
         on find held(s, n) reward n * 0.01
         on find least(f) reward f
         on find ids(n, mean) reward n + mean
+        on find heavy(w, mean) reward w + mean
+        on find load(s, w) reward w * s.x
+        on find power(p) reward p
+        action gain(m : Man) = gain(m)
         """,
         """
+        pattern heavy(w : float, mean : float) { w == sum Item.weight(_, #); mean == avg Item.weight(_, #); }
+        pattern weighs(s : Spot, i : Item, w : float) { Item.at(i, s); Item.weight(i, w); }
+        pattern load(s : Spot, w : float) { Spot(s); w == sum find weighs(s, _, #); check(w > 0.0); }
+        pattern power(p : float) { p == avg Man.power(_, #); }
         pattern hungry(n : int, low : int, high : int) {
             n == sum Man.hunger(_, #);
             low == min Man.hunger(_, #);
@@ -1445,3 +1458,11 @@ def test_what_becomes_of_the_models_later_changes_no_program(tmp_path: Path) -> 
         batch.step(np.zeros(1, dtype=np.int64), again=False)
         counted.append(batch.observation.item())
     assert counted == [5, 4, 3, 2, 1, 1]
+
+
+@given(st.lists(st.floats(-1e300, 1e300) | st.sampled_from([1.0, 2.0**-53, -(2.0**-53), 2.0**-106, 0.1])))
+def test_floats_are_added_as_the_live_engine_adds_them(values: list[float]) -> None:
+    kept, parts = np.zeros((2_000, 1)), 0
+    for value in values:
+        parts = add_exactly(kept, 3, parts, value)
+    assert sum_exactly(kept, 3, parts) == fsum(values)
