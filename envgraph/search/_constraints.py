@@ -7,7 +7,7 @@ from math import isfinite
 from typing import TYPE_CHECKING
 
 from envgraph.code import dataclass
-from envgraph.env import Behaviour, can_end, indexed_classes, unbound
+from envgraph.env import Behaviour, KeyIndex, can_end, indexed_classes, unbound
 from envgraph.env.compiled import NotCompiled
 from envgraph.errors import has_errors
 from envgraph.files import counting
@@ -77,6 +77,24 @@ class Bound:
         return "each parameter of the environment has its object"
 
 
+@dataclass(frozen=True, slots=True)
+class SameAgents:
+    """The model has the agents of the initial one, by their keys: those that act together share their actions.
+
+    Attributes:
+        keys: of the agents' classes, in the initial model.
+    """
+
+    keys: KeyIndex
+
+    def holds(self, engine: Engine) -> bool:
+        """Whether no agent is missing, and there is no other."""
+        return KeyIndex.of(engine.model, self.keys.keys) == self.keys
+
+    def __str__(self) -> str:
+        return "agents that act together are those of the initial model"
+
+
 def constraints_of(
     domain: Domain, engine: Engine, measures: Iterable[IndividualMeasure]
 ) -> tuple[Constraint, ...]:
@@ -96,6 +114,9 @@ def constraints_of(
     constraints += [DistinctKeys(pattern.qualified_name) for pattern in keys]
     if behaviour is not None:
         constraints.append(Bound(behaviour))
+        if behaviour.together:
+            agents = dict.fromkeys(agent.cls for agent in behaviour.agents)
+            constraints.append(SameAgents(KeyIndex.of(domain.initial(), agents)))
         plans = [*(one for one in measures if isinstance(one, ShortestPlan)), ShortestPlan(behaviour)]
         constraints += [Reachable(str(outcome), plans[0]) for outcome in spec.reachable]
     return tuple(constraints)

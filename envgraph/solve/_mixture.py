@@ -16,10 +16,11 @@ def mixture(tabulars: Sequence[Tabular]) -> Tabular:
     """The environment in which each episode takes place in one of several, drawn uniformly when it begins.
 
     Its states are those of the first, then those of the second and so on; what the agent sees does not tell which it
-    is in. Training on it is domain randomisation (Tobin et al. 2017).
+    is in. Training on it is domain randomisation (Tobin et al. 2017). Agents that take turns may be others in each:
+    those of one name are one.
 
     Args:
-        tabulars: at least one; they agree in observations, actions and agents.
+        tabulars: at least one; they agree in observations and actions.
 
     Raises:
         InvalidArgument: they do not agree.
@@ -27,10 +28,16 @@ def mixture(tabulars: Sequence[Tabular]) -> Tabular:
     if not tabulars:
         raise InvalidArgument("a mixture needs an environment")
     first = tabulars[0]
-    for other in tabulars[1:]:
-        for name in ("n_observations", "observation_shape", "action_names", "agent_names"):
+    for place, other in enumerate(tabulars[1:], start=2):
+        for name in ("n_observations", "observation_shape", "action_names"):
             if getattr(other, name) != getattr(first, name):
-                raise InvalidArgument(f"the environments of a mixture must agree in `{name}`")
+                message = (
+                    f"number {place} of the environments that are mixed has other `{name}` than number 1"
+                )
+                raise InvalidArgument(message)
+        if bool(other.agent_names) != bool(first.agent_names):
+            raise InvalidArgument("agents take turns in some of the environments, and not in others")
+    agents = tuple(dict.fromkeys(name for one in tabulars for name in one.agent_names))
     outcomes = max(one.next_state.shape[2] for one in tabulars)
     before = np.cumsum([0, *(one.n_states for one in tabulars[:-1])])
 
@@ -51,8 +58,13 @@ def mixture(tabulars: Sequence[Tabular]) -> Tabular:
         observation=np.concatenate([one.observation for one in tabulars]),
         start_states=np.concatenate(starts).astype(np.int32),
         start_probability=np.concatenate([one.start_probability for one in tabulars]) / len(tabulars),
-        turn=None
-        if first.turn is None
-        else np.concatenate([one.turn for one in tabulars if one.turn is not None]),
+        agent_names=agents,
+        turn=np.concatenate([_turns(one, agents) for one in tabulars]) if agents else None,
         allowed=np.concatenate([one.masks for one in tabulars]),
     )
+
+
+def _turns(one: Tabular, agents: tuple[str, ...]) -> NDArray[np.int32]:
+    """The place among these agents of the one whose turn it is, in each state."""
+    places = [agents.index(name) for name in one.agent_names]
+    return np.array(places, dtype=np.int32)[one.turn]

@@ -165,7 +165,10 @@ def test_stages_of_several_draw_other_numbers_than_as_many_stages() -> None:
         (lambda: Curriculum("control", "mine", ((),), (1,)), "different names"),
         (lambda: Curriculum("control", "mine", ("E1",), (1,), float("inf")), "finite"),
         (lambda: mixture([]), "needs an environment"),
-        (lambda: mixture([random_table(1), table([[[(1.0, 0, 0.0, 0)]]])]), "agree in `n_observations`"),
+        (
+            lambda: mixture([random_table(1), table([[[(1.0, 0, 0.0, 0)]]])]),
+            "number 2 .* other `n_observations`",
+        ),
         (
             lambda: run_experiment(FAMILY, SETTINGS, [Curriculum("control", "x", (("E1", "E22"),), (1,))]),
             "no environment is called `E22`",
@@ -243,3 +246,24 @@ def test_a_schedule_has_a_name_and_stages_of_the_same_environments() -> None:
     with pytest.raises(InvalidArgument, match="stages of the same several"):
         Curriculum("control", "x", ("E1", "E2"), (1, 1), schedule="plr")
     assert get_args(Scheduled) == TEACHERS
+
+
+def test_agents_that_take_turns_may_be_others_in_each_environment_of_a_mixture() -> None:
+    """A family in which nurses are added: whose turn it is is told of by name, and the numbers of one name agree."""
+
+    def of(names: tuple[str, ...], seed: int) -> Tabular:
+        one = random_table(seed)
+        return replace(one, agent_names=names, turn=(np.arange(12) % len(names)).astype(np.int32))
+
+    tables = [of(("n1", "d1"), 1), of(("n1", "n2", "d1"), 2)]
+    mixed = mixture(tables)
+    mixed.check()
+    assert mixed.agent_names == ("n1", "d1", "n2")
+    assert mixed.turn is not None
+    told = [mixed.agent_names[turn] for turn in mixed.turn]
+    assert told == ["n1", "d1"] * 6 + ["n1", "n2", "d1"] * 4
+    family = [FamilyMember(name, one) for name, one in zip(NAMES, tables, strict=False)]
+    control = Curriculum("control", "randomised", (tuple(NAMES[:2]),), (2,))
+    assert train_run(family, control, SETTINGS, 0)[0].steps == 2 * SETTINGS.steps_per_environment
+    with pytest.raises(InvalidArgument, match="take turns in some"):
+        mixture([tables[0], random_table(1)])

@@ -576,3 +576,16 @@ def test_a_model_that_a_parameter_has_no_object_in_is_no_member(tmp_path: Path) 
     assert [member.measures["cows"] for member in family.members] == [1]
     with RunStore.open(tmp_path / "run.sqlite") as store:
         assert "`each parameter of the environment has its object` is violated" in store.reasons()
+
+
+@pytest.mark.parametrize(("together", "cows"), [("agents together", [2]), ("", [2, 3])])
+def test_only_agents_that_take_turns_may_be_others_in_each_member(
+    tmp_path: Path, together: str, cows: list[int]
+) -> None:
+    acting = f"{together} agent cow : Cow {{ action milk = milk(cow) }}"
+    changes = ("action milk(cow : Cow) = milk(cow)", acting), ("cow.milked for cow", "other.milked for other")
+    family = generate(herd(tmp_path, *changes), tmp_path / "run.sqlite")
+    assert sorted({member.measures["cows"] for member in family.members}) == cows
+    with RunStore.open(tmp_path / "run.sqlite") as store:
+        reason = "`agents that act together are those of the initial model` is violated"
+        assert (reason in store.reasons()) == bool(together)
