@@ -44,7 +44,7 @@ from envgraph.env._keys import KeyIndex, SameKey, indexed_classes, key_reader
 from envgraph.env._members import About, Members, Variants
 from envgraph.env._minigrid import MiniGridLevel
 from envgraph.env._model_views import GraphView, ImageView, ModelView, model_view, torch_graph
-from envgraph.env._reaching import can_end
+from envgraph.env._reaching import REACH_LIMIT, can_end
 from envgraph.env._simulator import Outcome, Simulator
 from envgraph.env._table_file import read_explored, write_explored
 from envgraph.env._tabular import Tabular
@@ -69,6 +69,7 @@ from envgraph.errors import shorten
 __all__ = [
     "DEFAULT_LIMIT",
     "OF_MODEL",
+    "REACH_LIMIT",
     "About",
     "Action",
     "Adopted",

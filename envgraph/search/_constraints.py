@@ -31,15 +31,19 @@ class Reachable:
     outcome: str
     plan: ShortestPlan
 
+    @property
+    def end(self) -> int:
+        """The number of the outcome."""
+        return {"success": 1, "failure": 2}[self.outcome]
+
     def holds(self, engine: Engine) -> bool:
         """Whether the outcome can be reached."""
-        end = {"success": 1, "failure": 2}[self.outcome]
         try:
-            return isfinite(self.plan.plan(engine, end).steps)
+            return isfinite(self.plan.plan(engine, self.end).steps)
         except NotCompiled:
             behaviour = self.plan.behaviour
             with counting(f"states of {behaviour.name}") as progress:
-                return can_end(engine, behaviour, end, progress=progress)
+                return can_end(engine, behaviour, self.end, progress=progress)
 
     def __str__(self) -> str:
         return f"reachable {self.outcome}"

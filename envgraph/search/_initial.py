@@ -20,6 +20,7 @@ from envgraph.errors import (
 from envgraph.rewrite import Engine
 from envgraph.search._constraints import Reachable
 from envgraph.search._diversity import BinnedEntropy
+from envgraph.search._measures import ShortestPlan
 from envgraph.search._problem import Constraint, CountWithin, Forbid, NoValue, Problem
 
 if TYPE_CHECKING:
@@ -56,6 +57,9 @@ def check_initial(domain: Domain, problem: Problem) -> list[Diagnostic]:
             measure = next(one for one in spec.measures if one.name == error.measure)
             message = f"the initial model has no value of `{error.measure}`"
             hint = "write `otherwise = 0`, or another number that counts for such models"
+            if isinstance(plan := problem.measures[error.measure], ShortestPlan):
+                evidence, missed = plan.why_none(problem.engine)
+                message, hint = f"{message}: {evidence}", "; ".join(filter(None, (missed, hint)))
             missing = Diagnostic("no-value", message, measure.span(), hint, notes=(note,))
             raise LoadError([missing]) from error
     named = {
@@ -69,10 +73,10 @@ def check_initial(domain: Domain, problem: Problem) -> list[Diagnostic]:
             "initial-model-invalid",
             f"the initial model violates `{constraint}`{evidence}",
             named.get(constraint, spec.model.span),
-            "the family is made from a model that satisfies every constraint",
+            hint or "the family is made from a model that satisfies every constraint",
             notes=(note,) if constraint in named else (),
         )
-        for constraint, evidence in sorted(violated.items())
+        for constraint, (evidence, hint) in sorted(violated.items())
     ]
     raise LoadError(sort_diagnostics(problems))
 
@@ -114,10 +118,13 @@ def _outside(domain: Domain, problem: Problem, measured: Mapping[str, float]) ->
     return [Diagnostic("outside-range", message, span, hint, Severity.WARNING)]
 
 
-def _evidence(engine: Engine, violated: Constraint) -> str:
-    """What an engine finds that a constraint does not allow."""
+def _evidence(engine: Engine, violated: Constraint) -> tuple[str, str | None]:
+    """What an engine finds that a constraint does not allow, and a hint of its own."""
     if isinstance(violated, Forbid):
-        return f": there is {engine.first(violated.pattern)}"
+        return f": there is {engine.first(violated.pattern)}", None
     if isinstance(violated, CountWithin):
-        return f": there are {engine.count(violated.pattern)}"
-    return ": no way there was found" if isinstance(violated, Reachable) else ""
+        return f": there are {engine.count(violated.pattern)}", None
+    if isinstance(violated, Reachable):
+        evidence, hint = violated.plan.why_none(engine, violated.end)
+        return f": {evidence}", hint
+    return "", None

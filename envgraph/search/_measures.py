@@ -8,7 +8,7 @@ from math import inf
 from typing import ClassVar, Final
 
 from envgraph.code import dataclass
-from envgraph.env import Behaviour, KeyIndex, explore, indexed_classes
+from envgraph.env import REACH_LIMIT, Behaviour, KeyIndex, explore, indexed_classes
 from envgraph.env.compiled import NotCompiled, Plan, Plans, Tables
 from envgraph.files import counting
 from envgraph.graph import Model
@@ -177,6 +177,19 @@ class ShortestPlan:
             with counting(f"states of {self.behaviour.name}") as progress:
                 known[outcome] = plans.plan(engine, progress)
         return known[outcome]
+
+    def why_none(self, engine: Engine, outcome: int = 1) -> tuple[str, str | None]:
+        """How far the search went that found no plan in the present model, and a hint if it may have missed one."""
+        try:
+            plan = self.plan(engine, outcome)
+        except NotCompiled:
+            live = f"what is not compiled is searched on the live engine, up to {REACH_LIMIT:,} states"
+            return "no way there was found", live
+        hint = (
+            "there may be one: a beam goes on from the states with the fewest matches of a pattern. Name one that "
+            'has fewer on the way there as the `guide` of a measure with `kind = "shortest_plan"`, or raise `limit`'
+        )
+        return f"no way there was found ({plan})", None if plan.exact else hint
 
 
 class Distance:

@@ -16,6 +16,7 @@ from pathlib import Path
 import pytest
 
 from envgraph.cli import main
+from envgraph.env.compiled import _planning
 from envgraph.lang import bundled_domain
 
 Call = Callable[..., str]
@@ -77,7 +78,29 @@ def test_whether_an_end_is_reached_is_not_asked_of_a_model_that_is_wrong(refused
     said = refused("check", "forest")
     assert "violates `forbid solvable`" in said and "reachable" not in said
     path.write_text(path.read_text().replace('forbid = ["solvable"]', ""))
-    assert "violates `reachable failure`: no way there was found" in refused("check", "forest")
+    said = refused("check", "forest")
+    assert re.search(
+        r"violates `reachable failure`: no way there was found \(none: \d+ states are all there", said
+    )
+    assert "guide" not in said
+
+
+def test_a_way_that_a_beam_may_have_missed(refused: Call, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(_planning, "BREADTH", 3)
+    monkeypatch.setattr(_planning, "WIDTH", 1)
+    path = Path("forest/family.toml")
+    path.write_text(path.read_text().replace("forbid = []", 'forbid = []\nreachable = ["failure"]'))
+    environment = Path("forest/burning_forest.environment")
+    environment.write_text(environment.read_text().replace("terminate failure", ""))
+    said = refused("check", "forest")
+    assert re.search(r"was found \(none within \d+ states, by a beam of 1 after the first 3\)", said)
+    assert 'as the `guide` of a measure with `kind = "shortest_plan"`, or raise `limit`' in said
+    environment.write_text(environment.read_text().replace("terminate success", ""))
+    measure = '[measures.plan]\nkind = "shortest_plan"\n[diversity]'
+    path.write_text(path.read_text().replace('reachable = ["failure"]', "").replace("[diversity]", measure))
+    said = refused("check", "forest")
+    assert "has no value of `plan`: no way there was found (none within" in said
+    assert "or raise `limit`; write `otherwise = 0`" in said
 
 
 def test_check_tells_of_agents_whom_nobody_plays(refused: Call) -> None:
