@@ -86,8 +86,8 @@ class Links:
         self._spans = spans
         self._repeated = repeated
 
-    def fill(self, node: int, reference: Reference, found: Found) -> list[int]:
-        """Link an object to others, and return those that it may be linked to."""
+    def fill(self, node: int, reference: Reference, found: Found, at: Span | None = None) -> list[int]:
+        """Link an object to others, and return those that it may be linked to; `at` is where links are impossible."""
         kept: dict[int, None] = {}
         for target, where in found:
             if target in kept:
@@ -100,7 +100,7 @@ class Links:
                     self._report("too-many-targets", message, _span(where), "leave the others out")
                     break
                 kept[target] = None
-                self._link(node, reference, target, where)
+                self._link(node, reference, target, at or where)
         return [*kept]
 
     def _fits(self, reference: Reference, target: int, where: Place) -> bool:
@@ -132,7 +132,13 @@ class Links:
         try:
             model.link(node, reference, target)
         except (RuleError, TypeMismatch) as error:
-            self._report("impossible-link", error.message, _span(where), _link_hint(error, reference))
+            full = isinstance(error, RuleError) and error.reason == "full"
+            notes = tuple(
+                note
+                for other in (model.sources(target, reference) if full else ())
+                for note in self._note("the object that has it is here", other, where)
+            )
+            self._report("impossible-link", error.message, _span(where), _link_hint(error, reference), notes)
 
     def _note(self, text: str, node: int, where: Place) -> tuple[Note, ...]:
         span = self._spans.get(node)

@@ -104,12 +104,13 @@ Made = dict[int, list[tuple[int, Span]]]
 
 @dataclass(frozen=True, slots=True)
 class _Task:
-    """A feature to be set when all objects are there."""
+    """A feature to be set when all objects are there; `cell` is the letter whose legend says so."""
 
     node: int
     feature: Token
     value: Tree[Token]
     made: Made
+    cell: Span | None = None
 
 
 @dataclass(slots=True)
@@ -206,7 +207,7 @@ class _Reader:
         message, hint = f"there are two {what} `{name}`", "choose another name for one"
         self.reports.error("duplicate-object", message, name, hint, notes)
 
-    def _body(self, node: int | None, body: Tree[Token] | None, made: Made) -> None:
+    def _body(self, node: int | None, body: Tree[Token] | None, made: Made, cell: Span | None = None) -> None:
         """Creates what stands in the features of an object, and notes the features for later."""
         first: dict[str, Token] = {}
         for assignment in trees(body.children) if body else []:
@@ -218,7 +219,7 @@ class _Reader:
                 hint = "leave one out; several targets stand in a list: `[a, b]`"
                 self.reports.error("duplicate-feature", f"`{feature}` is set twice", feature, hint, (note,))
             elif node is not None:
-                self._tasks.append(_Task(node, feature, value, made))
+                self._tasks.append(_Task(node, feature, value, made, cell))
 
     def _declare(self, value: Tree[Token], made: Made) -> None:
         """Creates all objects inside a value."""
@@ -280,7 +281,7 @@ class _Reader:
         if node is not None:
             grid.nodes[_at(cell)] = node
             self._position(grid, cell, node)
-        self._body(node, entry.body, own)
+        self._body(node, entry.body, own, cell.where)
 
     def _position(self, grid: _Grid, cell: Cell, node: int) -> None:
         """Sets the attributes that hold column and row."""
@@ -348,7 +349,8 @@ class _Reader:
     # --- references ---
 
     def _fill(self, task: _Task, reference: Reference) -> None:
-        self._links.fill(task.node, reference, self._targets(task.value, reference, task.made))
+        found = self._targets(task.value, reference, task.made)
+        self._links.fill(task.node, reference, found, task.cell)
 
     def _targets(self, tree: Tree[Token], reference: Reference, made: Made) -> Iterator[tuple[int, Span]]:
         match tree.data:
