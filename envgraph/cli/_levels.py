@@ -10,7 +10,7 @@ from pathlib import Path
 from envgraph.cli._new import domain_texts, write_files
 from envgraph.cli._output import OutputFormat, print_diagnostics, print_json, print_line
 from envgraph.env import unbound
-from envgraph.errors import Diagnostic, InvalidArgument, LoadError, Severity, has_errors
+from envgraph.errors import Diagnostic, InvalidArgument, LoadError, Severity, Span, has_errors
 from envgraph.lang import (
     DiskFiles,
     Level,
@@ -53,8 +53,9 @@ def import_levels(
     there = (directory / "family.toml").exists()
     family = find_family(str(directory) if there and domain is None else domain or DOMAIN)
     found = Domain.load(family)
-    texts = dict(_models(file, found, _given(legend)))
-    warnings = _checked(found, texts)
+    template = LevelTemplate.of(found.model_text.span.source, found.metamodel)
+    texts = dict(_models(file, template, _given(legend)))
+    warnings = _checked(found, template, texts)
     written = {} if there else domain_texts(Path(family).parent, directory)
     paths = write_files({**written, **{directory / name: text for name, (text, _) in texts.items()}})
     print_diagnostics(warnings)
@@ -78,9 +79,10 @@ def _given(legend: Iterable[str]) -> dict[str, str]:
     return given
 
 
-def _models(file: Path, domain: Domain, given: Mapping[str, str]) -> Iterator[tuple[str, tuple[str, Level]]]:
+def _models(
+    file: Path, template: LevelTemplate, given: Mapping[str, str]
+) -> Iterator[tuple[str, tuple[str, Level]]]:
     """The text of each level as a model, by the name of its file; all problems at once."""
-    template = LevelTemplate.of(domain.model_text.span.source, domain.metamodel)
     levels = read_levels(read_source(DiskFiles(), str(file)), {**template.letters, **given})
     stem = re.sub(r"\W+", "_", file.stem)
     stem = stem if re.match(r"[^\W\d]", stem) else f"level_{stem}"
@@ -95,11 +97,13 @@ def _models(file: Path, domain: Domain, given: Mapping[str, str]) -> Iterator[tu
         raise LoadError(problems)
 
 
-def _checked(domain: Domain, texts: Mapping[str, tuple[str, Level]]) -> list[Diagnostic]:
+def _checked(
+    domain: Domain, template: LevelTemplate, texts: Mapping[str, tuple[str, Level]]
+) -> list[Diagnostic]:
     """Read the models with everything else of their domain; the warnings.
 
     Raises:
-        LoadError: there are errors, or a model lacks what the environment is about.
+        LoadError: there are errors, or a model lacks what the environment is about; placed in the levels.
     """
     bundle = domain.workspace.bundle()
     beside = Path(bundle.roots[0]).parent
@@ -109,9 +113,25 @@ def _checked(domain: Domain, texts: Mapping[str, tuple[str, Level]]) -> list[Dia
     found = [one for one in workspace.diagnostics if one.severity is Severity.ERROR]
     for text in workspace.models:
         if text.span.source.name in models and text.model is not None and domain.behaviour is not None:
-            where = models[text.span.source.name][1].where
-            found += [replace(one, span=where) for one in unbound(domain.behaviour, text.model)]
+            for one in unbound(domain.behaviour, text.model, text.spans):
+                last = one.notes[-1].span if one.notes else text.span
+                found.append(replace(one, span=last, notes=one.notes[:-1]))
             found += conformance(text)
+
+    def placed(span: Span | None) -> Span | None:
+        if span is None or span.source.name not in models:
+            return span
+        text, level = models[span.source.name]
+        return template.place(level, text, span)
+
+    found = [
+        replace(
+            one,
+            span=placed(one.span),
+            notes=tuple(replace(note, span=placed(note.span)) for note in one.notes),
+        )
+        for one in found
+    ]
     if has_errors(found):
         raise LoadError(found)
     return found

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from itertools import zip_longest
 from math import prod
 
@@ -193,14 +193,15 @@ def _idle(name: str) -> PreparedAction:
     return PreparedAction(name, (), Alternatives(lambda _: (), ()), None, None, 0)
 
 
-def unbound(behaviour: Behaviour, model: Model) -> list[Diagnostic]:
+def unbound(behaviour: Behaviour, model: Model, spans: Mapping[int, Span] | None = None) -> list[Diagnostic]:
     """What has no object in a model: errors where that leaves no environment to make of it, else warnings.
 
-    Those are the parameters, and the `agent` blocks that nobody plays.
+    Those are the parameters, and the `agent` blocks that nobody plays. Of several objects where one is wanted, notes
+    tell the places in `spans`.
     """
     problems: list[Diagnostic] = []
     try:
-        bind_parameters(model, behaviour.parameters)
+        bind_parameters(model, behaviour.parameters, spans)
     except ResolutionError as error:
         problems.extend(error.diagnostics)
     absent = [agent for agent in behaviour.agents if not model.extent(agent.cls)]

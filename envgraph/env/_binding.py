@@ -4,10 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 
-from envgraph.errors import Diagnostic, EvaluationError, InvalidArgument, ResolutionError, did_you_mean
+from envgraph.errors import (
+    Diagnostic,
+    EvaluationError,
+    InvalidArgument,
+    Note,
+    ResolutionError,
+    Span,
+    did_you_mean,
+)
 from envgraph.graph import Model
 from envgraph.metamodel import Attribute, Metamodel, Reference, Value
 from envgraph.pattern import Expression, Navigation, Parameter, Variable
+
+MOST_NOTES = 4
+"""Objects that are shown where one was expected."""
 
 Reader = Callable[[int, str], Value | int | None]
 """Reads a single-valued feature of an object: the value, the id of the target, or None."""
@@ -51,8 +62,10 @@ def follow(path: Expression, values: Mapping[str, Value | int | None], read: Rea
     return read(owner, path.feature) if type(owner) is int else None
 
 
-def bind_parameters(model: Model, parameters: Iterable[Parameter]) -> dict[str, int]:
-    """The object that each parameter stands for, in order.
+def bind_parameters(
+    model: Model, parameters: Iterable[Parameter], spans: Mapping[int, Span] | None = None
+) -> dict[str, int]:
+    """The object that each parameter stands for, in order. Errors have notes with the places of `spans`.
 
     Raises:
         ResolutionError: a parameter has no object, or several; all of them at once.
@@ -61,7 +74,7 @@ def bind_parameters(model: Model, parameters: Iterable[Parameter]) -> dict[str, 
     problems: list[Diagnostic] = []
     for parameter in parameters:
         try:
-            bound[parameter.name] = bind_parameter(model, parameter)
+            bound[parameter.name] = bind_parameter(model, parameter, spans)
         except ResolutionError as error:
             problems.extend(error.diagnostics)
     if problems:
@@ -69,7 +82,7 @@ def bind_parameters(model: Model, parameters: Iterable[Parameter]) -> dict[str, 
     return bound
 
 
-def bind_parameter(model: Model, parameter: Parameter) -> int:
+def bind_parameter(model: Model, parameter: Parameter, spans: Mapping[int, Span] | None = None) -> int:
     """The model's object of that name and type, else the only instance of the type.
 
     Raises:
@@ -94,4 +107,8 @@ def bind_parameter(model: Model, parameter: Parameter) -> int:
         if instances
         else f"add one to the model, called `{parameter.name}`"
     )
-    raise ResolutionError([Diagnostic("unbound-parameter", message, parameter.span, hint)])
+    places = [spans[node] for node in instances if node in spans] if spans else []
+    notes = tuple(
+        Note(f"number {number} is here", span) for number, span in enumerate(places[:MOST_NOTES], 1)
+    )
+    raise ResolutionError([Diagnostic("unbound-parameter", message, parameter.span, hint, notes=notes)])

@@ -30,22 +30,21 @@ if TYPE_CHECKING:
 def check_initial(domain: Domain, problem: Problem) -> list[Diagnostic]:
     """See `Domain.check_initial`."""
     spec, note = domain.spec, Note("the initial model is here", domain.spec.model.span)
-    demanded = _demanded(domain, problem)
+    spans, demanded = domain.model_text.spans, _demanded(domain, problem)
     if demanded:
         raise LoadError(demanded)
     try:
         domain.keys()
     except EvaluationError as error:
         hint = "the environment counts through these objects: give each of them a key of its own"
-        spans = domain.model_text.spans
         places = [spans.get(node) for node in error.nodes] if isinstance(error, SameKey) else []
         if len(places) == 2 and all(places):
             first = Note("the other object is here", places[0])
             raise LoadError([Diagnostic("no-key", error.message, places[1], hint, notes=(first,))]) from error
         raise LoadError([Diagnostic("no-key", error.message, spec.model.span, hint)]) from error
-    absent = unbound(domain.behaviour, problem.engine.model) if domain.behaviour else []
+    absent = unbound(domain.behaviour, problem.engine.model, spans) if domain.behaviour else []
     if has_errors(absent):
-        raise LoadError([replace(one, notes=(note,)) for one in absent])
+        raise LoadError([replace(one, notes=one.notes or (note,)) for one in absent])
     # Whether an end can be reached is asked of a model that is otherwise as it should be.
     known = [one for one in problem.constraints if not isinstance(one, Reachable)]
     broken = [one for one in known if not one.holds(problem.engine)] or [*problem.violations()]

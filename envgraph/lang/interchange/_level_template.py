@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping
 from lark import Token, Tree
 
 from envgraph.code import dataclass
-from envgraph.errors import MOST_ERRORS, Diagnostic, InvalidArgument, LoadError, Source
+from envgraph.errors import MOST_ERRORS, Diagnostic, InvalidArgument, LoadError, Source, Span
 from envgraph.lang.interchange._levels import BLANK, Level, LevelCell
 from envgraph.lang.read._grid import grid_letters
 from envgraph.lang.syntax._parsing import parse, tokens, trees
@@ -67,6 +67,17 @@ class LevelTemplate:
         if problems:
             raise LoadError(list(problems.values())[:MOST_ERRORS])
         return self._with(name, level.title, rows)
+
+    def place(self, level: Level, text: str, span: Span) -> Span:
+        """Where in the file of a level that stands which a span of its model is about; the level if it is no cell."""
+        tail = len(self.source.text) - (self.rows.end_pos or 0)
+        end = len(text) - tail  # behind the quotes that close the rows
+        line = text.rfind("\n", 0, end) + 1
+        row = len(level.rows) - text.count("\n", span.start, end)
+        column = span.start - (text.rfind("\n", 0, span.start) + 1) - (end - 3 - line)
+        if 0 <= row < len(level.rows) and 0 <= column < len(level.rows[row]):
+            return level.rows[row][column].where
+        return level.where
 
     def _known(self, given: Mapping[str, str]) -> dict[str, str]:
         for name, letter in given.items():

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import groupby
 from typing import Any
 
 from envgraph.code import dataclass
@@ -43,6 +44,7 @@ _XSB = ("xsb", "sok")
 
 _BEFORE = re.compile(r"\s*;\s*(.*)")
 _BEHIND = re.compile(r"\s*title\s*:\s*(.*)", re.IGNORECASE)
+_KEY = re.compile(r"\s*\w[\w ]*:")
 _DES = re.compile(r"(?:MAZE|LEVEL)\s*:\s*\"([^\"]*)\"")
 
 
@@ -54,7 +56,8 @@ def read_levels(source: Source, letters: Collection[str]) -> tuple[Level, ...]:
     or `Title: name` behind it.
 
     Raises:
-        LoadError: there is none, or the map is not one that can be read; all problems at once.
+        LoadError: there is none, the map is not one that can be read, or a line that touches a row looks like one as
+            well; all problems at once.
     """
     suffix = suffix_of(source.name)
     if suffix in ("tmx", "tmj", "json"):
@@ -86,6 +89,9 @@ def _lines(source: Source) -> Iterator[_Line]:
 
 def _text_levels(source: Source, letters: Collection[str]) -> list[Level]:
     known = {*letters, *(FLOORS if suffix_of(source.name) in _XSB else (BLANK,))}
+    problems = list(_doubtful(source, known, letters))
+    if problems:
+        raise LoadError(problems[:MOST_ERRORS])
     levels, rows, title = list[Level](), list[_Line](), ""
     for line in (*_lines(source), _Line("", source.span(0, 0))):
         if _is_row(line.text, known):
@@ -101,9 +107,30 @@ def _text_levels(source: Source, letters: Collection[str]) -> list[Level]:
     return levels
 
 
+def _doubtful(source: Source, known: Collection[str], letters: Collection[str]) -> Iterator[Diagnostic]:
+    """Errors for lines that are no rows, begin like rows, and have no empty line between them and a level."""
+    message = "half of this line or more is no letter of the model, and it touches a level: is it a row?"
+    hint = (
+        f"{_known(letters)}; `--legend x=LETTER` says what an `x` is. Rows are written letter by letter, without "
+        "numbers (run-length encoding), and an empty line keeps other text apart"
+    )
+    for _, block in groupby(_lines(source), key=lambda line: bool(line.text)):
+        lines = list(block)
+        if any(_is_row(line.text, known) for line in lines):
+            for line in lines:
+                if not _is_row(line.text, known) and _begins_like_a_row(line.text, letters):
+                    yield Diagnostic("unknown-row", message, line.where, hint)
+
+
 def _is_row(line: str, known: Collection[str]) -> bool:
     text = line.strip()
     return text[:1] not in ("", ";") and 2 * sum(letter in known for letter in text) > len(text)
+
+
+def _begins_like_a_row(line: str, letters: Collection[str]) -> bool:
+    """With a letter of the model, or a number of them; `Title: name` does not."""
+    first = line.strip().lstrip("0123456789")[:1]
+    return first in {*letters} - {*FLOORS} and _KEY.match(line) is None
 
 
 def _level(title: str, rows: Sequence[_Line]) -> Level:

@@ -121,7 +121,7 @@ class _Grid:
 
 @dataclass(slots=True)
 class _Reader:
-    """Reads one model. `_names` has an object's id, or None when its class is wrong."""
+    """Reads one model. `_names` has ids, None where a class is wrong; `_cell_of` is the present letter."""
 
     parsed: Parsed
     metamodel: Metamodel | None
@@ -131,6 +131,7 @@ class _Reader:
     _links: Links = field(init=False)
     _names: dict[str, tuple[int | None, Span]] = field(default_factory=dict)
     _unknown: int = 0
+    _cell_of: Span | None = None
     _grids: dict[str, _Grid] = field(default_factory=dict)
     _tasks: list[_Task] = field(default_factory=list)
 
@@ -181,7 +182,7 @@ class _Reader:
         if name is not None:
             self._names[str(name)] = (node, self.parsed.span(name))
         if node is not None:
-            self.spans[node] = where
+            self.spans[node] = self._cell_of or where
         return node
 
     def _instantiable(self, cls: str, span: Span) -> bool:
@@ -219,7 +220,7 @@ class _Reader:
                 hint = "leave one out; several targets stand in a list: `[a, b]`"
                 self.reports.error("duplicate-feature", f"`{feature}` is set twice", feature, hint, (note,))
             elif node is not None:
-                self._tasks.append(_Task(node, feature, value, made, cell))
+                self._tasks.append(_Task(node, feature, value, made, self._cell_of))
 
     def _declare(self, value: Tree[Token], made: Made) -> None:
         """Creates all objects inside a value."""
@@ -281,7 +282,9 @@ class _Reader:
         if node is not None:
             grid.nodes[_at(cell)] = node
             self._position(grid, cell, node)
-        self._body(node, entry.body, own, cell.where)
+        around, self._cell_of = self._cell_of, cell.where
+        self._body(node, entry.body, own)
+        self._cell_of = around
 
     def _position(self, grid: _Grid, cell: Cell, node: int) -> None:
         """Sets the attributes that hold column and row."""

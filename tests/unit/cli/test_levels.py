@@ -88,6 +88,34 @@ def test_an_unknown_letter_is_told_where_it_stands_with_those_that_are_known(env
     assert "bad.xsb:6:1: nothing to bind `worker` to: the model has no `Worker`" in known.err
 
 
+def test_a_line_that_is_hardly_known_and_touches_a_level_is_no_row_in_silence(envgraph: Envgraph) -> None:
+    write("bad.xsb", "######\n#@ $.#\n#XYZ\n######\n\n::RLE\n5#\n#@$.#\n5#\n")
+    done = envgraph("import", "bad.xsb")
+    assert done.code == 1 and not Path("bad").exists()
+    assert [line for line in done.err.splitlines() if line.startswith("bad.xsb")] == [
+        f"bad.xsb:{line}:1: half of this line or more is no letter of the model, and it touches a level: is it a row?"
+        for line in (3, 7, 9)
+    ]
+    assert "run-length encoding" in done.err
+    write(
+        "good.xsb", "Levels of #\n#####\n#@$.#\n#####\nTitle: first\n; second\n#####\n#.$@#\n#####\n\n#XY\n"
+    )
+    ok(envgraph("import", "good.xsb"))
+    assert Path("good/good_2.model").exists()
+
+
+def test_what_is_wrong_with_the_model_is_told_at_the_cell_of_the_level(envgraph: Envgraph) -> None:
+    Path("levels").mkdir()
+    write("levels/bad.xsb", "; one\n#####\n#.$@#\n#####\n\n; two\n  ####\n###.@#\n#@$ #\n####\n")
+    done = envgraph("import", "levels/bad.xsb")
+    assert done.code == 1 and not Path("bad").exists()
+    assert (
+        "levels/bad.xsb:9:2: nothing to bind `worker` to: the model has 2 objects of class `Worker`"
+        in done.err
+    )
+    assert "note: levels/bad.xsb:8:5: number 1 is here" in done.err
+
+
 @pytest.mark.parametrize(
     ("entry", "said"), [("x=Q", "cannot be read as `Q`"), ("x#", "no entry of a legend")]
 )
