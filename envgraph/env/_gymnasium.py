@@ -91,41 +91,16 @@ def known_options(options: dict[str, Any] | None, known: Sequence[str] = ()) -> 
     return options or {}
 
 
-class SingleEnvironment(gymnasium.Env[Any, Any]):
-    """What environments over a table, over a live engine and over a compiled program share.
+class OfFamily:
+    """An environment that goes over to another member of its family, where it is of one.
 
     Attributes:
         members: the family, for `reset(options={"variant": ..})`; None where there is none.
     """
 
-    metadata: dict[str, Any] = {  # noqa: RUF012
-        "render_modes": [mode for mode in RENDER_MODES if mode != "human" or has_window()],
-        "render_fps": 4,
-    }
-
     members: Members | None = None
-
-    def __init__(
-        self,
-        action_names: Sequence[str],
-        view: View | ModelView,
-        render_mode: str | None,
-        cell: int,
-        action_masks: bool,
-    ) -> None:
-        self.render_mode = render_mode
-        self.action_names = tuple(action_names)
-        self._count = len(self.action_names)
-        self.action_space = spaces.Discrete(self._count)
-        self.view = view
-        self.observation_space = view.space
-        self._cell = cell
-        self._window = Window("envgraph", self.metadata["render_fps"]) if render_mode == "human" else None
-        self._running = False
-        self._steps = 0
-        self._about: About | None = None
-        self._variant: str | None = None
-        self._masked = action_masks
+    _about: About | None = None
+    _variant: str | None = None
 
     def of_family(self, members: Members, place: int) -> None:
         """Be of a member of a family, and go over to others when `reset` is asked to."""
@@ -153,6 +128,39 @@ class SingleEnvironment(gymnasium.Env[Any, Any]):
     def _enter(self, found: Any) -> None:
         """Step from now on what `members` gives."""
 
+    def _first(self, info: dict[str, Any]) -> dict[str, Any]:
+        """An info of a reset."""
+        return info if self._about is None else {**info, "certificates": dict(self._about["certificates"])}
+
+
+class SingleEnvironment(OfFamily, gymnasium.Env[Any, Any]):
+    """What environments over a table, over a live engine and over a compiled program share."""
+
+    metadata: dict[str, Any] = {  # noqa: RUF012
+        "render_modes": [mode for mode in RENDER_MODES if mode != "human" or has_window()],
+        "render_fps": 4,
+    }
+
+    def __init__(
+        self,
+        action_names: Sequence[str],
+        view: View | ModelView,
+        render_mode: str | None,
+        cell: int,
+        action_masks: bool,
+    ) -> None:
+        self.render_mode = render_mode
+        self.action_names = tuple(action_names)
+        self._count = len(self.action_names)
+        self.action_space = spaces.Discrete(self._count)
+        self.view = view
+        self.observation_space = view.space
+        self._cell = cell
+        self._window = Window("envgraph", self.metadata["render_fps"]) if render_mode == "human" else None
+        self._running = False
+        self._steps = 0
+        self._masked = action_masks
+
     def action_masks(self) -> NDArray[np.bool_]:
         """Whether each action does something in the present state [actions]; all do where none does, or it is over.
 
@@ -176,10 +184,6 @@ class SingleEnvironment(gymnasium.Env[Any, Any]):
         if self._window is not None:
             self._window.show(scene_rgb(self._scene(), self._cell))
         return info
-
-    def _first(self, info: dict[str, Any]) -> dict[str, Any]:
-        """An info of a reset."""
-        return info if self._about is None else {**info, "certificates": dict(self._about["certificates"])}
 
     def _begin(self) -> None:
         self._running = True

@@ -17,13 +17,13 @@ from gymnasium.error import ResetNeeded
 from gymnasium.utils import seeding
 from numpy.typing import NDArray
 
-from envgraph.env._gymnasium import RENDER_MODES, SUCCESS, check_render_mode
+from envgraph.env._gymnasium import RENDER_MODES, SUCCESS, OfFamily, check_render_mode
 from envgraph.env._observing import component_names
 from envgraph.env._simulator import Simulator
 from envgraph.env._views import ObservationKind, View, components
 from envgraph.env.scene._pixels import scene_rgb
 from envgraph.env.scene._text import scene_text
-from envgraph.errors import InvalidArgument
+from envgraph.errors import InvalidArgument, listed
 
 _PETTINGZOO: Any = import_module("pettingzoo") if find_spec("pettingzoo") else None
 _AEC: Any = (
@@ -31,13 +31,17 @@ _AEC: Any = (
 )  # that it is missing is said when an environment is made
 _PARALLEL: Any = _PETTINGZOO.ParallelEnv if _PETTINGZOO else object
 
+_OF_TESTS = "options"
+"""The option that PettingZoo's own tests give to see that `reset` takes options: it means nothing."""
 
-class _Several:
+
+class _Several(OfFamily):
     """What both kinds share: agents, what they see, and pictures.
 
     An agent whose object was deleted has `terminated`; one whose object has another class stays, and does nothing.
-    `state()` has what each agent sees, in the order of the agents, as components. A copy is made anew by `again`, and
-    begins with a reset, since an engine cannot be copied.
+    `state()` has what each agent sees, in the order of the agents, as components. `reset(options={"variant": v})` goes
+    over to a member of the family that has the same agents. A copy is made anew by `again`, and begins with a reset,
+    since an engine cannot be copied.
 
     Args:
         simulator: the engine and its behaviour; nothing else may change its model in the meantime.
@@ -46,7 +50,7 @@ class _Several:
         observation: "index", "multi", "flat" or "dict".
         cell: side of a cell in pixels.
         action_masks: whether infos have `action_mask`, int8 [actions]: what this agent could do in the present state.
-        again: makes the same; None: then it cannot be copied.
+        again: makes the same of a variant; None: then it cannot be copied.
     """
 
     def __init__(
@@ -58,7 +62,7 @@ class _Several:
         observation: ObservationKind = "index",
         cell: int = 32,
         action_masks: bool = False,
-        again: Callable[[], Any] | None = None,
+        again: Callable[[str | None], Any] | None = None,
     ) -> None:
         if _PETTINGZOO is None:
             raise InvalidArgument(
@@ -66,7 +70,6 @@ class _Several:
             )
         drawn = simulator.behaviour.draw is not None
         check_render_mode(render_mode, drawn=drawn)
-        self.simulator = simulator
         self._again = again
         self.metadata: dict[str, Any] = {
             "name": simulator.behaviour.name,
@@ -86,9 +89,20 @@ class _Several:
         self.action_spaces = {name: spaces.Discrete(actions) for name in simulator.players}
         parts = [*self._shape] or [1]
         self.state_space = spaces.MultiDiscrete(parts * len(simulator.players))
-        self._painter = simulator.painter() if render_mode is not None else None
+        self._enter(simulator)
         self._limit, self._steps, self._masked = limit, 0, action_masks
         self._random: np.random.Generator | None = None
+
+    def _enter(self, found: Simulator) -> None:
+        if [*found.players] != self.possible_agents:
+            hint = "`possible_agents` are always the same: make another environment of it"
+            other = listed(found.players)
+            raise InvalidArgument(
+                f"the agents of this environment are {listed(self.possible_agents)}, those of that variant {other}",
+                hint,
+            )
+        self.simulator = found
+        self._painter = found.painter() if self.render_mode is not None else None
 
     def observation_space(self, agent: str) -> spaces.Space[Any]:
         """The space of what an agent sees."""
@@ -120,9 +134,11 @@ class _Several:
         self.simulator.close()
 
     def __reduce__(self) -> Any:
-        return super().__reduce__() if self._again is None else (self._again, ())
+        return super().__reduce__() if self._again is None else (self._again, (self._variant,))
 
-    def _begin(self, seed: int | None) -> None:
+    def _begin(self, seed: int | None, options: dict[str, Any] | None) -> None:
+        given = {name: value for name, value in (options or {}).items() if name != _OF_TESTS}
+        self._options(given)
         if seed is not None or self._random is None:
             self._random, _ = seeding.np_random(seed)
         self.simulator.reset(self._random)
@@ -141,6 +157,8 @@ class _Several:
 
     def _info(self, agent: str, success: bool) -> dict[str, Any]:
         info: dict[str, Any] = {"step": self._steps, "success": success}
+        if self._variant is not None:
+            info["variant"] = self._variant
         if self._masked:
             info["action_mask"] = self.simulator.allowed_to(self._number[agent]).view(np.int8)
         return info
@@ -156,7 +174,7 @@ class TurnEnv(_Several, _AEC):  # type: ignore[misc]
     """Agents that take turns, as PettingZoo's AEC environment.
 
     The reward of a turn is that of the agent whose turn it was. With the same seed the turns are those of
-    `EnvgraphLiveEnv`. Options of a reset have no meaning.
+    `EnvgraphLiveEnv`.
     """
 
     def __init__(self, simulator: Simulator, **options: Any) -> None:
@@ -165,9 +183,9 @@ class TurnEnv(_Several, _AEC):  # type: ignore[misc]
         super().__init__(simulator, **options)
         self.metadata["is_parallelizable"] = False
 
-    def reset(self, seed: int | None = None, options: Mapping[str, Any] | None = None) -> None:
+    def reset(self, seed: int | None = None, options: dict[str, Any] | None = None) -> None:
         """Begin an episode."""
-        self._begin(seed)
+        self._begin(seed, options)
         self.rewards = dict.fromkeys(self.agents, 0.0)
         self._cumulative_rewards = dict.fromkeys(self.agents, 0.0)
         self.terminations = dict.fromkeys(self.agents, False)
@@ -175,6 +193,7 @@ class TurnEnv(_Several, _AEC):  # type: ignore[misc]
         self.infos: dict[str, dict[str, Any]] = {name: {} for name in self.agents}
         self.agent_selection = self.possible_agents[self.simulator.turn]
         self._tell(success=False)
+        self.infos = {name: self._first(info) for name, info in self.infos.items()}
 
     def step(self, action: Any) -> None:
         """Do the action of `agent_selection`; None for an agent that is terminated or truncated."""
@@ -202,7 +221,7 @@ class TogetherEnv(_Several, _PARALLEL):  # type: ignore[misc]
     """Agents that act together, as PettingZoo's parallel environment.
 
     Each gets the reward of its own and what is shared. With the same seed the steps are those of `EnvgraphLiveEnv`,
-    whose action is one of each agent. Options of a reset have no meaning.
+    whose action is one of each agent.
     """
 
     def __init__(self, simulator: Simulator, **options: Any) -> None:
@@ -211,11 +230,12 @@ class TogetherEnv(_Several, _PARALLEL):  # type: ignore[misc]
         super().__init__(simulator, **options)
 
     def reset(
-        self, seed: int | None = None, options: Mapping[str, Any] | None = None
+        self, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, Any], dict[str, dict[str, Any]]]:
         """Begin an episode: observations and infos."""
-        self._begin(seed)
-        return self._seen(), self._infos(success=False)
+        self._begin(seed, options)
+        infos = self._infos(success=False)
+        return self._seen(), {name: self._first(info) for name, info in infos.items()}
 
     def step(
         self, actions: Mapping[str, Any]

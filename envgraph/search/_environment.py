@@ -18,7 +18,6 @@ from envgraph.env import (
     EnvSpec,
     ObservationKind,
     RewardsApart,
-    Simulator,
     SingleEnvironment,
     Variants,
     VectorEnvironment,
@@ -157,11 +156,15 @@ def _several(
     if family is not None and domain is not None:
         raise InvalidArgument("give a `family` or a `domain`, not both")
     place = None if domain is None else str(domain)
-    read = open_member_family(place, family, () if variant is None else (variant,)).family
-    engine = read.domain.engine(read.model(read.member(variant)))
-    simulator = Simulator(engine, read.behaviour, read.keys)
-    again = partial(make, family, variant, domain=domain, max_episode_steps=limit, **options)
-    return kind(simulator, limit=read.limit if limit == -1 else limit, again=again, **options)
+    opened = open_member_family(place, family, () if variant is None else (variant,))
+    member = opened.place(variant)
+    again = partial(make, family, domain=domain, max_episode_steps=limit, **options)
+    made = kind(
+        opened.simulator(member), limit=opened.family.limit if limit == -1 else limit, again=again, **options
+    )
+    if family is not None:
+        made.of_family(OpenedMembers(place, family, "live", pictures=False), member)
+    return made
 
 
 def register(

@@ -247,3 +247,61 @@ def test_all_agents_are_truncated_together_and_know_what_each_can_do(kind: Any) 
     assert truncations == dict.fromkeys("abc", True)
     assert terminations == dict.fromkeys("abc", False)
     assert infos["a"]["action_mask"].tolist() == [0, 1]
+
+
+LOADERS = {
+    "load.metamodel": "metamodel load\n@key(name) class Arm { string name int lifted = 0 }",
+    "load.model": 'import "load.metamodel"\nmodel m : load { a : Arm { name = "a" } b : Arm { name = "b" } }',
+    "load.query": 'package load\nimport "load.metamodel"\npattern up(arm : Arm) { Arm.lifted(arm, 1); }',
+    "load.rules": """package load
+import "load.query"
+rule lift(arm : Arm) { lhs { check arm.lifted < 1; } modify { set arm.lifted += 1; } }
+rule hire { lhs { neg find up(_); } modify { create extra : Arm { name = "c", lifted = 1 }; } }""",
+    "load.environment": """import "load.rules"
+environment Load {
+    {how}
+    agent arm : Arm { action lift = lift(arm)  observe other.lifted in 0..1 for other : Arm }
+}""",
+    "family.toml": 'name = "Load"\nmodel = "load.model"\nenvironment = "load.environment"\n'
+    'measures.up = { kind = "count", of = "up" }\ndiversity = { kind = "variance", of = "up" }\n'
+    'mutation.rules = ["{rule}"]\nsearch = { population = 2, generations = 20 }\n',
+}
+
+
+def family_of_arms(folder: Path, how: str, rule: str) -> Path:
+    """A family whose other members differ by a rule."""
+    for name, text in LOADERS.items():
+        (folder / name).write_text(text.replace("{how}", how).replace("{rule}", rule))
+    write = envgraph.search.write_family
+    (folder / "load.json").write_text(write(envgraph.search.generate(str(folder), folder / "run.sqlite")))
+    return folder / "load.json"
+
+
+@pytest.mark.parametrize("how", ["agents together", ""])
+def test_a_reset_goes_over_to_a_variant_and_refuses_other_options(tmp_path: Path, how: str) -> None:
+    make = envgraph.make_parallel if how else envgraph.make_aec
+    env = make(family_of_arms(tmp_path, how, "lift"), observation="multi")
+
+    def reset(**options: object) -> Any:
+        found = env.reset(seed=0, options=options)
+        seen, infos = found or ({name: env.observe(name) for name in env.agents}, env.infos)
+        return seen["a"].tolist(), infos["a"]["variant"], infos["b"]["certificates"]
+
+    assert reset() == ([0, 0], "E2", {})
+    assert reset(variant="E1") == ([1, 1], "E1", {}) == reset()
+    copy = pickle.loads(pickle.dumps(env))
+    copy.reset(seed=0)
+    assert copy.observe("a").tolist() == [1, 1]
+    with pytest.raises(InvalidArgument, match="`E99`"):
+        reset(variant="E99")
+    for name in ("state", "nonsense"):
+        with pytest.raises(InvalidArgument, match=f"unknown option `{name}` of a reset: there is `variant`"):
+            reset(**{name: 1})
+
+
+def test_a_variant_with_other_agents_is_another_environment(tmp_path: Path) -> None:
+    env = envgraph.make_aec(family_of_arms(tmp_path, "", "hire"))
+    with pytest.raises(InvalidArgument, match="the agents of this environment are `a`, `b`, those of"):
+        env.reset(options={"variant": "E1"})
+    with pytest.raises(InvalidArgument, match="unknown option `variant` of a reset: another variant"):
+        envgraph.make_aec(domain="warehouse").reset(options={"variant": "E1"})
