@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import count
 from statistics import fmean
 from typing import Literal
 
@@ -43,6 +44,7 @@ class Comparison:
         steps: training steps of an agent in all, the same for both.
         by: what is compared: "success"; or "return", where no agent succeeds at all.
         seeds: how many.
+        seeds_needed: the fewest with which as many comparisons as are made can tell two apart.
         value, other: means of the curriculum and of the control.
         difference: interval at 95 % of their difference: of success that of Newcombe, of return that of the bootstrap,
             None for a single seed.
@@ -56,6 +58,7 @@ class Comparison:
     steps: int
     by: Literal["success", "return"]
     seeds: int
+    seeds_needed: int
     value: float
     other: float
     difference: tuple[float, float] | None
@@ -81,10 +84,9 @@ class Comparison:
                 return f"neither {self.curriculum} nor {self.called} succeeds {numbers}"
             case "as much":
                 return f"{self.curriculum} and {self.called} reach as much {numbers}"
-            case "undecided" if (
-                2.0 ** (1 - self.seeds) >= SIGNIFICANT
-            ):  # the smallest p that so many pairs can have
-                return f"{self.curriculum} and {self.called} cannot be told apart by so few seeds {numbers}"
+            case "undecided" if self.seeds < self.seeds_needed:
+                few = f"by so few seeds: it takes {self.seeds_needed}"
+                return f"{self.curriculum} and {self.called} cannot be told apart {few} {numbers}"
             case "undecided":
                 return f"{self.curriculum} and {self.called} cannot be told apart {numbers}"
             case verdict:
@@ -117,8 +119,8 @@ def findings(comparisons: Sequence[Comparison]) -> list[str]:
     if not comparisons:
         return []
     told = " nothing can be told apart" if all(one.verdict == "undecided" for one in comparisons) else ""
-    count = len(comparisons)
-    corrected = f" (p-values are corrected for {count} comparisons)" if count > 1 else ""
+    number = len(comparisons)
+    corrected = f" (p-values are corrected for {number} comparisons)" if number > 1 else ""
     return [f"With {comparisons[0].steps:,} steps in all{told}{corrected}:", *map(str, comparisons)]
 
 
@@ -151,7 +153,7 @@ def _compared(
         found.append((control, values, others))
     chances = holm([permutation_test(values, others) for _, values, others in found])
     return tuple(
-        _comparison(taught, control, by, values, others, p_value)
+        _comparison(taught, control, by, values, others, p_value, len(found))
         for (control, values, others), p_value in zip(found, chances, strict=True)
     )
 
@@ -167,6 +169,7 @@ def _comparison(
     values: Sequence[float],
     others: Sequence[Sequence[float]],
     p_value: float,
+    comparisons: int,
 ) -> Comparison:
     every = [value for row in others for value in row]
     value, other = fmean(values), fmean(every)
@@ -182,9 +185,21 @@ def _comparison(
         steps=taught.steps,
         by=by,
         seeds=len(values),
+        seeds_needed=_seeds_needed(comparisons, 1 + len(others[0])),
         value=value,
         other=other,
         difference=difference,
         improvement=float(probability_of_improvement(values, every)),
         p_value=p_value,
     )
+
+
+def _seeds_needed(comparisons: int, values: int) -> int:
+    """The fewest seeds at which the smallest p of so many values a seed, corrected by `holm`, is significant.
+
+    It is that of the first value being the largest at each seed, or at each the smallest: 2 / values ** seeds.
+
+    >>> [_seeds_needed(comparisons, 2) for comparisons in (1, 6)]
+    [6, 8]
+    """
+    return next(seeds for seeds in count(1) if 2 * comparisons / values**seeds < SIGNIFICANT)

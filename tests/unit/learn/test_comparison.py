@@ -68,9 +68,21 @@ def test_as_much_needs_seeds_enough_and_else_nothing_is_told() -> None:
 
 def test_few_seeds_cannot_tell_anything() -> None:
     found = compared(runs("E1-E6", [0.0] * 5, "curriculum"), runs("optimistic", [1.0] * 5))
-    assert "cannot be told apart by so few seeds" in str(found[0])
+    assert "cannot be told apart by so few seeds: it takes 6 (0.00 against 1.00" in str(found[0])
     found = compared(runs("E1-E6", [0.0] * 6, "curriculum"), runs("optimistic", [1.0] * 6))
     assert found[0].verdict == "worse"
+
+
+def test_more_comparisons_take_more_seeds() -> None:
+    def beside_six(seeds: int) -> tuple[Comparison, ...]:
+        names = ["optimistic", "reversed", "randomised", "uniform", "plr", "band"]
+        return compared(
+            runs("E1-E6", [0.0] * seeds, "curriculum"), *(runs(name, [1.0] * seeds) for name in names)
+        )
+
+    for seeds in (6, 7):
+        assert all("by so few seeds: it takes 8 (" in str(one) for one in beside_six(seeds))
+    assert {one.verdict for one in beside_six(8)} == {"worse"}
 
 
 def test_where_neither_succeeds_they_do_not_reach_as_much() -> None:
