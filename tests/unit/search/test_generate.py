@@ -11,6 +11,7 @@ from math import log2
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
 
 from envgraph.errors import InvalidArgument, LoadError
 from envgraph.lang import data_path
@@ -72,6 +73,15 @@ def test_the_family_has_six_complexities_in_six_bins(family: Family) -> None:
     assert values == sorted(values)
     assert {int(value * 6) for value in values} == set(range(6))
     assert family.diversity() == pytest.approx(log2(6), abs=1e-12)
+
+
+@pytest.mark.parametrize("transform", ["linear", "sqrt"])
+def test_either_transform_reaches_the_maximum_from_the_bundled_target(tmp_path: Path, transform: str) -> None:
+    seeds = 20 if settings().max_examples > 1_000 else 2  # all of them every night
+    for seed in range(1, 1 + seeds):
+        overrides = [f"measures.complexity.transform={transform}"]
+        family = generate("burning_forest", tmp_path / f"{seed}.sqlite", seed=seed, overrides=overrides)
+        assert family.diversity() == pytest.approx(log2(6), abs=1e-12), seed
 
 
 def test_members_are_named_in_the_order_of_the_curriculum(family: Family) -> None:
