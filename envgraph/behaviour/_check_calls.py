@@ -8,7 +8,7 @@ from math import isfinite
 from envgraph.behaviour._check_base import Checking, Scope
 from envgraph.behaviour._data import Action, Branch, RuleCall
 from envgraph.behaviour._signatures import callable_names, signature_of, written
-from envgraph.errors import Note, Severity, listed, name_hint, with_article
+from envgraph.errors import Note, Severity, Span, listed, name_hint, with_article
 from envgraph.metamodel import Attribute, Scalar
 from envgraph.pattern import (
     Constant,
@@ -120,11 +120,22 @@ class CallChecking(Checking):
             hint = "leave `first` out, so that each match is an outcome; for `top` write `all`"
             notes = tuple(Note("here", one.span) for one in firsts[:1])
             self.report("first-match", message, call.rule_span or call.span, hint, notes=notes)
+        self._refusable(call.rule, call.rule_span or call.span)
         if len(call.arguments) != len(signature.parameters):
             message = f"{signature.kind} `{call.rule}` takes {_count(signature)}, not {len(call.arguments)}"
             self.report("wrong-arity", message, call.span, f"write `{written(signature)}`")
             return _supposed(call, scope)
         return self._arguments(call, signature, scope)
+
+    def _refusable(self, rule: str, span: Span | None) -> None:
+        """Warn once of a rule that the model may refuse, which is an error in an episode."""
+        for one in self.engine.unnamed_links(rule):
+            links = listed(map(str, one.references))
+            message = f"`{rule}` deletes `{one.name}`, and is refused where that has links: {links}"
+            if all(problem.message != message for problem in self.problems):
+                hint = "ask for them in the rule, forbid them in `not`, or write `@semantics(spo)`: then they go along"
+                notes = (Note("it is deleted here", one.span),)
+                self.report("may-be-refused", message, span, hint, Severity.WARNING, notes)
 
     def _unknown_rule(self, call: RuleCall) -> None:
         assert call.rule is not None

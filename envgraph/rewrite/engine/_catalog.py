@@ -15,7 +15,7 @@ from envgraph.rewrite._match import Shape
 from envgraph.rewrite._names import Directory, Signature
 from envgraph.rewrite.check._unit_check import all_steps, applicable
 from envgraph.rewrite.engine._functions import PythonUnit
-from envgraph.rewrite.engine._losses import Loss, losses
+from envgraph.rewrite.engine._losses import Loss, UnnamedLinks, losses, unnamed_links
 from envgraph.rewrite.engine._register import Definition
 from envgraph.rewrite.events._jobs import job_name
 from envgraph.rewrite.run._notices import Notices
@@ -179,6 +179,15 @@ class Catalog:
                 found |= dict.fromkeys(losses(rule.plan, self.model.metamodel, cls, known))
             known = {}
         return tuple(found)
+
+    def unnamed_links(self, name: str) -> tuple[UnnamedLinks, ...]:
+        """The objects that a rule deletes, although it does not know of all their links; none of a unit.
+
+        Raises:
+            InvalidArgument: an unknown name.
+        """
+        rule = self.runners.get(self.resolve(name))
+        return tuple(unnamed_links(rule.plan, self.library)) if isinstance(rule, GraphRule) else ()
 
     def first_calls(self, name: str) -> tuple[Call, ...]:
         """The calls with `first` or `top` in a unit and in the units that it calls.

@@ -119,6 +119,7 @@ class Engine:
     signature = _of("catalog", Catalog.signature)
     prepare = _of("catalog", Catalog.prepare)
     losses = _of("catalog", Catalog.losses)
+    unnamed_links = _of("catalog", Catalog.unnamed_links)
     first_calls = _of("catalog", Catalog.first_calls)
     parameters_of = _of("catalog", Catalog.parameters_of)
     ids = _of("catalog", Catalog.ids)
