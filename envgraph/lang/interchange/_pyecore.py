@@ -10,6 +10,7 @@ import io
 import logging
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from types import ModuleType
 from typing import Any, Final
 from urllib.parse import quote
 
@@ -34,7 +35,8 @@ def metamodel_from_pyecore(package: Any, *others: Any) -> Metamodel:
     The logger `envgraph` notes how many features are left out; `Metamodel.left_out` says why.
 
     Args:
-        package: the metamodel's own package; that of Ecore (`pyecore.ecore.eClass`) stands for the classes of Ecore.
+        package: the metamodel's own package, or the module that pyecore has made of it; that of Ecore
+            (`pyecore.ecore.eClass`) stands for the classes of Ecore.
         *others: packages to be part of it that nothing refers to.
 
     Raises:
@@ -42,10 +44,12 @@ def metamodel_from_pyecore(package: Any, *others: Any) -> Metamodel:
         InvalidArgument: this is no package, or pyecore is not installed.
     """
     ecore = _module("pyecore.ecore")
-    for one in (package, *others):
+    given = (package, *others)
+    packages = [getattr(one, "eClass", one) if isinstance(one, ModuleType) else one for one in given]
+    for one in packages:
         if not isinstance(one, ecore.EPackage):
             raise InvalidArgument(f"a metamodel is made from an EPackage, not from {one!r}")
-    roots = _with_referenced([package, *others], ecore)
+    roots = _with_referenced(packages, ecore)
     plain = [one for one in roots if one.nsURI != ECORE]
     documents = [EcoreDocument(source) for source in _sources(plain, ecore)] if plain else []
     if len(plain) < len(roots):

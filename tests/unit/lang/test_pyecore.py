@@ -141,6 +141,7 @@ def test_classes_of_ecore_itself_are_known() -> None:
     assert both.class_list == found.class_list and both.name == "p"
     alone = metamodel_from_pyecore(ecore.eClass)
     assert alone.name == "ecore" and alone.is_a("EReference", "ETypedElement")
+    assert metamodel_from_pyecore(ecore).class_list == alone.class_list  # a package as a module
     assert {cls.name for cls in alone.class_list} == {cls.name for cls in found.class_list} - {"Tagged"}
     assert metamodel_from_pyecore(metamodel_to_pyecore(found)).class_list == found.class_list
 
@@ -148,6 +149,8 @@ def test_classes_of_ecore_itself_are_known() -> None:
 def test_other_things_than_packages_and_objects_are_refused() -> None:
     with pytest.raises(InvalidArgument, match="EPackage"):
         metamodel_from_pyecore("society")
+    with pytest.raises(InvalidArgument, match="EPackage"):
+        metamodel_from_pyecore(pytest)
     with pytest.raises(InvalidArgument, match="one object at least"):
         model_from_pyecore(metamodel=Metamodel("m", []))
 
