@@ -180,6 +180,9 @@ class ViewChecking(Checking):
 
     def _token(self, token: Token, cell: ObjectType | None, outer: Scope) -> None:
         scope = dict(outer)
+        if token.letter is not None and len(token.letter) != 1:
+            message = f"`{token.variable}` is drawn as a single letter"
+            self.report("bad-glyph", message, token.letter_span, "write one letter")
         if token.cls is not None:
             scope[token.variable] = self.known_class(token.cls, token.cls_span or token.span)
         elif token.variable not in scope:

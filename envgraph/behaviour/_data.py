@@ -181,13 +181,19 @@ class Agent:
 
 @dataclass(frozen=True, slots=True)
 class Token:
-    """`truck at path`, or for all objects `robot : Robot at robot.at`: drawn on top of a cell or node."""
+    """`truck at path`, or for all objects `robot : Robot at robot.at`: drawn on top of a cell or node.
+
+    Attributes:
+        letter: of `packet as "D" at packet.destination`: what is there is a sign of the object, not the object.
+    """
 
     variable: str
     path: Expression
     cls: str | None = None
+    letter: str | None = None
     span: Span | None = field(default=None, compare=False, repr=False)
     cls_span: Span | None = field(default=None, compare=False, repr=False)
+    letter_span: Span | None = field(default=None, compare=False, repr=False)
 
 
 @dataclass(frozen=True, slots=True)

@@ -169,13 +169,15 @@ class Painter:
         return self._scene()
 
     def places(self) -> tuple[int, int, dict[int, tuple[int, int]]]:
-        """Of a grid the width and height in cells, and (column, row) of each cell and each token that stands on one."""
+        """Of a grid the width and height in cells, and (column, row) of each cell and each token that stands on one.
+
+        A sign of an object is not where the object is.
+        """
         width, height, _, place_of = self._grid.cells()
-        return (
-            width,
-            height,
-            {**place_of, **{node: place_of[at] for _, node, at in self._placed() if at in place_of}},
-        )
+        for number, node, at in self._placed():
+            if at in place_of and self._tokens[number][0].letter is None:
+                place_of = {**place_of, node: place_of[at]}
+        return width, height, place_of
 
     def drawn(self) -> list[str]:
         """The classes of what is drawn on a grid: of cells, and of tokens as they are now."""
@@ -241,6 +243,10 @@ class Painter:
         declared = model.metamodel.classes[cls].glyph
         look = self._looks.of(node, declared or Glyph(cls[:1].upper(), token_colour(position)))
         name = token.variable if bound is not None else _label(model, node, None, self._read)
+        if token.letter is not None:
+            way = _features(token.path)
+            look = Look(Glyph(token.letter, look.glyph.colour))
+            name, cls = f"{name}, {way}", f"{cls}, {way}"
         return self._mark(name, cls, look, place)
 
     def _placed(self) -> Iterator[tuple[int, int, int | None]]:
@@ -292,6 +298,15 @@ def _bound_tokens(
             yield token, None
         else:
             yield token, bind_parameter(model, parameters.get(token.variable) or Parameter(token.variable))
+
+
+def _features(path: Expression) -> str:
+    """The features of a path, from its first one."""
+    found: list[str] = []
+    while isinstance(path, Navigation):
+        found.append(path.feature)
+        path = path.object
+    return " ".join(reversed(found))
 
 
 def _may_be_empty(metamodel: Metamodel, path: Expression) -> bool:

@@ -354,4 +354,6 @@ def _drawn_token(reading: Reading, tree: Tree[Token]) -> DrawnToken:
     )
     for type_ in trees(tree.children, "type"):
         token = replace(token, cls=type_of(reading, type_), cls_span=type_span_of(reading, type_))
+    for letter in tokens(tree.children, "STRING"):
+        token = replace(token, letter=str(letter), letter_span=reading.span(letter))
     return token

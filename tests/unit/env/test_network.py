@@ -100,5 +100,7 @@ def test_the_network_is_drawn_without_its_packet_as_an_edge() -> None:
         " Berlin     -> Amsterdam (6.5), Budapest (9)",
         " Budapest   -> Berlin (9)",
         " Geneva     -> Amsterdam (8.2), Lisbon (14), Budapest (11.1)",
-        " Lisbon     -> Geneva (14)",
+        "(Lisbon)    -> Geneva (14)",
+        "packet, destination: Lisbon",
+        "packet: Amsterdam",
     ]

@@ -1,0 +1,45 @@
+"""What is to be reached, drawn as a sign of what is to come there."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from envgraph.cli._new import copy_domain
+from envgraph.env import ImageView, Mark, Simulator, legend, scene_of, scene_text
+from envgraph.errors import LoadError
+from envgraph.lang import load_workspace
+from envgraph.search import Domain
+
+
+def test_a_destination_has_a_letter_of_its_own_in_the_colour_of_what_is_to_come() -> None:
+    domain = Domain.load("taxi")
+    behaviour, model = domain.behaviour, domain.initial()
+    assert behaviour is not None and behaviour.draw is not None
+    scene = scene_of(model, behaviour.draw, behaviour.parameters)
+    (sign,) = [mark for mark in scene.marks if mark.letter == "X"]
+    assert sign == Mark(
+        "passenger, destination street", "X", "#c2255c", (0, 4), "Passenger, destination street"
+    )
+    assert scene_text(scene).splitlines()[4].startswith("(X)")
+    assert {"Passenger", "Passenger, destination street"} <= {key.kind for key in legend([scene])}
+
+
+def test_the_image_of_an_agent_has_what_is_there_and_not_its_sign() -> None:
+    domain = Domain.load("taxi")
+    assert domain.behaviour is not None
+    simulator = Simulator(domain.engine(), domain.behaviour)
+    view = ImageView(domain.behaviour, [domain.initial()])
+    assert view.channels.count("Passenger") == 1
+    plane = view.of(simulator)[..., view.channels.index("Passenger")]
+    assert np.argwhere(plane).tolist() == [[0, 0]]
+
+
+def test_a_sign_is_one_letter(tmp_path: Path) -> None:
+    copy_domain(tmp_path / "mine", "mine", "taxi")
+    file = tmp_path / "mine" / "taxi.environment"
+    file.write_text(file.read_text("utf-8").replace('as "X"', 'as "XY"'))
+    with pytest.raises(LoadError, match="`passenger` is drawn as a single letter"):
+        load_workspace([str(file)]).raise_errors()
