@@ -48,6 +48,8 @@ test-cluster: $(VENV)/.cluster
 	$(BIN)/python -m pytest -n0 tests/cluster/backends.py
 
 # Against the real packages of others; not among the tests, because of what has to be installed.
+# One thread: networks this small take many times as long on several, where anything else runs.
+test-integrations: export OMP_NUM_THREADS := 1
 test-integrations: $(VENV)-integrations/.installed $(VENV)-rllib/.installed
 	$(VENV)-integrations/bin/python -m pytest -n0 tests/integrations/*.py -k "not rllib"
 	$(VENV)-rllib/bin/python -m pytest -n0 tests/integrations/schedules_of_others.py -k rllib
