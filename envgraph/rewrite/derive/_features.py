@@ -101,14 +101,10 @@ def container_operators(schema: Schema, group: str, cls: str) -> Iterator[RuleBu
 
 def _own_ends(schema: Schema, cls: str) -> Iterator[tuple[End, Feature]]:
     seen: list[Reference] = []
+    ends = [end for end in schema.ends if not (end.frozen or end.reference.containment)]
     for feature in schema.features(cls):
-        for end in schema.ends:
-            if (
-                feature == end.feature
-                and end.reference not in seen
-                and not end.frozen
-                and not end.reference.containment
-            ):
+        for end in ends:
+            if feature == end.feature and end.reference not in seen:
                 seen.append(end.reference)
                 yield end, feature
 

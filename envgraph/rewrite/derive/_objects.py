@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from functools import partial
 from itertools import permutations
 
@@ -134,10 +135,12 @@ class _Gone:
 
     def none_short(self) -> None:
         """Forbid that one that stays has too few links afterwards, or that one that is left alone goes or changes."""
-        bodies = [body for end in self.builder.schema.ends for body in self.short(end)]
-        contents = [end for cls in self.roots.values() for end in self.builder.schema.contents(cls)]
-        frozen = dict.fromkeys(cls for end in contents for cls in self.builder.schema.frozen_below(end.far))
-        bodies += [self.going(self.part, cls) for cls in frozen]
+        schema = self.builder.schema
+        bodies = [body for end in schema.ends for body in self.short(end)]
+        contents = [end for cls in self.roots.values() for end in schema.contents(cls)]
+        for cls in dict.fromkeys(cls for end in contents for cls in schema.frozen_below(end.far)):
+            of_class = TypeConstraint(cls, Variable(self.part))
+            bodies += [[*self.typed, of_class, way] for way in self.ways(self.part, cls)]
         if bodies:
             short = self.builder.pattern(f"#{self.builder.name}.short", self.roots, bodies)
             self.builder.ask([Negation(self.find(short))])
@@ -146,39 +149,34 @@ class _Gone:
         """A pattern holds of the objects and others."""
         return PatternCall(pattern, tuple(map(Variable, (*self.roots, *more))))
 
-    def going(self, name: str, cls: str) -> list[PatternCall]:
-        """An object of a class is one of those that go; [] if none can be."""
-        bodies: list[list[Constraint]] = []
+    def ways(self, name: str, cls: str) -> Iterator[Comparison | PatternCall]:
+        """The ways in which an object of a class is one of those that go."""
         for root, outer in self.roots.items():
             if self.builder.schema.overlap(outer, cls):
-                bodies.append([*self.typed, Comparison("==", Variable(self.part), Variable(root))])
-            ways = self.builder.inside(outer, root, self.part, cls)
-            bodies += [[*self.typed, way] for way in ways]
-        if not bodies:
-            return []
-        suffix = f"#{self.builder.name}.going.{cls}"
-        return [self.find(self.builder.pattern(suffix, {**self.roots, self.part: cls}, bodies), name)]
+                yield Comparison("==", Variable(name), Variable(root))
+            yield from self.builder.inside(outer, root, name, cls)
 
-    def short(self, end: End) -> Iterator[Sequence[Constraint]]:
+    def short(self, end: End) -> Iterator[list[Constraint]]:
         """Yield bodies in which an object that stays has too few links afterwards, or is to be left alone."""
-        going = self.going(self.part, end.near)
-        if not going or (end.contains and not end.frozen):
-            return
-        link: list[Constraint] = [*going, end.path(self.part, self.far)]
+        path = end.path(self.part, self.far)
+        links: list[list[Constraint]] = [[*self.typed, way, path] for way in self.ways(self.part, end.near)]
         if end.frozen:
-            yield link
+            yield from links
+        if end.contains or end.frozen or not links:
             return
-        link += map(Negation, self.going(self.far, end.far))
+        for way in self.ways(self.far, end.far):
+            stays = replace(way, operator="!=") if isinstance(way, Comparison) else Negation(way)
+            links = [[*link, stays] for link in links]
         for cls in self.builder.schema.frozen_below(end.far) if end.other.held else ():
-            yield [*link, TypeConstraint(cls, Variable(self.far))]
+            yield from ([*link, TypeConstraint(cls, Variable(self.far))] for link in links)
         if end.other.lower:
-            yield self.too_few(end, link)
+            yield self.too_few(end, links)
 
-    def too_few(self, end: End, link: Sequence[Constraint]) -> Sequence[Constraint]:
+    def too_few(self, end: End, links: Sequence[Sequence[Constraint]]) -> list[Constraint]:
         """An object has lost so many links to those that go that it has too few."""
         suffix = f"#{self.builder.name}.{end.reference}.{'far' if end.forward else 'near'}"
         parameters = {**self.roots, self.far: end.far, self.part: end.near}
-        lost = self.find(self.builder.pattern(suffix, parameters, [link]), self.far, "_")
+        lost = self.find(self.builder.pattern(suffix, parameters, links), self.far, "_")
         left = Binary("-", Variable(self.all), Variable(self.lost))
         return [
             lost,

@@ -64,7 +64,6 @@ class RuleBuilder:
         self.largest: dict[str, Variable] = {}
         self.keys: dict[str, list[tuple[Variable, ...]]] = {}
         self._names: set[str] = set()
-        self._nodes: list[Node] = []
         self._edges: list[Edge] = []
         self._constraints: list[Constraint] = []
         self._blocks: list[Block] = []
@@ -87,7 +86,6 @@ class RuleBuilder:
         """An object of a class, or of exactly this class."""
         name = self.fresh(wanted or variable_for(cls))
         self.types[name] = cls
-        self._nodes.append(Node(name, cls))
         if exact and self.schema.metamodel.concrete(cls) != (cls,):
             self._constraints.append(TypeConstraint(cls, Variable(name), exact=True))
         return name
@@ -274,10 +272,11 @@ class RuleBuilder:
             for pair in combinations(self.types, 2)
             if frozenset(pair) not in self._differ and self.schema.overlap(*map(self.types.__getitem__, pair))
         ]
+        nodes = tuple(Node(name, cls) for name, cls in self.types.items())
         deleted = (DeleteNode(Variable(name)) for name in self.gone)
         return Rule(
             f"{group}.{self.name}",
-            left=LeftSide(tuple(self._nodes), tuple(self._edges), tuple(self._constraints)),
+            left=LeftSide(nodes, tuple(self._edges), tuple(self._constraints)),
             blocks=tuple(self._blocks),
             right=Modification((*self._actions, *deleted)),
             package=package,
