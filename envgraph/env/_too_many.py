@@ -6,7 +6,7 @@ from math import prod
 from typing import Final
 
 from envgraph.behaviour import Behaviour
-from envgraph.errors import EvaluationError
+from envgraph.errors import EvaluationError, Span
 
 MOST_ENTRIES: Final = 50_000_000
 """Of a table, with 21 bytes each: it has room for the outcomes of each action in each state that the widest has."""
@@ -25,10 +25,12 @@ class TooManyStates(EvaluationError):
         )
 
     @classmethod
-    def again(cls, behaviour: Behaviour, message: str, hint: str | None) -> TooManyStates:
-        """Return what was raised before, of which these words were kept."""
+    def again(
+        cls, behaviour: Behaviour, message: str, hint: str | None, span: Span | None = None
+    ) -> TooManyStates:
+        """Return what was raised before, of which these words were kept, or at the place of what asked for a table."""
         error = cls.__new__(cls)
-        EvaluationError.__init__(error, message, behaviour.span, hint)
+        EvaluationError.__init__(error, message, span or behaviour.span, hint)
         return error
 
 

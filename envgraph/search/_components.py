@@ -149,15 +149,13 @@ def _distance(options: Options, context: Context) -> IndividualMeasure:
 
 
 def _random_success(options: Options, context: Context) -> IndividualMeasure:
-    del options
     assert context.certifier is not None, "check_family demands an environment for this measure"
-    return RandomSuccess(context.certifier)
+    return RandomSuccess(context.certifier, options.spec)
 
 
 def _optimal_return(options: Options, context: Context) -> IndividualMeasure:
-    del options
     assert context.certifier is not None, "check_family demands an environment for this measure"
-    return OptimalReturn(context.certifier)
+    return OptimalReturn(context.certifier, options.spec)
 
 
 def _value(options: Options, context: Context) -> IndividualMeasure:

@@ -8,10 +8,11 @@ from math import inf
 from typing import ClassVar, Final
 
 from envgraph.code import dataclass
-from envgraph.env import REACH_LIMIT, Behaviour, KeyIndex, explore, indexed_classes
+from envgraph.env import REACH_LIMIT, Behaviour, KeyIndex, TooManyStates, explore, indexed_classes
 from envgraph.env.compiled import NotCompiled, Plan, Plans, Tables
 from envgraph.files import counting
 from envgraph.graph import Model
+from envgraph.lang import ComponentSpec
 from envgraph.match import Row
 from envgraph.metamodel import Metamodel
 from envgraph.rewrite import Engine
@@ -233,8 +234,12 @@ class Certifier:
         self._tables = Tables(behaviour)
         self._last: tuple[int, Certificates] | None = None
 
-    def of(self, engine: Engine) -> Certificates:
+    def of(self, engine: Engine, asked: ComponentSpec | None = None) -> Certificates:
         """Certificates of the model and of a random walk in it; objects are numbered among themselves alone.
+
+        Args:
+            engine: on the model.
+            asked: the measure that asks, for the error.
 
         Raises:
             TooManyStates: there are too many to visit.
@@ -243,9 +248,23 @@ class Certifier:
         if self._last is None or self._last[0] != state:
             keys = KeyIndex.of(engine.model, indexed_classes(self._behaviour, engine.model.metamodel))
             with counting(f"states of {self._behaviour.name}") as progress:
-                tabular = self._tables.table(engine, keys, progress)
+                try:
+                    tabular = self._tables.table(engine, keys, progress)
+                except TooManyStates as error:
+                    raise self._needs_table(error, asked) from error
             self._last = state, certify(tabular, limit=self._limit)
         return self._last[1]
+
+    def _needs_table(self, error: TooManyStates, asked: ComponentSpec | None) -> TooManyStates:
+        """The error at the measure, which somebody may do without."""
+        if asked is None:
+            return error
+        message = f"measure `{asked.name}` needs a table of all states: {error.message}"
+        hint = (
+            f"write a measure that needs none in place of `{asked.kind}`, such as `count`, `value` or "
+            "`shortest_plan`, or let `[constraints]` keep members smaller"
+        )
+        return TooManyStates.again(self._behaviour, message, hint, asked.span())
 
 
 @dataclass(frozen=True, slots=True)
@@ -253,11 +272,12 @@ class RandomSuccess:
     """How likely an agent that draws all its actions succeeds within the limit: exact but for rounding."""
 
     certifier: Certifier
+    spec: ComponentSpec | None = None
     range: ClassVar = (0.0, 1.0)
 
     def evaluate(self, engine: Engine) -> float:
         """The probability in the model at which the engine stands; raises as `Certifier.of`."""
-        return self.certifier.of(engine).random_success
+        return self.certifier.of(engine, self.spec).random_success
 
 
 @dataclass(frozen=True, slots=True)
@@ -265,7 +285,8 @@ class OptimalReturn:
     """The greatest return that any agent has within the limit, undiscounted: exact but for rounding."""
 
     certifier: Certifier
+    spec: ComponentSpec | None = None
 
     def evaluate(self, engine: Engine) -> float:
         """The return in the model at which the engine stands; raises as `Certifier.of`."""
-        return self.certifier.of(engine).optimal_return
+        return self.certifier.of(engine, self.spec).optimal_return

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from envgraph.env import Tabular
+from envgraph.env import Tabular, TooManyStates
+from envgraph.env.compiled import Tables
 from envgraph.errors import LoadError
 from envgraph.graph import model_to_json
 from envgraph.lang import bundled_domain
@@ -99,6 +100,27 @@ def test_what_is_of_environments_needs_one(tmp_path: Path) -> None:
     )
     with pytest.raises(LoadError, match="this needs an environment"):
         Domain.load(str(tmp_path))
+
+
+@pytest.mark.parametrize("kind", ["random_success", "optimal_return"])
+def test_a_measure_that_needs_too_large_a_table_is_told_at_its_place(
+    monkeypatch: pytest.MonkeyPatch, kind: str
+) -> None:
+    def too_many(*_: object) -> Tabular:
+        assert domain.behaviour is not None
+        raise TooManyStates(domain.behaviour, 250_000)
+
+    domain = Domain.load(
+        "burning_forest", overrides=[f"measures.luck.kind={kind}", "diversity.of=complexity"]
+    )
+    monkeypatch.setattr(Tables, "table", too_many)
+    with pytest.raises(
+        TooManyStates, match=r"measure `luck` needs a table of all states: .* 250,000"
+    ) as caught:
+        domain.problem(domain.engine()).measure()
+    (found,) = caught.value.diagnostics
+    assert found.span is not None and found.span.source.name != domain.spec.path and kind in found.span.text
+    assert found.hint and f"in place of `{kind}`" in found.hint and "engine" not in found.hint
 
 
 def expressed(text: str, *more: str) -> tuple[float, float, float]:
