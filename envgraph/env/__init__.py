@@ -40,7 +40,7 @@ from envgraph.env._apart import RewardsApart
 from envgraph.env._explore import DEFAULT_LIMIT, Explored, enumerate_states, explore
 from envgraph.env._frozen_lake import frozen_lake
 from envgraph.env._gymnasium import EnvgraphEnv, EnvgraphLiveEnv, SingleEnvironment, check_render_mode
-from envgraph.env._keys import KeyIndex, SameKey, indexed_classes, key_reader
+from envgraph.env._keys import KeyIndex, SameKey, indexed_classes, key_reader, spread_classes
 from envgraph.env._members import About, Members, Variants
 from envgraph.env._minigrid import MiniGridLevel
 from envgraph.env._model_views import GraphView, ImageView, ModelView, model_view, torch_graph
@@ -147,6 +147,7 @@ __all__ = [
     "scene_svg",
     "scene_text",
     "scene_title",
+    "spread_classes",
     "torch_graph",
     "unbound",
     "write_explored",

@@ -19,6 +19,12 @@ Key = tuple[Value, ...]
 
 def indexed_classes(behaviour: Behaviour, metamodel: Metamodel) -> tuple[str, ...]:
     """The classes whose objects a behaviour counts through: domains of actions, `among`, `for` and agents."""
+    agents = (agent.cls for agent in behaviour.agents)
+    return tuple(dict.fromkeys([*spread_classes(behaviour, metamodel), *agents]))
+
+
+def spread_classes(behaviour: Behaviour, metamodel: Metamodel) -> tuple[str, ...]:
+    """The classes of which each object of a family has actions, a component or a value of one: all but agents."""
     found: dict[str, None] = {}
     owners: tuple[Behaviour | Agent, ...] = (behaviour, *behaviour.agents)
     for owner in owners:
@@ -30,7 +36,6 @@ def indexed_classes(behaviour: Behaviour, metamodel: Metamodel) -> tuple[str, ..
                 found[observation.among] = None
             if not isinstance(observation, ObserveFind) and observation.each and observation.each.type:
                 found[observation.each.type] = None
-    found.update((agent.cls, None) for agent in behaviour.agents)
     return tuple(found)
 
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from math import inf
+from re import fullmatch
 from typing import TYPE_CHECKING
 
-from envgraph.env import SameKey, unbound
+from envgraph.env import SameKey, key_reader, spread_classes, unbound
 from envgraph.errors import (
     Diagnostic,
     EvaluationError,
@@ -17,6 +18,8 @@ from envgraph.errors import (
     has_errors,
     sort_diagnostics,
 )
+from envgraph.graph import Model
+from envgraph.pattern import Derivation
 from envgraph.rewrite import Engine
 from envgraph.search._constraints import Reachable
 from envgraph.search._diversity import BinnedEntropy
@@ -51,7 +54,8 @@ def check_initial(domain: Domain, problem: Problem) -> list[Diagnostic]:
     violated = {str(one): _evidence(problem.engine, one) for one in broken}
     if not violated:
         try:
-            return [*absent, *_outside(domain, problem, problem.measure())]
+            outside = _outside(domain, problem, problem.measure())
+            return [*absent, *_named_otherwise(domain, problem.engine), *outside]
         except NoValue as error:
             measure = next(one for one in spec.measures if one.name == error.measure)
             message = f"the initial model has no value of `{error.measure}`"
@@ -115,6 +119,47 @@ def _outside(domain: Domain, problem: Problem, measured: Mapping[str, float]) ->
     span = domain.spec.diversity.span("range" if "range" in domain.spec.diversity.options else "kind")
     hint = f"write the range in which the values may lie, such as `range = [{low:g}, {high:g}]`, in `[diversity]`"
     return [Diagnostic("outside-range", message, span, hint, Severity.WARNING)]
+
+
+def _named_otherwise(domain: Domain, engine: Engine) -> list[Diagnostic]:
+    """Warnings where no object that is created has the name of one that was deleted: each adds to what is observed."""
+    metamodel, behaviour, found = domain.metamodel, domain.behaviour, list[Diagnostic]()
+    spread = spread_classes(behaviour, metamodel) if behaviour else ()
+    counted = dict.fromkeys(cls for top in spread for cls in metamodel.concrete(top))
+    for group in _remaking(domain, engine):
+        for cls in metamodel.concrete(group.classes[0]):
+            node, name = next(_other_names(engine.model, cls), (None, ""))
+            if cls in counted and node is not None:
+                message = (
+                    f"`{group.name}` deletes and creates objects such as `{name}`, and calls what it creates `{cls}1`, "
+                    f"`{cls}2` and so on"
+                )
+                hint = f"call it `{cls}1`: else actions and observations of the family have a place for either name"
+                place = domain.model_text.spans.get(node) or group.span
+                found.append(Diagnostic("other-names", message, place, hint, Severity.WARNING))
+    return found
+
+
+def _remaking(domain: Domain, engine: Engine) -> Iterator[Derivation]:
+    """Mutations that are operators, and both create and delete."""
+    mutations = set(map(str, domain.spec.mutation.rules))
+    for group in domain.workspace.derivations:
+        name = group.qualified_name
+        if group.kind == "operators" and mutations & {group.name, name}:
+            kinds = {one.removeprefix(f"{name}.").split(".")[0] for one in engine.group(name)}
+            if {"create", "delete"} <= kinds:
+                yield group
+
+
+def _other_names(model: Model, cls: str) -> Iterator[tuple[int, str]]:
+    """Objects of just a class whose key is a string that no operator makes, and the string."""
+    read = key_reader(model, cls)
+    for node in model.extent(cls):
+        name, *more = read(node)
+        if not isinstance(name, str) or more:
+            return  # numbers go on, whatever there is
+        if model.class_of(node) == cls and not fullmatch(rf"{cls}[0-9]+", name):
+            yield node, name
 
 
 def _evidence(engine: Engine, violated: Constraint) -> tuple[str, str | None]:

@@ -588,6 +588,35 @@ def test_a_model_that_a_parameter_has_no_object_in_is_no_member(tmp_path: Path) 
         assert "`each parameter of the environment has its object` is violated" in store.reasons()
 
 
+@pytest.mark.parametrize(
+    ("names", "changes", "called"),
+    [
+        (("Emma", "Lisa"), (), "Emma"),
+        (("Cow1", "Lisa"), (), "Lisa"),
+        (("Cow1", "Cow2"), (), None),
+        (("Emma", "Lisa"), (("derive", "@weight(delete = 0) derive"),), None),
+    ],
+)
+def test_a_warning_says_that_operators_call_objects_otherwise(
+    tmp_path: Path, names: tuple[str, str], changes: tuple[tuple[str, str], ...], called: str | None
+) -> None:
+    """Only where they create and delete, and where the environment counts through the objects."""
+    one, other = names
+    calve = "rule calve { lhs { farm : Farm; } modify { create farm -cows-> calf : Cow; } }"
+    string = (
+        ("int number ", "string number "),
+        ("number = 1", f'number = "{one}"'),
+        ("number = 2", f'number = "{other}"'),
+        (calve, "derive cows = operators for Cow;"),
+        ('"calve"', '"cows"'),
+    )
+    found = Domain.load(herd(tmp_path, *string, *changes)).check_initial()
+    assert [problem.code for problem in found] == ["other-names"] * (called is not None)
+    for problem in found:
+        assert problem.span is not None and f"such as `{called}`" in problem.message
+        assert problem.span.source.name.endswith("herd.model") and problem.hint and "`Cow1`" in problem.hint
+
+
 @pytest.mark.parametrize(("together", "cows"), [("agents together", [2]), ("", [2, 3])])
 def test_only_agents_that_take_turns_may_be_others_in_each_member(
     tmp_path: Path, together: str, cows: list[int]
