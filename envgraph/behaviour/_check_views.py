@@ -157,8 +157,19 @@ class ViewChecking(Checking):
         ]
         if kinds:
             message = f"{a_type(ObjectType(kinds[0]))} has no two ends: it cannot be drawn between nodes"
-            hint = f"an edge is an object with two single references to {a_type(nodes)}"
+            hint = (
+                f"an edge is an object with two single references to {a_type(nodes)}; a graph may have none: "
+            )
+            hint += self._as_token(cls.cls, nodes.cls) or f"leave `{link.cls}` out"
             self.report("wrong-type", message, link.cls_span or link.span, hint)
+
+    def _as_token(self, cls: str, nodes: str) -> str | None:
+        """How the objects of a class are drawn on nodes, if a reference leads there."""
+        for one in self.metamodel.features(cls).values():
+            if isinstance(one, Reference) and not one.many and self.metamodel.is_a(one.target, nodes):
+                name = cls[:1].lower() + cls[1:]
+                return f"write `with {name} : {cls} at {name}.{one.name}` to draw it as a token on a node"
+        return None
 
     def _drawn_attribute(self, cls: str, name: str, span: Span | None, whole: bool) -> None:
         features = self.metamodel.features(cls)
