@@ -179,7 +179,8 @@ class Program:
             if lacking(found) < -1e-9:
                 span = branches[-1].probability_span or branches[-1].span
                 added = f"{1.0 - lacking(found):.6g}"
-                raise EvaluationError(f"the probabilities add up to {added}, which is above 1", span)
+                of = self._of([one for one in given if not isinstance(one, int | float)], scope)
+                raise EvaluationError(f"the probabilities add up to {added}, which is above 1{of}", span)
             return found
 
         return chances
@@ -194,8 +195,19 @@ class Program:
                 return 0.0
             raise
         if not 0.0 <= value <= 1.0:
-            raise EvaluationError(f"{value:g} is no probability", given.span, "a number from 0 to 1")
+            message = f"{value:g} is no probability{self._of([given], scope)}"
+            raise EvaluationError(message, given.span, "a number from 0 to 1")
         return value
+
+    def _of(self, given: Sequence[Expression], scope: Scope) -> str:
+        """Of which objects the expressions are, in words: "" where they are of none."""
+        found = {root.name: scope[root.name] for one in given for root in roots(one)}
+        told = [
+            f"`{name}` is {repr(self.model.node(node))[1:-1]}"
+            for name, node in found.items()
+            if isinstance(node, int) and not is_gone(self.model, node, None)
+        ]
+        return f", where {' and '.join(told)}" if told else ""
 
     def _call(self, call: RuleCall) -> PreparedCall | None:
         if call.rule is None:

@@ -154,10 +154,12 @@ def _agents(summaries: Sequence[Summary], target: str) -> Table:
         for one in summaries
     )
     caption = (
-        f"Agents evaluated on {target}. Steps are all that an agent was trained. Intervals are at 95 %: Wilson's of "
+        f"Agents evaluated on {target}. Steps are all that an agent was trained. Success and return are those of the "
+        "greedy policy after training. Intervals are at 95 %: Wilson's of "
         "the success, the bootstrap's of the interquartile mean (IQM) of the returns. Before: success on the target "
         "before the last stage. To half: the step, those of earlier stages counted, at which half of the episodes on "
-        f"{target} first succeed, in the median over the seeds."
+        f"{target} first succeed, in the median over the seeds; in training, where agents explore, so that success may "
+        "be lower: chance leads on where a greedy policy repeats itself."
     )
     columns = (
         "trained on",
