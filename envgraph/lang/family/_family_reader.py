@@ -305,6 +305,8 @@ class _Reader:
             section.error("wrong-type", message, where, f"there are {quoted(names)}" if names else None)
         elif value not in names and names:
             hint = did_you_mean(value, names) or f"there are {quoted(names)}"
+            if not value.isidentifier() and any(one in value for one in names):
+                hint = f'name a measure here that is computed: `kind = "expression"`, `of = "{value}"`'
             section.error("unknown-measure", f"unknown measure `{value}`", where, hint)
 
 
