@@ -13,10 +13,12 @@ from envgraph.cli._output import OutputFormat, print_json, print_line, print_tab
 from envgraph.env.compiled import Plan
 from envgraph.errors import EnvgraphError, InvalidArgument, listed
 from envgraph.search import (
+    Family,
     Member,
     RunStore,
     Searched,
     Verification,
+    apart,
     keep_certificates,
     open_family,
     run_file,
@@ -56,6 +58,7 @@ def verify_family(run: str, directory: Path, format: OutputFormat, *, resume: bo
         print_json({"name": family.name, "members": [*map(_kept_data, kept), *map(_data, found)]})
     else:
         _print(family.name, kept, found)
+        _print_apart(family, [one for one in found if isinstance(one, Verification)])
     differing = [one for one in found if isinstance(one, Verification) and one.differences]
     if differing:
         names = listed(f"{one.member.name} ({', '.join(one.differences)})" for one in differing)
@@ -71,6 +74,15 @@ def _print(name: str, kept: Sequence[Member], found: Sequence[Verification | Sea
     for reason in dict.fromkeys(one.reason for one in found if isinstance(one, Searched)):
         names = listed(one.member.name for one in found if isinstance(one, Searched) and one.reason == reason)
         print_line(f"{names}: {reason}; what needs a table is not computed")
+
+
+def _print_apart(family: Family, found: Sequence[Verification]) -> None:
+    for measure, names in apart(family, found).items():
+        if names:
+            print_line(
+                f"`{measure}` of {listed(names)} is another number: that is a random walk in the model alone, this one "
+                "draws from the actions of the whole family, and those about objects of other members do nothing"
+            )
 
 
 def _row(one: Verification | Searched) -> tuple[str, ...]:

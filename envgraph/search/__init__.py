@@ -10,6 +10,7 @@ from envgraph.search._archive import Archive
 from envgraph.search._certified import (
     Searched,
     Verification,
+    apart,
     certificate_texts,
     certificates,
     keep_certificates,
@@ -153,6 +154,7 @@ __all__ = [
     "Walk",
     "WrongCall",
     "acceptance",
+    "apart",
     "caption",
     "certificate_texts",
     "certificates",

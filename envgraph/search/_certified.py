@@ -71,9 +71,25 @@ def certificate_texts(member: Member, family: Sequence[Member] = ()) -> list[tup
     plan, limit = said["shortest_plan"], said["limit"]
     return [
         ("shortest plan", "none" if plan is None else f"{plan:.0f}"),
-        (f"random walk, {limit:.0f} steps", f"{said['random_success']:.3g}"),
+        (f"random walk in the family, {limit:.0f} steps", f"{said['random_success']:.3g}"),
         ("optimal return", f"{said['optimal_return']:z.3f}"),
     ]
+
+
+def apart(family: Family, found: Iterable[Verification]) -> dict[str, list[str]]:
+    """Members of which a measure `random_success` says something else than the certificate, by the measure.
+
+    In a family all members have the actions of all; measured is a model alone, with those of its own objects.
+    """
+    measures = [one.name for one in family.domain.spec.measures if one.kind == "random_success"]
+    return {
+        name: [
+            one.member.name
+            for one in found
+            if not _same(one.member.measures[name], one.certificates.random_success)
+        ]
+        for name in measures
+    }
 
 
 @dataclass(frozen=True, slots=True)

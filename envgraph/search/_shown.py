@@ -35,13 +35,16 @@ def member_text(family: Family, member: Member) -> str:
 
 
 def measure_texts(values: Sequence[float]) -> tuple[str, ...]:
-    """The values of one measure as people read them: whole numbers where all are whole, else three decimals.
+    """The values of one measure as people read them: whole numbers if all are, else three decimals or digits.
 
-    >>> measure_texts((3.0, 12.0)), measure_texts((0.5, 1.0))
-    (('3', '12'), ('0.500', '1.000'))
+    >>> measure_texts((3.0, 12.0)), measure_texts((0.5, 1.0, 0.0000228))
+    (('3', '12'), ('0.500', '1.000', '2.28e-05'))
     """
     whole = all(float(value).is_integer() for value in values)
-    return tuple(f"{value:.0f}" if whole else f"{value:.3f}" for value in values)
+    return tuple(
+        f"{value:.0f}" if whole else f"{value:.3g}" if 0 < abs(value) < 0.0005 else f"{value:.3f}"
+        for value in values
+    )
 
 
 def caption(family: Family, member: Member) -> list[tuple[str, str]]:

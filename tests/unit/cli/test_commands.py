@@ -830,7 +830,7 @@ def test_certificates_are_computed_twice(envgraph: Envgraph, monkeypatch: pytest
 
     assert "shortest plan" in ok(envgraph("show", "run")).out
     ok(envgraph("report", "run"))
-    assert "random walk, 100 steps" in Path("runs/run/report.html").read_text()
+    assert "random walk in the family, 100 steps" in Path("runs/run/report.html").read_text()
     _, info = package.make("runs/run", variant="E1").reset(seed=0)
     assert (info["variant"], info["certificates"]) == ("E1", kept[0])
     ok(envgraph("export", "run", "-o", "family.json"))

@@ -121,6 +121,15 @@ def test_optional_rewrites_one_match_if_there_is_one() -> None:
     assert len(made.model) == 1
 
 
+def test_a_block_looks_at_the_state_before_the_rule() -> None:
+    block = "optional { lhs { check a.n == 0; } modify { set a.done = true; } }"
+    text = f"rule r(a : Item) {{ lhs {{ }} {block} modify {{ set a.n = 1; }} }}"
+    made = engine(text, model=star(0))
+    made.apply("r", a=0)
+    (item,) = made.model.nodes("Item")
+    assert (item.n, item.done) == (1, True)
+
+
 def test_links_of_a_block_go_with_a_node_that_the_rule_deletes() -> None:
     made = engine(
         "rule r(a : Item) { lhs { } forall { lhs { a -links-> b : Item; } } modify { delete a; } }",

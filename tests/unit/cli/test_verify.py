@@ -1,0 +1,62 @@
+"""`envgraph verify` of a family whose members have actions about objects that other members have."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from envgraph.search import measure_texts
+from tests.unit.cli.test_commands import Envgraph, envgraph, ok
+
+__all__ = ["envgraph"]
+
+FILES = {
+    "lamps.metamodel": """
+metamodel lamps
+class Room { contains Lamp[*] lamps }
+@key(x) class Lamp { int x
+bool on = false }
+""",
+    "lamps.model": 'import "lamps.metamodel"\nmodel m : lamps { room : Room { lamps = Lamp { x = 0 } } }',
+    "lamps.query": 'package lamps\nimport "lamps.metamodel"\npattern dark(lamp : Lamp) { Lamp.on(lamp, false); }',
+    "lamps.rules": """
+package lamps
+import "lamps.query"
+rule light(lamp : Lamp) { lhs { find dark(lamp); } modify { set lamp.on = true; } }
+rule buy {
+    lhs { room : Room; n == count Lamp(_); check n < 3; }
+    modify { create room -lamps-> lamp : Lamp { x = n }; }
+}
+""",
+    "lamps.environment": """
+import "lamps.rules"
+environment Lamps() {
+    action light(lamp : Lamp) = light(lamp)
+    on neg find dark(_) terminate success
+    observe lamp.on for lamp : Lamp
+    limit 3 steps
+}
+""",
+    "family.toml": """
+model = "lamps.model"
+environment = "lamps.environment"
+measures.luck = { kind = "random_success" }
+diversity = { kind = "variance", of = "luck" }
+mutation.rules = ["lamps.buy"]
+search = { population = 2, generations = 20 }
+""",
+}
+
+
+def test_a_random_walk_in_the_family_is_told_apart_from_one_in_the_model_alone(envgraph: Envgraph) -> None:
+    for name, text in FILES.items():
+        Path("lamps").mkdir(exist_ok=True)
+        Path("lamps", name).write_text(text)
+    ok(envgraph("generate", "lamps", "--name", "run"))
+    shown = ok(envgraph("verify", "run")).out
+    assert shown.splitlines()[-1].startswith(
+        "`luck` of `E2` is another number: that is a random walk in the model alone"
+    )
+
+
+def test_a_small_measure_is_not_shown_as_zero() -> None:
+    assert measure_texts((0.0, 2.28e-5, 0.25)) == ("0.000", "2.28e-05", "0.250")
