@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Collection, Mapping
+from dataclasses import replace
 
 from envgraph.behaviour._clauses import Question, is_asked, places_of
 from envgraph.errors import Diagnostic, Note, Severity, Span, with_article
@@ -108,7 +109,8 @@ class Checking:
         uses = Counter([*elsewhere, *(one.name for one in places)])
         for one in places:
             if uses[one.name] == 1:
-                self.problems.extend(mistyped(one, scope))
+                for found in mistyped(one, scope):
+                    self.problems.append(replace(found, hint=f"{found.hint} where any will do, write `_`"))
 
     def path(self, path: Expression, scope: Scope) -> StaticType | None:
         """The type of where a path leads; None if it has an error, which is reported."""
