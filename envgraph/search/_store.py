@@ -399,7 +399,10 @@ class RunStore:
 def _connect(path: Path) -> sqlite3.Connection:
     # Transactions are spelt out (isolation_level None). With the write-ahead log and synchronous NORMAL a kill
     # loses nothing that was committed, and a power cut loses whole generations at the end at most.
-    for address in _addresses(path):
+    uri = path.absolute().as_uri()
+    reading = _for_reading(path, uri) if _is_protected(path) else []
+    tried, reason = [f"{uri}?mode=rw"], None
+    for address in tried:
         connection = sqlite3.connect(address, isolation_level=None, uri=True)
         try:
             connection.execute("PRAGMA journal_mode = WAL")
@@ -409,22 +412,30 @@ def _connect(path: Path) -> sqlite3.Connection:
         except (sqlite3.DatabaseError, UnicodeDecodeError) as error:  # the second where names are damaged
             connection.close()
             reason = error
-    if len(_addresses(path)) == 2:  # there is a log, which only who can write brings into the file
+            if address is tried[0]:
+                tried += _for_reading(path, uri) if _has_no_room(error) else reading
+    if len(tried) == 2:  # there is a log, which only who can write brings into the file
         message = f"{path} was not closed, and cannot be written: copy its directory to where it can"
         raise InvalidArgument(message) from reason
     raise InvalidArgument(f"{path} is no run store: {reason}") from reason
 
 
-def _addresses(path: Path) -> list[str]:
-    """How to open a store: as it is; then, where neither it nor its log can be written, for reading alone."""
-    uri = path.absolute().as_uri()
-    addresses = [f"{uri}?mode=rw"]
+def _is_protected(path: Path) -> bool:
+    """Whether a store or a log beside it cannot be written."""
     effective = os.access in os.supports_effective_ids
-    if not all(os.access(one, os.W_OK, effective_ids=effective) for one in (path, path.parent)):
-        addresses.append(f"{uri}?mode=ro")
-        if not any(log.exists() and log.stat().st_size for log in _logs(path)):
-            addresses.append(f"{uri}?immutable=1")  # without a log all is in the file
-    return addresses
+    return not all(os.access(one, os.W_OK, effective_ids=effective) for one in (path, path.parent))
+
+
+def _has_no_room(error: Exception) -> bool:
+    """Whether a disk may be full, where SQLite finds no room for what it keeps beside an open store."""
+    return getattr(error, "sqlite_errorname", "").startswith(("SQLITE_FULL", "SQLITE_IOERR"))
+
+
+def _for_reading(path: Path, uri: str) -> list[str]:
+    """How to open a store for reading alone."""
+    log, index = _logs(path)
+    used = (log.exists() and log.stat().st_size) or (index.exists() and index.stat().st_size >= _INDEX)
+    return [f"{uri}?mode=ro", *([] if used else [f"{uri}?immutable=1"])]  # without a log all is in the file
 
 
 def _logs(path: Path) -> tuple[Path, ...]:
@@ -432,6 +443,8 @@ def _logs(path: Path) -> tuple[Path, ...]:
     return tuple(path.with_name(f"{path.name}{ending}") for ending in ("-wal", "-shm"))
 
 
+_INDEX = 32_768
+"""Bytes of SQLite's index of the log while somebody has a store open; less is left where there was no room."""
 _ENCODER = json.JSONEncoder(
     ensure_ascii=False, separators=(",", ":")
 )  # `json.dumps` makes one for every call

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import resource
 import shutil
 import sqlite3
 import tempfile
@@ -164,6 +165,26 @@ def test_a_run_that_cannot_be_written_can_be_read(elsewhere: Path) -> None:
             with pytest.raises(InvalidArgument, match="cannot be written"):
                 store.set("seed", 3)
     assert [file.name for file in elsewhere.iterdir()] == ["run.sqlite"]
+
+
+def test_a_run_on_a_full_disk_can_be_read(tmp_path: Path) -> None:
+    path = tmp_path / "run.sqlite"
+    text = write_family(generate("burning_forest", path, generations=1, population=2))
+    before = path.read_bytes()
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    try:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (1_000, limits[1]))
+        for _ in range(2):  # the first attempt may leave a file beside it
+            with RunStore.open(path) as store:
+                assert len(store.history()) == 2
+                with pytest.raises(InvalidArgument, match="cannot be written"):
+                    store.set("seed", 3)
+        found = write_family(open_family(path))
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert found == text and path.read_bytes() == before
+    with RunStore.open(path) as store:
+        store.set("seed", 3)
 
 
 def test_a_run_that_was_killed_and_cannot_be_written_says_what_to_do(elsewhere: Path) -> None:
