@@ -16,7 +16,6 @@ from envgraph.cli._output import OutputFormat, print_json, print_line
 from envgraph.env import (
     DEFAULT_LIMIT,
     Adopted,
-    EnvgraphLiveEnv,
     MiniGridLevel,
     Simulator,
     TooManyStates,
@@ -24,7 +23,6 @@ from envgraph.env import (
     adopt,
     explore,
 )
-from envgraph.env.compiled import Plans
 from envgraph.errors import InvalidArgument
 from envgraph.lang import Bundle, format_text
 from envgraph.search import Domain
@@ -34,9 +32,8 @@ _LETTERS = "SFHG"
 
 _MOST_STATES = 20_000
 """Of a level in which everything is tried, which takes half a minute."""
-_WALKS = 20
 _STEPS = 200
-"""Of random actions where a level has too many states for a table."""
+"""Of a walk to where nothing was tried, from the end of each way, where a level has more states."""
 
 _Words = Mapping[str, Any]
 
@@ -216,16 +213,16 @@ class _Tried:
         yield from adopted.differences(table)
 
     def _ways(self, level: MiniGridLevel, simulator: Simulator) -> Iterator[str]:
-        names = simulator.action_names
-        self.actions = len(names)
-        plan = Plans(simulator.behaviour).plan(self._domain.engine())
-        if not plan.actions and level.end != "goal":  # what that is, is guessed, and has to be tried
+        self.actions = len(simulator.action_names)
+        first, plan = level.ways(_MOST_STATES)
+        if not plan and level.end != "goal":  # what that is, is guessed, and has to be tried
             yield "no way to a success is found, and there are too many states to try all"
             return
-        env = EnvgraphLiveEnv(simulator, observation="multi")
-        yield from level.played(env, [names.index(name) for name in plan.actions])
+        tried: set[Any] = set()
         rng = np.random.default_rng(0)
-        for _ in range(_WALKS):
-            yield from level.played(env, rng.integers(len(names), size=_STEPS).tolist())
-        way = f"along a way to success of {len(plan.actions)} steps, and " if plan.actions else ""
-        self.said = f"{way}in {_WALKS} random walks of {_STEPS} steps; there are too many states to try all"
+        for way in (plan, *first):
+            walk = [rng.permutation(self.actions).tolist() for _ in range(_STEPS)]
+            yield from level.played(simulator, [*((action,) for action in way), *walk], tried)
+        success = f"to success in {len(plan)} steps and " if plan else ""
+        where = f"each action in {len(tried):,} states, along ways {success}to what can be carried and opened"
+        self.said = f"{where}; there are too many states to try all"

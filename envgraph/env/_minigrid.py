@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections import deque
+from collections.abc import Iterable, Iterator, Sequence
 from types import MappingProxyType
 from typing import Any, Final, Literal
 
-import gymnasium
+import numpy as np
 
 from envgraph.code import dataclass
+from envgraph.env._simulator import Simulator
 from envgraph.env._tabular import Tabular
+from envgraph.env._views import components
 from envgraph.errors import InvalidArgument
 from envgraph.metamodel import LARGEST_INT
 
@@ -161,23 +164,73 @@ class MiniGridLevel:
                 seen.add(known[to])
                 todo.append((to, after))
 
-    def played(self, env: gymnasium.Env[Any, Any], actions: Iterable[int]) -> Iterator[str]:
-        """What an environment does in another way along some actions.
+    def ways(self, most: int) -> tuple[list[list[int]], list[int]]:
+        """The shortest ways to what changes what can be done, and to a success, of so many states breadth first.
+
+        Returns:
+            Actions to the first state in which something else is carried, or a door is otherwise; and those to a
+            success, [] if there is none among these states.
+        """
+        known = {hash(_key(self._first)): list[int]()}
+        situations = {_key(self._first)[3:]: list[int]()}
+        todo = deque([self._first])
+        while todo and len(known) < most:
+            before = todo.popleft()
+            way = known[hash(_key(before))]
+            for action in range(_ACTIONS):
+                _, end = self._step(before, action)
+                if end == 1:
+                    return [*situations.values()], [*way, action]
+                after = self._state()
+                key = _key(after)
+                if not end and hash(key) not in known:
+                    known[hash(key)] = [*way, action]
+                    situations.setdefault(key[3:], [*way, action])
+                    todo.append(after)
+        return [*situations.values()], []
+
+    def played(self, simulator: Simulator, wanted: Iterable[Sequence[int]], tried: set[Any]) -> Iterator[str]:
+        """What a domain does in another way along a way: in each state that it comes to, by whatever action.
 
         Its first components are the cell where the agent is, row by row, and which way it looks.
+
+        Args:
+            simulator: of the domain.
+            wanted: of each step the actions to choose from: the first that leads to where nothing was tried, or the
+                first.
+            tried: the states in which each action was tried already; those on the way come in.
         """
-        env.reset(seed=0)
+        rng = np.random.default_rng(0)
+        simulator.reset(rng)
         state = self._first
-        for action in actions:
-            told = self._step(state, action)
-            seen, reward, over, _, info = env.step(action)
-            yield from _apart(action, told, (float(reward), (1 if info["success"] else 2) if over else 0))
-            if over:
+        for actions in wanted:
+            if _key(state) not in tried:
+                tried.add(_key(state))
+                for other in range(_ACTIONS):
+                    for _, reward, end in simulator.outcomes(other):
+                        yield from self._compared(simulator, state, other, (reward, end))
+            fresh = (one for one in actions if self._led(state, one) not in tried)
+            action = int(next(fresh, actions[0]))
+            reward, end = simulator.move(action, rng)
+            yield from self._compared(simulator, state, action, (reward, end))
+            if end:
                 return
             state = self._state()
-            (x, y), way = state[1:3]
-            if [*map(int, seen[:2])] != [y * self._inner.width + x, way]:
-                yield f"action {action} leads elsewhere"
+
+    def _led(self, before: _State, action: int) -> Any:
+        self._step(before, action)
+        return _key(self._state())
+
+    def _compared(
+        self, simulator: Simulator, before: _State, action: int, found: tuple[float, int]
+    ) -> Iterator[str]:
+        """What the domain, which is in the state after an action, does in another way."""
+        told = self._step(before, action)
+        yield from _apart(action, told, found)
+        (x, y), way = self._state()[1:3]
+        seen = components(simulator.observe(), simulator.observation_shape)[:2].tolist()
+        if not told[1] and seen != [y * self._inner.width + x, way]:
+            yield f"action {action} leads elsewhere"
 
     def _step(self, before: _State, action: int) -> tuple[float, int]:
         """Reward, and how it ended: 0 not at all, 1 in success, 2 in failure; steps cost a share of the discount."""
