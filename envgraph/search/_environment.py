@@ -325,6 +325,7 @@ def make_vector_environment(
     threads: int | None = None,
     schedule: Schedule | str | None = None,
     action_masks: bool = False,
+    rewards: bool = False,
 ) -> EnvgraphVectorEnv | CompiledVectorEnv:
     """What `gymnasium.make_vec` calls: `num_envs` environments, stepped by arrays.
 
@@ -334,9 +335,11 @@ def make_vector_environment(
     that, whatever there is a table of.
 
     Raises:
-        InvalidArgument, LoadError, EvaluationError: as for `make_environment`; also `engine="live"`, which has no
-            vector environment: `make_vec` makes single ones of it.
+        InvalidArgument, LoadError, EvaluationError: as for `make_environment`; also `engine="live"` and `rewards`,
+            of which there is no vector environment: `make_vec` makes single ones of them.
     """
+    if rewards:
+        raise InvalidArgument("rewards are told apart by single ones", 'give `vectorization_mode="sync"`')
     wanted = _engine_of(engine, live=False)
     _check_observation(observation, wanted)
     own = _given(streams=streams, threads=threads)

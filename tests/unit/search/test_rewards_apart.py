@@ -65,6 +65,12 @@ def test_members_are_gone_over_to_and_each_reward_has_a_table(tmp_path: Path) ->
                 assert info["variant"] == variant and sum(info["rewards"].values()) == pytest.approx(reward)
                 if over:
                     break
+    many = envgraph.make_vec(tmp_path / "run.sqlite", 2, rewards=True, vectorization_mode="sync")
+    many.reset(seed=0)
+    rewards = many.step(np.array([1, 2]))[4]["rewards"]
+    assert rewards["onFire"].shape == rewards["_onFire"].shape == (2,)
+    with pytest.raises(InvalidArgument, match='give `vectorization_mode="sync"`'):
+        envgraph.make_vec(tmp_path / "run.sqlite", 2, rewards=True)
     family = open_family(tmp_path / "run.sqlite")
     with pytest.raises(InvalidArgument, match="pays no reward `goal`"):
         family.paying("goal")
