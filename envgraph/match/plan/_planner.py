@@ -11,6 +11,7 @@ from envgraph.match.plan._estimate import Sizes
 from envgraph.match.plan._options import Unplannable
 from envgraph.match.plan._order import Search
 from envgraph.match.plan._plan import BodyPlan, Kind, Plan, ViewKey, ViewPlan
+from envgraph.metamodel import Metamodel
 from envgraph.pattern import (
     AggregateAtom,
     AttributeAtom,
@@ -18,6 +19,7 @@ from envgraph.pattern import (
     Goal,
     Library,
     LinkAtom,
+    ObjectType,
     Valuation,
     inputs,
     variables,
@@ -85,7 +87,7 @@ class Planner:
     def _plan_view(self, key: ViewKey, conjunctions: tuple[Conjunction, ...]) -> ViewPlan:
         bodies = tuple(self._plan_body(key, conjunction) for conjunction in conjunctions)
         distinct = not any(body.repeats for body in bodies) and disjoint(
-            (*key.outputs, *key.bound), conjunctions
+            self.library.metamodel, (*key.outputs, *key.bound), conjunctions
         )
         rows = fsum(body.plan.rows for body in bodies)
         return ViewPlan(key, bodies, distinct, rows, fsum(body.plan.cost for body in bodies))
@@ -130,16 +132,19 @@ def determined(goals: Sequence[Goal], known: Iterable[int], sizes: Sizes) -> set
     return found
 
 
-def disjoint(positions: Sequence[int], bodies: Sequence[Conjunction]) -> bool:
-    """Return whether no two bodies can give the same values at some positions: one differs by a constant."""
-    fixed = [dict(body.constants) for body in bodies]
+def disjoint(metamodel: Metamodel, positions: Sequence[int], bodies: Sequence[Conjunction]) -> bool:
+    """Return whether no two bodies can give the same values at some positions: one differs by a constant or class."""
     return all(
-        any(
-            body.parameters[p] in fixed[i]
-            and other.parameters[p] in fixed[j]
-            and fixed[i][body.parameters[p]] != fixed[j][other.parameters[p]]
-            for p in positions
-        )
-        for i, body in enumerate(bodies)
-        for j, other in enumerate(bodies[:i])
+        any(_differ(metamodel, position, body, other) for position in positions)
+        for number, body in enumerate(bodies)
+        for other in bodies[:number]
     )
+
+
+def _differ(metamodel: Metamodel, position: int, *bodies: Conjunction) -> bool:
+    """Return whether a parameter never has the same value in two bodies."""
+    one, other = (body.types[body.parameters[position]] for body in bodies)
+    if isinstance(one, ObjectType) and isinstance(other, ObjectType):
+        return not metamodel.overlap(one.cls, other.cls)
+    fixed = [dict(body.constants).get(body.parameters[position]) for body in bodies]
+    return None not in fixed and fixed[0] != fixed[1]

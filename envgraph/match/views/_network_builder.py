@@ -250,7 +250,8 @@ class NetworkBuilder:
             counted = {v for goal in body.goals for v in variables(goal)} - existential(body)
             if not counted <= determined(body.goals, known, self._planner.sizes):
                 return True
-        return not disjoint(tuple(range(len(bodies[0].parameters))) if bodies else (), bodies)
+        positions = range(len(bodies[0].parameters)) if bodies else ()
+        return not disjoint(self.library.metamodel, positions, bodies)
 
     def _goals(self, body: Conjunction, name: str) -> list[Goal]:
         """The goals over relations of the network."""

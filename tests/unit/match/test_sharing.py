@@ -8,8 +8,11 @@ import numpy
 import pytest
 
 import envgraph
-from envgraph.match import Questions
+from envgraph.match import FREE, Questions
 from envgraph.match.demand._sharing import _Answers
+from envgraph.match.plan import CallGraph, Planner
+from envgraph.match.plan._plan import ViewKey
+from envgraph.pattern import Body, Parameter, Pattern, TypeConstraint, Variable
 
 PATTERNS = ("craIndex", "cohesion", "coupling", "unassigned", "dependency", "tied", "several")
 
@@ -52,3 +55,29 @@ def test_what_aggregates_is_computed_once_for_an_object(monkeypatch: pytest.Monk
     for _ in range(2):
         questions.rows(engine.queries.question("craIndex")[1])
     assert len(asked) == len(set(asked)) > len(engine.model.nodes("Class"))
+
+
+def test_bodies_whose_objects_are_of_different_classes_need_no_set() -> None:
+    engine = envgraph.open("assignment")
+    planner = Planner(engine.library, CallGraph(engine.library))
+    found = {
+        name: planner.view(ViewKey(engine.queries.question(name)[1], (), outputs)).distinct
+        for name, outputs in (("dependency", (0, 1, 2, 3, 4)), ("uses", (0, 1)), ("tied", (0, 1)))
+    }
+    assert found == {"dependency": True, "uses": True, "tied": False}
+
+
+@pytest.mark.parametrize("watched", [False, True])
+def test_what_changes_its_class_goes_from_one_body_to_the_other(watched: bool) -> None:
+    engine, rng = envgraph.open("burning_forest"), numpy.random.default_rng(3)
+    bodies = (Body((TypeConstraint(cls, Variable("tile")),)) for cls in ("BurningTile", "RoadTile"))
+    engine.library.add(Pattern("dry", (Parameter("tile", "Tile"),), tuple(bodies)))
+    if watched:
+        engine.watch("dry")
+    for _ in range(30):
+        chosen = engine.choose(("retypings",), rng)
+        assert chosen is not None
+        engine.fire(*chosen)
+        found = {(node,) for cls in ("BurningTile", "RoadTile") for node in engine.model.extent(cls)}
+        assert {*engine.matcher.rows("dry", (FREE,))} == found
+        assert engine.count("dry") == len(found)
