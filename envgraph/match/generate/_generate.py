@@ -23,6 +23,7 @@ from envgraph.match.generate._sinks import (
     N,
     Sink,
     empty,
+    fold,
     folding,
     row,
 )
@@ -380,9 +381,16 @@ class Translation:
     def _aggregate(self, goal: AggregateAtom, plan: Plan) -> code.Expression:
         return (
             self._alike(goal, plan)
-            or (self._relations.count(goal.relation) if goal.function == "count" else None)
-            or (self._function("g", plan.steps, folding(self._module, goal)))
+            or self._asked(goal)
+            or self._function("g", plan.steps, folding(self._module, goal))
         )
+
+    def _asked(self, goal: AggregateAtom) -> code.Expression | None:
+        """An aggregate of what a question gives, without a loop of our own."""
+        if goal.column is None:
+            return self._relations.count(goal.relation)
+        values = self._relations.column(goal.relation, goal.column)
+        return None if values is None else code.call(fold(self._module, goal), values)
 
     def _alike(self, goal: AggregateAtom, plan: Plan) -> code.Expression | None:
         """An aggregate that has the same value for all starts from which a closure reaches the same."""

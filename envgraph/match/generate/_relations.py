@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from envgraph import code
 from envgraph.match.generate._bindings import Bindings
@@ -120,6 +121,18 @@ class Relations:
             case CallAtom():
                 return self.view(relation, free, Mode.COUNT)
         return None
+
+    def column(self, relation: RelationAtom, column: int) -> code.Expression | None:
+        """The values of a variable in the tuples that agree with what is known, where no loop of our own is needed."""
+        free = [v for v in arguments(relation) if not self.bindings.known(v)]
+        if not isinstance(relation, CallAtom) or column not in free or len(set(free)) != len(free):
+            return None
+        if self._planner.calls.recursive(relation.pattern):
+            return None
+        key = call_key(relation, frozenset(relation.arguments) - {*free}, free)
+        last = relation.arguments.index(column)
+        outputs = (*(place for place in key.outputs if place != last), last)
+        return self._call(self._module.name(View(replace(key, outputs=outputs), Mode.BAG)), relation)
 
     def _call(self, function: code.Name, goal: CallAtom) -> code.Expression:
         return code.call(

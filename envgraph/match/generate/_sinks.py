@@ -87,20 +87,37 @@ def view_sink(mode: Mode, distinct: bool, variables: tuple[int, ...]) -> Sink:
             return COUNT
         case Mode.EACH:
             return _yielding(variables, distinct)
+    if mode is Mode.BAG:
+        return _bag(variables, distinct)
     if distinct:
         return gathering(variables, lambda names: shape(variables, names), OUT)
     result = length(OUT) if mode is Mode.COUNT else code.call("list", OUT)
     return keeping(variables, lambda names: shape(variables, names), result)
 
 
+def _bag(variables: tuple[int, ...], distinct: bool) -> Sink:
+    """Collects the last value of each solution."""
+    last = lambda names: names(variables[-1])  # noqa: E731
+    if distinct:
+        return gathering(variables, last, OUT)
+    result = code.call("list", code.method(OUT, "values"))
+    return keeping(variables, lambda names: row(variables, names), result, last)
+
+
 def keeping(
-    variables: tuple[int, ...], item: Callable[[Names], code.Expression], result: code.Expression
+    variables: tuple[int, ...],
+    item: Callable[[Names], code.Expression],
+    result: code.Expression,
+    kept: Callable[[Names], code.Expression] = lambda _: code.NONE,
 ) -> Sink:
-    """Collects an item of each solution in `out`, each once, in the order in which they are found first."""
+    """Collects an item of each solution in `out`, each once, in the order in which they are found first.
+
+    What is kept with an item follows from it.
+    """
     return Sink(
         variables,
         (code.Assign(OUT, code.Text("{}")),),
-        lambda names: (code.Assign(code.Index(OUT, item(names)), code.NONE),),
+        lambda names: (code.Assign(code.Index(OUT, item(names)), kept(names)),),
         (code.Return(result),),
         (OUT,),
         repeatable=True,
@@ -192,8 +209,12 @@ def folding(module: Module, goal: AggregateAtom) -> Sink:
         return COUNT
     assert goal.column is not None
     column = goal.column
-    fold = module.name(Builtin(_FOLDS[goal.function]))
-    return gathering((column,), lambda names: names(column), code.call(fold, OUT))
+    return gathering((column,), lambda names: names(column), code.call(fold(module, goal), OUT))
+
+
+def fold(module: Module, goal: AggregateAtom) -> code.Name:
+    """Return what makes the value of an aggregate of the values of its column."""
+    return module.name(Builtin(_FOLDS[goal.function]))
 
 
 _FOLDS = {"sum": "total", "avg": "mean", "min": "least", "max": "most"}

@@ -56,7 +56,8 @@ def view_source(planner: Planner, key: ViewKey, mode: Mode) -> Source:
         return module.source(module.function("view", inputs, (code.Return(code.call(size, *inputs)),)))
     for body in view.bodies:
         conjunction = body.conjunction
-        positions = key.outputs if mode is Mode.VALUES else range(len(conjunction.parameters))
+        wanted = mode in (Mode.VALUES, Mode.BAG)
+        positions = key.outputs if wanted else range(len(conjunction.parameters))
         outputs = tuple(conjunction.parameters[p] for p in positions)
         sink = distinct_sink(mode, outputs) if unique else view_sink(mode, view.distinct, outputs)
         translation = Translation(planner, module, conjunction, block, given)

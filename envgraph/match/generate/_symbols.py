@@ -17,6 +17,8 @@ class Mode(StrEnum):
     """A list of full tuples of parameters."""
     VALUES = "values"
     """A list of the wanted values: bare ones if one position is wanted, else tuples."""
+    BAG = "bag"
+    """A list of the value at the last wanted position of each match."""
     EXISTS = "exists"
     """Whether there is a match."""
     COUNT = "count"
