@@ -11,7 +11,7 @@ from itertools import count
 import pytest
 from hypothesis import settings
 
-from envgraph.graph import Model, Savepoint, Shelf, Store, Version, _versions
+from envgraph.graph import Model, Savepoint, Shelf, Store, Version, _versions, model_to_json
 from envgraph.match import FREE, NaiveMatcher
 from envgraph.match.views import _group_aggregates as _folds
 from envgraph.metamodel import Attribute, Metamodel, Scalar
@@ -474,6 +474,32 @@ def test_a_commit_may_be_interrupted_anywhere() -> None:
         model.create("Person")
         model.checkout(version, discard=True)
         model.check_integrity()
+
+
+def test_a_way_that_was_walked_before_may_be_interrupted_anywhere() -> None:
+    model = Model(PEOPLE)
+    people = [model.create("Person", age=number) for number in range(4)]
+    first = model.commit()
+    people[0].knows.extend(people[1:3])
+    people[2].age = 7
+    people[1].retype("Chief")
+    people[3].delete()
+    second = model.commit()
+    states = []
+    for version in (first, second, first, second):
+        model.checkout(version)
+        states.append((model.state_hash(), model_to_json(model)))
+    assert states[:2] == states[2:]
+    for instruction in count(1):
+        trip = Trip(instruction)
+        trip.run(lambda: model.checkout(first))
+        model.check_integrity()
+        for version, state in ((second, states[1]), (first, states[0]), (second, states[1])):
+            model.checkout(version)
+            assert (model.state_hash(), model_to_json(model)) == state
+        if not trip.tripped:
+            break
+    assert instruction > 100
 
 
 @pytest.mark.parametrize("fails", [False, True])
