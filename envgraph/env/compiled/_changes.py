@@ -212,7 +212,12 @@ class _Found:
             self._enters(content, reference)
 
     def _replaced(self, change: SetTargets, body: BlockPlan) -> bool:
-        """Whether all targets are replaced by different ones, and nothing else of a rule changes such links."""
+        """Whether all targets are replaced by different ones, and nothing else of a rule changes such links.
+
+        Contents are not replaced so: they would leave other containers.
+        """
+        if houses(change.reference, self.metamodel):
+            return False
         ends = {change.reference, self.metamodel.opposite(change.reference)}
         sets = [one for one in body.sets if isinstance(one, SetTargets | ChangeTargets) and one is not change]
         others = any(one.reference in ends for one in (*sets, *body.links, *body.unlinks))

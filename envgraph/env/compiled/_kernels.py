@@ -106,6 +106,30 @@ def renumber(S, start, count, first, RI, top):
             S[number] = first + RI[top + S[number] - first, 0]
 
 
+def keep(S, F, ints, floats, RI, RF, top):
+    """Write a state to the rows from `top` on."""
+    for number in range(ints):
+        RI[top + number, 0] = S[number]
+    for number in range(floats):
+        RF[top + number, 0] = F[number]
+
+
+def put_back(S, F, ints, floats, RI, RF, top):
+    """Make a state what `keep` wrote."""
+    for number in range(ints):
+        S[number] = RI[top + number, 0]
+    for number in range(floats):
+        F[number] = RF[top + number, 0]
+
+
+def drop_row(RI, RF, row, end):
+    """The rows behind one, before `end`, go up by one place."""
+    for number in range(row + 1, end):
+        for column in range(width(RI)):
+            RI[number - 1, column] = RI[number, column]
+            RF[number - 1, column] = RF[number, column]
+
+
 def add_exactly(RF, top, parts, value):
     """Floats from the row `top` on add up exactly to a sum: so many there are after a value has joined it."""
     kept = 0

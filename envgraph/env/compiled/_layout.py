@@ -6,7 +6,7 @@ So one program serves all families of a behaviour, and all their members.
 from __future__ import annotations
 
 from collections.abc import Hashable, Iterable, Mapping, Sequence
-from typing import Any, Final, TypeAlias
+from typing import Any, Final, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from envgraph import code
 from envgraph.code import dataclass
 from envgraph.env.compiled._member import NO_OBJECT, Cell, Member
+from envgraph.env.compiled._refused import NotCompiled
 from envgraph.env.compiled._tables import (
     AttributeColumn,
     Bits,
@@ -47,6 +48,9 @@ STATE: Final = (T, G, L, K, S, F, RI, RF, D, TOP)
 
 ZERO, ONE, NOBODY = code.Constant(0), code.Constant(1), code.Constant(-1)
 
+MOST_KEPT: Final = 4096
+"""Numbers of a state that is kept to be put back: there are as many rows for the matches of a question."""
+
 ERROR, TURN, FIRST_COLUMN = 0, 1, 2
 """Columns of each state: what went wrong, and whose turn it is."""
 
@@ -57,13 +61,20 @@ class Stride:
 
 
 @dataclass(frozen=True, slots=True)
+class Width:
+    """How many numbers a state has: ints, or floats."""
+
+    of: Literal["S", "F"]
+
+
+@dataclass(frozen=True, slots=True)
 class Text:
     """The number of a string, among all that a family has."""
 
     text: str
 
 
-Symbol: TypeAlias = "Table | Column | Made | Stride | Constants | Text"
+Symbol: TypeAlias = "Table | Column | Made | Stride | Width | Constants | Text"
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,6 +173,8 @@ class Layout:
         for symbol, number in self._numbers.items():
             if isinstance(symbol, Stride):
                 offsets[number] = stride
+            elif isinstance(symbol, Width):
+                pass  # not known before all columns have their places
             elif isinstance(symbol, Text):
                 offsets[number] = strings[symbol.text]
             elif isinstance(symbol, Constants):
@@ -173,6 +186,11 @@ class Layout:
                 offsets[number] = ends[where]
                 ends[where] += max(len(each[len(homes)]) for each in filled)
                 homes.append((where, int(offsets[number])))
+        for symbol, number in self._numbers.items():
+            if isinstance(symbol, Width):
+                offsets[number] = ends[symbol.of]
+                if ends[symbol.of] > MOST_KEPT:
+                    raise NotCompiled("a rule in a unit that the model may refuse, where states are large")
         count = len(filled)
         arrays: dict[str, NDArray[Any]] = {
             "T": np.full((count, ends["T"]), NO_OBJECT, dtype=np.int32),
@@ -188,18 +206,18 @@ class Layout:
 
 
 def _is_array(symbol: Symbol) -> bool:
-    return not isinstance(symbol, Stride | Constants | Text)
+    return not isinstance(symbol, Stride | Width | Constants | Text)
 
 
 def _where(symbol: Symbol) -> str:
-    assert not isinstance(symbol, Stride | Constants | Text)
+    assert not isinstance(symbol, Stride | Width | Constants | Text)
     if hasattr(symbol, "fill"):
         return "G" if symbol.is_float else "T"
     return "F" if symbol.is_float else "S"
 
 
 def _numbers(symbol: Symbol, member: Member, stride: int) -> Sequence[Cell]:
-    assert not isinstance(symbol, Stride | Constants | Text)
+    assert not isinstance(symbol, Stride | Width | Constants | Text)
     return symbol.fill(member, stride) if hasattr(symbol, "fill") else symbol.initial(member)
 
 

@@ -1,15 +1,18 @@
-"""Units that have nothing to undo, as functions: where a step fails no rule has been applied before."""
+"""Units that have nothing to undo, as functions: where a step fails no rule has been applied before.
+
+Only where the model refuses a rule at a match the state is put back, and another match is tried.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from envgraph import code
 from envgraph.behaviour import RuleCall
-from envgraph.env.compiled._changes import checked_unit
+from envgraph.env.compiled._changes import checked_unit, plan_of
 from envgraph.env.compiled._inlining import walk
-from envgraph.env.compiled._layout import NOBODY, ONE, ZERO, D, listed
+from envgraph.env.compiled._layout import ERROR, NOBODY, ONE, ZERO, D, cell, listed
 from envgraph.env.compiled._refused import NotCompiled, standing
 from envgraph.env.compiled._terms import Term, as_float, named, zero_of
 from envgraph.match.plan import ViewKey
@@ -65,8 +68,13 @@ def unit_function(
     steps = _Steps(writer, checked, asks)
     steps.write(checked.unit.body, scope, done)
     steps.check_known(wanted, scope)
+    writer.when(code.equal(done, ONE), lambda: writer.add(NOT_REFUSED))
     writer.add(code.Return(listed(done, [scope[name].number for name in wanted])))
     return parameters, writer.written()
+
+
+NOT_REFUSED = code.If(code.equal(cell(ERROR), code.Name("REFUSED")), (code.Assign(cell(ERROR), ZERO),))
+"""A step that fails leaves there whether a rule was refused for that; other errors stay."""
 
 
 class _Steps:
@@ -149,13 +157,26 @@ class _Steps:
             callee = self._checked.calls[id(alternative)] if isinstance(alternative, Call) else None
             priority, weight = (0, 1.0) if callee is None else (callee.priority, callee.weight)
             tiers.setdefault(priority, []).append((weight, alternative))
-        for priority in sorted(tiers, reverse=True):
-            self._unless_done(done, lambda tier=tiers[priority]: self._tier(tier, scope, done))  # type: ignore[misc]
+        refused = self._writer.module.fresh("refused")
+        self._writer.assign(refused, ZERO)
 
-    def _tier(self, tier: Sequence[tuple[float, Step]], scope: Scope, done: code.Local) -> None:
+        def attempt(alternative: Step) -> None:
+            """The refusal of any of them is a reason for all of them to fail."""
+            self._branch(alternative, scope, done)
+            self._unless_done(
+                done, lambda: self._writer.assign(refused, code.call("max", refused, cell(ERROR)))
+            )
+
+        for priority in sorted(tiers, reverse=True):
+            self._unless_done(done, lambda tier=tiers[priority]: self._tier(tier, attempt, done))  # type: ignore[misc]
+        self._unless_done(done, lambda: self._writer.add(code.Assign(cell(ERROR), refused)))
+
+    def _tier(
+        self, tier: Sequence[tuple[float, Step]], attempt: Callable[[Step], None], done: code.Local
+    ) -> None:
         if self._asks or len(tier) == 1:
             for _, step in tier:
-                self._unless_done(done, lambda step=step: self._branch(step, scope, done))  # type: ignore[misc]
+                self._unless_done(done, lambda step=step: attempt(step))  # type: ignore[misc]
             return
         writer = self._writer
         left = [writer.module.fresh("w", "float") for _ in tier]
@@ -166,15 +187,14 @@ class _Steps:
             "and", (code.equal(done, ZERO), code.Operation(">", (total, code.Constant(0.0))))
         )
         steps = [step for _, step in tier]
-        writer.add(code.While(going, writer.collected(lambda: self._turn(steps, left, total, scope, done))))
+        writer.add(code.While(going, writer.collected(lambda: self._turn(steps, left, total, attempt))))
 
     def _turn(
         self,
         steps: Sequence[Step],
         left: Sequence[code.Local],
         total: code.Expression,
-        scope: Scope,
-        done: code.Local,
+        attempt: Callable[[Step], None],
     ) -> None:
         """One of the alternatives that are left is drawn, and tried; one that was tried has weight 0."""
         writer = self._writer
@@ -187,11 +207,11 @@ class _Steps:
         writer.assign(drawn, code.call("choose", D, code.tuple_of(*chances), missing))
         for number, (step, weight) in enumerate(zip(steps, left, strict=True)):
 
-            def attempt(step: Step = step, weight: code.Local = weight) -> None:
+            def take(step: Step = step, weight: code.Local = weight) -> None:
                 writer.assign(weight, code.Constant(0.0))
-                self._branch(step, scope, done)
+                attempt(step)
 
-            writer.when(code.equal(drawn, code.Constant(number)), attempt)
+            writer.when(code.equal(drawn, code.Constant(number)), take)
 
     # --- calls
 
@@ -204,13 +224,13 @@ class _Steps:
                 raise NotCompiled(f"`{word}` in a unit (`{self._name}`)")
         given, tests, wanted = self._arguments(step, callee, scope)
         call = RuleCall(callee.name, span=step.span)
+        writer.add(NOT_REFUSED)
+        tried = callee.kind == "rule" and self._may_be_refused(call, given)
         if self._asks:
-            found = writer.possible(call, given)
+            found = writer.possible(call, given, tried=tried)
             writer.add(code.If(code.joined("and", [*tests, found], True), (code.Assign(done, ONE),)))
             return
-        if self._may_be_refused(writer.applying(call, tuple(given), tuple(wanted))):
-            raise NotCompiled(f"a rule in a unit that the model may refuse (`{callee.simple}`)")
-        called = writer.applied(call, given, tests, wanted)
+        called = writer.applied(call, given, tests, wanted, tried=tried)
         writer.assign(done, called.done)
         scope.update(called.outputs)
 
@@ -269,16 +289,21 @@ class _Steps:
             tests.append(self._facts.is_instance(term.value, cls))
         return tests
 
-    def _may_be_refused(self, name: str) -> bool:
-        """Whether a function may come upon a change that the model refuses: the unit would try another match."""
-        bodies = {function.name: function.body for function in self._writer.module.functions}
-        reached = [name]
-        for each in reached:  # grows meanwhile
-            names = {node.name for node in walk(bodies[each]) if isinstance(node, code.Name)}
-            if "REFUSED" in names:
-                return True
-            reached += sorted(names & bodies.keys() - {*reached})
-        return False
+    def _may_be_refused(self, call: RuleCall, given: Mapping[str, code.Expression]) -> bool:
+        """Whether a rule may come upon a change that the model refuses: the unit tries another match then."""
+        module, found = self._writer.module, False
+        with module.trial():
+            name = self._writer.applying(call, tuple(given), ())
+            bodies = {function.name: function.body for function in module.functions}
+            reached = [name]
+            for each in reached:  # grows meanwhile
+                names = {node.name for node in walk(bodies[each]) if isinstance(node, code.Name)}
+                found = found or "REFUSED" in names
+                reached += sorted(names & bodies.keys() - {*reached})
+        body = plan_of(self._writer.engine, call).body
+        if found and (body.nested or body.coinciding):
+            raise NotCompiled(f"matches in a unit that may contradict each other (`{call.rule}`)", call.span)
+        return found
 
     # --- conditions
 

@@ -11,9 +11,10 @@ from envgraph.code import dataclass
 from envgraph.env._prepared import Types
 from envgraph.env._program import added
 from envgraph.env._sampling import lacking
+from envgraph.env.compiled._attempts import attempts
 from envgraph.env.compiled._changes import plan_of
 from envgraph.env.compiled._effects import Effects
-from envgraph.env.compiled._layout import NOBODY, ONE, TOP, ZERO, D, call, listed, plus, table
+from envgraph.env.compiled._layout import ERROR, NOBODY, ONE, TOP, ZERO, D, call, cell, listed, plus, table
 from envgraph.env.compiled._matching import Matching
 from envgraph.env.compiled._refused import NotCompiled, standing
 from envgraph.env.compiled._statements import Statements
@@ -24,6 +25,7 @@ from envgraph.match.plan import ViewKey
 from envgraph.metamodel import Scalar
 from envgraph.pattern import Expression, Negation, ObjectType, StaticType, Variable
 from envgraph.rewrite import Engine
+from envgraph.rewrite.plans import RulePlan
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,7 +116,7 @@ class Writer(Statements):
             return Called(done, {})
         given, tests = self._given(rule, scope)
         parameters = self.engine.signature(rule.rule).parameters
-        return self.applied(
+        called = self.applied(
             rule,
             given,
             tests,
@@ -124,6 +126,9 @@ class Writer(Statements):
                 if taken.output and isinstance(argument, Variable) and not argument.anonymous
             },
         )
+        if self._is_unit(rule):
+            self.add(code.If(code.Operation("!=", (cell(ERROR), ZERO)), (self.leave,)))
+        return called
 
     def applied(
         self,
@@ -131,12 +136,18 @@ class Writer(Statements):
         given: Mapping[str, code.Expression],
         tests: Sequence[code.Expression],
         wanted: Mapping[str, str],
+        *,
+        tried: bool = False,
     ) -> Called:
-        """Apply a rule, or run a unit, with values for parameters, if tests hold; names get outputs."""
+        """Apply a rule, or run a unit, with values for parameters, if tests hold; names get outputs.
+
+        A rule that is `tried` is applied at another match where it is refused.
+        """
         done = self.module.fresh("done")
         self.assign(done, ZERO)
-        applied = self.applying(rule, tuple(given), tuple(wanted))
-        types = self._output_types(rule, tuple(wanted))
+        function = self._trying if tried else self.applying
+        applied = function(rule, tuple(given), tuple(wanted))
+        types = self.output_types(rule, tuple(wanted))
         outputs = [self.facts.local(type_) for type_ in types]
         for local, type_ in zip(outputs, types, strict=True):
             self.assign(local, zero_of(type_))
@@ -158,11 +169,23 @@ class Writer(Statements):
             self.assign(can, ONE)
             return
         given, tests = self._given(rule, scope)
-        found = self.possible(rule, given)
-        self.add(code.If(code.joined("and", [*tests, found], True), (code.Assign(can, ONE),)))
+        found = code.joined("and", [*tests, self.possible(rule, given)], True)
+        self.add(code.If(found, (code.Assign(can, ONE),)))
+        if self._is_unit(rule):  # what is refused is for those who do it
+            wrong = code.Operation("!=", (cell(ERROR), ZERO))
+            self.add(code.If(wrong, (code.Assign(can, ONE), code.Assign(cell(ERROR), ZERO))))
 
-    def possible(self, rule: RuleCall, given: Mapping[str, code.Expression]) -> code.Expression:
-        """Code for whether a rule has a match, or a unit can succeed, with values for parameters."""
+    def possible(
+        self, rule: RuleCall, given: Mapping[str, code.Expression], *, tried: bool = False
+    ) -> code.Expression:
+        """Code for whether a rule has a match, or a unit can succeed, with values for parameters.
+
+        Of a rule that is `tried`: whether it has a match at which it is not refused.
+        """
+        if tried:
+            return code.equal(
+                self.call(self._trying(rule, tuple(given), (), asks=True), *given.values()), ONE
+            )
         if self._is_unit(rule):
             key = "may", rule.rule, tuple(given)
             name = self.module.once(
@@ -239,27 +262,49 @@ class Writer(Statements):
     def _application(
         self, rule: RuleCall, bound: tuple[str, ...], wanted: tuple[str, ...]
     ) -> tuple[list[code.Local], code.Body]:
+        plan, given, key = self.asked(rule, bound)
+        nothing = [zero_of(type_) for type_ in self.output_types(rule, wanted)]
+
+        def change(found: Sequence[code.Expression]) -> code.Body:
+            slots = {**given, **dict(zip(key.outputs, found, strict=True))}
+            return self.fired(rule, slots, wanted)
+
+        missing = code.Return(listed(ZERO, nothing))
+        body = self.matching.chosen(key, [*given.values()], change, missing)
+        return [given[plan.variables.index(name)] for name in bound], body
+
+    def asked(
+        self, rule: RuleCall, bound: tuple[str, ...]
+    ) -> tuple[RulePlan, dict[int, code.Local], ViewKey]:
+        """The plan of a rule, variables for the places that are bound, and what asks for the others."""
         plan = plan_of(self.engine, rule)
         positions = tuple(sorted(plan.variables.index(name) for name in bound))
         others = tuple(p for p in range(len(plan.variables)) if p not in positions)
         given = {p: self.facts.local(plan.types[p]) for p in positions}
-        nothing = [zero_of(type_) for type_ in self._output_types(rule, wanted)]
-        refused = code.Return(listed(NOBODY, nothing))
-        places = dict(plan.outputs)
+        return plan, given, ViewKey(plan.body.pattern, positions, others)
 
-        def change(found: Sequence[code.Expression]) -> code.Body:
-            slots: dict[int, code.Expression] = {**given, **dict(zip(others, found, strict=True))}
-            effects = Effects(self.matching, plan, [slots[p] for p in range(len(plan.variables))], refused)
-            with standing(plan.body.span or rule.span):
-                changes = effects.write()
-            return (*changes, code.Return(listed(ONE, [effects.slot(places[name]) for name in wanted])))
+    def fired(self, rule: RuleCall, slots: Mapping[int, code.Expression], wanted: Sequence[str]) -> code.Body:
+        """What a rule does at a match; it ends with a return."""
+        plan = plan_of(self.engine, rule)
+        nothing = [zero_of(type_) for type_ in self.output_types(rule, wanted)]
+        refused, places = code.Return(listed(NOBODY, nothing)), dict(plan.outputs)
+        effects = Effects(self.matching, plan, [slots[p] for p in range(len(plan.variables))], refused)
+        with standing(plan.body.span or rule.span):
+            changes = effects.write()
+        return (*changes, code.Return(listed(ONE, [effects.slot(places[name]) for name in wanted])))
 
-        key = ViewKey(plan.body.pattern, positions, others)
-        missing = code.Return(listed(ZERO, nothing))
-        body = self.matching.chosen(key, [given[p] for p in positions], change, missing)
-        return [given[plan.variables.index(name)] for name in bound], body
+    def _trying(
+        self, rule: RuleCall, bound: tuple[str, ...], wanted: tuple[str, ...], *, asks: bool = False
+    ) -> str:
+        """As `applying`, but where the rule is refused the state is put back, and another match is drawn.
 
-    def _output_types(self, rule: RuleCall, wanted: Sequence[str]) -> list[StaticType]:
+        If it is refused at all of them the error stays; if it only `asks` so does the state.
+        """
+        key = "try", rule.rule, bound, wanted, asks
+        return self.module.once(key, "attempt", lambda: attempts(self, rule, bound, wanted, asks=asks))
+
+    def output_types(self, rule: RuleCall, wanted: Sequence[str]) -> list[StaticType]:
+        """The types of outputs."""
         assert rule.rule is not None
         types = {taken.name: taken.type for taken in self.engine.signature(rule.rule).parameters}
         return [types[name] or ObjectType("") for name in wanted]

@@ -1368,6 +1368,7 @@ REFUSED = {
     "strings that a rule puts together": 'lhs { s : Spot; } modify { set s.tag += "x"; }',
     "keys that change": "lhs { s : Spot; } modify { set s.x += 1; }",
     "many values that a rule sets": 'lhs { s : Spot; } modify { set s.marks = ["x"]; }',
+    "many targets that are set": "lhs { b : Box; c : Box; } modify { set b.inner = c; }",
     "many targets that are set among others": "lhs { m : Man; n : Man; } "
     "modify { set m.visited = none; set n.visited = none; }",
     "containers that blocks delete": "lhs { y : Yard; } forall { lhs { b : Box; i : Item; } "

@@ -139,6 +139,49 @@ CORNERS = {
         QUERY + LIT,
         head="adam : Man, i1 : Item",
     ),
+    "rules that are refused at some matches": Corner(
+        RULES
+        + """
+        rule enter(s : Spot, out who : Man) { lhs { who : Man; s : Spot; }
+            modify { set who.hunger = s.x; set who.at = s; } }
+        rule stuff(m : Man) { lhs { m : Man; i : Item; } modify { move i to m.bag; set m.hunger += 1; } }
+        rule box { lhs { y : Yard -items-> i : Item; b : Box; } modify { move i to b.item; } }
+        rule unbox { lhs { y : Yard; b : Box -item-> i : Item; } modify { move i to y.items; } }
+        rule empty { lhs { y : Yard; m : Man -bag-> i : Item; } modify { move i to y.items; } }
+        rule lose { lhs { i : Item; check i.id > 2; } modify { delete i; } }
+        rule find1 { lhs { y : Yard; most == max Item.id(_, #); n == count Item(_); check n < 6; }
+            modify { create y -items-> i : Item { id = most + 1 }; } }
+        unit come(s : Spot, out who : Man) { enter(s, who); }
+        unit visit(s : Spot) { come(s, m); try { up(s); }
+            if find at(_, s) { try { light; } } else { try { stuff(m) | dark; } } }
+        rule grab(m : Man) { lhs { m : Man; y : Yard -items-> i : Item; }
+            modify { set m.hunger += 1; move i to m.bag; } }
+        unit grasp(m : Man) { grab(m); }
+        unit reach(m : Man, s : Spot) { grasp(m) | down(s); }
+        unit pack { box | unbox; }
+        unit fill(m : Man) { try { stuff(m); } else { empty; } }
+        unit either(m : Man, s : Spot) { stuff(m) | { box; } | down(s); }
+        unit late(m : Man) { stuff(m) | light; }
+        unit gone { try { lose; } else { find1; } }
+        unit more(m : Man, s : Spot) { either(m, s) | fill(m); }
+        """,
+        f"""
+        action visit(s : Spot) = visit(s) reward 1 else reward -1
+        action reach(m : Man) = 0.9: reach(m, m.at) | 0.1: grasp(m) reward 9 else reward -9
+        action pack = pack() reward 2 else reward -2
+        action fill(m : Man) = fill(m) reward 3 else reward -3
+        action either(s : Spot) = either(adam, s) reward 4 else reward -4
+        action late(m : Man) = late(m) reward 5 else reward -5
+        action gone = 0.5: gone() reward 6
+        action more(m : Man) = 0.5: more(m, m.at) reward 7
+        action come(s : Spot) = come(s, who) reward who.hunger
+        observe m.at among Spot or none for m : Man
+        observe count find inside(_) up to 5
+        {SEEN}
+        """,
+        QUERY + LIT + "\npattern inside(i : Item) { Box.item(_, i); } or { Man.bag(_, i); }",
+        head="adam : Man, i1 : Item",
+    ),
     "objects that come and go": Corner(
         RULES
         + """
@@ -178,12 +221,12 @@ REFUSED = {
     "[[if up(s) { down(s); }]]": "an `if` in a unit that asks whether a rule can be applied (`wrong`)",
     "[[climb]];": "the group `climb` in a unit",
     "try { [[wrong(s)]]; } else { up(s); }": "the unit `wrong`, which calls itself",
-    "[[enter(s)]] | up(s);": "a rule in a unit that the model may refuse (`enter`)",
+    "[[meet]] | up(s);": "matches in a unit that may contradict each other (`yard.meet`)",
     "[[flatten(s)]];": "an object that a unit takes as one of another class (`flatten`)",
 }
 OTHERS = """
 derive climb = retype among { Spot, Pit };
-rule enter(s : Spot) { lhs { m : Man; s : Spot; } modify { set m.at = s; } }
+rule meet { lhs { y : Yard; } forall { lhs { m : Man; s : Spot; } modify { set m.at = s; } } modify { } }
 unit flatten(s : Pit) { flat(s); }
 """
 
