@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from envgraph import code
 from envgraph.code import dataclass
+from envgraph.env.compiled._kernels import CAPACITY
 from envgraph.env.compiled._member import NO_OBJECT, Cell, Member
 from envgraph.env.compiled._refused import NotCompiled
 from envgraph.env.compiled._tables import (
@@ -47,9 +48,6 @@ STATE: Final = (T, G, L, K, S, F, RI, RF, D, TOP)
 """What each function gets."""
 
 ZERO, ONE, NOBODY = code.Constant(0), code.Constant(1), code.Constant(-1)
-
-MOST_KEPT: Final = 4096
-"""Numbers of a state that is kept to be put back: there are as many rows for the matches of a question."""
 
 ERROR, TURN, FIRST_COLUMN = 0, 1, 2
 """Columns of each state: what went wrong, and whose turn it is."""
@@ -189,7 +187,7 @@ class Layout:
         for symbol, number in self._numbers.items():
             if isinstance(symbol, Width):
                 offsets[number] = ends[symbol.of]
-                if ends[symbol.of] > MOST_KEPT:
+                if ends[symbol.of] > CAPACITY:  # it is kept where the rows of a question would be
                     raise NotCompiled("a rule in a unit that the model may refuse, where states are large")
         count = len(filled)
         arrays: dict[str, NDArray[Any]] = {
