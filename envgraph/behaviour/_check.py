@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from math import prod
 
 from envgraph.behaviour._check_base import Scope, type_names
 from envgraph.behaviour._check_calls import CallChecking
@@ -165,12 +164,12 @@ class _Checker(CallChecking, ViewChecking):
         for effect in owner.effects:
             self._effect(effect, scope)
         sizes = [self.observation(observation, scope) for observation in owner.observations]
-        if prod(sizes) > MOST_VALUES:
-            span = owner.observations[-1].span
-            message = (
-                f"the observations have {prod(sizes)} values together, at most {MOST_VALUES} are possible"
-            )
-            self.report("too-many-observations", message, span, "observe less, or in smaller ranges")
+        for observation, size in zip(owner.observations, sizes, strict=True):
+            if size > MOST_VALUES:
+                message = f"the observation has {size} values, at most {MOST_VALUES} are possible"
+                self.report(
+                    "too-many-observations", message, observation.span, "observe less, or in a smaller range"
+                )
 
     # --- actions
 

@@ -7,13 +7,13 @@ from collections.abc import Callable, Mapping, Sequence
 from itertools import zip_longest
 from math import prod
 
-from envgraph.behaviour import MOST_VALUES, Agent, Behaviour
+from envgraph.behaviour import Agent, Behaviour
 from envgraph.code import dataclass
 from envgraph.env._binding import bind_parameters
 from envgraph.env._keys import KeyIndex, key_attributes
 from envgraph.env._prepared import Alternatives, PreparedAction
 from envgraph.env._program import Program
-from envgraph.errors import Diagnostic, EvaluationError, ResolutionError, Severity, Span
+from envgraph.errors import Diagnostic, ResolutionError, Severity, Span
 from envgraph.graph import Model
 from envgraph.rewrite import Engine
 
@@ -50,7 +50,6 @@ class Agents:
 
     Raises:
         ResolutionError: a parameter has no object, or no `agent` block has one.
-        EvaluationError: too many observations.
 
     Attributes:
         seats: the agents.
@@ -71,9 +70,6 @@ class Agents:
         shapes = [[part.size for part in program.components] for _, _, _, program in programs]
         lead = (len(behaviour.agents),) if len(behaviour.agents) > 1 else ()
         self.shape = (*lead, *(max(sizes) for sizes in zip_longest(*shapes, fillvalue=1)))
-        size = prod(self.shape)
-        if size > MOST_VALUES:
-            raise _too_many(size, [program for _, _, _, program in programs])
         weights = [prod(self.shape[:place]) for place in range(len(lead), len(self.shape))]
         self.seats = tuple(
             Seat(
@@ -122,18 +118,6 @@ class Agents:
         for read, weight in seat.components:
             index += read() * weight
         return index
-
-
-def _too_many(size: int, programs: Sequence[Program]) -> EvaluationError:
-    """The error of too many observations, at the clause that makes most of them."""
-    widest = max((program.components for program in programs), key=lambda parts: prod(p.size for p in parts))
-    sizes: dict[Span | None, list[int]] = {}
-    for part in widest:
-        sizes.setdefault(part.clause, []).append(part.size)
-    clause, most = max(sizes.items(), key=lambda one: prod(one[1]))
-    times = " * ".join(map(str, most)) if len(most) < 8 else f"{most[0]} * {most[1]} * .. * {most[-1]}"
-    hint = f"observe less, or in smaller ranges: this clause has {times} values"
-    return EvaluationError(f"{size:,} observations, at most {MOST_VALUES:,} are possible", clause, hint)
 
 
 def _programs(

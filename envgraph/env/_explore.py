@@ -14,7 +14,7 @@ from envgraph.code import dataclass
 from envgraph.env._keys import KeyIndex
 from envgraph.env._simulator import GOES_ON, Simulator
 from envgraph.env._tabular import Tabular, allowed_or_all
-from envgraph.env._too_many import TooManyStates, check_entries
+from envgraph.env._too_many import TooManyStates, check_entries, check_observations
 from envgraph.env.scene._scene import Painter, Scene
 from envgraph.rewrite import Engine
 
@@ -46,7 +46,8 @@ def enumerate_states(
         follow each other and are the same are put together.
 
     Raises:
-        TooManyStates: more states than the limit, or too many outcomes, of all actions together or of one in a state.
+        TooManyStates: more states than the limit, too many outcomes, of all actions together or of one in a state, or
+            too many observations.
         EvaluationError: an observed object has no index.
         ResolutionError: the behaviour has errors.
         RuleError: a rule matches but cannot be applied.
@@ -81,6 +82,7 @@ def explore(
     There may be so many `outcomes` of actions in all states together.
     """
     simulator = Simulator(engine, behaviour, keys)
+    check_observations(behaviour, simulator.observation_shape)
     painter = simulator.painter() if pictures and behaviour.draw is not None else None
     search = _Search(simulator, limit, outcomes, painter, progress)
     search.run()

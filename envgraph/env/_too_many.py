@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from decimal import Decimal
 from math import prod
 from typing import Final
 
-from envgraph.behaviour import Behaviour
+from envgraph.behaviour import Behaviour, MOST_VALUES
 from envgraph.errors import EvaluationError, Span
 
 MOST_ENTRIES: Final = 50_000_000
@@ -57,6 +59,28 @@ class TooLargeTable(TooManyStates):
             behaviour.span,
             'do without a table: `engine="compiled"`, `envgraph.learn.train_program`',
         )
+
+
+class TooManyObservations(TooManyStates):
+    """Observations cannot be numbered, as a table does."""
+
+    def __init__(self, behaviour: Behaviour, count: int) -> None:
+        EvaluationError.__init__(
+            self,
+            f"environment `{behaviour.name}` has {Decimal(count):.3g} observations, a table at most {MOST_VALUES:,}",
+            behaviour.span,
+            'observe less, or do without a table: `engine="compiled"`, `envgraph.learn.train_program`',
+        )
+
+
+def check_observations(behaviour: Behaviour, shape: Sequence[int]) -> None:
+    """See that each observation with components of these sizes can have a number.
+
+    Raises:
+        TooManyStates: there are too many.
+    """
+    if prod(shape) > MOST_VALUES:
+        raise TooManyObservations(behaviour, prod(shape))
 
 
 def check_entries(behaviour: Behaviour, shape: tuple[int, int, int]) -> None:

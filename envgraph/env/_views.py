@@ -7,12 +7,15 @@ same by name. What is made of the whole model instead is in `_model_views`.
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Sequence
+from decimal import Decimal
+from math import prod
 from typing import Any, Final, Literal
 
 import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
+from envgraph.behaviour import MOST_VALUES
 from envgraph.errors import InvalidArgument, did_you_mean, listed
 
 ObservationKind = Literal["index", "multi", "flat", "dict", "image", "graph"]
@@ -64,7 +67,7 @@ class View:
         names: of the components.
 
     Raises:
-        InvalidArgument: another kind.
+        InvalidArgument: another kind, or more observations than can be numbered with "index".
 
     Attributes:
         space: of the observations.
@@ -75,6 +78,10 @@ class View:
         if kind in OF_MODEL:
             hint = 'make it with `engine="compiled"` or `"live"`'
             raise InvalidArgument(f'a table has no models, of which an observation "{kind}" is made', hint)
+        if kind == "index" and prod(shape) > MOST_VALUES:
+            message = f"{Decimal(prod(shape)):.3g} observations have no numbers, which end at {MOST_VALUES:,}"
+            hint = 'observe less, or choose `observation="flat"`, "multi", "dict", "image" or "graph"'
+            raise InvalidArgument(message, hint)
         self.kind: ObservationKind = kind
         self._shape = tuple(shape) or (1,)
         self._names = tuple(names)
@@ -95,10 +102,14 @@ class View:
                 return spaces.Dict({name: spaces.Discrete(size) for name, size in sizes})
 
     def of_index(self, index: int) -> Any:
-        """The observation that has an index."""
+        """The observation that has an index, however large."""
         if self.kind == "index":
             return np.int64(index)
         return self._memory.get(index, lambda: self.of_components(components(index, self._shape)))
+
+    def of_one(self, parts: NDArray[np.int64]) -> Any:
+        """The observation with these components, remembered; not for "index"."""
+        return self._memory.get(parts.tobytes(), lambda: self.of_components(parts.copy()))
 
     def of_components(self, parts: NDArray[np.int64]) -> Any:
         """Observations given by their components, on the last axis; of a dictionary each value has the other axes."""
@@ -124,5 +135,11 @@ class View:
 
 def components(observation: NDArray[np.int64] | int, shape: Sequence[int]) -> NDArray[np.int64]:
     """The components of observations given by index, on a new last axis; the first component varies fastest."""
+    if isinstance(observation, int):
+        found = []
+        for size in shape or (1,):
+            observation, part = divmod(observation, size)
+            found.append(part)
+        return np.array(found, dtype=np.int64)
     parts = np.unravel_index(observation, tuple(shape) or (1,), order="F")
     return np.stack([np.asarray(part, dtype=np.int64) for part in parts], axis=-1)

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import prod
 from typing import Final
 
 from envgraph import code
 from envgraph.behaviour import (
-    MOST_VALUES,
     Behaviour,
 )
 from envgraph.code import dataclass
@@ -127,8 +125,6 @@ class _Program:
 
     def text(self) -> Text:
         """The whole."""
-        if prod(self._step.shape) > MOST_VALUES:
-            raise NotCompiled("too many observations")
         step, may, look = self._step.bodies()
         if self._changes.growing is not None:
             self._define("tidy", (), tidied(self._facts, self._changes.growing))

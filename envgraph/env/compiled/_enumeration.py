@@ -15,7 +15,7 @@ from envgraph.env._explore import DEFAULT_LIMIT, OUTCOMES, Explored, Progress, e
 from envgraph.env._keys import KeyIndex
 from envgraph.env._sampling import MOST_OUTCOMES
 from envgraph.env._tabular import Tabular, allowed_or_all
-from envgraph.env._too_many import TooManyStates, check_entries
+from envgraph.env._too_many import TooManyStates, check_entries, check_observations
 from envgraph.env.compiled._batch import Batch, longer
 from envgraph.env.compiled._growth import grown
 from envgraph.env.compiled._kernels import CAPACITY, FULL
@@ -62,6 +62,7 @@ def _visited(
     program: Program, member: int, limit: int, progress: Progress | None, *, pictures: bool
 ) -> Explored:
     """The table of a member, with a picture of every state if they are wanted."""
+    check_observations(program.behaviour, program.observation_shape)
     while True:
         visit = Visit(program, member, limit, progress)
         try:

@@ -101,8 +101,7 @@ class CompiledEnv(SingleEnvironment):
         view = self.view
         if not isinstance(view, View):
             return _remembered(self._memory, view, self._batch, 0)
-        index = self._batch.observation[0]
-        return index if view.kind == "index" else view.of_index(int(index))
+        return self._batch.observation[0] if view.kind == "index" else view.of_one(self._batch.components[0])
 
     def _info(self, success: bool) -> dict[str, Any]:
         info = {"step": self._steps, "success": success, "is_success": success}

@@ -12,6 +12,7 @@ import json
 from collections.abc import Sequence
 from functools import cache
 from importlib import import_module
+from math import prod
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -69,6 +70,8 @@ class Environments:
             raise ValueError('there are one or more environments and members; streams are "shared" or "each"')
         if observation not in ("index", "multi"):
             raise ValueError('an observation is an "index" or "multi"')
+        if observation == "index" and prod(ABOUT["observation_shape"]) >= 2**63:
+            raise ValueError('there are more observations than numbers: ask for `observation="multi"`')
         self.num_envs = count
         self.members = np.array([chosen[place % len(chosen)] for place in range(count)], dtype=np.int64)
         self._limit = (ABOUT["limit"] if max_episode_steps == -1 else max_episode_steps) or 0

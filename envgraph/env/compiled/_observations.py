@@ -7,6 +7,7 @@ from math import prod
 
 from envgraph import code
 from envgraph.behaviour import (
+    MOST_VALUES,
     Observation,
     ObserveFind,
     ObserveObject,
@@ -46,7 +47,9 @@ class Observations:
         self._keys = keys
         self._layout: Layout = writer.facts.layout
         self._metamodel = writer.facts.metamodel
-        weights = [prod(shape[:place]) for place in range(len(shape))]
+        # Where no number of 64 bits is large enough the index is 0, and nobody asks for it.
+        numbered = prod(shape) <= MOST_VALUES
+        weights = [prod(shape[:place]) * numbered for place in range(len(shape))]
         self._weights = self._layout.offset(Constants("components", (len(shape), *weights)))
         writer.assign(NEXT, ZERO)
         writer.assign(INDEX, ZERO)
