@@ -345,7 +345,9 @@ def make_vector_environment(
     own = _given(streams=streams, threads=threads)
     if own:
         if wanted not in (None, "compiled"):
-            raise InvalidArgument(f'`{next(iter(own))}` are those of `engine="compiled"`, not of {engine!r}')
+            raise InvalidArgument(
+                f'`{next(iter(own))}=` is for `engine="compiled"`, not for `engine="{wanted}"`'
+            )
         wanted = "compiled"
     if wanted == "live":
         raise InvalidArgument("the live engine steps one environment", 'give `vectorization_mode="sync"`')

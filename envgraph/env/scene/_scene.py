@@ -90,7 +90,8 @@ class Edge:
 
 @dataclass(frozen=True, slots=True)
 class GraphScene:
-    """Nodes with a glyph and a label, directed edges between them, and tokens; `kinds` are the classes of the nodes.
+    """Nodes with a glyph and a label, directed edges between them, and tokens; `kinds` are the classes of the nodes,
+    with what their attributes say of their look: "Router, down".
 
     `aside` are the tokens that are nowhere, as of a `GridScene`.
     """
@@ -115,7 +116,7 @@ class Key(NamedTuple):
 
 
 def legend(scenes: Iterable[Scene]) -> tuple[Key, ...]:
-    """What is drawn in any of the scenes, each kind once: cells or nodes, then tokens, then edges out of the usual."""
+    """What is drawn in any of the scenes, each look once: cells or nodes, then tokens, then edges out of the usual."""
     below, above, between = dict[str, Key](), dict[str, Key](), dict[str, Key]()
     for scene in scenes:
         drawn = zip(scene.kinds, scene.glyphs, strict=False)
@@ -129,7 +130,11 @@ def legend(scenes: Iterable[Scene]) -> tuple[Key, ...]:
         if isinstance(scene, GraphScene):
             lines = (Key(edge.kind, Glyph("", edge.colour), "line") for edge in scene.edges if edge.kind)
             between.update((key.kind, key) for key in lines)
-    return (*below.values(), *(above[kind] for kind in sorted(above)), *between.values())
+    alike: dict[Glyph, list[str]] = {}
+    for kind in sorted(above):  # a box on the floor looks as a box on a goal does
+        alike.setdefault(above[kind].glyph, []).append(kind)
+    tokens_alike = (Key("; ".join(kinds), glyph, "disc") for glyph, kinds in alike.items())
+    return (*below.values(), *tokens_alike, *between.values())
 
 
 def scene_of(model: Model, draw: Draw, parameters: Iterable[Parameter] = ()) -> Scene:
@@ -196,11 +201,13 @@ class Painter:
         number = {node: position for position, node in enumerate(nodes)}
         marks, aside = self._marks({node: (place, 0) for node, place in number.items()})
         labels = tuple(_label(model, node, draw.label, self._read) for node in nodes)
-        kinds = tuple(model.class_of(node) for node in nodes)
-        glyphs = tuple(
-            self._looks.of(node, model.metamodel.classes[kind].glyph or _PLAIN_NODE).glyph
-            for node, kind in zip(nodes, kinds, strict=True)
-        )
+        classes = [model.class_of(node) for node in nodes]
+        looks = [
+            self._looks.of(node, model.metamodel.classes[cls].glyph or _PLAIN_NODE)
+            for node, cls in zip(nodes, classes, strict=True)
+        ]
+        glyphs = tuple(look.glyph for look in looks)
+        kinds = tuple(", ".join((cls, *look.states)) for cls, look in zip(classes, looks, strict=True))
         return GraphScene(labels, glyphs, tuple(self._edges(draw, number)), marks, kinds, aside)
 
     def _token_classes(self) -> list[str]:

@@ -55,6 +55,9 @@ def _graph(scene: GraphScene) -> list[str]:
     marked = {mark.place[0] for mark in scene.marks}
     labels = [visible(label) for label in scene.labels]
     names = [f"({label})" if n in marked else f" {label} " for n, label in enumerate(labels)]
+    if len(set(scene.kinds)) > 1:  # else the legend, or the clause, says what all of them are
+        broad = max(map(len, names))
+        names = [f"{name:<{broad}} {visible(kind)}" for name, kind in zip(names, scene.kinds, strict=True)]
     width = max(map(len, names), default=0)
     lines = []
     for number, name in enumerate(names):

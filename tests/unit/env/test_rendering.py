@@ -284,6 +284,21 @@ def lines() -> GraphScene:
     return GraphScene(("one", "two", "three"), (Glyph("N", "#a5d8ff"),) * 3, tuple(LINES), (), ("N",) * 3)
 
 
+def test_text_says_what_a_node_is_where_they_differ() -> None:
+    scene = GraphScene(("a", "bc"), (Glyph("N", "#a5d8ff"),) * 2, (Edge(0, 1),), (), ("Hub", "Hub, down"))
+    assert scene_text(scene) == " a   Hub       -> bc\n bc  Hub, down"
+    assert scene_text(replace(scene, kinds=("Hub", "Hub"))) == " a   -> bc\n bc"
+
+
+def test_what_looks_alike_has_one_line_in_the_legend() -> None:
+    marks = tuple(Mark(name, "$", "#e8590c", (x, 0), kind) for x, (name, kind) in enumerate(BOXES))
+    keys = legend([GridScene(2, 1, (Glyph("."),), b"\0\0", marks, ("Floor",))])
+    assert [key.kind for key in keys] == ["Floor", "Floor, box; Goal, box"]
+
+
+BOXES = (("one", "Floor, box"), ("two", "Goal, box"))
+
+
 def test_edges_between_the_same_nodes_lie_apart_and_loops_beside_their_node() -> None:
     layout = graph_layout(lines(), 0.2)
     assert len(layout.edges) == len(LINES)
