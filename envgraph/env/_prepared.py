@@ -137,6 +137,11 @@ class PreparedAction:
         return {**bound, **{name: value() for name, value in self.values}} if self.values else bound
 
 
+def never_acts(action: PreparedAction) -> bool:
+    """Whether an action leaves every state as it is, and pays nothing."""
+    return not any(action.branches.calls) and action.reward is None and action.else_reward is None
+
+
 @dataclass(frozen=True, slots=True)
 class PreparedClause:
     """`on find ..`.

@@ -177,10 +177,10 @@ def visit(
 
 
 def expand(
-    T, G, L, S, F, RI, RF, D, m, BITS, HASHED, C, OBS, head, last, count, made, ACTIONS, MOST, WANTED, SOUGHT,
+    T, G, L, S, F, RI, RF, D, m, BITS, HASHED, C, OBS, head, last, count, made, TRIED, MOST, WANTED, SOUGHT,
     BEFORE, BY,
 ):  # fmt: skip
-    """Leave some states by every action, until an episode ends as is sought; new states get the next numbers.
+    """Leave some states by the actions tried, until an episode ends as is sought; new states get the next numbers.
 
     Returns how it ended, the state that is left next, how many states there are, how many times one was made, and the
     action.
@@ -193,7 +193,8 @@ def expand(
         if made >= WANTED:
             return PAUSED, head, count, made, 0
         before = made
-        for action in range(ACTIONS):
+        for place in range(len(TRIED)):
+            action = TRIED[place]
             begin_script(D)
             number = 0
             while True:

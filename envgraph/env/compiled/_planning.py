@@ -9,11 +9,13 @@ from math import inf, isfinite
 from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from envgraph.behaviour import Behaviour, ObserveFind, OnFind
 from envgraph.code import dataclass
 from envgraph.env._explore import Progress
 from envgraph.env._keys import KeyIndex, indexed_classes
+from envgraph.env._prepared import never_acts
 from envgraph.env._sampling import MOST_OUTCOMES
 from envgraph.env._simulator import Simulator
 from envgraph.env._too_many import TooManyStates
@@ -196,6 +198,23 @@ class Plans:
         return self._program, guides
 
 
+def different_actions(program: Program, member: int) -> NDArray[np.int64]:
+    """The numbers of the actions that may lead to different states.
+
+    Of the joint actions of agents that act together, each agent has those that may do something, and the first of those
+    that never do: `nothing()`, and the actions of other blocks.
+    """
+    if not program.behaviour.together:
+        return np.arange(len(program.action_names))
+    with closing(program.twin(member).simulator) as simulator:
+        base, found = len(simulator.agents.action_names), np.zeros(1, np.int64)
+        for place, seat in enumerate(simulator.agents.seats):
+            idle = [number for number, action in enumerate(seat.actions) if never_acts(action)]
+            own = [number for number in range(base) if number not in idle[1:]]
+            found = (np.array(own)[:, None] * base**place + found).ravel()
+    return found
+
+
 _Rows = tuple[np.ndarray[Any, np.dtype[Any]], ...]
 """Arrays with a row for each state."""
 
@@ -241,6 +260,7 @@ class _Search(Visit):
     ) -> None:
         super().__init__(program, member, limit, progress)
         self._outcome, self._width, self._most = outcome, width, most
+        self._tried = different_actions(program, member)
         self.before, self.by = np.zeros(FIRST, np.int64), np.zeros(FIRST, np.int64)
 
     def plan(self, guides: int) -> Plan:
@@ -292,7 +312,7 @@ class _Search(Visit):
                 last,
                 states,
                 self._made,
-                self._actions,
+                self._tried,
                 MOST_OUTCOMES,
                 self._made + TOLD if self.outcomes is None else self.outcomes,
                 self._outcome,

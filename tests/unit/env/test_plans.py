@@ -257,3 +257,34 @@ def test_no_more_states_are_met_than_there_may_be() -> None:
     engine, behaviour = opened(SOKOBAN / "small.model", SOKOBAN / "sokoban.environment")
     with pytest.raises(TooManyStates, match="more than 100 states"):
         find_plan(program_of(engine, behaviour, native=False), most=100)
+
+
+def test_actions_of_other_blocks_are_tried_once_and_the_plan_is_the_same(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    engine, behaviour = loaded(
+        """
+        agents together
+        agent coin : Coin { action wait = nothing() action flip = 0.5: turnOver(coin) observe coin.side }
+        agent player : Hand {
+            action add(n : 1..2) = count(player, n)
+            action rest = nothing() reward 1
+            observe player.moves in 0..3
+        }
+        on neg find up(_) terminate success
+        """
+    )
+    program = program_of(engine, behaviour, native=False)
+    tried = _planning.different_actions(program, 0)
+    assert (
+        len(program.action_names) == 5**4 and len(tried) == 2**3 * 4
+    )  # a coin flips, a hand adds, rests or does not
+    names = [program.action_names[number] for number in tried]
+    assert names[:2] == [
+        "a: wait, b: wait, c: wait, player 0: wait",
+        "a: flip, b: wait, c: wait, player 0: wait",
+    ]
+    assert_same_as_the_table(engine, behaviour)
+    plan = found(engine, behaviour)
+    monkeypatch.setattr(_planning, "different_actions", lambda *_: np.arange(5**4))
+    assert found(engine, behaviour) == plan and plan.steps == 1
