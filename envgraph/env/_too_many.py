@@ -7,7 +7,7 @@ from decimal import Decimal
 from math import prod
 from typing import Final
 
-from envgraph.behaviour import Behaviour, MOST_VALUES
+from envgraph.behaviour import MOST_VALUES, Behaviour
 from envgraph.errors import EvaluationError, Span
 
 MOST_ENTRIES: Final = 50_000_000

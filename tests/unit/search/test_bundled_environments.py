@@ -153,7 +153,9 @@ def test_what_steps_is_chosen_by_name() -> None:
         make_environment("keydoor", engine="table", live=True)
     with pytest.raises(InvalidArgument, match="one environment"):
         make_vector_environment(2, "keydoor", engine="live")
-    with pytest.raises(InvalidArgument, match="`streams=` is for `engine=\"compiled\"`, not for `engine=\"table\"`"):
+    with pytest.raises(
+        InvalidArgument, match='`streams=` is for `engine="compiled"`, not for `engine="table"`'
+    ):
         make_vector_environment(2, "keydoor", engine="table", streams="each")
 
 
