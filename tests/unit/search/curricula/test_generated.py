@@ -108,7 +108,7 @@ def test_a_file_of_a_bundled_domain_has_a_short_name(tmp_path: Path, monkeypatch
         ("objective.stepz=3", "unknown-key", "did you mean `steps`?"),
         ("objective.steps=0", "wrong-type", "write `steps = [2000]`"),
         ('objective.steps=[1, "a"]', "wrong-type", "write `steps = [2000]`"),
-        ('objective.begin="walk"', "unknown-choice", 'write `begin = "easing"`'),
+        ('objective.begin="walk"', "unknown-choice", "there are `easing`, `episode`"),
         ('objective.diversity="most"', "wrong-type", 'write `diversity = "maximum"`'),
         ("objective.lanes=0", "bad-range", "write `lanes = 1` or more"),
         ("objective.effort=0", "bad-range", "write another number"),
