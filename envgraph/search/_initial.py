@@ -47,7 +47,7 @@ def check_initial(domain: Domain, problem: Problem) -> list[Diagnostic]:
         raise LoadError([Diagnostic("no-key", error.message, spec.model.span, hint)]) from error
     absent = unbound(domain.behaviour, problem.engine.model, spans) if domain.behaviour else []
     if has_errors(absent):
-        raise LoadError([replace(one, notes=one.notes or (note,)) for one in absent])
+        raise LoadError([replace(one, notes=(*one.notes, note)) for one in absent])
     # Whether an end can be reached is asked of a model that is otherwise as it should be.
     known = [one for one in problem.constraints if not isinstance(one, Reachable)]
     broken = [one for one in known if not one.holds(problem.engine)] or [*problem.violations()]

@@ -573,7 +573,8 @@ def test_a_parameter_that_the_initial_model_has_no_object_for_is_refused(tmp_pat
         generate(where, tmp_path / "run.sqlite")
     (problem,) = caught.value.diagnostics
     assert problem.span is not None and problem.span.source.name.endswith("herd.environment")
-    assert problem.notes[0].span is not None and problem.notes[0].span.text == '"herd.model"'
+    texts = [note.span.text for note in problem.notes if note.span is not None]
+    assert texts == ["Cow", "Cow", '"herd.model"']
 
 
 def test_a_model_that_a_parameter_has_no_object_in_is_no_member(tmp_path: Path) -> None:
