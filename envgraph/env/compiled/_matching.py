@@ -174,15 +174,14 @@ class Matching:
             shape, first = Shape.ROWS, bodies[0] if bodies else None
             if first is None or (len(bodies) == 1 and not first.looped):
                 shape = Shape.ONE  # or none: what a body asks for may be impossible
-            elif (
-                len(bodies) == 1
-                and first.word is not None
-                and first.in_order(key)
-                and self._view(key).distinct
-            ):
+            elif len(bodies) == 1 and first.word is not None and first.in_order(key) and self._different(key):
                 shape = Shape.WORDS
             self._shapes[key, sure] = shape
         return self._shapes[key, sure]
+
+    def _different(self, key: ViewKey) -> bool:
+        """Whether no row is found twice; there is one at most where nothing is asked for, however often it is found."""
+        return bool(key.outputs) and self._view(key).distinct
 
     def _counted(
         self, key: ViewKey, given: Sequence[code.Local], sure: bool, number: code.Local
@@ -288,7 +287,7 @@ class Matching:
         return (*found, code.Return(code.FALSE))
 
     def _count(self, key: ViewKey, given: Sequence[code.Local], sure: bool) -> code.Body:
-        if not (self._view(key).distinct or self._shape(key, sure) is Shape.ONE):
+        if not (self._different(key) or self._shape(key, sure) is Shape.ONE):
             name = self.rows(key, sure)
             self.module.uses(name, 1)
             return (code.Return(call(name, *given, top=plus(TOP, CAPACITY))),)

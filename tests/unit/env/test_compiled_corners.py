@@ -482,6 +482,19 @@ CORNERS = {
         pattern notDeep(c : Crate) { Crate(c); neg find deep(c, _); }
         """,
     ),
+    "a clause without names holds once": Corner(
+        "rule weigh { lhs { i : Item; neg Heavy(i); } modify { retype i : Heavy; } }\n"
+        "rule light { lhs { h : Heavy; } modify { retype h : Item; } }",
+        """
+        action weigh = weigh()
+        action light = light()
+        on find both(_, _) reward 0.1
+        on find both(s0, _) reward 0.01
+        on find both(_, _) apply 0.5: light()
+        """,
+        "pattern both(s : Spot, h : Heavy) { Spot(s); Heavy(h); }",
+        head="s0 : Spot",
+    ),
     "one that is deleted is gone by all of its classes": Corner(
         """
         @semantics(spo) rule killHeavy { lhs { h : Heavy; } modify { delete h; } }
