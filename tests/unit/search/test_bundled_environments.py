@@ -168,30 +168,28 @@ def test_what_is_not_compiled_is_told_or_steps_on_the_live_engine(
         if file.suffix == ".environment":
             text = text.replace("action take            = take(hero)", "action take = grab(hero)")
         if file.suffix == ".rules":
-            text += "\nunit grab(hero : Hero) { take(hero); }\n"
+            text += "\nunit grab(hero : Hero) { alap { take(hero); } }\n"
         (tmp_path / file.name).write_text(text, "utf-8")
     files = [str(next(tmp_path.glob("*.model"))), str(tmp_path / "keydoor.environment")]
     monkeypatch.setattr("sys.argv", ["envgraph", "explain", *files, "KeyDoor"])
     assert main() == 0
     said = capsys.readouterr().out
-    assert said.startswith(
-        "environment KeyDoor steps on the live engine: it has a rule in a unit that the model may refuse (`take`)\n"
-    )
-    assert "unit grab(hero : Hero) { take(hero); }\n" in said and said.endswith("^^^^^^^^^^\n")
+    assert said.startswith("environment KeyDoor steps on the live engine: it has `alap` in a unit (`grab`)\n")
+    assert "unit grab(hero : Hero) { alap { take(hero); } }\n" in said and said.endswith("^^^^^^^^^^\n")
     with pytest.raises(
         EvaluationError,
-        match=r"is not compiled: it has a rule in a unit that the model may refuse \(`take`\)[\s\S]*unit grab",
+        match=r"is not compiled: it has `alap` in a unit \(`grab`\)[\s\S]*unit grab",
     ):
         make_environment(str(tmp_path), engine="compiled")
     monkeypatch.setattr("envgraph.search._tables.explored", partial(limited, limit=5))
     with pytest.warns(
         UserWarning,
-        match=r"it has a rule in a unit that the model may refuse \(`take`\); it steps on the live engine",
+        match=r"it has `alap` in a unit \(`grab`\); it steps on the live engine",
     ):
         assert isinstance(make_environment(str(tmp_path)), EnvgraphLiveEnv)
     with pytest.raises(
         EvaluationError,
-        match=r"it has a rule in a unit that the model may refuse \(`take`\)[\s\S]*`engine=\"live\"`",
+        match=r"it has `alap` in a unit \(`grab`\)[\s\S]*`engine=\"live\"`",
     ):
         make_vector_environment(2, str(tmp_path))  # and no warning that it steps
 
