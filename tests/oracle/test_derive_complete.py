@@ -141,6 +141,15 @@ def test_a_whole_with_parts_that_need_each_other() -> None:
     assert_complete(Metamodel("tiny", classes))
 
 
+def test_a_whole_that_needs_what_is_nowhere_but_in_it() -> None:
+    parts = Reference("parts", "Part", 0, 1, containment=True)
+    classes = [
+        Class("Whole", features=(parts, Reference("first", "Part", opposite="of"))),
+        Class("Part", features=(Reference("of", "Whole", 0, 1, opposite="first"),)),
+    ]
+    assert_complete(Metamodel("tiny", classes))
+
+
 def test_a_child_of_one_class_or_the_other() -> None:
     classes = [
         Class("Box", features=(Reference("lid", "Lid", containment=True),)),

@@ -214,9 +214,13 @@ class Schema:
         return all(one in inside for one in above)
 
     def _needed_by(self, cls: str) -> Iterator[str]:
+        """The classes that multiplicities demand, and the one container of what is nowhere else."""
         for end in self.ends_of(cls):
             if end.lower:
                 yield from self.metamodel.concrete(end.far)
+        around = dict.fromkeys(one for end in self.containers(cls) for one in self.metamodel.concrete(end.far))
+        if cls not in self.roots and len(around) == 1:
+            yield from around
 
 
 def _several(feature: Feature) -> bool:
