@@ -360,7 +360,7 @@ class EnvgraphVectorEnv(VectorEnvironmentBase):
         if again.any():
             reward[again], ended[again] = 0.0, 0
             self._begin(again)
-        truncated = (ended < 0) | self._late() & (ended == 0) & ~again
+        truncated = (ended < 0) | self._late() & ~again
         self._done = (ended > 0) | truncated
         return reward, ended, truncated
 

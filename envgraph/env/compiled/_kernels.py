@@ -310,7 +310,7 @@ def advance(W, WHICH, STARTS, A, UNIFORM, LIMIT):
             REWARD[e], end, _ = step_one(T[m], G[m], L, K, S[e], F[e], RI, RF, D, 0, A[e])
             END[e] = end
             STEPS[e] += 1
-            cut = end < 0 or (end == 0 and LIMIT > 0 and STEPS[e] >= LIMIT)
+            cut = end < 0 or (LIMIT > 0 and STEPS[e] >= LIMIT)
             CUT[e] = cut
             OVER[e] = end > 0 or cut
         if S[e, 0] == 0:
