@@ -218,7 +218,9 @@ class Schema:
         for end in self.ends_of(cls):
             if end.lower:
                 yield from self.metamodel.concrete(end.far)
-        around = dict.fromkeys(one for end in self.containers(cls) for one in self.metamodel.concrete(end.far))
+        around = dict.fromkeys(
+            one for end in self.containers(cls) for one in self.metamodel.concrete(end.far)
+        )
         if cls not in self.roots and len(around) == 1:
             yield from around
 
