@@ -16,6 +16,7 @@ from envgraph.env.compiled._learner import Learner, Rates
 from envgraph.env.compiled._member import Borrowed
 from envgraph.env.compiled._native import functions, has_numba
 from envgraph.env.compiled._planning import Plan, Plans, find_plan, guided
+from envgraph.env.compiled._player import Player
 from envgraph.env.compiled._program import Program, program_of, program_over, set_stream
 from envgraph.env.compiled._refused import NotCompiled
 from envgraph.env.compiled._world import streams
@@ -29,6 +30,7 @@ __all__ = [
     "NotCompiled",
     "Plan",
     "Plans",
+    "Player",
     "Program",
     "Rates",
     "Streams",

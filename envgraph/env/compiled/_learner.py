@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
-from typing import Any, Final
+from collections.abc import Sequence
+from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from envgraph.code import dataclass
 from envgraph.env.compiled._batch import longer
 from envgraph.env.compiled._learning import OUTCOMES, SPACE, STARTS, WRONG
-from envgraph.env.compiled._program import Program, set_stream
-from envgraph.env.compiled._world import space_of, streams
-from envgraph.errors import EvaluationError, InvalidArgument
+from envgraph.env.compiled._player import Player
+from envgraph.env.compiled._program import Program
+from envgraph.errors import InvalidArgument
 
 FIRST: Final = 4_096
 """Keys that there is space for at first."""
@@ -56,8 +54,8 @@ class Learner:
 
     def __init__(self, program: Program, initial: float = 0.0, *, of_states: bool = False) -> None:
         self._initial, self._of_states = initial, of_states
-        self._open(program)
-        width = self._states.shape[1] + self._floats.shape[1] if of_states else 1
+        self._player = Player(program, "learn")
+        width = program.arrays.ints.shape[1] + program.arrays.floats.shape[1] if of_states else 1
         self.count = 0
         self.keys = np.zeros((FIRST, width), dtype=np.int64)
         self.values = np.zeros((FIRST, len(program.action_names)))
@@ -71,7 +69,7 @@ class Learner:
         Raises:
             InvalidArgument: they are not, or values are of states.
         """
-        known = self._program
+        known = self._player.program
         if program is known:
             return
         same = (program.action_names, program.observation_shape) == (
@@ -80,15 +78,7 @@ class Learner:
         )
         if self._of_states or not same:
             raise InvalidArgument("programs agree in actions and observations, and values are of these alone")
-        self._open(program)
-
-    def _open(self, program: Program) -> None:
-        self._program, arrays = program, program.arrays
-        self._functions = program.functions("learn")
-        self._states = np.zeros((1, arrays.ints.shape[1]), dtype=np.int64)
-        self._floats = np.zeros((1, arrays.floats.shape[1]))
-        self._space = space_of(program.space)
-        self._seen = np.zeros((1, len(program.observation_shape)), dtype=np.int64)
+        self._player = Player(program, "learn")
 
     def train(
         self,
@@ -122,36 +112,35 @@ class Learner:
         curve = np.zeros(len(marks)), np.zeros(len(marks), np.int64), np.zeros(len(marks), np.int64)
         counts = np.array([0, 0, self.count, 0, limit, 0, 0, 0, -1, 0], dtype=np.int64)
         levels = np.array([epsilon, 0.0, 0.0])
-        with self._stream(rng) as stream:
-            while True:
-                how = self._functions["learn"](
-                    *self._world(member),
-                    stream,
-                    self._seen,
-                    self.keys,
-                    self._hashed,
-                    self.values,
-                    self._initial,
-                    self._of_states,
-                    draws,
-                    rates.agent,
-                    rates.ties,
-                    rates.rate,
-                    rates.discount,
-                    rates.step_decay,
-                    rates.episode_decay,
-                    rates.minimum,
-                    limit,
-                    marks,
-                    *curve,
-                    counts,
-                    levels,
-                )
-                self._check(how)
-                self.count = int(counts[2])
-                if how != SPACE:
-                    break
+        how = SPACE
+        while how == SPACE:
+            if self.count + 2 >= len(self.keys):
                 self._grow()
+            how = self._player.call(
+                "learn",
+                member,
+                rng,
+                self.keys,
+                self._hashed,
+                self.values,
+                self._initial,
+                self._of_states,
+                draws,
+                rates.agent,
+                rates.ties,
+                rates.rate,
+                rates.discount,
+                rates.step_decay,
+                rates.episode_decay,
+                rates.minimum,
+                limit,
+                marks,
+                *curve,
+                counts,
+                levels,
+            )
+            self._player.check(how != WRONG)
+            self.count = int(counts[2])
         rows = zip(*(column.tolist() for column in curve), strict=True)
         return float(levels[0]), [(total, episodes, reached) for total, episodes, reached in rows]
 
@@ -171,53 +160,8 @@ class Learner:
         """
         if self.count + 1 >= len(self.keys):
             self._grow()
-        with self._stream(rng) as stream:
-            how, successes, total, steps = self._functions["follow"](
-                *self._world(member),
-                stream,
-                self._seen,
-                self.keys,
-                self._hashed,
-                self.values,
-                self._of_states,
-                self.count,
-                episodes,
-                limit,
-            )
-        self._check(how)
-        return successes / episodes, total / episodes, steps / episodes
-
-    def _world(self, member: int) -> tuple[Any, ...]:
-        arrays = self._program.arrays
-        return (
-            self._program.tables,
-            arrays.reals,
-            arrays.offsets,
-            self._states,
-            self._floats,
-            self._floats.view(np.int64),
-            *self._space,
-            np.zeros(1),
-            member,
-            arrays.ints,
-            arrays.floats,
-        )
-
-    @contextmanager
-    def _stream(self, rng: np.random.Generator) -> Iterator[NDArray[np.uint64]]:
-        """The stream of a generator as a row, which it is advanced by."""
-        stream = streams([rng])
-        yield stream
-        set_stream(rng, stream[0])
-
-    def _check(self, how: int) -> None:
-        if how == WRONG:
-            behaviour = self._program.behaviour
-            raise EvaluationError(
-                f"in a step of `{behaviour.name}` a rule cannot be applied, or something has no value",
-                behaviour.span,
-                'steps of `envgraph.make(.., engine="live")` say what and where',
-            )
+        policy = self.keys, self._hashed, self.values, self._of_states, self.count
+        return self._player.play(member, policy, episodes, limit, rng)
 
     def _grow(self) -> None:
         """Four times the space."""
@@ -225,4 +169,4 @@ class Learner:
         self.keys, self.values = longer(self.keys, size), longer(self.values, size)
         self._hashed = np.full(4 * size, -1, dtype=np.int64)
         nothing = np.zeros((size, 0), dtype=np.int64)
-        self._functions["hash_all"](self.keys, nothing, self._hashed, 0, self.count)
+        self._player.program.functions("learn")["hash_all"](self.keys, nothing, self._hashed, 0, self.count)

@@ -1,6 +1,6 @@
 """What is added to a program to learn values of actions: Q-learning with a hash table, for any number of states.
 
-Part of the program's text, behind `_kernels` and `_values`. `COUNTS` are the step, the point of the curve, the known
+Part of the program's text, between `_values` and `_playing`. `COUNTS` are the step, the point of the curve, the known
 keys, the present one, steps left, episodes, successes, and whether an episode has begun; `LEVELS` are exploration and
 reward.
 """
@@ -127,48 +127,18 @@ def learn(
     return how
 
 
-def follow(
-    T, G, L, S, F, BITS, RI, RF, D, m, S0, F0, R, C, KEYS, HASHED, Q, OF_STATES, count, EPISODES, LIMIT
-):  # fmt: skip
-    """Episodes of the best actions; how it ended, how many succeeded, the total reward, and all steps.
+def decide(T, G, L, K, S, F, BITS, RI, RF, D, m, R, C, POLICY):
+    """The best action, which is never drawn; -1 after an error.
 
     What was never seen has equal values, so its best action is the first. Its key is written into the last row, and
-    taken out of the hash table again. Where an episode draws nothing, every other one is the same, and is not played.
+    taken out of the hash table again.
     """
-    T, G, L, S, F, BITS = fixed(T), fixed(G), vector(L), matrix(S), matrix(F), matrix(BITS)
-    RI, RF, D, R, C = matrix(RI), matrix(RF), vector(D), matrix(R), matrix(C)
-    S0, F0, NONE, KEYS = fixed(S0), fixed(F0), matrix(KEYS[:, :0]), matrix(KEYS)
-    K = places(L)
-    successes, total, steps = 0, 0.0, 0
-    for _ in range(EPISODES):
-        draw = uniform(R, 0)
-        D[0], drawn = draw, False
-        reset_one(T, G, L, K, S, F, RI, RF, D, 0, m, S0, F0)
-        drawn = drawn or D[0] != draw
-        for _ in range(LIMIT):
-            seen = 0
-            if S[0, 0] == 0 and not OF_STATES:
-                seen = look(T[m], G[m], L, K, S[0], F[0], RI, RF, D, 0, C[0])
-            if S[0, 0] != 0:
-                return WRONG, successes, total, steps
-            write_key(S, BITS, KEYS, count, seen, OF_STATES)
-            key = number_of(KEYS, NONE, HASHED, count)
-            action = 0
-            if key == count:
-                forget(KEYS, NONE, HASHED, count)
-            else:
-                action = greedy(Q[key], 0, Q.shape[1])
-            draw = uniform(R, 0)
-            D[0] = draw
-            reward, ended, _ = step_one(T[m], G[m], L, K, S[0], F[0], RI, RF, D, 0, action)
-            drawn = drawn or D[0] != draw
-            if S[0, 0] != 0:
-                return WRONG, successes, total, steps
-            total += reward
-            steps += 1
-            if ended != 0:
-                successes += ended == 1
-                break
-        if not drawn:
-            return DONE, successes * EPISODES, total * EPISODES, steps * EPISODES
-    return DONE, successes, total, steps
+    KEYS, HASHED, Q, OF_STATES, count = POLICY
+    NONE, KEYS = matrix(KEYS[:, :0]), matrix(KEYS)
+    key = present_key(T, G, L, K, S, F, BITS, RI, RF, D, m, C, KEYS, NONE, HASHED, count, OF_STATES)
+    if key < 0:
+        return -1, False
+    if key == count:
+        forget(KEYS, NONE, HASHED, count)
+        return 0, False
+    return greedy(Q[key], 0, Q.shape[1]), False
