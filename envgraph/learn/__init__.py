@@ -47,6 +47,7 @@ from envgraph.solve.learning import (
     Training,
     TrainingSettings,
     available_backends,
+    play_program,
     train_curriculum,
     train_program,
 )
@@ -89,6 +90,7 @@ __all__ = [
     "optimistic_value",
     "performance_profile",
     "permutation_test",
+    "play_program",
     "probability_of_improvement",
     "read_csv",
     "run_experiment",

@@ -17,7 +17,7 @@ from envgraph.env._agents import named_agents
 from envgraph.env._keys import KeyIndex, indexed_classes
 from envgraph.env._simulator import Simulator
 from envgraph.env._together import check_complete
-from envgraph.env.compiled import _kernels, _learning, _listing, _masking, _playing, _values
+from envgraph.env.compiled import _kernels, _learning, _listing, _masking, _network, _playing, _values
 from envgraph.env.compiled._behaviour import Text, written
 from envgraph.env.compiled._layout import Layout
 from envgraph.env.compiled._member import SPARE, Borrowed, Member
@@ -27,13 +27,14 @@ from envgraph.env.compiled._twin import Twin
 from envgraph.env.compiled._world import Arrays
 from envgraph.rewrite import Engine
 
-Purpose = Literal["step", "mask", "list", "learn"]
+Purpose = Literal["step", "mask", "list", "learn", "play"]
 
 PURPOSES: Final[Mapping[Purpose, tuple[tuple[ModuleType, ...], tuple[str, ...]]]] = {
     "step": ((_kernels,), ("advance",)),
     "mask": ((_kernels, _masking), ("masks",)),
     "list": ((_kernels, _listing), ("visit_starts", "visit", "expand", "forget_last", "hash_all")),
     "learn": ((_kernels, _values, _learning, _playing), ("learn", "follow", "hash_all")),
+    "play": ((_kernels, _values, _network, _playing), ("follow",)),
 }
 """The texts that a program has besides its own, and the functions that are called from outside."""
 

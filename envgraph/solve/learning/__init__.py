@@ -1,7 +1,8 @@
 """What learners come to on tables: tabular Q-learning over a sequence of environments.
 
 `train_curriculum` trains one learner on tables, on plain lists or compiled; `train_program` trains it where there are
-too many states for these. `Learners` and `ProgramLearners` are many, which a search asks what they make of a family.
+too many states for these, and there `play_program` plays what a network says. `Learners` and `ProgramLearners` are
+many, which a search asks what they make of a family.
 `PolicyLearner` learns on many levels by what it sees of them, so that it knows what to do on others.
 """
 
@@ -14,6 +15,7 @@ from envgraph.solve.learning._programs import (
     train_program,
     train_stage,
 )
+from envgraph.solve.learning._rollouts import play_program
 from envgraph.solve.learning._settings import Epsilon, TrainingSettings
 from envgraph.solve.learning._stage import Stage, StageOutcome, Table, flatten
 from envgraph.solve.learning._training import (
@@ -60,6 +62,7 @@ __all__ = [
     "joined",
     "loop_of",
     "occurring",
+    "play_program",
     "prepare",
     "take_turns",
     "train",

@@ -1,0 +1,87 @@
+"""Episodes of a policy that is a network, in a compiled program."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from envgraph.env.compiled import Player, Program
+from envgraph.errors import InvalidArgument
+from envgraph.solve._evaluation import Evaluation
+
+Layer = tuple[ArrayLike, ArrayLike]
+"""The weights of a layer [inputs, outputs], and the bias of each output."""
+
+
+def play_program(
+    program: Program,
+    layers: Sequence[Layer],
+    rng: np.random.Generator,
+    *,
+    members: Sequence[int] | None = None,
+    episodes: int = 100,
+    limit: int = 100,
+    sampled: bool = False,
+) -> list[Evaluation]:
+    """Play episodes of a policy that is a network, all in compiled code.
+
+    It sees what `observation="flat"` gives, with the indices of the program's family. Hidden units are rectified; the
+    outputs are a number for each action, of which the greatest is taken, the first of equals, or one by their softmax.
+    It is calculated in float64, the bias first, then the inputs in their order.
+
+    For each beginning a number is drawn, and for each step one, of which the environment makes what
+    `envgraph.make(.., engine="compiled")` makes of its own; before it one for the action, if that is sampled. Where an
+    episode depends on none of them it is played once, and is all of them.
+
+    Args:
+        program: the compiled behaviour with its family.
+        layers: the first has an input for each entry of an observation, the last an output for each action.
+        rng: over PCG64, as `numpy.random.default_rng` makes it; it is advanced, from member to member.
+        members: numbers of the members; all of them by default.
+        episodes: how many on each.
+        limit: steps after which an episode is over.
+        sampled: whether actions are drawn from the softmax of the outputs.
+
+    Returns:
+        What comes of it on each of the members, in their order.
+
+    Raises:
+        InvalidArgument: an argument does not fit the program.
+        EvaluationError: something has no value in a state, or a rule cannot be applied.
+    """
+    chosen = range(len(program.members)) if members is None else members
+    if not all(0 <= one < len(program.members) for one in chosen):
+        raise InvalidArgument(f"members are numbers in 0..{len(program.members) - 1}")
+    if episodes < 1 or limit < 1:
+        raise InvalidArgument(f"{episodes} episodes of {limit} steps: it needs at least one of each")
+    weights, sizes = _packed(program, layers)
+    shape = program.observation_shape or (1,)
+    firsts = np.cumsum([0, *shape[:-1]])
+    policy = firsts, weights, sizes, np.zeros(sizes[1:].sum()), sampled
+    player = Player(program, "play")
+    played = (player.play(one, policy, episodes, limit, rng) for one in chosen)
+    return [Evaluation(*found, episodes, exact=False) for found in played]
+
+
+def _packed(program: Program, layers: Sequence[Layer]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """The numbers of all layers in a row [1, ..], and how many units there are from the inputs to the outputs.
+
+    Raises:
+        InvalidArgument: they do not fit each other, or the program.
+    """
+    pairs = [(np.asarray(one, np.float64), np.asarray(bias, np.float64)) for one, bias in layers]
+    ends = sum(program.observation_shape or (1,)), len(program.action_names)
+    sizes = [ends[0], *(bias.size for _, bias in pairs)]
+    given = [(weights.shape, bias.shape) for weights, bias in pairs]
+    if given != [((before, after), (after,)) for before, after in pairwise(sizes)] or sizes[-1] != ends[1]:
+        raise InvalidArgument(
+            f"layers of {given} are no network from {ends[0]} inputs to {ends[1]} actions",
+            "weights are [inputs, outputs]: those of torch's `Linear` are `weight.T`",
+        )
+    numbers = np.concatenate([part.ravel() for weights, bias in pairs for part in (bias, weights)])
+    if not np.isfinite(numbers).all():
+        raise InvalidArgument("weights and biases are finite numbers")
+    return numbers[None], np.array(sizes)
