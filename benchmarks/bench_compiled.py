@@ -14,6 +14,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from importlib import import_module
 from importlib.util import find_spec
+from itertools import pairwise
 from pathlib import Path
 from statistics import median
 from tempfile import TemporaryDirectory
@@ -22,13 +23,15 @@ from typing import Any
 
 import gymnasium
 import numpy as np
+from numpy.typing import NDArray
 
 from envgraph.behaviour import Behaviour
 from envgraph.env import EnvgraphLiveEnv, Simulator, can_end, explore
 from envgraph.env.compiled import Batch, CompiledEnv, Program, enumerated, find_plan, guided, program_of
 from envgraph.lang import load_workspace
-from envgraph.learn import TrainingSettings, train_program
+from envgraph.learn import TrainingSettings, play_program, train_program
 from envgraph.rewrite import Engine
+from envgraph.search import make_vec
 from envgraph.solve import certify, value_iteration
 
 ROOT = Path(__file__).parents[1]
@@ -77,6 +80,7 @@ def main() -> None:
     _certificates()
     _plans()
     _learning()
+    _networks()
     _compiling()
 
 
@@ -263,6 +267,55 @@ def _learning() -> None:
             f"two boxes, {steps:,} steps: {seconds:.2f} s (<= 2; {rate:.1f} M/s), {sum(solved):.0f} of 5 solve it",
             flush=True,
         )
+
+
+def _networks() -> None:
+    """A network of 64 units that draws its actions: in the program, and torch's beside many environments."""
+    program = program_of(*opened("keydoor"))
+    sizes = sum(program.observation_shape), 64, len(program.action_names)
+    rng = np.random.default_rng(0)
+    layers = [(rng.normal(size=ends) / 8, np.zeros(ends[1])) for ends in pairwise(sizes)]
+
+    def burst() -> int:
+        (found,) = play_program(program, layers, rng, episodes=COUNT, limit=100, sampled=True)
+        return round(found.mean_length * COUNT)
+
+    if find_spec("torch") is None:
+        (inside,) = alternating(burst)
+        print("torch is not installed and left out")
+    else:
+        inside, beside = alternating(burst, _with_torch(layers))
+        print(
+            f"torch, make_vec of {COUNT:,}: {_rates(beside)} M steps/s; inside {ratios(beside, inside, 1)} times"
+        )
+    print(f"network of 64 units, in the program: {_rates(inside)} M steps/s", flush=True)
+
+
+def _with_torch(layers: Sequence[tuple[NDArray[Any], NDArray[Any]]]) -> Job:
+    """A burst of steps of many environments, whose actions torch draws on one core."""
+    torch: Any = import_module("torch")
+    torch.set_num_threads(1)
+    linear = [torch.nn.Linear(*weights.shape) for weights, _ in layers]
+    net = torch.nn.Sequential(linear[0], torch.nn.ReLU(), linear[1])
+    for one, (weights, bias) in zip(linear, layers, strict=True):
+        one.load_state_dict({"weight": torch.tensor(weights.T), "bias": torch.tensor(bias)})
+    envs = make_vec(domain="keydoor", num_envs=COUNT, observation="flat", engine="compiled")
+    seen, _ = envs.reset(seed=0)
+
+    def burst() -> int:
+        nonlocal seen
+        with torch.no_grad():
+            for _ in range(20):
+                chances = net(torch.from_numpy(seen)).softmax(dim=1)
+                seen, *_ = envs.step(torch.multinomial(chances, 1)[:, 0].numpy())
+        return 20 * COUNT
+
+    return burst
+
+
+def _rates(seconds: Sequence[float]) -> str:
+    """Million steps a second: by the best burst, and by the median."""
+    return f"{1e-6 / min(seconds):.2f} {1e-6 / median(seconds):.2f}"
 
 
 def _best(job: Callable[[], object], times: int = 5) -> float:
