@@ -10,7 +10,7 @@ from envgraph.learn import Experiment, Summary
 from envgraph.report._charts import Series, line_chart
 from envgraph.report._page import Card, Report, Section, Table
 from envgraph.report._training_report import Trained, budget_charts, thinned, thousands, training_section
-from envgraph.search import Family, Outcome, caption, certificate_texts
+from envgraph.search import Family, Outcome, caption, certificate_texts, measure_texts
 
 History = Sequence[tuple[int, float, int, int]]
 """Number, diversity, accepted and rejected children of each generation."""
@@ -82,10 +82,17 @@ def stage_table(family: Family, trained: Sequence[Trained] = ()) -> Table:
     environment; a last row tells of training on the target alone, where that was done.
     """
     columns, rows = _stage_cells(family, trained)
-    shown = tuple(
-        tuple("" if cell is None else format(cell, as_) for (_, as_), cell in zip(columns, row, strict=True))
-        for row in rows
-    )
+    measures = {
+        name: measure_texts([one.measures[name] for one in family.members])
+        for name in family.members[0].measures
+    }
+    cells = [
+        [*measures[name], *("" for _ in rows[len(family.members) :])]
+        if name in measures
+        else ["" if row[place] is None else format(row[place], as_) for row in rows]
+        for place, (name, as_) in enumerate(columns)
+    ]
+    shown = tuple(zip(*cells, strict=True))
     about = "Success and return: agents trained on the curriculum up to each environment, evaluated there"
     about += "; at so many training steps an environment." if len(trained) > 1 else "."
     return Table(about, tuple(name for name, _ in columns), shown, frozenset(range(1, len(columns))))
@@ -111,17 +118,12 @@ def _stage_cells(
     if any(alone):
         blank = [None] * (len(measures) + len(varying))
         rows.append((f"{target} alone", *blank, *(cell for one in alone for cell in _result(one))))
-    columns = [("environment", ""), *((name, _format(family, name)) for name in measures)]
+    columns = [("environment", ""), *((name, "") for name in measures)]
     columns += [(name, "") for name in varying]
     for budget in trained:
         at = f" at {thousands(budget.steps)}" if len(trained) > 1 else ""
         columns += [(f"success{at}", ".0%"), (f"return{at}", "z.2f")]
     return columns, rows
-
-
-def _format(family: Family, measure: str) -> str:
-    """Of the values of a measure: whole numbers have no decimals."""
-    return ".0f" if all(member.measures[measure].is_integer() for member in family.members) else ".3f"
 
 
 def _baseline(experiment: Experiment, label: str) -> Summary | None:

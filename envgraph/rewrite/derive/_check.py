@@ -126,7 +126,7 @@ def _check_operators(derivation: Derivation, metamodel: Metamodel) -> Iterator[D
             yield Diagnostic(
                 "nothing-derived", f"{message}: there is no operator for it", derivation.span, hint
             )
-        elif not annotations:
+        elif not annotations and weight_of(derivation, "create") > 0:
             yield from _without_creation(schema, touched, derivation)
 
 
@@ -166,6 +166,16 @@ def _check_annotations(derivation: Derivation) -> Iterator[Diagnostic]:
                 message = f"the weight of a kind is a number, 0 or above, not {value}"
                 hint = f"write `@weight({kind} = 0.5)`; with 0 the kind is left out"
                 yield Diagnostic("bad-weight", message, place, hint)
+
+
+def weight_of(derivation: Derivation, kind: str) -> float:
+    """How often a kind of operators is drawn beside other rules; 0 leaves it out."""
+    given = {
+        name: value for one in derivation.annotations if one.name == "weight" for name, value in one.named
+    }
+    weight = given.get(kind, 1.0)
+    assert isinstance(weight, int | float)
+    return derivation.weight * weight
 
 
 def _is_cap(value: object) -> bool:

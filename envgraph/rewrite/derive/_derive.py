@@ -27,7 +27,7 @@ from envgraph.pattern import (
     TypeConstraint,
     Variable,
 )
-from envgraph.rewrite.derive._check import KINDS
+from envgraph.rewrite.derive._check import KINDS, weight_of
 from envgraph.rewrite.derive._features import container_operators, link_operators, value_operators
 from envgraph.rewrite.derive._objects import creating_and_deleting, retypings
 from envgraph.rewrite.derive._rule_builder import RuleBuilder
@@ -94,10 +94,10 @@ def _operators(derivation: Derivation, metamodel: Metamodel) -> Derived:
             rule = _apart(replace(builder.rule(), span=derivation.span), found)
             found.setdefault(rule.name, rule)
             patterns.update(builder.patterns)
-    weights, caps = _named(derivation, "weight"), _named(derivation, "cap")
+    caps = {kind: value for one in derivation.annotations if one.name == "cap" for kind, value in one.named}
     rules: list[Rule] = []
     for kind in KINDS:
-        weight = derivation.weight * weights.get(kind, 1.0)
+        weight = weight_of(derivation, kind)
         family = [rule for rule in found.values() if _part(rule, 1) == kind]
         family = _first(family, int(caps.get(kind, len(family))))
         if weight > 0:
@@ -142,9 +142,3 @@ def _cap(derivation: Derivation) -> int:
     """In how many ways an object is created or retyped."""
     caps = [value for one in derivation.annotations if one.name == "cap" for value in one.arguments]
     return int(caps[0]) if caps else MOST_WAYS
-
-
-def _named(derivation: Derivation, name: str) -> dict[str, float]:
-    """Return what annotations of a name say about kinds."""
-    named = chain.from_iterable(one.named for one in derivation.annotations if one.name == name)
-    return {kind: float(value) for kind, value in named}
