@@ -64,7 +64,7 @@ def _running_unit(engine: Engine, name: str, bound: Sequence[str], outputs: Sequ
     ) -> Sequence[Value | None] | None:
         savepoint = model.savepoint()
         try:
-            with engine.lent(_Drawn(choices)):
+            with engine.lent(_Drawn(choices)) as trace:
                 result = engine.run(name, bound=dict(zip(bound, values, strict=True)))
             if not result and result.refusal is not None:
                 raise result.refusal
@@ -75,6 +75,7 @@ def _running_unit(engine: Engine, name: str, bound: Sequence[str], outputs: Sequ
             model.rollback(savepoint)
             return None
         model.release(savepoint)
+        engine.history.record(trace, trace.gaps)
         return [_value(result.outputs.get(output)) for output in outputs]
 
     return perform

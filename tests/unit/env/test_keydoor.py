@@ -152,8 +152,13 @@ def test_an_argument_of_a_superclass_matches_only_where_it_is_the_right_object(
     assert rewarded == ["push(3, 3)"]
 
 
-def test_what_an_episode_applies_is_recorded() -> None:
-    workspace = load_workspace([FILES / "two_rooms.model", FILES / "keydoor.environment"])
+@pytest.mark.parametrize("unit", [False, True])
+def test_what_an_episode_applies_is_recorded(unit: bool) -> None:
+    texts = {file.name: file.read_text() for file in FILES.glob("*.*")}
+    if unit:
+        texts["keydoor.environment"] = texts["keydoor.environment"].replace("= walk(", "= go(")
+        texts["keydoor.rules"] += "unit go(hero : Hero, way : Way) { walk(hero, way); }\n"
+    workspace = load_workspace(["two_rooms.model", "keydoor.environment"], files=TextFiles(texts))
     engine, rng = workspace.engine(), np.random.default_rng(3)
     simulator, start = Simulator(engine, workspace.behaviour()), engine.commit()
     with engine.recording() as trace:

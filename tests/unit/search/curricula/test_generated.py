@@ -93,6 +93,7 @@ def test_a_file_of_a_bundled_domain_has_a_short_name(tmp_path: Path, monkeypatch
     assert Domain.load("network/teaching.toml").spec.name == "RoutingTeaching"
     assert Domain.load("sokoban/teaching.toml").spec.name == "SokobanTeaching"
     assert Domain.load("lava/teaching.toml").spec.name == "LavaTeaching"
+    assert Domain.load("warehouse/teaching.toml").spec.name == "WarehouseTeaching"
     assert not load_workspace(["burning_forest/teaching.toml"]).diagnostics
     with pytest.raises(LoadError, match=r"did you mean `teaching[.]toml`"):
         Domain.load("burning_forest/teachin.toml")
