@@ -31,20 +31,26 @@ class Episode:
     Attributes:
         touched: the objects whose links or values are changed, and those that they lead to, in the order of the
             episode.
-        states: what is applied from each state to the next; without the step that ends the episode. Empty where it is
-            not known, or does not end in success.
+        states: what is applied from each state to the next; without the step that ends the episode. Empty where it was
+            not played, or does not end in success.
     """
 
     touched: list[int]
     states: tuple[Trace, ...]
 
 
-def optimal_episodes(levels: Levels, rng: Generator) -> list[Episode]:
-    """Some of them; the shortest plan where there is no table of the target. The engine is left in any state."""
+def optimal_episodes(levels: Levels, rng: Generator, *, states: bool) -> list[Episode]:
+    """Some of them; the shortest plan where there is no table of the target. The engine is left in any state.
+
+    Args:
+        levels: whose target it is.
+        rng: draws them.
+        states: whether their states are wanted: without a table the plan is played for these alone.
+    """
     try:
         table = levels.target.tabular
     except TooManyStates:
-        return [_planned(levels, rng)]
+        return [_planned(levels, rng, states)]
     (small,) = occurring([table])
     policy = dict(
         zip(table.observation.tolist(), softened_policy(small, 0.0)[small.observation], strict=True)
@@ -57,17 +63,19 @@ def optimal_episodes(levels: Levels, rng: Generator) -> list[Episode]:
     return [_played(levels, act, limit, rng) for _ in range(PLANS)]
 
 
-def _planned(levels: Levels, rng: Generator) -> Episode:
+def _planned(levels: Levels, rng: Generator, states: bool) -> Episode:
     """The shortest plan; touched is what it does where all chances are as it wants."""
     levels.go_to(levels.target.version)
     plans = Plans(levels.behaviour)
     try:
         facts = [_facts(levels) for _ in plans.episode(levels.engine)]
         touched = _touched(levels, facts)
-        levels.go_to(levels.target.version)
-        actions = plans.plan(levels.engine).actions
     except NotCompiled:
         return Episode([], ())
+    if not states:
+        return Episode(touched, ())
+    levels.go_to(levels.target.version)
+    actions = plans.plan(levels.engine).actions
     numbers = Simulator(levels.engine, levels.behaviour, levels.keys).action_names
     left = iter([numbers.index(name) for name in actions])
     return Episode(touched, _played(levels, lambda seen: next(left), len(actions), rng).states)
@@ -89,13 +97,12 @@ def _played(levels: Levels, act: Callable[[int], int], limit: int, rng: Generato
                 ended = outcome.terminated
                 break
             lengths.append(len(recorded))
-        touched = _touched(levels, facts)
         parts = [tuple(recorded[before:after]) for before, after in pairwise([0, *lengths])]
-    return Episode(touched, tuple(filter(None, parts)) if ended == 1 else ())
+    return Episode(_touched(levels, facts), tuple(filter(None, parts)) if ended == 1 else ())
 
 
 def _touched(levels: Levels, states: list[Facts]) -> list[int]:
-    """The objects that differ from one state to the next, and those that they lead to."""
+    """The objects of the present model that differ from one state to the next, and those that they lead to."""
     found = dict[int, None]()
     for before, after in pairwise(states):
         for old, new in zip(before, after, strict=True):

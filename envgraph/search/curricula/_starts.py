@@ -88,10 +88,13 @@ class Starts:
         levels.go_to(levels.target.version)
         self._applications = self._by_effect()
         self._links = _links(levels)
-        self._episodes = optimal_episodes(levels, rng)
         self._from_episodes = begin == "episode"
+        self._episodes = optimal_episodes(levels, rng, states=self._from_episodes)
         if self._from_episodes and not any(one.states for one in self._episodes):
-            raise InvalidArgument("no optimal episode of the target is known that ends in success")
+            raise InvalidArgument(
+                "no optimal episode of the target is known that ends in success",
+                'see whether `envgraph check` finds a `shortest_plan` within the limit; `begin = "easing"` needs none',
+            )
         levels.go_to(levels.target.version)
 
     def easing(self, rng: Generator) -> Easing | Episode:

@@ -118,6 +118,14 @@ def test_families_may_begin_on_the_way_of_an_optimal_episode(
             assert levels.engine.model.state_hash() == level.state
 
 
+def test_without_a_table_easing_plays_no_plan(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(_levels, "MOST_STATES", 10)
+    levels, rng = levels_of("sokoban"), np.random.default_rng(1)
+    before = rng.bit_generator.state
+    Starts(levels, Moves(levels), 4, None, rng)
+    assert rng.bit_generator.state == before
+
+
 def test_families_begin_on_no_way_that_does_not_end_in_success() -> None:
     levels = levels_of("lava")
     levels = Levels(levels.problem, replace(levels.behaviour, limit=5))
