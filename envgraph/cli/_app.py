@@ -82,7 +82,11 @@ def main() -> int:
     except click.ClickException as error:
         error.show()
         return error.exit_code
-    except click.Abort:  # interrupted before the command began
+    except click.Abort as abort:  # interrupted before the command began
+        if isinstance(
+            abort.__cause__, EOFError
+        ):  # click takes it for Ctrl-D at a prompt; there are no prompts
+            raise abort.__cause__ from None
         code = _INTERRUPTED
     finally:
         signal.signal(signal.SIGTERM, usual)

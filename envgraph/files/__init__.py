@@ -3,7 +3,7 @@
 Also the one that people read meanwhile: standard error, where long work says how far it has come.
 """
 
-from envgraph.files._cache import CACHE_VARIABLE, cache_directory
+from envgraph.files._cache import CACHE_VARIABLE, cache_directory, read_cached, write_cached
 from envgraph.files._open import open_input
 from envgraph.files._progress import counting, telling
 from envgraph.files._replace import check_free, replace_file, replacing
@@ -14,7 +14,9 @@ __all__ = [
     "check_free",
     "counting",
     "open_input",
+    "read_cached",
     "replace_file",
     "replacing",
     "telling",
+    "write_cached",
 ]

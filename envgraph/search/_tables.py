@@ -121,10 +121,14 @@ class Tables:
             self._write(name, found)
         return found
 
+    def _paths(self, name: str) -> list[Path]:
+        """Return the file in each place; not where a pipe or a device has its name, which would be waited for."""
+        paths = [place / name for place in self.places]
+        return [path for path in paths if not os.path.exists(path) or os.path.isfile(path)]
+
     def read(self, name: str, *, drawn: bool) -> Explored | None:
         """The table of a file, if it is there, and has a picture of every state where it is to be drawn."""
-        for place in self.places:
-            path = place / name
+        for path in self._paths(name):
             try:
                 found = read_explored(path)
             except InvalidArgument:  # not there, or damaged: then it is made anew
@@ -136,25 +140,25 @@ class Tables:
 
     def _refusal(self, name: str) -> tuple[str, str | None] | None:
         """Why there is no table, and what helps."""
-        for place in self.places:
+        for path in self._paths(name.replace(".npz", ".refusal")):
             with suppress(OSError, ValueError, RecursionError):  # not there, or damaged
-                match json.loads((place / name).with_suffix(".refusal").read_text("utf-8")):
+                match json.loads(path.read_text("utf-8")):
                     case {"message": str(message), "hint": str() | None as hint}:
                         return message, hint
         return None
 
     def _refuse(self, name: str, error: TooManyStates) -> None:
         content = json.dumps({"message": error.message, "hint": error.hint})
-        for place in self.places:
+        for path in self._paths(name.replace(".npz", ".refusal")):
             with suppress(OSError):
-                replace_file((place / name).with_suffix(".refusal"), content)
+                replace_file(path, content)
                 return
 
     def record(self, key: str) -> Record | None:
         """What was kept of a family, by a hash of all that it is made from."""
-        for place in self.places:
+        for path in self._paths(f"{key}.record"):
             with suppress(OSError, ValueError, RecursionError):  # not there, or damaged
-                match json.loads((place / f"{key}.record").read_text("utf-8")):
+                match json.loads(path.read_text("utf-8")):
                     case {
                         "family": str(family),
                         "behaviour": str(behaviour),
@@ -168,18 +172,18 @@ class Tables:
 
     def keep(self, key: str, record: Record) -> None:
         """Keep a record where that can be written."""
-        for place in self.places:
+        for path in self._paths(f"{key}.record"):
             with suppress(OSError):
-                replace_file(place / f"{key}.record", json.dumps(asdict(record)))
+                replace_file(path, json.dumps(asdict(record)))
                 return
 
     def _write(self, name: str, explored: Explored) -> None:
         reason: OSError | None = None
-        for place in self.places:
+        for path in self._paths(name):
             try:
-                with replacing(place / name) as draft, draft.open("wb") as file:
+                with replacing(path) as draft, draft.open("wb") as file:
                     write_explored(explored, file)
-                _tidy(place)
+                _tidy(path.parent)
                 return
             except OSError as error:
                 reason = error

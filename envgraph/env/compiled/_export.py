@@ -17,31 +17,41 @@ from envgraph.env.compiled._batch import SHOWN
 from envgraph.env.compiled._kernels import CAPACITY, FAILED, REFUSED
 from envgraph.env.compiled._program import Program
 from envgraph.errors import InvalidArgument
-from envgraph.files import check_free, replace_file
+from envgraph.files import _cache, check_free, replace_file
 
 MOST_NAMED: Final = 20
 """Actions that are named in a README."""
+_NUMBA: Final = "arrays", "machine_code"
+"""Modules that cannot be imported without numba."""
 _ERRORS: Final = {FAILED: "something has no value", REFUSED: "a rule cannot be applied", **SHOWN}
 
 _TAIL: Final = """
 from inspect import isfunction
 
 try:
-    from numba import njit
+    from numba import config, njit
 except ImportError:
     NATIVE = False
 else:
-    NATIVE = True
+    NATIVE = not config.DISABLE_JIT
 
 if NATIVE:
+    from inspect import getsource
+    from sys import modules
+
+    from . import arrays
     from .arrays import *
+    from .cache import cache_directory, read_cached, write_cached
+    from .machine_code import keep_machine_code
 
     options = {"error_model": "numpy", "_nrt": False, "no_cfunc_wrapper": True}
     inner = njit(forceinline=True, no_cpython_wrapper=True, **options)
     for name, value in list(globals().items()):
         if isfunction(value) and value.__module__ == __name__ and name != "advance":
             globals()[name] = inner(value)
-    advance = njit(nogil=True, cache=True, **options)(advance)
+    advance = njit(nogil=True, **options)(advance)
+    text = getsource(arrays) + getsource(modules[__name__])
+    keep_machine_code(advance, text, cache_directory(), read_cached, write_cached)
 else:
     from .plain import *
 
@@ -122,7 +132,8 @@ def program_files(
         "__init__.py": inspect.getsource(_exported),
         "_world.py": inspect.getsource(_world),
         "program.py": f"{kernels}\n\n{program.source}\n{_TAIL}",
-        "arrays.py": (Path(__file__).parent / "_arrays.py").read_text("utf-8"),  # importing it takes numba
+        **{f"{name}.py": (Path(__file__).parent / f"_{name}.py").read_text("utf-8") for name in _NUMBA},
+        "cache.py": inspect.getsource(_cache),
         "plain.py": inspect.getsource(_plain),
         "about.json": json.dumps(about, indent=1) + "\n",
         "data.npz": _packed(program),

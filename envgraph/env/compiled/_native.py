@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import importlib.util
 import inspect
+import os
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
 from functools import lru_cache
 from hashlib import sha256
 from pathlib import Path
@@ -17,12 +17,15 @@ import numpy as np
 
 from envgraph import code
 from envgraph.env.compiled import _plain
-from envgraph.files import cache_directory, replace_file
+from envgraph.files import cache_directory, read_cached, write_cached
 
 
 def has_numba() -> bool:
-    """Whether programs can be compiled."""
-    return importlib.util.find_spec("numba") is not None
+    """Return True if programs can be compiled: numba is installed, and `NUMBA_DISABLE_JIT` does not switch it off."""
+    return (
+        os.environ.get("NUMBA_DISABLE_JIT", "0") in ("", "0")
+        and importlib.util.find_spec("numba") is not None
+    )
 
 
 @lru_cache(maxsize=64)
@@ -52,22 +55,13 @@ def _interpreted(source: str) -> dict[str, Any]:
 
 
 def _native(source: str, called: Sequence[str]) -> dict[str, Any]:
-    """The functions of a text, compiled by numba; it caches them beside a file with the text, named by its hash."""
+    """The functions of a text, compiled by numba; the cache keeps the machine code."""
     import numba
 
-    from envgraph.env.compiled import _arrays
+    from envgraph.env.compiled import _arrays, _machine_code
 
-    known = numba.__version__, inspect.getsource(_arrays), source
-    digest = sha256("\n".join(known).encode()).hexdigest()[:32]
-    path = Path("programs") / f"program_{digest}.py"
-    folder, kept = cache_directory(), False
-    if folder is not None:
-        path = folder / path
-        with suppress(OSError):  # a directory that cannot be written keeps nothing
-            path.parent.mkdir(parents=True, exist_ok=True)
-            if not path.exists():
-                replace_file(path, source)
-            kept = True
+    text = "\n".join([inspect.getsource(_arrays), source])
+    path = Path("programs") / f"program_{sha256(text.encode()).hexdigest()[:32]}.py"
     module = ModuleType(path.stem)
     sys.modules[path.stem] = module  # numba looks there for the functions of what it has cached
     namespace = vars(module)
@@ -75,8 +69,10 @@ def _native(source: str, called: Sequence[str]) -> dict[str, Any]:
     code.define_text(source, str(path), namespace)
     options: Any = {"error_model": "numpy", "_nrt": False, "no_cfunc_wrapper": True}
     inside: Any = {**options, "forceinline": True, "no_cpython_wrapper": True}
-    inner, outer = numba.njit(**inside), numba.njit(nogil=True, cache=kept, **options)
+    inner, outer = numba.njit(**inside), numba.njit(nogil=True, **options)
     for name, value in list(namespace.items()):
         if inspect.isfunction(value) and value.__module__ == path.stem:
-            namespace[name] = (outer if name in called else inner)(value)
+            made = namespace[name] = (outer if name in called else inner)(value)
+            if name in called:
+                _machine_code.keep_machine_code(made, text, cache_directory(), read_cached, write_cached)
     return namespace

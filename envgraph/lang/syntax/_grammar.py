@@ -9,9 +9,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator
-from contextlib import suppress
 from functools import cache
-from hashlib import sha256
 from pathlib import Path
 from sys import intern
 from typing import Any, NamedTuple
@@ -25,7 +23,7 @@ from lark.parsers.lalr_analysis import Reduce, Shift
 from lark.utils import SerializeMemoizer
 
 from envgraph.code import dataclass
-from envgraph.files import cache_directory, replace_file
+from envgraph.files import cache_directory, read_cached, write_cached
 from envgraph.lang.syntax._data import data_path
 from envgraph.lang.syntax._lexer import END, LexicalCore
 
@@ -196,16 +194,12 @@ class _NoLexer(Lexer):
 def tables(path: Path) -> Any:
     """The tables of a grammar file, as Lark serialises them; a conflict in it is an exception when they are built."""
     directory, key = cache_directory(), _key(path)
-    kept = directory / f"grammar-{path.stem}.json" if directory else None
-    if kept is not None:
-        with suppress(OSError, ValueError):  # not there, or no text
-            head, _, text = kept.read_text("utf-8").partition("\n")
-            if head == _hash(key, text):
-                return json.loads(text)
+    kept = directory / f"grammar-{path.stem}" if directory else None
+    if kept is not None and (known := read_cached(kept, key)) is not None:
+        return json.loads(known)
     text = json.dumps(_built(path))
     if kept is not None:
-        with suppress(OSError):
-            replace_file(kept, f"{_hash(key, text)}\n{text}")
+        write_cached(kept, key, text.encode())
     return json.loads(text)
 
 
@@ -213,10 +207,6 @@ def _key(path: Path) -> str:
     """All that tables depend on: the grammars, which import each other, and Lark."""
     texts = [one.read_text(encoding="utf-8") for one in sorted(path.parent.glob("*.lark"))]
     return "\0".join([lark.__version__, *texts])
-
-
-def _hash(*texts: str) -> str:
-    return sha256("\0".join(texts).encode()).hexdigest()
 
 
 def _built(path: Path) -> dict[str, Any]:

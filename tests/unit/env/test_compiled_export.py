@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -104,6 +105,31 @@ def test_a_package_steps_where_there_is_no_envgraph(tmp_path: Path, runs: str) -
     expected = wanted(made)
     assert len(found) == len(expected)
     assert all(np.array_equal(one, other) for one, other in zip(found, expected, strict=True))
+
+
+@pytest.mark.parametrize(
+    ("home", "switched_off", "kept"), [("home", "0", 1), ("file", "0", 0), ("home", "1", 0)]
+)
+def test_package_runs_without_a_place_for_machine_code(
+    tmp_path: Path, home: str, switched_off: str, kept: int
+) -> None:
+    """A package that cannot be written, of a user who has no home, and with numba switched off."""
+    pytest.importorskip("numba")
+    export(program(native=False), tmp_path / "halls", name="W", members=["E1", "E2", "E3"], limit=100)
+    (tmp_path / "file").write_text("")
+    (tmp_path / "halls").chmod(0o500)
+    script = "import halls; halls.Environments(2).reset(seed=0); print(halls._program().NATIVE)"
+    places = {"HOME": str(tmp_path / home), "PYTHONDONTWRITEBYTECODE": "1", "NUMBA_DISABLE_JIT": switched_off}
+    usual = {
+        name: value for name, value in os.environ.items() if name not in ("ENVGRAPH_CACHE", "XDG_CACHE_HOME")
+    }
+    for _ in range(2):
+        command = [sys.executable, "-c", script]
+        ran = subprocess.run(
+            command, cwd=tmp_path, env=usual | places, capture_output=True, text=True, check=False
+        )
+        assert (ran.stdout, ran.stderr) == (f"{switched_off == '0'}\n", "")
+    assert len([*tmp_path.glob("home/.cache/envgraph/programs/*")]) == kept
 
 
 def test_what_cannot_be_a_package_is_refused(tmp_path: Path) -> None:

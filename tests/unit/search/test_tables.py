@@ -279,6 +279,20 @@ def test_where_nothing_can_be_written_the_user_is_next_and_then_it_is_told(
     assert "could not be kept" in message and "ENVGRAPH_CACHE" in message
 
 
+def test_pipes_in_the_cache_are_neither_read_nor_written(
+    exported: Path, cache: Path, visited: list[bool]
+) -> None:
+    make_environment(family=exported)
+    names = [path.name for path in cache.iterdir() if path.suffix in (".npz", ".record")]
+    assert len(names) >= 2
+    for name in names:
+        (cache / name).unlink()
+        os.mkfifo(cache / name)
+    make_environment(family=exported)
+    assert len(visited) == 2
+    assert all((cache / name).is_fifo() for name in names)
+
+
 def test_what_nobody_has_used_for_longest_makes_room(
     exported: Path, cache: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
