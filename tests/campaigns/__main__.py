@@ -11,7 +11,7 @@ import sys
 import time
 from collections.abc import Iterator
 
-from tests.campaigns import disks, encodings, environments, kills, programs, readers, stores
+from tests.campaigns import caches, disks, encodings, environments, kills, programs, readers, stores
 from tests.campaigns.cases import Outcome, explore
 
 CAMPAIGNS = {
@@ -22,6 +22,7 @@ CAMPAIGNS = {
     "stores": stores,
     "kills": kills,
     "disks": disks,
+    "caches": caches,
 }
 
 
