@@ -124,15 +124,16 @@ def _walked() -> tuple[float, float]:
     """CPU seconds of the drawing alone, and the mean distance of pairs of members."""
     domain = Domain.load("burning_forest")
     problem = domain.problem(domain.engine())
-    sampler = Sampler(problem, domain.settings(), SampleSettings(COUNT, (), None, 1, 10 * COUNT), 1)
+    sampler = Sampler(problem, domain.settings(), SampleSettings(COUNT, (), (), 1, 10 * COUNT), 1)
     started = process_time()
-    members = [*sampler.run()]
+    sampler.run()
     seconds = process_time() - started
     rng = random.Random(1)
+    members = sampler.members()
     rng.shuffle(members)
     maps = []
-    for member in members[:200]:
-        problem.engine.checkout(sampler._versions[member], discard=True)
+    for _, version in members[:200]:
+        problem.engine.checkout(version, discard=True)
         model = problem.engine.model
         maps.append([model.class_of(node) for node in sorted(model.extent("Tile"))])
     distances = [sum(one != other for one, other in zip(*pair, strict=True)) for pair in pairwise(maps)]
