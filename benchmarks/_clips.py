@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from importlib import import_module
 from typing import Any
 
-try:
-    clips: Any = import_module("clips")
-except ImportError:
-    clips = None
+from benchmarks._peers import peer
 
-MISSING = "clipspy is not installed and left out; `make bench` installs it"
+clips = peer("clips")
 
 
 class Clips:

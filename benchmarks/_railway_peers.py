@@ -1,39 +1,24 @@
 """Other tools on the railways of the Train Benchmark: CLIPS, DuckDB, SQLite, and VF2 of networkx and rustworkx.
 
 Each gets the same plain data, and for edits the same elementary changes. A tool that is not installed is `None` in its
-module's place; see `missing`.
+module's place.
 """
 
 from __future__ import annotations
 
 import sqlite3
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from importlib import import_module
 from typing import Any, Protocol
 
+import networkx
+import numpy
+
+from benchmarks._peers import peer
 from benchmarks._railway import OWNERS, POSITIONS, Railway, reference
 from envgraph.graph import ClassFact, Fact, LinkFact, Model, ValueFact
 from envgraph.metamodel import Metamodel
 
-
-def _optional(name: str) -> Any:
-    try:
-        return import_module(name)
-    except ImportError:
-        return None
-
-
-clips = _optional("clips")
-duckdb = _optional("duckdb")
-networkx = _optional("networkx")
-numpy = _optional("numpy")
-rustworkx = _optional("rustworkx")
-
-
-def missing() -> list[str]:
-    """What cannot be compared with here, by the name to install it with."""
-    found = {"clipspy": clips, "duckdb": duckdb, "networkx": networkx, "rustworkx": rustworkx}
-    return [name for name, module in found.items() if module is None]
+clips, duckdb, rustworkx = map(peer, ("clips", "duckdb", "rustworkx"))
 
 
 # --- elementary changes

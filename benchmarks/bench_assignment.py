@@ -1,4 +1,4 @@
-"""The Class Responsibility Assignment case: moves a second beside an annealer by hand, and the CRA index reached.
+"""Assign features to classes (CRA): moves a second and the index, beside an annealer written by hand.
 
     python -m benchmarks assignment
 
@@ -13,6 +13,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 from time import process_time
+from typing import NamedTuple
 
 from benchmarks._assignment import SIZES, ByHand, Program, fill, problem
 from envgraph.graph import Model
@@ -21,19 +22,30 @@ from envgraph.rewrite import Engine
 from envgraph.search import Annealing, optimise
 
 MOVES = ("introduce", "assign", "move", "extract", "join")
-STEPS = 10_000
 SHARE = 1 / 3
 """Of the moves a second by hand."""
 
 
-def main() -> None:
+class Sizes(NamedTuple):
+    """The inputs of the contest, by name, and the moves for each."""
+
+    inputs: tuple[str, ...]
+    moves: int
+
+
+FULL = Sizes(tuple(SIZES), 10_000)
+QUICK = Sizes(("A", "B"), 50)
+
+
+def main(sizes: Sizes) -> None:
     """Print the figures."""
     folder = os.environ.get("ENVGRAPH_CRA")
     programs = "the contest's inputs" if folder else "random programs; MOMoT's indices are of others"
-    print(f"{STEPS} moves; {programs}")
+    print(f"{sizes.moves} moves; {programs}")
     print("input  features  dependencies  moves/s  by hand  share   index  by hand  MOMoT")
     shares = []
-    for name, size in SIZES.items():
+    for name in sizes.inputs:
+        size = SIZES[name]
         if folder:
             engine, program = contest(Path(folder), name)
         else:
@@ -46,12 +58,12 @@ def main() -> None:
             maximise="craIndex",
             forbid=["unassigned"],
             strategy=Annealing(),
-            steps=STEPS,
+            steps=sizes.moves,
             seed=1,
         )
         middle = process_time()
-        best = by_hand(program)
-        ours, hand = STEPS / (middle - started), STEPS / (process_time() - middle)
+        best = by_hand(program, sizes.moves)
+        ours, hand = (sizes.moves / seconds for seconds in (middle - started, process_time() - middle))
         shares.append(ours / hand)
         features, links = program.methods + program.attributes, len(program.data) + len(program.functional)
         print(
@@ -61,12 +73,12 @@ def main() -> None:
     print("met" if min(shares) >= SHARE else f"missed: the least share is {min(shares):.2f}, not {SHARE:.2f}")
 
 
-def by_hand(program: Program) -> float:
+def by_hand(program: Program, moves: int) -> float:
     """The best index of an annealing by hand."""
     search = ByHand(program, 1)
     best = search.index
-    for number in range(STEPS):
-        if search.step(0.01 ** (number / STEPS)):
+    for number in range(moves):
+        if search.step(0.01 ** (number / moves)):
             best = max(best, search.index)
     assert abs(search.index - search.computed()) < 1e-6, "the index by hand follows"
     return best

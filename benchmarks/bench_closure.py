@@ -1,4 +1,4 @@
-"""Transitive closure kept current: a link goes, and comes back.
+"""Keep transitive closures current while a link is deleted and inserted, beside networkx and rustworkx.
 
     python -m benchmarks closure
 
@@ -16,16 +16,20 @@ from itertools import product
 from random import Random
 from statistics import median
 from time import perf_counter_ns
+from typing import NamedTuple
 
 import networkx as nx
 
-from benchmarks._railway_peers import rustworkx
+from benchmarks._peers import peer
 from envgraph import Engine, Pattern
 from envgraph.graph import Model
 from envgraph.match import FREE, ViewMatcher
 from envgraph.metamodel import Class, Metamodel, Reference
 
 Edges = list[tuple[int, int]]
+
+PEERS = ("rustworkx",)
+rustworkx = peer("rustworkx")
 
 PLACES = Metamodel(
     "places",
@@ -38,7 +42,6 @@ QUESTIONS = {
     "one start": Pattern("reached", "a : Start, b : Place", "Place.to+(a, b)"),
 }
 SEED = 1
-CHANGES = 30
 LONGEST = 2_000_000
 """Work, as edges times starts, above which a peer is left out: a change would take seconds."""
 
@@ -69,31 +72,45 @@ def circles(size: int) -> Edges:
     return [edge for a, b in grid(size) for edge in ((a, b), (b, a))]
 
 
-CASES: tuple[tuple[Callable[[int], Edges], int, str], ...] = (
-    (tree, 1_000, "all pairs"),
-    (tree, 10_000, "all pairs"),
-    (crossing, 1_000, "all pairs"),
-    (grid, 900, "all pairs"),
-    (circles, 400, "all pairs"),
-    (tree, 100_000, "one start"),
-    (circles, 10_000, "one start"),
+class Sizes(NamedTuple):
+    """Graphs, each with its number of places and its question, and how many links are changed."""
+
+    cases: tuple[tuple[Callable[[int], Edges], int, str], ...]
+    changes: int
+
+
+FULL = Sizes(
+    (
+        (tree, 1_000, "all pairs"),
+        (tree, 10_000, "all pairs"),
+        (crossing, 1_000, "all pairs"),
+        (grid, 900, "all pairs"),
+        (circles, 400, "all pairs"),
+        (tree, 100_000, "one start"),
+        (circles, 10_000, "one start"),
+    ),
+    changes=30,
+)
+QUICK = Sizes(
+    (*((shape, 25, "all pairs") for shape in (tree, crossing, grid, circles)), (tree, 25, "one start")),
+    changes=5,
 )
 
 
-def main() -> None:
+def main(sizes: Sizes) -> None:
     """Print the figures."""
     print(
         f"{'graph':12}{'places':>8}  {'asked':12}{'pairs':>9}{'envgraph':>10}{'networkx':>20}{'rustworkx':>20}"
     )
-    for shape, size, question in CASES:
+    for shape, size, question in sizes.cases:
         edges = shape(size)
         size = 1 + max(max(edge) for edge in edges)
         starts = list(range(size)) if question == "all pairs" else [0]
-        changed = Random(SEED).sample(edges, CHANGES)
+        changed = Random(SEED).sample(edges, sizes.changes)
         pairs, ours = in_views(edges, size, question, changed)
         cells = ""
-        for peer in (in_networkx, in_rustworkx):
-            theirs = peer(edges, size, starts, changed) if len(edges) * len(starts) <= LONGEST else None
+        for measure in (in_networkx, in_rustworkx):
+            theirs = measure(edges, size, starts, changed) if len(edges) * len(starts) <= LONGEST else None
             cells += f"{'-' if theirs is None else f'{theirs:,.0f} ({theirs / ours:,.0f}x)':>20}"
         print(f"{shape.__name__:12}{size:8}  {question:12}{pairs:9}{ours:10.1f}{cells}", flush=True)
 
@@ -181,7 +198,3 @@ def times(cut: Callable[[int, int], None], join: Callable[[int, int], None], cha
         found.append((perf_counter_ns() - started) / 1e3)
     gc.unfreeze()
     return median(found)
-
-
-if __name__ == "__main__":
-    main()

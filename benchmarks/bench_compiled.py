@@ -1,4 +1,6 @@
-"""Compiled environments: steps a second beside the live engine, one environment alone, compiling, KeyDoor by hand.
+"""Step compiled environments, beside the live engine, code by hand, MiniGrid and torch; compile, plan, learn.
+
+    python -m benchmarks compiled
 
 All ratios are of short bursts that alternate: the better and the middle one of many. Without numba there is nothing to
 measure.
@@ -12,19 +14,18 @@ import subprocess
 import sys
 from collections.abc import Callable, Sequence
 from functools import partial
-from importlib import import_module
-from importlib.util import find_spec
 from itertools import pairwise
 from pathlib import Path
 from statistics import median
 from tempfile import TemporaryDirectory
 from time import perf_counter, process_time
-from typing import Any
+from typing import Any, NamedTuple
 
 import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks._peers import peer
 from envgraph.behaviour import Behaviour
 from envgraph.env import EnvgraphLiveEnv, Simulator, can_end, explore
 from envgraph.env.compiled import Batch, CompiledEnv, Program, enumerated, find_plan, guided, program_of
@@ -48,40 +49,87 @@ ALONE: tuple[tuple[str, dict[str, str]], ...] = (
     ("envgraph/KeyDoor-v0", {"engine": "compiled"}),
     ("FrozenLake-v1", {}),
 )
-COUNT = 1024
-BURSTS = 40
-"""Of each of two things, in turns: the machine may be busy with something else."""
+PEERS = ("numba", "minigrid", "torch")
+
+
+class Sizes(NamedTuple):
+    """How much is measured.
+
+    Attributes:
+        domains: those of `DOMAINS` that are stepped and compiled.
+        tables: domains whose states are visited.
+        certificates: domains of whose tables all is certified.
+        plans: domains in which plans are found.
+        limits: states after which a search for a plan goes on by a beam.
+        learned: the domain that agents learn.
+        environments: that are stepped at once.
+        bursts: of each of two things, in turns: the machine may be busy with something else.
+        learning: lengths of training.
+        seeds: agents of each length of training.
+    """
+
+    domains: tuple[str, ...]
+    tables: tuple[str, ...]
+    certificates: tuple[str, ...]
+    plans: tuple[str, ...]
+    limits: tuple[int, int]
+    learned: str
+    environments: int
+    bursts: int
+    learning: tuple[int, ...]
+    seeds: int
+
+
+FULL = Sizes(
+    domains=tuple(DOMAINS),
+    tables=("burning_forest", "keydoor", "sokoban", "network"),
+    certificates=("burning_forest", "keydoor"),
+    plans=("sokoban", "warehouse"),
+    limits=(20_000, 2_000),
+    learned="sokoban",
+    environments=1024,
+    bursts=40,
+    learning=(500_000, 1_000_000, 2_000_000, 4_000_000),
+    seeds=5,
+)
+ONE = ("keydoor",)
+QUICK = Sizes(
+    ONE, ONE, ONE, ONE, (20_000, 2), "keydoor", environments=4, bursts=1, learning=(1_000,), seeds=1
+)
 
 Job = Callable[[], int]
 
 
-def main() -> None:
+def main(sizes: Sizes) -> None:
     """Print the figures."""
-    if find_spec("numba") is None:
-        print("numba is not installed and left out; the extra `fast` installs it")
+    if peer("numba") is None:
         return
     lake = gymnasium.make("FrozenLake-v1").unwrapped
-    print(f"steps with random actions, {COUNT:,} environments: the best, and the median of {BURSTS} bursts")
+    count, bursts = sizes.environments, sizes.bursts
+    print(f"steps with random actions, {count:,} environments: the best, and the median of {bursts} bursts")
     print(f"{'':16} {'M steps/s':>15} {'times live':>15} {'needed':>7}   {'one, times FrozenLake':>21}")
-    for name, (_, _, needed) in DOMAINS.items():
+    for name in sizes.domains:
+        _, _, needed = DOMAINS[name]
         engine, behaviour = opened(name)
         program = program_of(engine, behaviour)
         live = EnvgraphLiveEnv(Simulator(opened(name)[0], behaviour))
-        fast, slow = alternating(many(program), alone(live, behaviour.limit, 200))
-        one, frozen = alternating(alone(CompiledEnv(program), behaviour.limit, 1000), alone(lake, None, 300))
+        fast, slow = alternating(sizes, many(program, sizes), alone(live, behaviour.limit, 200))
+        one, frozen = alternating(
+            sizes, alone(CompiledEnv(program), behaviour.limit, 1000), alone(lake, None, 300)
+        )
         rates = f"{1e-6 / min(fast):7.1f} {1e-6 / median(fast):7.1f}"
         print(f"{name:16} {rates} {ratios(slow, fast)} {needed:7}   {ratios(frozen, one, 2):>21}", flush=True)
     made = [gymnasium.make(name, **options) for name, options in ALONE]
-    one, frozen = alternating(*(alone(env, None, 300) for env in made))
+    one, frozen = alternating(sizes, *(alone(env, None, 300) for env in made))
     print(f"one, made by Gymnasium as FrozenLake is: {ratios(frozen, one, 2)} times (>= 3)")
-    _by_hand()
-    _doorkey()
-    _tables()
-    _certificates()
-    _plans()
-    _learning()
-    _networks()
-    _compiling()
+    _by_hand(sizes)
+    _doorkey(sizes)
+    _tables(sizes)
+    _certificates(sizes)
+    _plans(sizes)
+    _learning(sizes)
+    _networks(sizes)
+    _compiling(sizes)
 
 
 def opened(name: str) -> tuple[Engine, Behaviour]:
@@ -91,13 +139,13 @@ def opened(name: str) -> tuple[Engine, Behaviour]:
     return workspace.engine(model), workspace.behaviour()
 
 
-def many(program: Program) -> Job:
+def many(program: Program, sizes: Sizes) -> Job:
     """A burst of steps of many environments, each with a stream of its own."""
-    batch = Batch(program, np.zeros(COUNT, dtype=np.int64))
-    batch.seed(generators())
-    batch.reset(np.ones(COUNT, dtype=np.bool_))
+    batch = Batch(program, np.zeros(sizes.environments, dtype=np.int64))
+    batch.seed(generators(sizes))
+    batch.reset(np.ones(sizes.environments, dtype=np.bool_))
     limit = program.behaviour.limit or 0
-    actions = np.random.default_rng(0).integers(len(program.action_names), size=(50, COUNT))
+    actions = np.random.default_rng(0).integers(len(program.action_names), size=(50, sizes.environments))
 
     def burst() -> int:
         for row in actions:
@@ -107,9 +155,9 @@ def many(program: Program) -> Job:
     return burst
 
 
-def generators() -> list[np.random.Generator]:
+def generators(sizes: Sizes) -> list[np.random.Generator]:
     """A generator for each environment."""
-    return [np.random.Generator(np.random.PCG64(number)) for number in range(COUNT)]
+    return [np.random.Generator(np.random.PCG64(number)) for number in range(sizes.environments)]
 
 
 def alone(env: gymnasium.Env[Any, Any], limit: int | None, steps: int) -> Job:
@@ -132,10 +180,10 @@ def alone(env: gymnasium.Env[Any, Any], limit: int | None, steps: int) -> Job:
     return burst
 
 
-def alternating(*jobs: Job) -> list[list[float]]:
+def alternating(sizes: Sizes, *jobs: Job) -> list[list[float]]:
     """Seconds that a step takes, for each burst of each job, after one that does not count."""
     seconds: list[list[float]] = [[] for _ in jobs]
-    for number in range(BURSTS + 1):
+    for number in range(sizes.bursts + 1):
         for job, found in zip(jobs, seconds, strict=True):
             start = perf_counter()
             steps = job()
@@ -152,18 +200,20 @@ def ratios(slow: Sequence[float], fast: Sequence[float], digits: int = 0) -> str
 # --- beside others
 
 
-def _by_hand() -> None:
+def _by_hand(sizes: Sizes) -> None:
     """KeyDoor written by hand: the same streams, observations and rewards, then the speed."""
     from benchmarks._keydoor import HandWritten
     from envgraph.env.compiled._world import streams
 
     engine, behaviour = opened("keydoor")
     program = program_of(engine, behaviour)
-    batch = Batch(program, np.zeros(COUNT, dtype=np.int64))
-    batch.seed(generators())
-    batch.reset(np.ones(COUNT, dtype=np.bool_))
-    other = HandWritten(streams(generators()))
-    for actions in np.random.default_rng(1).integers(len(program.action_names), size=(500, COUNT)):
+    batch = Batch(program, np.zeros(sizes.environments, dtype=np.int64))
+    batch.seed(generators(sizes))
+    batch.reset(np.ones(sizes.environments, dtype=np.bool_))
+    other = HandWritten(streams(generators(sizes)))
+    for actions in np.random.default_rng(1).integers(
+        len(program.action_names), size=(500, sizes.environments)
+    ):
         batch.step(actions, again=True, limit=behaviour.limit or 0)
         other.step(actions)
         same = [
@@ -173,37 +223,35 @@ def _by_hand() -> None:
         ]
         if not np.all(same):
             raise AssertionError("KeyDoor written by hand does something else")
-    chosen = np.random.default_rng(0).integers(len(program.action_names), size=(50, COUNT))
+    chosen = np.random.default_rng(0).integers(len(program.action_names), size=(50, sizes.environments))
 
     def burst() -> int:
         for row in chosen:
             other.step(row)
         return chosen.size
 
-    ours, hand = alternating(many(program), burst)
+    ours, hand = alternating(sizes, many(program, sizes), burst)
     print(
         f"keydoor by hand, with numba: {1e-6 / min(hand):.1f} M steps/s, {ratios(ours, hand, 2)} of ours (<= 2.0)"
     )
 
 
-def _doorkey() -> None:
-    if find_spec("minigrid") is None:
-        print("minigrid is not installed and left out; `make bench` installs it")
+def _doorkey(sizes: Sizes) -> None:
+    if peer("minigrid") is None:  # importing it registers its environments
         return
-    import_module("minigrid")  # registers its environments
     env = gymnasium.make("MiniGrid-DoorKey-6x6-v0")
     engine, behaviour = opened("keydoor")
-    fast, slow = alternating(many(program_of(engine, behaviour)), alone(env, None, 50))
+    fast, slow = alternating(sizes, many(program_of(engine, behaviour), sizes), alone(env, None, 50))
     print(f"MiniGrid-DoorKey-6x6: {1 / min(slow):,.0f} steps/s; keydoor {ratios(slow, fast)} times")
 
 
 # --- tables, and learning
 
 
-def _tables() -> None:
+def _tables(sizes: Sizes) -> None:
     """Visits of all states, beside the live engine where that takes less than a minute."""
     print("seconds to visit all states: the best of 5, and how many times that is the live engine's")
-    for name in ("burning_forest", "keydoor", "sokoban", "network"):
+    for name in sizes.tables:
         engine, behaviour = opened(name)
         program = program_of(engine, behaviour)
         states = enumerated(program).n_states
@@ -217,10 +265,10 @@ def _tables() -> None:
         )
 
 
-def _certificates() -> None:
+def _certificates(sizes: Sizes) -> None:
     """What is certain of one environment, with its table: of a member of the program, and of another model."""
     print("milliseconds for all certificates: the best of 20; with the table (<= 1); of another model (<= 1)")
-    for name in ("burning_forest", "keydoor"):
+    for name in sizes.certificates:
         engine, behaviour = opened(name)
         program = program_of(engine, behaviour)
         table = enumerated(program)
@@ -235,71 +283,70 @@ def _certificates() -> None:
         print(f"{name:25} {1e3 * alone:8.2f} {1e3 * whole:8.2f} {1e3 * other:8.2f}", flush=True)
 
 
-def _plans() -> None:
+def _plans(sizes: Sizes) -> None:
     """A plan, shortest or by a beam, beside the live engine's search for any way."""
-    print("seconds to find a plan: the best of 5; after 2,000 states by a beam; any way on the live engine")
-    for name in ("sokoban", "warehouse"):
+    print(
+        "seconds to find a plan: the best of 5; "
+        f"after {sizes.limits[1]:,} states by a beam; any way on the live engine"
+    )
+    for name in sizes.plans:
         engine, behaviour = opened(name)
         with_guides, guides = guided(behaviour)
         program = program_of(engine, with_guides)
-        for limit in (20_000, 2_000):
+        for limit in sizes.limits:
             job = partial(find_plan, program, guides=guides, limit=limit)
             print(f"{name:25} {_best(job):10.5f}  {job()}", flush=True)
         print(f"{name:25} {_best(partial(can_end, engine, behaviour, 1), 1):10.5f}  live", flush=True)
 
 
-def _learning() -> None:
-    """Q-learning of the states of two boxes, until the best actions succeed."""
-    engine, behaviour = opened("sokoban")
+def _learning(sizes: Sizes) -> None:
+    """Q-learning of states, until the best actions succeed; Sokoban has two boxes."""
+    engine, behaviour = opened(sizes.learned)
     program = program_of(engine, behaviour)
     settings = TrainingSettings(limit=100, checkpoint=1_000_000)
     train_program(program, settings, np.random.default_rng(0), of="state", steps=[1_000])
-    for steps in (500_000, 1_000_000, 2_000_000, 4_000_000):
+    for steps in sizes.learning:
         start = perf_counter()
         agents = [
             train_program(program, settings, np.random.default_rng(seed), of="state", steps=[steps])
-            for seed in range(5)
+            for seed in range(sizes.seeds)
         ]
-        seconds = (perf_counter() - start) / 5
+        seconds = (perf_counter() - start) / sizes.seeds
         solved = [one.learner.play(0, 1, 100, np.random.default_rng(9))[0] for one in agents]
-        rate = steps / seconds / 1e6
-        print(
-            f"two boxes, {steps:,} steps: {seconds:.2f} s (<= 2; {rate:.1f} M/s), {sum(solved):.0f} of 5 solve it",
-            flush=True,
-        )
+        times = f"{seconds:.2f} s (<= 2; {steps / seconds / 1e6:.1f} M/s)"
+        solve = f"{sum(solved):.0f} of {sizes.seeds} solve it"
+        print(f"{sizes.learned}, {steps:,} steps: {times}, {solve}", flush=True)
 
 
-def _networks() -> None:
+def _networks(sizes: Sizes) -> None:
     """A network of 64 units that draws its actions: in the program, and torch's beside many environments."""
     program = program_of(*opened("keydoor"))
-    sizes = sum(program.observation_shape), 64, len(program.action_names)
+    units = sum(program.observation_shape), 64, len(program.action_names)
     rng = np.random.default_rng(0)
-    layers = [(rng.normal(size=ends) / 8, np.zeros(ends[1])) for ends in pairwise(sizes)]
+    layers = [(rng.normal(size=ends) / 8, np.zeros(ends[1])) for ends in pairwise(units)]
 
     def burst() -> int:
-        (found,) = play_program(program, layers, rng, episodes=COUNT, limit=100, sampled=True)
-        return round(found.mean_length * COUNT)
+        (found,) = play_program(program, layers, rng, episodes=sizes.environments, limit=100, sampled=True)
+        return round(found.mean_length * sizes.environments)
 
-    if find_spec("torch") is None:
-        (inside,) = alternating(burst)
-        print("torch is not installed and left out")
+    if peer("torch") is None:
+        (inside,) = alternating(sizes, burst)
     else:
-        inside, beside = alternating(burst, _with_torch(layers))
-        print(
-            f"torch, make_vec of {COUNT:,}: {_rates(beside)} M steps/s; inside {ratios(beside, inside, 1)} times"
-        )
+        inside, beside = alternating(sizes, burst, _with_torch(layers, sizes))
+        made = f"torch, make_vec of {sizes.environments:,}: {_rates(beside)} M steps/s"
+        print(f"{made}; inside {ratios(beside, inside, 1)} times")
     print(f"network of 64 units, in the program: {_rates(inside)} M steps/s", flush=True)
 
 
-def _with_torch(layers: Sequence[tuple[NDArray[Any], NDArray[Any]]]) -> Job:
+def _with_torch(layers: Sequence[tuple[NDArray[Any], NDArray[Any]]], sizes: Sizes) -> Job:
     """A burst of steps of many environments, whose actions torch draws on one core."""
-    torch: Any = import_module("torch")
+    torch = peer("torch")
     torch.set_num_threads(1)
     linear = [torch.nn.Linear(*weights.shape) for weights, _ in layers]
     net = torch.nn.Sequential(linear[0], torch.nn.ReLU(), linear[1])
     for one, (weights, bias) in zip(linear, layers, strict=True):
         one.load_state_dict({"weight": torch.tensor(weights.T), "bias": torch.tensor(bias)})
-    envs = make_vec(domain="keydoor", num_envs=COUNT, observation="flat", engine="compiled")
+    envs = make_vec(domain="keydoor", num_envs=sizes.environments, observation="flat", engine="compiled")
     seen, _ = envs.reset(seed=0)
 
     def burst() -> int:
@@ -308,7 +355,7 @@ def _with_torch(layers: Sequence[tuple[NDArray[Any], NDArray[Any]]]) -> Job:
             for _ in range(20):
                 chances = net(torch.from_numpy(seen)).softmax(dim=1)
                 seen, *_ = envs.step(torch.multinomial(chances, 1)[:, 0].numpy())
-        return 20 * COUNT
+        return 20 * sizes.environments
 
     return burst
 
@@ -330,18 +377,20 @@ def _best(job: Callable[[], object], times: int = 5) -> float:
 # --- compiling, in processes of their own
 
 
-def _compiling() -> None:
+def _compiling(sizes: Sizes) -> None:
     """How long it takes until the first step, with nothing in numba's cache, and again."""
     print(
         f"seconds of CPU to compile:{'text, arrays':>16} (<= 0.2) {'cold':>7} (<= 5) {'cached':>7} (<= 0.3)"
     )
-    for name in DOMAINS:
+    for name in sizes.domains:
         with TemporaryDirectory() as folder:
             environment = {**os.environ, "ENVGRAPH_CACHE": folder}
             command = [sys.executable, "-m", "benchmarks.bench_compiled", name]
             runs = [
                 json.loads(
-                    subprocess.run(command, env=environment, check=True, capture_output=True, cwd=ROOT).stdout
+                    subprocess.run(
+                        command, env=environment, check=True, stdout=subprocess.PIPE, cwd=ROOT
+                    ).stdout
                 )
                 for _ in range(2)
             ]

@@ -1,4 +1,4 @@
-"""The paper's job: evolve a family of Burning Forest environments.
+"""Evolve families of environments, the paper's Burning Forest first.
 
     python -m benchmarks family
 
@@ -21,7 +21,7 @@ from pathlib import Path
 from statistics import median
 from tempfile import TemporaryDirectory
 from time import perf_counter, process_time
-from typing import Any
+from typing import Any, NamedTuple
 from unittest.mock import patch
 
 from envgraph.graph import Model
@@ -40,7 +40,6 @@ from envgraph.search import (
     why_low,
 )
 
-GENERATIONS = 1000
 TO_THE_END = ("search.target=false",)
 """As published: also where the family cannot become more diverse."""
 
@@ -50,24 +49,60 @@ PUBLISHED = {6: 47, 10: 208, 20: 1594}
 TARGET = "SVVVRVRVBRRRRBVBBVBRRRBVRVRBVVVBVRRBBBRBBBVWRBVRVVRBBBVBVBRVRVVG"
 
 
-def main() -> None:
+FORESTS = ((8, 6, 30, 0.2), (12, 20, 10, 2.0), (16, 20, 10, 5.0), (32, 20, 10, 20.0), (100, 20, 3, 120.0))
+"""Tiles on a side, population, seeds, and the seconds that it should take at most."""
+
+REACHED = {"keydoor": 3, "network": 4, "warehouse": 4}
+"""Bins of the bundled domains that any model is known to fall into, of six."""
+
+
+class Sizes(NamedTuple):
+    """How much is evolved.
+
+    Attributes:
+        generations: of the paper's job.
+        populations: of the paper's job.
+        repeats: runs of the paper's job that a median is of.
+        forests: see `FORESTS`.
+        domains: bundled domains, see `REACHED`.
+        seeds: runs of each bundled domain.
+        period: seconds of CPU of each such run.
+    """
+
+    generations: int
+    populations: tuple[int, ...]
+    repeats: int
+    forests: tuple[tuple[int, int, int, float], ...]
+    domains: tuple[str, ...]
+    seeds: int
+    period: float
+
+
+FULL = Sizes(1000, tuple(PUBLISHED), 3, FORESTS, tuple(REACHED), 3, 30.0)
+QUICK = Sizes(2, (6,), 1, ((8, 6, 1, 0.2),), ("keydoor",), 1, 0.0)
+
+
+def main(sizes: Sizes) -> None:
     """Print the figures."""
-    print(f"{GENERATIONS} generations, 8x8: seconds of CPU (and of wall time), median of 3")
+    print(
+        f"{sizes.generations} generations, 8x8: seconds of CPU (and of wall time), median of {sizes.repeats}"
+    )
     print(f"{'population':>10}{'envgraph':>20}{'hand-written':>20}{'ratio':>8}{'published':>12}")
-    for population, published in PUBLISHED.items():
-        ours = _median(lambda: _generate(population))  # noqa: B023
-        plain = _median(lambda: evolve(TARGET, population, GENERATIONS, seed=1))  # noqa: B023
+    for population in sizes.populations:
+        published = PUBLISHED[population]
+        ours = _median(lambda: _generate(population, sizes.generations), sizes.repeats)  # noqa: B023
+        plain = _median(lambda: evolve(TARGET, population, sizes.generations, seed=1), sizes.repeats)  # noqa: B023
         print(
             f"{population:10}{_seconds(ours):>20}{_seconds(plain):>20}{ours[0] / plain[0]:8.1f}{published:10} s"
         )
-    start = _median(lambda: _generate(6, generations=0))
+    start = _median(lambda: _generate(6, 0), sizes.repeats)
     print(f"of which reading files, compiling patterns, making the store: {start[0]:.2f} s")
-    print_phases()
-    print_sizes()
-    print_domains()
+    print_phases(sizes.generations)
+    print_sizes(sizes.forests)
+    print_domains(sizes)
 
 
-def print_phases() -> None:
+def print_phases(generations: int) -> None:
     """CPU time of each step of the algorithm in one run; the clock itself costs about a microsecond a call.
 
     To check out costs about a microsecond for each change between two members, so that row follows the search: a family
@@ -76,7 +111,7 @@ def print_phases() -> None:
     clock: dict[str, float] = {}
     walked: list[int] = []
     with _clocked(clock) as children, _counted(walked), TemporaryDirectory() as folder:
-        generate("burning_forest", Path(folder) / "run.sqlite", generations=GENERATIONS, overrides=TO_THE_END)
+        generate("burning_forest", Path(folder) / "run.sqlite", generations=generations, overrides=TO_THE_END)
         born = len(children)
     print(f"\npopulation 6, {born} children: microseconds a child")
     for name, seconds in clock.items():
@@ -140,23 +175,16 @@ def _timed(
     return timed
 
 
-SIZES = ((8, 6, 30, 0.2), (12, 20, 10, 2.0), (16, 20, 10, 5.0), (32, 20, 10, 20.0), (100, 20, 3, 120.0))
-"""Tiles on a side, population, seeds, and the seconds that it should take at most."""
-
-REACHED = {"keydoor": 3, "network": 4, "warehouse": 4}
-"""Bins of the bundled domains that any model is known to fall into, of six."""
-
 TAILED = ("mutation.strength=heavy_tailed",)
-PERIOD = 30.0
 
 
-def print_sizes() -> None:
+def print_sizes(forests: tuple[tuple[int, int, int, float], ...]) -> None:
     """Until forests of random tiles have families of maximum entropy."""
     print("\nCPU seconds to the maximum of entropy, random forests")
     print(
         f"{'tiles':>10}{'population':>12}{'median':>10}{'slowest':>10}{'children':>10}{'to be':>8}{'reached':>10}"
     )
-    for size, population, seeds, wanted in SIZES:
+    for size, population, seeds, wanted in forests:
         found = [_to_the_maximum(size, population, seed) for seed in range(seeds)]
         times = [seconds for seconds, _, _ in found]
         children = median(born for _, born, _ in found)
@@ -212,15 +240,16 @@ model target : burning_forest {{
 """
 
 
-def print_domains() -> None:
+def print_domains(sizes: Sizes) -> None:
     """The bundled domains where not all bins can be reached, as far as they come in a time."""
     print(
-        f"\nbits of entropy after {PERIOD:.0f} seconds of CPU, population 6, and when they were reached, 3 seeds"
+        f"\nbits of entropy after {sizes.period:.0f} seconds of CPU, population 6, "
+        f"and when they were reached, {sizes.seeds} seeds"
     )
-    for name, bins in REACHED.items():
-        maximum = BinnedEntropy(bins).maximum(6)
-        for seed in range(3):
-            bits, seconds = _within(name, seed)
+    for name in sizes.domains:
+        maximum = BinnedEntropy(REACHED[name]).maximum(6)
+        for seed in range(sizes.seeds):
+            bits, seconds = _within(name, seed, sizes.period)
             print(f"{name:>10}{bits:8.3f} of {maximum:.3f}{seconds:8.1f} s", flush=True)
 
 
@@ -228,7 +257,7 @@ class _Over(Exception):
     """The time is over."""
 
 
-def _within(name: str, seed: int) -> tuple[float, float]:
+def _within(name: str, seed: int, period: float) -> tuple[float, float]:
     """The entropy that is reached, and when."""
     best, started = (0.0, 0.0), process_time()
 
@@ -237,7 +266,7 @@ def _within(name: str, seed: int) -> tuple[float, float]:
         now = process_time() - started
         if generation.diversity > best[0] + 1e-9:
             best = generation.diversity, now
-        if now > PERIOD:
+        if now > period:
             raise _Over
 
     endless = "search.generations=1000000000"
@@ -253,7 +282,7 @@ def _within(name: str, seed: int) -> tuple[float, float]:
     return best
 
 
-def _generate(population: int, generations: int = GENERATIONS) -> None:
+def _generate(population: int, generations: int) -> None:
     with TemporaryDirectory() as folder:
         generate(
             "burning_forest",
@@ -264,10 +293,10 @@ def _generate(population: int, generations: int = GENERATIONS) -> None:
         )
 
 
-def _median(job: Callable[[], object]) -> tuple[float, float]:
-    """CPU and wall seconds of the median of three runs."""
+def _median(job: Callable[[], object], repeats: int) -> tuple[float, float]:
+    """Return the median CPU and wall seconds of some runs."""
     times = []
-    for _ in range(3):
+    for _ in range(repeats):
         cpu, wall = process_time(), perf_counter()
         job()
         times.append((process_time() - cpu, perf_counter() - wall))
@@ -394,7 +423,3 @@ def survivors(pool: list[str], values: dict[str, float], size: int, rng: random.
                 best, best_score = inside[:], max(score, best_score)
         temperature *= 0.95
     return [pool[place] for place in sorted([0, *best])]
-
-
-if __name__ == "__main__":
-    main()

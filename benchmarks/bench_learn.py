@@ -1,6 +1,6 @@
-"""Training: speed of both loops, and how often published and other curricula succeed.
+"""Train on curricula: speed of both loops, and how often published and other curricula succeed.
 
-    python -m benchmarks.bench_learn
+    python -m benchmarks learn
 
 The maps are those in `envgraph/report/reproduction/data`. Expected figures come from a re-implementation of the
 published trainer and are printed beside ours; a success rate over n seeds has a standard deviation of
@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from statistics import fmean
 from time import perf_counter
+from typing import NamedTuple
 
 import numpy as np
 
@@ -31,22 +32,45 @@ from tests.unit.learn.forest_tables import DATA, family, published_family
 
 PUBLISHED_LOOP = 0.11e6
 BACKEND = available_backends()[0]
+PEERS = ("numba",)
 
 
-def main() -> None:
+class Sizes(NamedTuple):
+    """How much is trained.
+
+    Attributes:
+        steps: on each environment, to measure the speed of each backend.
+        reproduction: seeds of the paper's table.
+        budgets: seeds of each length of training.
+        random: seeds of each random family.
+        families: how many of the 30 random families.
+    """
+
+    steps: dict[str, int]
+    reproduction: int
+    budgets: int
+    random: int
+    families: int
+
+
+FULL = Sizes({"numba": 1_000_000, "python": 100_000}, reproduction=20, budgets=200, random=50, families=30)
+QUICK = Sizes({"numba": 1_000, "python": 1_000}, reproduction=1, budgets=1, random=2, families=3)
+
+
+def main(sizes: Sizes) -> None:
     """Print every table."""
-    print_speed()
-    print_reproduction(seeds=20)
-    print_budgets(seeds=200)
-    print_random_families(seeds=50)
+    print_speed(sizes.steps)
+    print_reproduction(sizes.reproduction)
+    print_budgets(sizes.budgets)
+    print_random_families(sizes.random, sizes.families)
 
 
-def print_speed() -> None:
+def print_speed(steps: dict[str, int]) -> None:
     """Steps a second on the published family; the second of two runs, so without compilation."""
     tabulars = published_family()
     print(f"{'training loop':24}{'million steps/s':>16}{'x the published loop':>22}")
     for backend in reversed(available_backends()):
-        settings = TrainingSettings(steps_per_environment=1_000_000 if backend == "numba" else 100_000)
+        settings = TrainingSettings(steps_per_environment=steps[backend])
         for _ in range(2):
             started = perf_counter()
             train_curriculum(tabulars, settings, np.random.default_rng(1), backend=backend)
@@ -101,15 +125,15 @@ def print_budgets(seeds: int) -> None:
     print()
 
 
-def print_random_families(seeds: int) -> None:
-    """The 30 published random families in the order of their complexity, and what chain transfer says of them."""
-    names = sorted(path.name for path in (DATA / "random-families").glob("*.json"))
+def print_random_families(seeds: int, count: int) -> None:
+    """Print how often random published families succeed, and what chain transfer says of them."""
+    names = sorted(path.name for path in (DATA / "random-families").glob("*.json"))[:count]
     families = [family(f"random-families/{name}") for name in names]
     started = perf_counter()
     transfers = [chain_transfer(tabulars) for tabulars in [*families, published_family()]]
     each = 1e3 * (perf_counter() - started) / len(transfers)
     print(
-        f"30 published random families, ordered, {seeds} seeds; chain transfer takes {each:.1f} ms a family"
+        f"{count} published random families, ordered, {seeds} seeds; chain transfer takes {each:.1f} ms a family"
     )
     for steps, expected in ((10_000, 0.09), (50_000, 0.55)):
         settings = TrainingSettings(steps_per_environment=steps)
@@ -145,7 +169,3 @@ def ranks(values: Sequence[float]) -> list[float]:
     """Rank of each value from 0, counting equal ones by half."""
     array = np.array(values)
     return [float((array < value).sum() + ((array == value).sum() - 1) / 2) for value in values]
-
-
-if __name__ == "__main__":
-    main()

@@ -1,4 +1,4 @@
-"""One mutation of the Burning Forest, 8x8: choose, apply, validate, measure, roll back.
+"""Mutate the Burning Forest, 8x8: choose, apply, validate, measure and roll back, beside CLIPS.
 
     python -m benchmarks mutation
 
@@ -17,27 +17,35 @@ from dataclasses import replace
 from random import Random
 from statistics import median
 from time import process_time
-from typing import Any
+from typing import Any, NamedTuple
 
 from numpy.random import default_rng
 
-from benchmarks._clips import MISSING, Clips, clips
+from benchmarks._clips import Clips, clips
 from envgraph.graph import Model
 from envgraph.search import Domain, Problem, Require
 
 TARGET = 50
 """Microseconds."""
 
-MUTATIONS = 2_000
-REPEATS = 5
+PEERS = ("clips",)
 PAPER = ("startTileFixedLocation", "goalTileFixedLocation", "waterTileFixedLocation", "solvable")
 KINDS = ("RoadTile", "VegetationTile", "BurningTile")
 
 
-def main() -> None:
+class Sizes(NamedTuple):
+    """Mutations of a measurement, and how many measurements a median is of."""
+
+    mutations: int
+    repeats: int
+
+
+FULL = Sizes(mutations=2_000, repeats=5)
+QUICK = Sizes(mutations=20, repeats=1)
+
+
+def main(sizes: Sizes) -> None:
     """Print the figures."""
-    if clips is None:
-        print(MISSING)
     domain = Domain.load("burning_forest")
     whole = domain.problem(domain.engine())
     four = [
@@ -46,33 +54,33 @@ def main() -> None:
     assert len(four) == len(PAPER)
     paper = replace(whole, constraints=four)
     print(f"microseconds a mutation, to be {TARGET}")
-    fast = show("four constraints", lambda: mutate(paper))
-    show(f"all {len(whole.constraints)} constraints", lambda: mutate(whole))
+    fast = show("four constraints", lambda count: mutate(paper, count), sizes)
+    show(f"all {len(whole.constraints)} constraints", lambda count: mutate(whole, count), sizes)
     whole.engine.watch("solvable", *PAPER[:3])
-    show("four, watched", lambda: mutate(paper))
+    show("four, watched", lambda count: mutate(paper, count), sizes)
     if clips is not None:
         forest = ClipsForest(domain.initial())
-        other = show("CLIPS", lambda: mutate_in_clips(forest))
+        other = show("CLIPS", lambda count: mutate_in_clips(forest, count), sizes)
         print(f"four constraints / CLIPS: {fast / other:.2f}")
     print("met" if fast <= TARGET else "missed")
 
 
-def show(name: str, measure: Callable[[], tuple[float, int]]) -> float:
+def show(name: str, measure: Callable[[int], tuple[float, int]], sizes: Sizes) -> float:
     """Print and return the median; and how many of the mutations were valid."""
-    found = [measure() for _ in range(REPEATS)]
-    micros = 1e6 * median(seconds for seconds, _ in found) / MUTATIONS
-    valid = sum(valid for _, valid in found) / MUTATIONS / REPEATS
+    found = [measure(sizes.mutations) for _ in range(sizes.repeats)]
+    micros = 1e6 * median(seconds for seconds, _ in found) / sizes.mutations
+    valid = sum(valid for _, valid in found) / sizes.mutations / sizes.repeats
     print(f"{name:22}{micros:8.1f}    {valid:.1%} valid", flush=True)
     return micros
 
 
-def mutate(problem: Problem) -> tuple[float, int]:
+def mutate(problem: Problem, count: int) -> tuple[float, int]:
     """Seconds, and how many mutations were valid."""
     engine, rng, valid = problem.engine, default_rng(1), 0
     assert problem.valid()  # as a search begins; what is kept current is from here on
     gc.collect()
     started = process_time()
-    for _ in range(MUTATIONS):
+    for _ in range(count):
         savepoint = engine.model.savepoint()
         chosen = engine.choose(problem.mutations, rng)
         assert chosen is not None
@@ -123,11 +131,11 @@ class ClipsForest:
         return str(found).upper() == "TRUE"
 
 
-def mutate_in_clips(forest: ClipsForest) -> tuple[float, int]:
+def mutate_in_clips(forest: ClipsForest, count: int) -> tuple[float, int]:
     """Seconds, and how many mutations were valid."""
     random, valid = Random(1), 0
     started = process_time()
-    for _ in range(MUTATIONS):
+    for _ in range(count):
         tile = random.choice(forest.mutable)
         old = forest.kinds[tile]
         forest.facts[tile].retract()
@@ -136,7 +144,3 @@ def mutate_in_clips(forest: ClipsForest) -> tuple[float, int]:
         forest.facts[tile].retract()
         forest.facts[tile] = forest.assert_tile(tile, old)
     return process_time() - started, valid
-
-
-if __name__ == "__main__":
-    main()

@@ -1,11 +1,11 @@
-"""Rewrites a second: mutual exclusion, the short transformation sequence, at three sizes.
+"""Rewrite a ring of processes (mutual exclusion), at three sizes, beside CLIPS.
 
     python -m benchmarks mutex
 
-The same rules through the prepared functions of rules, through the checked facade, and (the last phase) as a unit in
-one transaction, beside CLIPS in the same run. All rules that fire more than once are watched: their matches are kept
-current all the time, and one is drawn at random. Seconds of processor time, medians; compiling rules and views is left
-out on both sides.
+The short transformation sequence: the same rules through the prepared functions of rules, through the checked facade,
+and (the last phase) as a unit in one transaction, beside CLIPS in the same run. All rules that fire more than once are
+watched: their matches are kept current all the time, and one is drawn at random. Seconds of processor time, medians;
+compiling rules and views is left out on both sides.
 """
 
 from __future__ import annotations
@@ -14,34 +14,43 @@ import gc
 from collections.abc import Callable
 from statistics import median
 from time import process_time
+from typing import NamedTuple
 
-from benchmarks._clips import MISSING, clips
+from benchmarks._clips import clips
 from benchmarks._mutex import PHASES, Rewrite, clips_sequence, facade, prepared, ring, rules
 from envgraph.rewrite import Engine
 
-SIZES = (1_000, 10_000, 100_000)
-REPEATS = {1_000: 7, 10_000: 5, 100_000: 3}
+PEERS = ("clips",)
 TARGET = 250_000
 """Rewrites a second."""
 
 PUBLISHED = {"GrGen.NET 8.1, measured before": "0.7 million, at 1,000,000 processes 0.4"}
 
 
-def main() -> None:
+class Sizes(NamedTuple):
+    """Numbers of processes, each with the number of measurements that a median is of; that for the single phases."""
+
+    repeats: dict[int, int]
+    phases: int
+
+
+FULL = Sizes({1_000: 7, 10_000: 5, 100_000: 3}, phases=10_000)
+QUICK = Sizes({10: 1, 20: 1, 30: 1}, phases=10)
+
+
+def main(sizes: Sizes) -> None:
     """Print the figures."""
-    if clips is None:
-        print(MISSING)
     for tool, figure in PUBLISHED.items():
         print(f"{tool}: {figure} rewrites/s")
     print(f"thousand rewrites a second, to be {TARGET // 1000} at each size and the same at all")
     print(f"{'processes':>10}{'prepared':>10}{'facade':>10}{'unit':>10}{'CLIPS':>10}{'prepared/CLIPS':>16}")
     rates: list[float] = []
     units: list[float] = []
-    for size in SIZES:
-        fast = rate(lambda: sequence(size, prepared), size)  # noqa: B023
-        checked = rate(lambda: sequence(size, facade), size)  # noqa: B023
-        unit = rate(lambda: as_unit(size), size)  # noqa: B023
-        other = None if clips is None else rate(lambda: in_clips(size), size)  # noqa: B023
+    for size, repeats in sizes.repeats.items():
+        fast = rate(lambda: sequence(size, prepared), repeats)  # noqa: B023
+        checked = rate(lambda: sequence(size, facade), repeats)  # noqa: B023
+        unit = rate(lambda: as_unit(size), repeats)  # noqa: B023
+        other = None if clips is None else rate(lambda: in_clips(size), repeats)  # noqa: B023
         shown = "-" if other is None else f"{other / 1e3:.0f}"
         ratio = "-" if other is None else f"{fast / other:.2f}"
         print(
@@ -50,18 +59,18 @@ def main() -> None:
         )
         rates.append(fast)
         units.append(unit)
-    missed = [size for size, found in zip(SIZES, rates, strict=True) if found < TARGET]
+    missed = [size for size, found in zip(sizes.repeats, rates, strict=True) if found < TARGET]
     print(f"prepared, slowest over fastest: {min(rates) / max(rates):.2f}; missed at {missed or 'no size'}")
     print(
         f"unit, slowest over fastest: {min(units) / max(units):.2f}; its journal and trace grow until it ends"
     )
-    print_phases()
+    print_phases(sizes.phases)
 
 
-def rate(measure: Callable[[], tuple[int, float]], size: int) -> float:
+def rate(measure: Callable[[], tuple[int, float]], repeats: int) -> float:
     """Rewrites a second, median."""
     found = []
-    for _ in range(REPEATS[size]):
+    for _ in range(repeats):
         done, seconds = measure()
         found.append(done / seconds)
     return median(found)
@@ -108,7 +117,7 @@ def in_clips(size: int) -> tuple[int, float]:
     return done, seconds
 
 
-def print_phases(size: int = 10_000) -> None:
+def print_phases(size: int) -> None:
     """Microseconds a rewrite in each phase."""
     engine = ring()
     rewrite = prepared(engine)
@@ -120,7 +129,3 @@ def print_phases(size: int = 10_000) -> None:
             rewrite(rule)
         print(f"  {phase} {1e6 * (process_time() - started) / len(order):.2f}", end="")
     print()
-
-
-if __name__ == "__main__":
-    main()

@@ -1,4 +1,4 @@
-"""State-space exploration: the dining philosophers, all 3^n states.
+"""Explore all 3^n states of n dining philosophers, beside CLIPS.
 
     python -m benchmarks philosophers
 
@@ -11,12 +11,12 @@ from __future__ import annotations
 import gc
 from collections.abc import Callable
 from time import process_time
-from typing import Any
+from typing import Any, NamedTuple
 
-from benchmarks._clips import MISSING, clips
+from benchmarks._clips import clips
 from benchmarks._philosophers import RULES, clips_table, table
 
-SIZE = 10
+PEERS = ("clips",)
 TARGET = 5_000
 """States a second."""
 
@@ -31,19 +31,27 @@ VARIANTS: dict[str, dict[str, Any]] = {
 }
 
 
-def main() -> None:
+class Sizes(NamedTuple):
+    """How many philosophers there are."""
+
+    philosophers: int
+
+
+FULL = Sizes(10)
+QUICK = Sizes(3)
+
+
+def main(sizes: Sizes) -> None:
     """Print the figures."""
-    if clips is None:
-        print(MISSING)
     print(f"Henshin, published: {PUBLISHED} states/s; to be {TARGET}")
-    print(f"{SIZE} philosophers{'states':>17}{'transitions':>13}{'seconds':>9}{'states/s':>10}")
+    print(f"{sizes.philosophers} philosophers{'states':>17}{'transitions':>13}{'seconds':>9}{'states/s':>10}")
     ours = 0.0
     for name, options in VARIANTS.items():
-        states, moves, seconds = explore(options)
+        states, moves, seconds = explore(sizes.philosophers, options)
         show(name, states, moves, seconds)
         ours = ours or states / seconds
     if clips is not None:
-        states, moves, seconds = in_clips()
+        states, moves, seconds = in_clips(sizes.philosophers)
         show("CLIPS", states, moves, seconds)
         print(f"breadth first / CLIPS: {ours / (states / seconds):.2f} states/s")
     print(f"{'met' if ours >= TARGET else 'missed'}; times Henshin, published: {ours / PUBLISHED:.0f}")
@@ -54,19 +62,19 @@ def show(name: str, states: int, moves: int, seconds: float) -> None:
     print(f"{name:20}{states:12}{moves:13}{seconds:9.2f}{states / seconds:10.0f}", flush=True)
 
 
-def explore(options: dict[str, Any]) -> tuple[int, int, float]:
+def explore(size: int, options: dict[str, Any]) -> tuple[int, int, float]:
     """States, transitions and seconds."""
-    engine = table(SIZE)
-    found = timed(lambda: engine.explore(RULES, limit=3**SIZE, **options))
+    engine = table(size)
+    found = timed(lambda: engine.explore(RULES, limit=3**size, **options))
     result, seconds = found
     assert result.complete and len(result.deadlocks) == 2
-    assert len(result) == 3**SIZE or "up_to" in options
+    assert len(result) == 3**size or "up_to" in options
     return len(result), result.statistics.transitions, seconds
 
 
-def in_clips() -> tuple[int, int, float]:
+def in_clips(size: int) -> tuple[int, int, float]:
     """States, moves and seconds in CLIPS."""
-    environment = clips_table(SIZE)
+    environment = clips_table(size)
     moves, seconds = timed(environment.run)
     return environment.count("state"), moves, seconds
 
@@ -77,7 +85,3 @@ def timed(job: Callable[[], Any]) -> tuple[Any, float]:
     started = process_time()
     result = job()
     return result, process_time() - started
-
-
-if __name__ == "__main__":
-    main()

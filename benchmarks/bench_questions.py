@@ -1,10 +1,11 @@
-"""Questions that should not cost what the model is large: the first match, bound variables, loops of units.
+"""Ask for a first match, with bound variables, and run loops of units, in large models.
 
     python -m benchmarks questions
 
-`alap` applies a rule until nothing is left, on demand and watched; `first` and its like are asked with one variable
-bound, of a pattern over a link and of one over equal values, on demand and watched, in a model that stands still
-and in one that changes between two questions. Processor time; medians where there are several rounds.
+No figure should grow with the model. `alap` applies a rule until nothing is left, on demand and watched; `first` and
+its like are asked with one variable bound, of a pattern over a link and of one over equal values, on demand and
+watched, in a model that stands still and in one that changes between two questions. Processor time; medians where there
+are several rounds.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from contextlib import suppress
 from itertools import product
 from statistics import median
 from time import process_time
+from typing import NamedTuple
 
 import envgraph
 from envgraph.errors import EvaluationError
@@ -45,10 +47,18 @@ UNITS = (
     envgraph.Unit("forever", body="alap { grow; }"),
 )
 
-LOOPS = (1_000, 2_000, 4_000, 8_000)
-LIMITS = (1_000, 4_000, 16_000, 64_000)
-OBJECTS = 100_000
-ROUNDS = 41
+
+class Sizes(NamedTuple):
+    """Objects of the loops, limits of steps, pairs of objects in the large model, and how often it is asked."""
+
+    loops: tuple[int, ...]
+    limits: tuple[int, ...]
+    objects: int
+    rounds: int
+
+
+FULL = Sizes((1_000, 2_000, 4_000, 8_000), (1_000, 4_000, 16_000, 64_000), objects=100_000, rounds=41)
+QUICK = Sizes((10, 20), (10, 20), objects=100, rounds=2)
 
 QUESTIONS: dict[str, Callable[[envgraph.Engine, str, envgraph.Node], object]] = {
     "matches": lambda engine, pattern, left: engine.matches(pattern, a=left),
@@ -60,11 +70,11 @@ QUESTIONS: dict[str, Callable[[envgraph.Engine, str, envgraph.Node], object]] = 
 }
 
 
-def main() -> None:
+def main(sizes: Sizes) -> None:
     """Print the tables."""
-    print_loops()
-    print_growth()
-    print_questions()
+    print_loops(sizes)
+    print_growth(sizes)
+    print_questions(sizes)
 
 
 def engine_of(pairs: int, objects: int | None = None) -> envgraph.Engine:
@@ -79,13 +89,13 @@ def engine_of(pairs: int, objects: int | None = None) -> envgraph.Engine:
     return engine
 
 
-def print_loops() -> None:
+def print_loops(sizes: Sizes) -> None:
     """`alap` over a rule that uses its matches up."""
-    print(f"{'alap, ms':28}" + "".join(f"{objects:>10,}" for objects in LOOPS))
+    print(f"{'alap, ms':28}" + "".join(f"{objects:>10,}" for objects in sizes.loops))
     for unit in ("drain", "drain_first"):
         for watched in (False, True):
             cells = []
-            for objects in LOOPS:
+            for objects in sizes.loops:
                 engine = engine_of(objects)
                 if watched:
                     engine.watch("neg")
@@ -99,26 +109,26 @@ def print_loops() -> None:
             )
 
 
-def print_growth() -> None:
+def print_growth(sizes: Sizes) -> None:
     """A loop that never ends: what a step costs, up to the limit of steps."""
     cells = []
-    for limit in LIMITS:
+    for limit in sizes.limits:
         engine = engine_of(1)
         engine.step_limit = limit
         started = process_time()
         with suppress(EvaluationError):
             engine.run("forever")
         cells.append(1e6 * (process_time() - started) / limit)
-    print(f"\n{'steps of a loop without end':28}" + "".join(f"{limit:10,}" for limit in LIMITS))
+    print(f"\n{'steps of a loop without end':28}" + "".join(f"{limit:10,}" for limit in sizes.limits))
     print(f"{'us a step':28}" + "".join(f"{cell:10.1f}" for cell in cells))
 
 
-def print_questions() -> None:
+def print_questions(sizes: Sizes) -> None:
     """One variable bound, in a large model."""
-    print(f"\none variable bound, {2 * OBJECTS:,} objects, us a question")
+    print(f"\none variable bound, {2 * sizes.objects:,} objects, us a question")
     print(f"{'':28}" + "".join(f"{name:>13}" for name in QUESTIONS))
     for pattern, watched, changing in product(("linked", "equal", "join"), (False, True), (False, True)):
-        engine = engine_of(OBJECTS)
+        engine = engine_of(sizes.objects)
         if watched:
             engine.watch(pattern)
         lefts = engine.model.nodes("Left")
@@ -127,7 +137,7 @@ def print_questions() -> None:
             if pattern != "join" and name.startswith("apply"):
                 continue
             times = []
-            for number in range(ROUNDS):
+            for number in range(sizes.rounds):
                 if changing:
                     lefts[-number - 1].done = not lefts[-number - 1].done
                 started = process_time()
@@ -136,7 +146,3 @@ def print_questions() -> None:
             cells.append(median(times))
         how = f"{pattern}, {'watched' if watched else 'on demand'}{', changing' if changing else ''}"
         print(f"{how:28}" + "".join(f"{cell:13.0f}" for cell in cells), flush=True)
-
-
-if __name__ == "__main__":
-    main()

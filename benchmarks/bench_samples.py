@@ -1,4 +1,4 @@
-"""Thousands of environments at once: distinct, valid, and spread over the values of a measure.
+"""Sample thousands of distinct, valid environments, spread over the values of a measure.
 
     python -m benchmarks samples
 
@@ -12,50 +12,61 @@ from __future__ import annotations
 
 import random
 import resource
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
+from functools import partial
 from itertools import pairwise
 from multiprocessing import get_context
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from time import process_time
+from typing import NamedTuple
 from unittest.mock import patch
 
 from benchmarks.bench_family import TARGET, complexity, mutate, valid
-from envgraph.search import Domain, Family, Sampler, SampleSettings, generate
-
-COUNT = 10_000
-BINS = 20
-COVERED = f"samples.cover={{ complexity = {BINS} }}"
+from envgraph.search import Domain, Sampler, SampleSettings, generate
 
 
-def main() -> None:
+class Sizes(NamedTuple):
+    """Forests to sample, bins of their complexity, lengths of walks, and members of other domains."""
+
+    forests: int
+    bins: int
+    walks: tuple[int, ...]
+    domains: dict[str, int]
+
+
+FULL = Sizes(10_000, 20, (1, 4, 16, 64, 256), {"keydoor": 500, "network": 2000})
+QUICK = Sizes(40, 4, (1, 16), {"keydoor": 5, "network": 5})
+
+
+def main(sizes: Sizes) -> None:
     """Print the figures."""
-    print(f"{COUNT:,} forests of 8 x 8, distinct and valid: to be 2 s and 500 MB")
+    print(f"{sizes.forests:,} forests of 8 x 8, distinct and valid: to be 2 s and 500 MB")
     print(f"{'':34}{'CPU s':>8}{'peak MB':>10}{'fewest and most in a bin':>28}")
     for name, job in (
-        ("envgraph", _drawn),
-        (f"envgraph, {BINS} bins covered", _covered),
-        ("hand-written", _by_hand),
+        ("envgraph", partial(_sampled, sizes.forests)),
+        (f"envgraph, {sizes.bins} bins covered", partial(_sampled, sizes.forests, sizes.bins)),
+        ("hand-written", partial(_by_hand, sizes.forests)),
     ):
-        seconds, megabytes, counts = _alone(job)
+        seconds, megabytes, counts = _alone(job, sizes.bins)
         print(f"{name:34}{seconds:8.2f}{megabytes:10.0f}{f'{min(counts):,} and {max(counts):,}':>28}")
-    print_walks()
-    print_domains()
+    print_walks(sizes)
+    print_domains(sizes)
 
 
-def print_walks() -> None:
+def print_walks(sizes: Sizes) -> None:
     """What the length of walks costs, and how far members are from each other."""
     print(f"\n{'models on a walk':>16}{'microseconds a member':>24}{'tiles that two members differ in':>36}")
-    for length in (1, 4, 16, 64, 256):
+    for length in sizes.walks:
         with patch("envgraph.search._samples.WALK", length):
-            seconds, distance = _walked()
-        print(f"{length:16}{seconds / COUNT * 1e6:24.0f}{distance:36.1f}", flush=True)
+            seconds, distance = _walked(sizes.forests)
+        print(f"{length:16}{seconds / sizes.forests * 1e6:24.0f}{distance:36.1f}", flush=True)
 
 
-def print_domains() -> None:
+def print_domains(sizes: Sizes) -> None:
     """Other domains, and a larger forest."""
     print("\nCPU ms a member, start included")
-    for name, count in (("keydoor", 500), ("network", 2000)):
+    for name, count in sizes.domains.items():
         with TemporaryDirectory() as folder:
             started = process_time()
             found = generate(name, Path(folder) / "run.sqlite", samples=count)
@@ -69,42 +80,36 @@ def print_domains() -> None:
 Result = tuple[float, float, list[int]]
 
 
-def _alone(job: Callable[[], list[float]]) -> Result:
+def _alone(job: Callable[[], list[float]], bins: int) -> Result:
     """CPU seconds and peak memory of a job in a process of its own, and how many values fall into each bin."""
     with get_context("spawn").Pool(1) as pool:
-        return pool.apply(_measured, (job,))
+        return pool.apply(_measured, (job, bins))
 
 
-def _measured(job: Callable[[], list[float]]) -> Result:
+def _measured(job: Callable[[], list[float]], bins: int) -> Result:
     started = process_time()
     values = job()
     seconds = process_time() - started
-    counts = [0] * BINS
+    counts = [0] * bins
     for value in values:
-        counts[min(int(value * BINS), BINS - 1)] += 1
+        counts[min(int(value * bins), bins - 1)] += 1
     return seconds, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024, counts
 
 
-def _drawn(overrides: Sequence[str] = ()) -> list[float]:
+def _sampled(count: int, covered: int | None = None) -> list[float]:
+    """Return the complexities of forests; with `covered`, that many bins get as many forests each."""
+    overrides = () if covered is None else (f"samples.cover={{ complexity = {covered} }}",)
     with TemporaryDirectory() as folder:
-        family = generate("burning_forest", Path(folder) / "run.sqlite", samples=COUNT, overrides=overrides)
-    return _values(family)
-
-
-def _covered() -> list[float]:
-    return _drawn((COVERED,))
-
-
-def _values(family: Family) -> list[float]:
-    assert len(family.members) == COUNT
+        family = generate("burning_forest", Path(folder) / "run.sqlite", samples=count, overrides=overrides)
+    assert len(family.members) == count
     return [member.measures["complexity"] for member in family.members]
 
 
-def _by_hand() -> list[float]:
+def _by_hand(count: int) -> list[float]:
     """Walks of 16 forests from one that was met before, by one to five retypings each."""
     rng = random.Random(1)
     found, values = [TARGET], {TARGET: complexity(TARGET)}
-    while len(found) < COUNT:
+    while len(found) < count:
         cells = rng.choice(found)
         for _ in range(16):
             while True:
@@ -117,14 +122,14 @@ def _by_hand() -> list[float]:
             if cells not in values:
                 values[cells] = complexity(cells)
                 found.append(cells)
-    return [*values.values()][:COUNT]
+    return [*values.values()][:count]
 
 
-def _walked() -> tuple[float, float]:
-    """CPU seconds of the drawing alone, and the mean distance of pairs of members."""
+def _walked(count: int) -> tuple[float, float]:
+    """Return the CPU seconds of sampling alone, and the mean distance of pairs of members."""
     domain = Domain.load("burning_forest")
     problem = domain.problem(domain.engine())
-    sampler = Sampler(problem, domain.settings(), SampleSettings(COUNT, (), (), 1, 10 * COUNT), 1)
+    sampler = Sampler(problem, domain.settings(), SampleSettings(count, (), (), 1, 10 * count), 1)
     started = process_time()
     sampler.run()
     seconds = process_time() - started
@@ -138,7 +143,3 @@ def _walked() -> tuple[float, float]:
         maps.append([model.class_of(node) for node in sorted(model.extent("Tile"))])
     distances = [sum(one != other for one, other in zip(*pair, strict=True)) for pair in pairwise(maps)]
     return seconds, sum(distances) / len(distances)
-
-
-if __name__ == "__main__":
-    main()

@@ -1,8 +1,8 @@
-"""How long small commands take, most of which is starting: Python, the imports, the tables of the parsers.
+"""Run small commands, whose time is mostly that of starting: imports and tables of the parsers.
 
     python -m benchmarks start_up
 
-CPU seconds of processes of their own, the median of seven. The tables are in the user's cache by then.
+CPU seconds of processes of their own, medians. The tables are in the user's cache by then.
 """
 
 from __future__ import annotations
@@ -11,17 +11,34 @@ import subprocess
 import sys
 from resource import RUSAGE_CHILDREN, getrusage
 from statistics import median
+from typing import NamedTuple
 
 from envgraph.lang import bundled_domain
 
 ENVGRAPH = "from envgraph.cli import main; raise SystemExit(main())"
 
 
-def main() -> None:
+class Sizes(NamedTuple):
+    """How much is run.
+
+    Attributes:
+        commands: how many of the commands, None for all.
+        runs: of a command. The first compiles and fills caches, and counts only if there is no other.
+    """
+
+    commands: int | None
+    runs: int
+
+
+FULL = Sizes(None, 8)
+QUICK = Sizes(5, 1)
+
+
+def main(sizes: Sizes) -> None:
     """Print the figures."""
     domain = bundled_domain("burning_forest")
     query, model = domain / "burning_forest.query", domain / "running_4x4.model"
-    for name, words in {
+    commands = {
         "Python alone": ["pass"],
         "import envgraph": ["import envgraph"],
         "import envgraph.lang": ["import envgraph.lang"],
@@ -30,17 +47,18 @@ def main() -> None:
         "envgraph check (rules)": [ENVGRAPH, "check", domain / "burning_forest.rules"],
         "envgraph match": [ENVGRAPH, "match", model, query, "neighbour"],
         "envgraph check (a family)": [ENVGRAPH, "check", domain / "family.toml"],
-    }.items():
-        print(f"{name:28}{_seconds([str(word) for word in words]):8.2f} s")
+    }
+    for name, words in list(commands.items())[: sizes.commands]:
+        print(f"{name:28}{_seconds([str(word) for word in words], sizes.runs):8.2f} s")
 
 
-def _seconds(words: list[str]) -> float:
-    """CPU seconds of a program in Python; once before to have everything compiled and kept."""
+def _seconds(words: list[str], runs: int) -> float:
+    """Return the median CPU seconds of a program in Python."""
     command = [sys.executable, "-c", *words]
     times = []
-    for _ in range(8):
+    for _ in range(runs):
         before = getrusage(RUSAGE_CHILDREN)
-        subprocess.run(command, check=True, capture_output=True)
+        subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
         after = getrusage(RUSAGE_CHILDREN)
         times.append(after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
-    return median(times[1:])
+    return median(times[1:] or times)

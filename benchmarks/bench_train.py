@@ -1,7 +1,6 @@
-"""The Train Benchmark: six queries kept current by views while a railway is repaired.
+"""Keep six queries current while a railway is repaired (Train Benchmark), beside other tools.
 
     python -m benchmarks train
-    python -m benchmarks.bench_train --quick      # sizes 1 and 8 instead of 64 and 256
 
 The protocol: build the model and the views of all six queries; then eight times choose matches by Java's random
 numbers, and repair each. An operation is timed alone, from its first write until all six views are current, inside an
@@ -20,7 +19,6 @@ from __future__ import annotations
 
 import gc
 import os
-import sys
 from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field
@@ -28,7 +26,7 @@ from multiprocessing import get_context
 from pathlib import Path
 from statistics import median
 from time import perf_counter_ns, process_time
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 from benchmarks._railway import QUERIES, Railway, build, generate, workspace
 from benchmarks._railway_edits import BATCHES, ORDER, QUOTAS, Operation, Protocol, Quota, rows_of, steps
@@ -40,8 +38,6 @@ from benchmarks._railway_peers import (
     SQLite,
     clips,
     duckdb,
-    missing,
-    networkx,
     networkx_chain,
     records,
     rustworkx,
@@ -51,9 +47,19 @@ from envgraph.graph import Model
 from envgraph.match import CompiledMatcher, Row, ViewMatcher
 from envgraph.rewrite import Engine
 
-SIZES = (64, 256)
-QUICK = (1, 8)
-REPEATS = 3
+PEERS = ("clips", "duckdb", "rustworkx")
+
+
+class Sizes(NamedTuple):
+    """Sizes of railways, the largest last, those for VF2, and how often envgraph and the databases are measured."""
+
+    railways: tuple[int, ...]
+    vf2: tuple[int, ...]
+    repeats: int
+
+
+FULL = Sizes((64, 256), vf2=(1, 8), repeats=3)
+QUICK = Sizes((1,), vf2=(1,), repeats=1)
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,19 +135,17 @@ class Figures:
         return self.load + self.views
 
 
-def main(sizes: tuple[int, int] = SIZES) -> None:
+def main(sizes: Sizes) -> None:
     """Print the figures."""
-    for name in missing():
-        print(f"{name} is not installed and left out; `make bench` installs it")
     figures: dict[tuple[str, int], Figures] = {}
-    for size in sizes:
+    for size in sizes.railways:
         for tool, measure in TOOLS.items():
             if measure is not None:
-                figures[tool, size] = in_fresh_process(measure, size)
+                figures[tool, size] = in_fresh_process(measure, size, sizes.repeats)
         figures["envgraph", size].memory = in_fresh_process(measure_memory, size)
         report(size, figures)
-    report_growth(sizes, figures)
-    report_vf2()
+    report_growth(sizes.railways, figures)
+    report_vf2(sizes)
 
 
 def in_fresh_process(measure: Callable[..., Result], *arguments: object) -> Result:
@@ -179,12 +183,12 @@ def watch(engine: Engine) -> None:
     engine.watch(*(f"railway.{query}" for query in QUERIES))
 
 
-def measure_envgraph(size: int) -> Figures:
+def measure_envgraph(size: int, repeats: int) -> Figures:
     """Everything but memory."""
     case = Case(generate("repair", size))
     found = Figures()
     models, views = [], []
-    for _ in range(REPEATS):
+    for _ in range(repeats):
         started = process_time()
         engine = case.open()
         models.append(process_time() - started)
@@ -192,22 +196,22 @@ def measure_envgraph(size: int) -> Figures:
         watch(engine)
         views.append(process_time() - started)
     found.load, found.views = median(models), median(views)
-    ask_on_demand(case.open(), found)
+    ask_on_demand(case.open(), found, repeats)
     for quota in QUOTAS:
         edits = found.edits[str(quota)] = Edits()
-        for _ in range(REPEATS):  # a batch takes milliseconds; on a shared machine one run says little
+        for _ in range(repeats):  # a batch takes milliseconds; on a shared machine one run says little
             repair(case.watched(), quota, edits)
             gc.collect()
     return found
 
 
-def ask_on_demand(engine: Engine, found: Figures) -> None:
+def ask_on_demand(engine: Engine, found: Figures, repeats: int) -> None:
     """All six queries without views: with planning, and then with the functions at hand."""
     matcher = CompiledMatcher(engine.model, engine.library)
     gc.collect()
     gc.freeze()
     times: list[float] = []
-    for _ in range(1 + REPEATS):
+    for _ in range(1 + repeats):
         engine.model.set_object_name(0, f"round {len(times)}")  # another state: nothing remembered is of use
         started = process_time()
         for query in QUERIES:
@@ -287,7 +291,7 @@ def measure_memory(size: int) -> float | None:
 
 def kilobytes(railway: Railway, before: int | None, after: int | None) -> float | None:
     """What was needed between two times, for each node and edge."""
-    if before is None or after is None:
+    if before is None or after is None or after <= before:  # a small model may fit into memory that was freed
         return None
     return (after - before) / 1024 / (railway.node_count + railway.edge_count)
 
@@ -301,7 +305,7 @@ def resident() -> int | None:
 # --- peers
 
 
-def measure_clips(size: int) -> Figures:
+def measure_clips(size: int, _repeats: int) -> Figures:
     """Building the network, and the changes of every operation; its rollback is the changes in reverse."""
     railway = generate("repair", size)
     everything = list(records(railway))
@@ -372,15 +376,15 @@ def clocked(environment: Clips, changes: Iterable[Change]) -> float:
     return (perf_counter_ns() - started) / 1e3
 
 
-def measure_sqlite(size: int) -> Figures:
-    return measure_database(SQLite(), size)
+def measure_sqlite(size: int, repeats: int) -> Figures:
+    return measure_database(SQLite(), size, repeats)
 
 
-def measure_duckdb(size: int) -> Figures:
-    return measure_database(DuckDB(), size)
+def measure_duckdb(size: int, repeats: int) -> Figures:
+    return measure_database(DuckDB(), size, repeats)
 
 
-def measure_database(database: SQLite | DuckDB, size: int) -> Figures:
+def measure_database(database: SQLite | DuckDB, size: int, repeats: int) -> Figures:
     """Loading, and the six queries."""
     railway = generate("repair", size)
     found = Figures()
@@ -388,7 +392,7 @@ def measure_database(database: SQLite | DuckDB, size: int) -> Figures:
     database.load(railway)
     found.load = process_time() - started
     times = []
-    for _ in range(1 + REPEATS):
+    for _ in range(1 + repeats):
         started = process_time()
         for query in QUERIES:
             database.rows(query)
@@ -397,7 +401,7 @@ def measure_database(database: SQLite | DuckDB, size: int) -> Figures:
     return found
 
 
-TOOLS: dict[str, Callable[[int], Figures] | None] = {
+TOOLS: dict[str, Callable[[int, int], Figures] | None] = {
     "envgraph": measure_envgraph,
     "CLIPS": measure_clips if clips else None,
     "SQLite": measure_sqlite,
@@ -444,44 +448,41 @@ def report_edits(protocol: str, ours: Edits, tools: Mapping[str, Edits], size: i
     line("  rollback of a batch, as part of the batch", median(ours.rollbacks), goal.rollback, others)
 
 
-def report_growth(sizes: tuple[int, int], figures: Mapping[tuple[str, int], Figures]) -> None:
+def report_growth(sizes: tuple[int, ...], figures: Mapping[tuple[str, int], Figures]) -> None:
     """How much slower an operation is in the larger model."""
-    small, large = sizes
+    small, large = sizes[0], sizes[-1]
     print(f"\ngrowth from size {small} to {large}")
-    goal = TARGETS if sizes == SIZES else Targets()
+    goal = TARGETS if sizes == FULL.railways else Targets()
     for quota in map(str, QUOTAS):
         growth: dict[str, float] = {}
         for tool in TOOLS:
             if (tool, small) in figures and figures[tool, small].edits:
-                before, after = (figures[tool, size].edits[quota].over_kinds for size in sizes)
+                before, after = (figures[tool, size].edits[quota].over_kinds for size in (small, large))
                 growth[tool] = after / before
         ours = growth.pop("envgraph")
-        others: Others = {**growth, **(VIATRA_GROWTH if sizes == SIZES else {})}
+        others: Others = {**growth, **(VIATRA_GROWTH if sizes == FULL.railways else {})}
         line(f"{quota} x {BATCHES}: one repair, median over kinds", ours, goal.growth, others)
 
 
-def report_vf2() -> None:
+def report_vf2(sizes: Sizes) -> None:
     """ConnectedSegments as a graph, in small models."""
     print("\nconnectedSegments alone, once, without views, ms")
-    for size in QUICK:
+    for size in sizes.vf2:
         railway = generate("repair", size)
         engine = Case(railway).open()
         ask = CompiledMatcher(engine.model, engine.library).prepare("railway.connectedSegments", ())
         others: Others = {
-            name: milliseconds(make(railway))
-            for name, module, make in (
-                ("networkx VF2", networkx, networkx_chain),
-                ("rustworkx VF2", rustworkx, rustworkx_chain),
-            )
-            if module is not None
+            name: milliseconds(make(railway), sizes.repeats)
+            for name, make in (("networkx VF2", networkx_chain), ("rustworkx VF2", rustworkx_chain))
+            if make is networkx_chain or rustworkx is not None
         }
-        line(f"repair-{size}", milliseconds(lambda: len(ask())), None, others)  # noqa: B023
+        line(f"repair-{size}", milliseconds(lambda: len(ask()), sizes.repeats), None, others)  # noqa: B023
 
 
-def milliseconds(ask: Callable[[], int]) -> float:
+def milliseconds(ask: Callable[[], int], repeats: int) -> float:
     """Median time of a question."""
     times = []
-    for _ in range(REPEATS):
+    for _ in range(repeats):
         started = process_time()
         ask()
         times.append(1e3 * (process_time() - started))
@@ -514,7 +515,3 @@ def beside_ours(value: float | tuple[float, float], ours: float) -> str:
 def digits(value: float) -> str:
     """A number with three significant digits at least."""
     return f"{value:.0f}" if value >= 100 else f"{value:.3g}"
-
-
-if __name__ == "__main__":
-    main(QUICK if "--quick" in sys.argv else SIZES)

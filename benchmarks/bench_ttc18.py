@@ -1,4 +1,4 @@
-"""The social media case of the Transformation Tool Contest 2018, with both queries kept current by views.
+"""Keep two queries of a social network current (TTC 2018), beside SQLite and networkx.
 
     python -m benchmarks ttc18
 
@@ -21,7 +21,7 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from statistics import median
 from time import process_time
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import networkx
 
@@ -39,7 +39,6 @@ from benchmarks._social_media import (
 )
 from envgraph.graph import Fact
 
-RUNS = 5
 TARGET = 0.5
 """Milliseconds an update with both queries may take at scale 4."""
 
@@ -50,6 +49,23 @@ PUBLISHED = {
 """Median milliseconds of an update at scale 64, from the publications of the contest."""
 
 EXPECTED = expected_answers()
+
+
+class Sizes(NamedTuple):
+    """Scales, the largest last, runs that a median is of, change sets, and copies of the model to measure growth."""
+
+    scales: tuple[int, ...]
+    runs: int
+    change_sets: int
+    copies: int
+
+    def changes(self, scale: int) -> list[list[Line]]:
+        """Return the first change sets of a scale."""
+        return change_sets(scale)[: self.change_sets]
+
+
+FULL = Sizes(SCALES, runs=5, change_sets=20, copies=16)
+QUICK = Sizes((1,), runs=1, change_sets=2, copies=2)
 
 
 class Tool(Protocol):
@@ -225,66 +241,73 @@ class Times:
         return 1e3 * median(self.updates)
 
 
-def main() -> None:
+def main(sizes: Sizes) -> None:
     """Print the tables."""
     both = tuple(QUERIES)
-    print(f"medians of {RUNS} runs of 20 change sets each; all answers are the published ones\n")
-    ours = print_updates([*((query,) for query in QUERIES), both])
+    print(
+        f"medians of {sizes.runs} runs of {sizes.change_sets} change sets each; all answers are the published ones\n"
+    )
+    ours = print_updates([(), *((query,) for query in QUERIES), both], sizes)
+    largest = sizes.scales[-1]
     print(f"\npublished at scale 64, ms: {'; '.join(f'{q}: {text}' for q, text in PUBLISHED.items())}")
-    print(f"target: {TARGET} ms at scale 4 with both queries; measured {ours[4].update:.3f} ms")
-    print_sizes(ours)
-    print_growth(ours[4])
-    print_peers(ours)
+    print(f"target: {TARGET} ms at scale 4 with both queries; at {largest}: {ours[largest].update:.3f} ms")
+    print_sizes(ours, sizes)
+    print_growth(ours[largest], sizes)
+    print_peers(ours, sizes)
 
 
-def print_updates(choices: Sequence[tuple[str, ...]]) -> dict[int, Times]:
+def print_updates(choices: Sequence[tuple[str, ...]], sizes: Sizes) -> dict[int, Times]:
     """Times with each choice of watched queries; gives those of the last choice by scale."""
     print(
-        f"{'watched':10}" + "".join(f"{f'scale {scale}: first ms':>22}{'update ms':>12}" for scale in SCALES)
+        f"{'watched':10}"
+        + "".join(f"{f'scale {scale}: first ms':>22}{'update ms':>12}" for scale in sizes.scales)
     )
     found: dict[int, Times] = {}
-    for queries in [(), *choices]:
-        found = {scale: measure(Views, queries, scale) for scale in SCALES}
+    for queries in choices:
+        found = {scale: measure(Views, queries, scale, sizes) for scale in sizes.scales}
         cells = "".join(f"{1e3 * median(t.initial):22.1f}{t.update:12.3f}" for t in found.values())
         print(f"{' and '.join(queries) or 'nothing':10}{cells}")
     return found
 
 
-def print_sizes(ours: dict[int, Times]) -> None:
+def print_sizes(ours: dict[int, Times], sizes: Sizes) -> None:
     """What an update costs by what it changes."""
     print(
         f"\n{'both':10}{'lines':>8}{'facts':>8}{'us a line':>12}{'us a fact':>12}   medians over the change sets"
     )
     for scale, times in ours.items():
-        lines, facts = [len(changes) for changes in change_sets(scale)], count_facts(scale)
+        lines, facts = [len(changes) for changes in sizes.changes(scale)], count_facts(scale, sizes)
         cells = f"{median(lines):8.1f}{median(facts):8.1f}"
-        for sizes, width in ((lines, 1), (facts, 2)):
-            each = [1e6 * time / size for time, size in zip(times.updates, RUNS * sizes, strict=True)]
+        for counts, width in ((lines, 1), (facts, 2)):
+            each = [1e6 * time / size for time, size in zip(times.updates, sizes.runs * counts, strict=True)]
             cells += f"{median(each):12.{width}f}"
         print(f"scale {scale:<4}{cells}")
 
 
-def print_growth(small: Times) -> None:
-    """The same changes in a model 16 times as large."""
-    large = Times()
-    run(Views, tuple(QUERIES), copies(initial_lines(4), 16), change_sets(4), None, large)
+def print_growth(small: Times, sizes: Sizes) -> None:
+    """The same changes in a model many times as large."""
+    large, scale = Times(), sizes.scales[-1]
+    lines = copies(initial_lines(scale), sizes.copies)
+    run(Views, tuple(QUERIES), lines, sizes.changes(scale), None, large)
     print(
-        f"\n16 copies of scale 4, its change sets: first {1e3 * large.initial[0]:.0f} ms, "
-        f"update {large.update:.3f} ms, {large.update / small.update:.2f} of that at scale 4"
+        f"\n{sizes.copies} copies of scale {scale}, its change sets: first {1e3 * large.initial[0]:.0f} ms, "
+        f"update {large.update:.3f} ms, {large.update / small.update:.2f} of that at scale {scale}"
     )
 
 
-def print_peers(ours: dict[int, Times]) -> None:
+def print_peers(ours: dict[int, Times], sizes: Sizes) -> None:
     """Both queries by tools that compute them anew."""
-    print(f"\n{'both':22}" + "".join(f"{f'scale {scale}: update ms':>22}{'ratio':>8}" for scale in SCALES))
+    print(
+        f"\n{'both':22}" + "".join(f"{f'scale {scale}: update ms':>22}{'ratio':>8}" for scale in sizes.scales)
+    )
     for name, tool in (
         ("envgraph on demand", OnDemand),
         (f"sqlite3 {sqlite3.sqlite_version}", Sqlite),
         (f"networkx {networkx.__version__}", Networkx),
     ):
         cells = ""
-        for scale in SCALES:
-            times = measure(tool, tuple(QUERIES), scale, runs=1)
+        for scale in sizes.scales:
+            times = measure(tool, tuple(QUERIES), scale, sizes._replace(runs=1))
             cells += f"{times.update:22.2f}{times.update / ours[scale].update:8.0f}"
         print(f"{name:22}{cells}")
 
@@ -292,11 +315,11 @@ def print_peers(ours: dict[int, Times]) -> None:
 Maker = Callable[[Sequence[str], Iterable[Line]], Tool]
 
 
-def measure(make: Maker, queries: Sequence[str], scale: int, runs: int = RUNS) -> Times:
+def measure(make: Maker, queries: Sequence[str], scale: int, sizes: Sizes) -> Times:
     """Times of the protocol of the case."""
     times = Times()
-    lines, sets = initial_lines(scale), change_sets(scale)
-    for _ in range(runs):
+    lines, sets = initial_lines(scale), sizes.changes(scale)
+    for _ in range(sizes.runs):
         run(make, queries, lines, sets, scale, times)
     return times
 
@@ -346,16 +369,12 @@ class Counter:
         raise AssertionError("nothing is taken back here")
 
 
-def count_facts(scale: int) -> list[int]:
+def count_facts(scale: int, sizes: Sizes) -> list[int]:
     """The number of elementary changes in each change set of a scale."""
     engine, network = open_network(initial_lines(scale))
     engine.model.subscribe(counter := Counter())
     totals = [0]
-    for changes in change_sets(scale):
+    for changes in sizes.changes(scale):
         network.insert(changes)
         totals.append(counter.changes)
     return [after - before for before, after in pairwise(totals)]
-
-
-if __name__ == "__main__":
-    main()

@@ -1,6 +1,6 @@
-"""How much of the program a reader has to walk through: functions and modules that are run on the way to something.
+"""Count the functions and modules that run on the way to a match, a view, a rule, a step.
 
-    python -m benchmarks.walks
+    python -m benchmarks walks
 
 Each walk is a process of its own. Counted are the functions of envgraph that are called, each once, and the modules
 that they are in; comprehensions and the like belong to the functions around them.
@@ -17,7 +17,7 @@ from contextlib import suppress
 from inspect import CO_OPTIMIZED
 from pathlib import Path
 from types import CodeType, FrameType
-from typing import Any
+from typing import Any, NamedTuple
 
 PACKAGE = str(Path(__file__).parents[1] / "envgraph")
 
@@ -103,6 +103,16 @@ def member() -> dict[str, Walk]:
 WALKS = {one.__name__: one for one in (pattern, view, rule, member)}
 
 
+class Sizes(NamedTuple):
+    """Names of walks."""
+
+    walks: tuple[str, ...]
+
+
+FULL = Sizes(tuple(WALKS))
+QUICK = Sizes(("rule",))
+
+
 def counted(walk: Walk) -> tuple[int, int]:
     """Functions and modules of the package that a walk comes through."""
     found: set[CodeType] = set()
@@ -121,18 +131,17 @@ def counted(walk: Walk) -> tuple[int, int]:
     return len(found), len({code.co_filename for code in found})
 
 
-def main(names: list[str]) -> None:
-    """Print the figures of all walks; of those that are named, as JSON."""
-    if names:
-        print(json.dumps({what: counted(walk) for name in names for what, walk in WALKS[name]().items()}))
-        return
+def main(sizes: Sizes) -> None:
+    """Print the figures."""
     print(f"{'':48}{'functions':>10}{'modules':>10}")
-    for name in WALKS:
-        command = [sys.executable, "-m", "benchmarks.walks", name]
-        done = subprocess.run(command, check=True, capture_output=True, text=True, cwd=Path(PACKAGE).parent)
+    for name in sizes.walks:
+        command = [sys.executable, "-m", "benchmarks.bench_walks", name]
+        done = subprocess.run(
+            command, check=True, stdout=subprocess.PIPE, text=True, cwd=Path(PACKAGE).parent
+        )
         for what, (functions, modules) in json.loads(done.stdout.splitlines()[-1]).items():
             print(f"{what:48}{functions:10}{modules:10}")
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    print(json.dumps({what: counted(walk) for what, walk in WALKS[sys.argv[1]]().items()}))
