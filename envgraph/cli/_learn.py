@@ -139,11 +139,10 @@ def train_agents(
         trained = [
             _train(members, settings, chosen, numbers, workers, journal, base, random) for settings in budgets
         ]
-    except KeyboardInterrupt:
-        sys.stderr.write(f"{len(journal)} agents are kept: `{again}` goes on\n")
-        raise
-    except Exception:
-        if not len(journal):
+    except BaseException as error:
+        if len(journal) or isinstance(error, KeyboardInterrupt):
+            sys.stderr.write(f"{len(journal)} agents are kept: `{again}` goes on\n")
+        else:
             journal.path.unlink()  # there is nothing to go on with
         raise
     journal.path.unlink()

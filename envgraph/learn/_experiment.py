@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from functools import partial
 from math import isfinite
 
 import numpy as np
-from joblib import Parallel, delayed
 
 from envgraph.code import dataclass
 from envgraph.env import Tabular
@@ -16,6 +15,7 @@ from envgraph.errors import InvalidArgument, did_you_mean
 from envgraph.learn._agents import ProgramAgent, Programs, TableAgent, Tables
 from envgraph.learn._curricula import Curriculum, Kind, sequences
 from envgraph.learn._results import Experiment, RunResult
+from envgraph.learn._workers import run_in_workers
 from envgraph.solve import Evaluation, mixture
 from envgraph.solve.learning import (
     Backend,
@@ -89,6 +89,7 @@ def run_experiment(
 
     Raises:
         InvalidArgument: the environments disagree, a curriculum names one that is not there, or a number is wrong.
+        EnvgraphError: a worker process died; `found` has been called with all that ended before.
     """
     names = [member.name for member in family]
     if curricula is None:
@@ -107,7 +108,8 @@ def run_experiment(
         for key, (curriculum, seed) in wanted.items()
         if key not in results
     ]
-    for result in _run_all(tasks, workers, backend):
+    threads = backend == "numba" or isinstance(prepared.ready, Programs)
+    for result in run_in_workers(_run_result, tasks, workers, threads=threads):
         results[_key(result)] = result
         if found:
             found(result)
@@ -253,27 +255,6 @@ def _prepare(family: Sequence[FamilyMember], curricula: Iterable[Curriculum]) ->
 
 def _places(curriculum: Curriculum, positions: dict[str, int]) -> tuple[Place, ...]:
     return tuple(tuple(positions[name] for name in names) for names in curriculum.members)
-
-
-_Task = tuple[_Prepared, Curriculum, TrainingSettings, int, Backend]
-
-
-def _run_all(tasks: Sequence[_Task], workers: int, backend: Backend) -> Iterator[RunResult]:
-    """Results as they end."""
-    if workers == 1:
-        yield from (_run_result(*task) for task in tasks)
-        return
-    threads = backend == "numba" or (tasks and isinstance(tasks[0][0].ready, Programs))
-    parallel = partial(Parallel, n_jobs=workers, prefer="threads" if threads else "processes")
-    try:
-        pool = parallel(return_as="generator_unordered")
-    except (
-        ValueError
-    ):  # Ray gives whole lists alone: one for as many as run at a time, to have something soon
-        for first in range(0, len(tasks), workers):
-            yield from parallel()(delayed(_run_result)(*task) for task in tasks[first : first + workers])
-    else:
-        yield from pool(delayed(_run_result)(*task) for task in tasks)
 
 
 def _run_result(

@@ -14,6 +14,7 @@ from envgraph.code import dataclass
 from envgraph.errors import EvaluationError, InvalidArgument
 from envgraph.files import replace_file
 from envgraph.lang import Bundle
+from envgraph.learn._workers import run_in_workers
 from envgraph.learn.audit._levels import AuditLevels, make_levels
 from envgraph.learn.audit._methods import EDITING, METHODS, Method
 from envgraph.learn.audit._run import Run, run_method
@@ -145,16 +146,12 @@ def _finished(
 ) -> Iterator[int]:
     """Runs what is missing, and counts."""
     place = str(directory)
-    if workers == 1:
-        for count, one in enumerate(missing, 1):
-            _work(place, settings, *one, source)
-            yield count
-        return
-    from joblib import Parallel, delayed
-
-    pool = Parallel(n_jobs=workers, return_as="generator_unordered")
-    ended = pool(delayed(_work)(place, settings, *one, source) for one in missing)
-    yield from (count for count, _ in enumerate(ended, 1))
+    tasks = [(place, settings, *one, source) for one in missing]
+    hint = (
+        f"finished runs are kept in {directory}: start it again with fewer `workers`, which need less memory"
+    )
+    for count, _ in enumerate(run_in_workers(_work, tasks, workers, hint=hint), 1):
+        yield count
 
 
 def _work(directory: str, settings: AuditSettings, method: Method, seed: int, source: _Source) -> None:

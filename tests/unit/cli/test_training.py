@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import json
+import multiprocessing
+import os
+import signal
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -128,6 +131,31 @@ def test_an_error_before_the_first_agent_leaves_nothing_to_go_on_with(
         assert command(*TRAIN)[0] == 1
     assert not (run / "training" / "unfinished.jsonl").exists()
     assert command(*TRAIN)[0] == 0
+
+
+def test_a_worker_that_dies_costs_no_finished_agent(
+    run: Path, command: Callable[..., tuple[int, str, str]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    add = Journal.add
+    with monkeypatch.context() as patch:
+
+        def kill_workers(self: Journal, part: str, target: str, result: RunResult) -> None:
+            add(self, part, target, result)
+            for worker in multiprocessing.active_children():
+                os.kill(worker.pid or 0, signal.SIGTERM)
+
+        patch.setattr(Journal, "add", kill_workers)
+        code, _, messages = command(*TRAIN, "--workers", "2")
+    count = len(Journal.open(run / "training" / "unfinished.jsonl"))
+    assert count >= 1 and code == 1
+    assert messages == (
+        f"{count} agents are kept: `envgraph train forest --directory runs --resume` goes on\n"
+        "error: a worker process ended in the middle of its work, as when the system runs out of memory; fewer "
+        "`workers` need less memory\n"
+    )
+    assert command("train", "forest", "--resume")[0] == 0
+    resumed = results(run)
+    assert command(*TRAIN, "--force")[0] == 0 and results(run) == resumed
 
 
 def test_results_are_replaced_only_by_force(

@@ -1,0 +1,72 @@
+"""Worker processes: they end with their parent, and one that dies is an error in words."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures.process import BrokenProcessPool
+from functools import partial
+from multiprocessing import parent_process
+from threading import Thread
+from typing import Any, TypeVar
+
+from envgraph.errors import EnvgraphError
+
+T = TypeVar("T")
+
+_PAUSE = 0.2
+"""Seconds between two looks at whether the parent is alive; a look takes a microsecond."""
+
+
+def run_in_workers(
+    function: Callable[..., T],
+    tasks: Sequence[tuple[Any, ...]],
+    workers: int,
+    *,
+    threads: bool = False,
+    hint: str = "fewer `workers` need less memory",
+) -> Iterator[T]:
+    """Yield the result of the function for each tuple of arguments, in the order in which they end.
+
+    Raises:
+        EnvgraphError: a worker process died. The hint says how to go on.
+    """
+    from joblib import Parallel, delayed
+    from joblib.parallel import get_active_backend
+
+    if workers == 1:
+        yield from (function(*task) for task in tasks)
+        return
+    options: dict[str, Any] = {"n_jobs": workers, "prefer": "threads" if threads else "processes"}
+    if "initializer" not in getattr(get_active_backend()[0], "backend_kwargs", ()):
+        options["initializer"] = end_with_parent  # would replace one that the user gave to `parallel_config`
+    parallel = partial(Parallel, **options)
+    try:
+        try:
+            pool = parallel(return_as="generator_unordered")
+        except ValueError:  # Ray returns whole lists only: ask for as many tasks as run at a time
+            for first in range(0, len(tasks), workers):
+                yield from parallel()(delayed(function)(*task) for task in tasks[first : first + workers])
+        else:
+            yield from pool(delayed(function)(*task) for task in tasks)
+    except BrokenProcessPool as error:
+        message = "a worker process ended in the middle of its work, as when the system runs out of memory"
+        raise EnvgraphError(message, hint) from error
+
+
+def end_with_parent() -> None:
+    """End this worker process soon after its parent, even if the parent is killed and cannot tell its workers.
+
+    A worker of a cluster has no parent that Python knows, and is left to the cluster. The kernel's signal for a dead
+    parent (`PR_SET_PDEATHSIG`) is no help: it is sent when the thread that started the worker ends.
+    """
+    parent = parent_process()
+    if parent is not None:
+        Thread(target=_wait_for_end, args=(parent.pid,), daemon=True).start()
+
+
+def _wait_for_end(parent: int | None) -> None:
+    while os.getppid() == parent:
+        time.sleep(_PAUSE)
+    os._exit(1)  # the main thread may wait for ever: for a lock or a pipe of the parent
