@@ -1,16 +1,23 @@
-"""Processes killed at random moments: what was there stays, and going on leads to the same result."""
+"""Processes killed at random moments: what was there stays, and resuming leads to the same result.
+
+Commands, the parents of worker processes, and worker processes.
+"""
 
 from __future__ import annotations
 
+import os
+import signal
 import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Callable
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from random import Random
 
-from tests.campaigns.commands import good, run
+from tests.campaigns.commands import SECONDS, good, run
 
 _GENERATE = ("generate", "burning_forest", "--generations", 40, "--name", "m", "--directory", "runs")
 _TRAIN = ("train", "m", "--steps", "200", "--seeds", "2", "--curricula", "full,direct")
@@ -67,7 +74,7 @@ def prepare() -> None:
 def campaign(random: Random) -> str:
     """Kill one command, at a moment or at a write, go on, and compare everything."""
     expected = _expected()
-    kind = random.choice(["generate", "train", "export"])
+    kind = random.choice(["generate", "train", "export", "parent", "worker"])
     with tempfile.TemporaryDirectory() as name:
         directory = Path(name)
         if kind == "generate":
@@ -85,8 +92,9 @@ def campaign(random: Random) -> str:
         else:
             good(run(directory, *_GENERATE))
             (directory / "family.json").write_text("old")
-        if kind == "train":
-            if _killed(random, directory, *_TRAIN):
+        if kind in ("train", "parent", "worker"):
+            killed = _killed if kind == "train" else _killed_parent if kind == "parent" else _killed_worker
+            if killed(random, directory, *_TRAIN):
                 begun = (directory / "runs" / "m" / "training" / "unfinished.jsonl").exists()
                 good(run(directory, *(("train", "m", "--resume") if begun else (*_TRAIN, "--force"))))
             assert _trained(directory) == {
@@ -96,7 +104,7 @@ def campaign(random: Random) -> str:
             _killed(random, directory, "export", "m", "-o", "family.json")
             assert (directory / "family.json").read_text() in ("old", expected["family.json"])
             good(run(directory, "export", "m", "-o", "family.json"))
-        if kind != "train":
+        if kind in ("generate", "export"):
             assert (directory / "family.json").read_text() == expected["family.json"]
         drafts = [str(path) for path in directory.rglob("*") if ".draft-" in path.name]
         assert not drafts, drafts
@@ -115,3 +123,51 @@ def _killed(random: Random, directory: Path, *arguments: object) -> bool:
     time.sleep(random.random() * 4)
     process.kill()
     return process.wait() < 0
+
+
+def _killed_parent(random: Random, directory: Path, *arguments: object) -> bool:
+    """Kill a command that has workers, and check that none is left; whether the command was still running."""
+    process, _ = _killed_with_workers(random, directory, *arguments, kill=lambda parent, _: parent)
+    return process.returncode < 0
+
+
+def _killed_worker(random: Random, directory: Path, *arguments: object) -> bool:
+    """Kill a worker of a command, and check what the command says; whether the command failed."""
+    process, messages = _killed_with_workers(
+        random, directory, *arguments, kill=lambda _, workers: random.choice(workers) if workers else None
+    )
+    assert process.returncode == 0 or "error: a worker process ended" in messages, messages[-1500:]
+    assert process.returncode in (0, 1) and "Traceback" not in messages, messages[-1500:]
+    return process.returncode > 0
+
+
+def _killed_with_workers(
+    random: Random, directory: Path, *arguments: object, kill: Callable[[int, list[int]], int | None]
+) -> tuple[subprocess.Popen[str], str]:
+    """Run a command with two workers and kill one of the processes at a random moment.
+
+    The output is a pipe, which ends when the last process that holds it ends: workers that stay are a time-out.
+    """
+    process = subprocess.Popen(
+        [sys.executable, "-m", "envgraph", *map(str, arguments), "--workers", "2"],
+        cwd=directory, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+    )  # fmt: skip
+    time.sleep(random.random() * 6)
+    chosen = kill(process.pid, _workers(process.pid))
+    if chosen is not None:
+        with suppress(ProcessLookupError):
+            os.kill(chosen, signal.SIGKILL)
+    messages, _ = process.communicate(timeout=SECONDS)
+    assert not [path.name for path in Path("/dev/shm").glob(f"*[-_]{process.pid}[-_]*")]
+    return process, messages
+
+
+def _workers(parent: int) -> list[int]:
+    """The worker processes of a process; not loky's trackers of what is shared."""
+    found = []
+    for path in Path("/proc").glob("[0-9]*"):
+        with suppress(OSError):
+            status = (path / "stat").read_text().rpartition(")")[2].split()
+            if int(status[1]) == parent and b"LokyProcess" in (path / "cmdline").read_bytes():
+                found.append(int(path.name))
+    return sorted(found)
