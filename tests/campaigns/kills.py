@@ -127,7 +127,8 @@ def _killed(random: Random, directory: Path, *arguments: object) -> bool:
 
 def _killed_parent(random: Random, directory: Path, *arguments: object) -> bool:
     """Kill a command that has workers, and check that none is left; whether the command was still running."""
-    process, _ = _killed_with_workers(random, directory, *arguments, kill=lambda parent, _: parent)
+    process, messages = _killed_with_workers(random, directory, *arguments, kill=lambda parent, _: parent)
+    assert process.returncode <= 0, messages[-1500:]
     return process.returncode < 0
 
 
