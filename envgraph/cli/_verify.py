@@ -96,8 +96,8 @@ def _row(one: Verification | Searched) -> tuple[str, ...]:
 
 def _kept_row(member: Member) -> tuple[str, ...]:
     said = member.certificates
-    plan = said["shortest_plan"]
-    numbers = f"{said['random_success']:.3g}", f"{said['optimal_return']:.3f}"
+    plan, best = said["shortest_plan"], said["optimal_return"]
+    numbers = f"{said['random_success']:.3g}", "not finite" if best is None else f"{best:.3f}"
     return member.name, "", "none" if plan is None else _steps(plan), *numbers, "same, before"
 
 

@@ -56,6 +56,7 @@ from envgraph.env._prepared import (
 )
 from envgraph.env._rulebook import applying
 from envgraph.env._sampling import lacking
+from envgraph.env._tabular import MOST_REWARD
 from envgraph.errors import EvaluationError, Span
 from envgraph.graph import Model
 from envgraph.match import Row
@@ -480,7 +481,11 @@ def _number(expression: Expression, scope: Scope, read: Reader, what: str = "a r
     if value is None:
         hint = "a path in it leads nowhere in this state"
         raise EvaluationError(f"{what} has no value", expression.span, hint)
-    return float(value)
+    number = float(value)
+    if abs(number) > MOST_REWARD:
+        message = f"{what} is {number}, but must be from {-MOST_REWARD:g} to {MOST_REWARD:g}"
+        raise EvaluationError(message, expression.span, "scale it down: sums of such numbers are not finite")
+    return number
 
 
 def _unvalued(

@@ -13,6 +13,12 @@ from envgraph.errors import InvalidArgument
 
 PROBABILITY_TOLERANCE = 1e-9
 
+MOST_REWARD = 1e100
+"""Absolute value of the largest reward of a clause, and of the largest weight: squares of their sums are finite."""
+
+_MOST_OF_STEP = 1e10 * MOST_REWARD
+"""No step has so many matches."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Tabular:
@@ -26,7 +32,7 @@ class Tabular:
     Attributes:
         next_state: int32 [S, A, K], a state from 0.
         probability: float64 [S, A, K]; sums to 1 over K.
-        reward: float64 [S, A, K], in the units of the behaviour's `reward` clauses.
+        reward: float64 [S, A, K], in the units of the behaviour's `reward` clauses; from -1e110 to 1e110.
         terminated: int8 [S, A, K]; the outcome goes on (0), ends the episode in success (1) or in failure (2), or
             truncates it (-1).
         observation: int64 [S]; what the agent sees of a state, an index from 0. States may look alike.
@@ -104,7 +110,8 @@ class Tabular:
         self._check_indices()
         self._check_distribution("probability", self.probability)
         self._check_distribution("start_probability", self.start_probability)
-        _require(bool(np.isfinite(self.reward).all()), "`reward` has values that are not finite")
+        bounded = bool((np.abs(self.reward) <= _MOST_OF_STEP).all())
+        _require(bounded, f"`reward` has values that are not from {-_MOST_OF_STEP:g} to {_MOST_OF_STEP:g}")
 
     def _check_shapes(self) -> None:
         _require(self.next_state.ndim == 3, "`next_state` needs three axes: state, action, outcome")

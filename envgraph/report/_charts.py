@@ -60,7 +60,8 @@ def ticks(low: float, high: float, about: int = 6, *, least: float = 0.0) -> lis
     [0.0, 1.0, 2.0]
     """
     if not high > low:
-        low, high = low - 0.5, high + 0.5
+        apart = max(0.5, 1e-9 * abs(low))  # one more or less is lost in the rounding of large numbers
+        low, high = low - apart, high + apart
     rough = (high - low) / about
     power = 10.0 ** floor(log10(rough))
     step = max(least, next(power * factor for factor in (1, 2, 5, 10) if power * factor >= rough * 0.999))

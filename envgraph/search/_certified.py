@@ -68,11 +68,11 @@ def certificate_texts(member: Member, family: Sequence[Member] = ()) -> list[tup
     said = member.certificates
     if not said:
         return [("shortest plan", "not verified")] if any(one.certificates for one in family) else []
-    plan, limit = said["shortest_plan"], said["limit"]
+    plan, limit, best = said["shortest_plan"], said["limit"], said["optimal_return"]
     return [
         ("shortest plan", "none" if plan is None else f"{plan:.0f}"),
         (f"random walk in the family, {limit:.0f} steps", f"{said['random_success']:.3g}"),
-        ("optimal return", f"{said['optimal_return']:z.3f}"),
+        ("optimal return", "not finite" if best is None else f"{best:z.3f}"),
     ]
 
 

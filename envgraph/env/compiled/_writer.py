@@ -11,6 +11,7 @@ from envgraph.code import dataclass
 from envgraph.env._prepared import Types
 from envgraph.env._program import added
 from envgraph.env._sampling import lacking
+from envgraph.env._tabular import MOST_REWARD
 from envgraph.env.compiled._attempts import attempts
 from envgraph.env.compiled._changes import plan_of
 from envgraph.env.compiled._effects import Effects
@@ -23,7 +24,7 @@ from envgraph.env.compiled._terms import Term, Terms, as_float, named, zero_of
 from envgraph.env.compiled._units import unit_function
 from envgraph.match.plan import ViewKey
 from envgraph.metamodel import Scalar
-from envgraph.pattern import Expression, Negation, ObjectType, StaticType, Variable
+from envgraph.pattern import Constant, Expression, Negation, ObjectType, StaticType, Variable
 from envgraph.rewrite import Engine
 from envgraph.rewrite.plans import RulePlan
 
@@ -78,11 +79,17 @@ class Writer(Statements):
         return term
 
     def number(self, expression: Expression, scope: Mapping[str, Term]) -> code.Expression:
-        """Code for a reward; where it has no value that is an error."""
+        """Code for a reward or a weight; where it has no value, or is too large, that is an error."""
         term = self.value(expression, scope)
         if term.tests:
             self.fail_if(code.inverse(code.joined("and", term.tests, True)))
-        return as_float(term)
+        known = expression.value if isinstance(expression, Constant) else None
+        if term.type is not Scalar.FLOAT or (isinstance(known, float) and abs(known) <= MOST_REWARD):
+            return as_float(term)
+        local = self.module.fresh("r", "float")
+        self.assign(local, term.value)
+        self.fail_if(code.Operation(">", (code.call("abs", local), code.Constant(MOST_REWARD))))
+        return local
 
     def keyed(self, cls: str, index: code.Expression) -> code.Local:
         """The object that has an index among a class, -1 where there is none."""

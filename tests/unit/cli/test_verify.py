@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from envgraph.search import measure_texts
+from envgraph.search import RunStore, measure_texts, open_family
 from tests.unit.cli.test_commands import Envgraph, envgraph, ok
 
 __all__ = ["envgraph"]
@@ -60,3 +60,24 @@ def test_a_random_walk_in_the_family_is_told_apart_from_one_in_the_model_alone(e
 
 def test_a_small_measure_is_not_shown_as_zero() -> None:
     assert measure_texts((0.0, 2.28e-5, 0.25)) == ("0.000", "2.28e-05", "0.250")
+
+
+def test_a_return_that_was_not_finite_is_shown_reported_and_exported(envgraph: Envgraph) -> None:
+    """Earlier versions kept the sum of such rewards: as null, since JSON has no infinity."""
+    for name, text in FILES.items():
+        Path("lamps").mkdir(exist_ok=True)
+        Path("lamps", name).write_text(text)
+    ok(envgraph("generate", "lamps", "--name", "run"))
+    ok(envgraph("verify", "run"))
+    with RunStore.open(Path("runs", "run", "run.sqlite")) as store:
+        kept = {str(number): {**said, "optimal_return": None} for number, said in store.certificates.items()}
+        store.set("certificates", kept)
+    ok(envgraph("export", "run", "-o", "family.json"))
+    for family in ("run", "family.json"):
+        assert "not finite" in ok(envgraph("show", family)).out
+        ok(envgraph("report", family, "-o", "page.html"))
+        assert "not finite" in Path("page.html").read_text(encoding="utf-8")
+        ok(envgraph("export", family, "--format", "python", "-o", Path(family).stem + "_package"))
+    assert "not finite" in ok(envgraph("verify", "run", "--resume")).out
+    known = open_family("family.json").members
+    assert known and all(one.certificates["optimal_return"] is None for one in known)

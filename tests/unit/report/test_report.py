@@ -61,7 +61,8 @@ def test_ticks_cover_the_range_evenly(low: float, width: float) -> None:
 
 
 def test_ticks_of_a_single_value_surround_it() -> None:
-    assert ticks(2.0, 2.0)[0] < 2.0 < ticks(2.0, 2.0)[-1]
+    for number in (2.0, 0.0, 1e17, -1e110):
+        assert ticks(number, number)[0] < number < ticks(number, number)[-1]
 
 
 def test_a_chart_places_points_by_their_values() -> None:
