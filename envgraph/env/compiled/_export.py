@@ -23,7 +23,11 @@ MOST_NAMED: Final = 20
 """Actions that are named in a README."""
 _NUMBA: Final = "arrays", "machine_code"
 """Modules that cannot be imported without numba."""
-_ERRORS: Final = {FAILED: "something has no value", REFUSED: "a rule cannot be applied", **SHOWN}
+_ERRORS: Final = {
+    FAILED: "something has no value or is too large",
+    REFUSED: "a rule cannot be applied",
+    **SHOWN,
+}
 
 _TAIL: Final = """
 from inspect import isfunction
