@@ -7,10 +7,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
+from jinja2 import Environment, PackageLoader
 
 from envgraph.errors import InvalidArgument
-from envgraph.files import replacing
+from envgraph.files import replacing, template_environment
 from envgraph.lang import bundled_domain
 
 KINDS: Final = ("metamodel", "model", "query", "rules", "environment")
@@ -36,14 +36,8 @@ def write_domain(directory: Path, name: str) -> list[Path]:
 
 
 def domain_environment(kind: str) -> Environment:
-    """The templates of a kind of domains; one file each of `KINDS`, and the family file."""
-    return Environment(
-        loader=PackageLoader("envgraph.cli", f"templates/{kind}"),
-        undefined=StrictUndefined,
-        keep_trailing_newline=True,
-        trim_blocks=True,
-        autoescape=False,
-    )
+    """The templates of a kind of domains; one file each of `KINDS`, and the family file. All have TOML's escapes."""
+    return template_environment(PackageLoader("envgraph.cli", f"templates/{kind}"), ".toml")
 
 
 def copy_domain(directory: Path, name: str, domain: str) -> list[Path]:

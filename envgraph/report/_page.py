@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import field
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
+from jinja2 import PackageLoader
 from markupsafe import Markup
 
 from envgraph.code import dataclass
 from envgraph.draw import colour_text, ink_on, parse_colour
 from envgraph.env import Key
-from envgraph.errors import visible
+from envgraph.files import template_environment
 from envgraph.report._charts import COLOURS_ON_DARK
 
 
@@ -85,20 +85,10 @@ def render_html(report: Report) -> str:
     >>> "<h1>A &lt; B</h1>" in render_html(Report("A < B", ""))
     True
     """
-    environment = Environment(
-        loader=PackageLoader("envgraph.report"),
-        autoescape=True,
-        finalize=lambda value: visible(value) if type(value) is str else value,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    return (
-        environment.get_template("report.html.j2").render(
-            report=report,
-            svg=Markup,
-            ink=lambda colour: colour_text(ink_on(parse_colour(colour))),
-            lines=COLOURS_ON_DARK,
-        )
-        + "\n"
+    environment = template_environment(PackageLoader("envgraph.report"), ".html")
+    return environment.get_template("report.html.j2").render(
+        report=report,
+        svg=Markup,
+        ink=lambda colour: colour_text(ink_on(parse_colour(colour))),
+        lines=COLOURS_ON_DARK,
     )

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from pathlib import Path
+from functools import cache, partial
+from pathlib import Path, PurePosixPath
 from traceback import walk_tb
 from typing import Any, Final
 
-from jinja2 import FileSystemLoader, StrictUndefined, TemplateSyntaxError, nodes
+from jinja2 import FileSystemLoader, TemplateSyntaxError, nodes
 from jinja2.meta import find_undeclared_variables
-from jinja2.sandbox import SandboxedEnvironment
 
 from envgraph.errors import (
     Diagnostic,
@@ -23,6 +22,7 @@ from envgraph.errors import (
     did_you_mean,
     visible,
 )
+from envgraph.files import template_environment
 from envgraph.lang import DiskFiles, read_source
 
 _ENDING: Final = ".j2"
@@ -56,7 +56,7 @@ class Templates:
         if not folder.is_dir():
             raise InvalidArgument(f"there is no directory `{folder}` of templates", hint)
         self._folder = folder
-        self._environment = _environment(folder)
+        self._environment = cache(partial(template_environment, FileSystemLoader(folder)))
         found = (path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
         self.places = tuple(sorted(found))
         if not self.places:
@@ -86,13 +86,14 @@ class Templates:
         return found
 
     def _make(self, place: str, values: Mapping[str, Any], found: dict[str, str | bytes]) -> None:
-        target = self._rendered(place, self._environment.from_string(place).render, values)
+        target = self._rendered(place, self._environment("").from_string(place).render, values)
         name = target.removesuffix(_ENDING)
         if not name.rpartition("/")[2]:
             return
         content: str | bytes = (self._folder / place).read_bytes()
         if name != target:
-            content = self._rendered(place, self._environment.get_template(place).render, values)
+            render = self._environment(PurePosixPath(name).suffix).get_template(place).render
+            content = self._rendered(place, render, values)
             if not content.strip():
                 return
         if any(part in ("", ".", "..") or not part.isprintable() for part in re.split(r"[/\\]", name)):
@@ -136,38 +137,12 @@ class Templates:
     def _names(self, source: Source, known: set[str]) -> tuple[set[str], list[Diagnostic]]:
         """The names that a text uses, and what is wrong with it."""
         try:
-            tree = self._environment.parse(source.text)
-            names = find_undeclared_variables(tree) - {*self._environment.globals}
+            tree = self._environment("").parse(source.text)
+            names = find_undeclared_variables(tree) - {*self._environment("").globals}
         except TemplateSyntaxError as error:
             return set(), [Diagnostic("template-syntax", _message(error), _line(source, error.lineno))]
         self.used |= names
         return names, [_unknown(source, tree, name, known) for name in sorted(names - known)]
-
-
-def _environment(folder: Path) -> SandboxedEnvironment:
-    environment = SandboxedEnvironment(
-        loader=FileSystemLoader(folder),
-        undefined=StrictUndefined,
-        keep_trailing_newline=True,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        autoescape=False,
-    )
-    environment.filters["python"] = _literal
-    environment.filters["markdown"] = _markdown
-    environment.filters["json"] = lambda value: json.dumps(value, default=list)
-    return environment
-
-
-def _markdown(value: object) -> str:
-    """A text in one line of Markdown, in which nothing is markup: it may stand in a table."""
-    return re.sub(r"([\\`*_|<>\[\]])", r"\\\1", visible(str(value)))
-
-
-def _literal(value: object) -> str:
-    """A value as Python text; a string between double quotes where that is plain."""
-    text = repr(value)
-    return f'"{text[1:-1]}"' if isinstance(value, str) and text[0] == "'" and '"' not in text else text
 
 
 def _unknown(source: Source, tree: nodes.Template, name: str, known: set[str]) -> Diagnostic:

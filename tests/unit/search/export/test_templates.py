@@ -46,6 +46,36 @@ def test_text_and_paths_are_rendered_and_other_files_copied(tmp_path: Path) -> N
     }
 
 
+ODD = 'a "b" {c}\\\n<d> [e](f) \u202e'
+
+
+@pytest.mark.parametrize(
+    ("file", "template", "text"),
+    [
+        ("a.py", '"{{ package[:9] }}"', r'"a \u0022b\u0022 \u007bc\u007d"'),
+        ("a.py", '"{{ package[9:] }}"', r'"\u005c\u000a\u003cd\u003e \u005be\u005d\u0028f\u0029 \u202e"'),
+        ("a.py", "{{ package | python }}", r'"a \"b\" {c}\\\n<d> [e](f) \u202e"'),
+        ("a.PY", "{{ package | json }}", r'"a \"b\" {c}\\\n\u003cd\u003e [e](f) \u202e"'),
+        ("a.json", "{{ [1, package[:2]] | json }}", '[1, "a "]'),
+        ("a.md", "{{ package }}", 'a "b" {c}\\\n&lt;d> [e]&#40;f) \\u202e'),
+        ("a.md", "{{ package | markdown }}", r'a "b" {c}\\\\n\<d\> \[e\](f) \\u202e'),
+        ("a.html", "{{ package[-8:] | python }}", "&quot;&#91;e&#93;&#40;f&#41; &#92;u202e&quot;"),
+        ("a.svg", "{{ package[:3] }}{{ actions[:1] }}", "a &quot;&#40;&#39;left&#39;,&#41;"),
+        ("a.txt", "{{ package }}{{ package[:4] | python }}", ODD + r'"a \"b"'),
+        ("a.py", '{% for one in actions %}{{ one }} = -{{ 1 / 8 }}, {{ 10 ** 20.0 }}, {{ none }}{% endfor %}',
+         "left = -0.125, 1e+20, Noneright = -0.125, 1e+20, None"),
+        ("a.py", '{% macro call(x) %}f("{{ x }}"){% endmacro %}{{ call(actions[0]) | indent }}', 'f("left")'),
+        ("a.py", '[{{ actions | map("python") | join(", ") }}]', '["left", "right"]'),
+        ("a.py", "{{ '\"' }}{{ '\"' | safe }}", r'\u0022"'),
+    ],
+)  # fmt: skip
+def test_values_are_texts_of_the_language_of_the_file(
+    file: str, template: str, text: str, tmp_path: Path
+) -> None:
+    files = {f"{file}.j2": '{% include "included.j2" %}', "included.j2": template}
+    assert made(tmp_path, files, package=ODD)[file] == text
+
+
 def test_member_in_a_path_makes_a_file_for_each(tmp_path: Path) -> None:
     files = {"maps/{{member.name}}.txt.j2": "this is {{ member.name }}"}
     assert made(tmp_path, files, "E1", "E2") == {"maps/E1.txt": "this is E1", "maps/E2.txt": "this is E2"}
