@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from collections.abc import Callable
 from pathlib import Path
 
 from envgraph.cli._output import print_line, printable_json
-from envgraph.errors import EvaluationError, InvalidArgument, did_you_mean
+from envgraph.errors import EvaluationError, InvalidArgument, did_you_mean, visible
 from envgraph.files import replace_file
 from envgraph.search import Family, export_ga4cl, family_svg, open_family, write_family
 from envgraph.search.export import MINIGRID, copy_templates, write_frozen_lake, write_package, write_tables
@@ -82,6 +83,10 @@ def _export_levels(family: Family, output: Path) -> None:
     if lacking:
         message = f"format `minigrid` has levels of MiniGrid, and the metamodel has no class `{lacking[0]}`"
         raise InvalidArgument(message, "`envgraph adopt MiniGrid-..` writes domains with all that is needed")
+    for name in (family.name, *(one.name for one in family.members)):
+        if not re.fullmatch(r"[\w.:-]+", name):
+            hint = "change it in the family file: letters, digits, `_`, `.`, `:` and `-`"
+            raise InvalidArgument(f"`{visible(name)}` cannot be in an id of Gymnasium", hint)
     for path in write_package(family, output, MINIGRID):
         print_line(f"wrote {path}")
     print_line(f'gymnasium.make("levels:{family.name}-{family.members[-1].name}-v0")')

@@ -103,8 +103,8 @@ def export(
 
 def check_package(name: str) -> None:
     """Raise InvalidArgument where a name cannot be that of a package."""
-    if not name.isidentifier() or iskeyword(name):
-        hint = "a name of letters, digits and `_`, such as `my_environments`"
+    if not (name.isascii() and name.isidentifier() and name == name.strip("_")) or iskeyword(name):
+        hint = "a name of the letters a to z, digits and `_`, such as `my_environments`"
         raise InvalidArgument(f"`{name}` cannot be imported as a package", hint)
 
 

@@ -6,13 +6,14 @@ from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Final
+from unicodedata import normalize
 
 import numpy as np
 
 from envgraph import __version__
 from envgraph.env import Agent, Behaviour, EnvgraphEnv, Tabular, TooManyStates
 from envgraph.env.compiled import CompiledEnv, NotCompiled, Program, check_package, program_files
-from envgraph.errors import EvaluationError
+from envgraph.errors import EvaluationError, InvalidArgument
 from envgraph.files import check_free, replace_file
 from envgraph.graph import Model
 from envgraph.search._certified import certificate_texts
@@ -145,8 +146,11 @@ class _Steps:
         observed = [one.span for owner in owners for one in owner.observations if one.span is not None]
         given: Any = self.program or next(iter(self.tables.values()))
         names = [one.name for one in self._family.members]
+        name = normalize("NFKC", behaviour.name)  # as Python reads it
+        if not name.isidentifier():
+            raise InvalidArgument(f"environment `{name}` cannot be a class of Python; give it another name")
         found = {
-            "environment": behaviour.name,
+            "environment": name,
             "actions": tuple(given.action_names),
             "observation_shape": tuple(given.observation_shape) or (1,),
             "observed": [" ".join(one.text.split()) for one in sorted(observed, key=lambda one: one.start)],

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from envgraph.env import Tabular, frozen_lake
-from envgraph.errors import InvalidArgument
+from envgraph.errors import InvalidArgument, visible
 from envgraph.search._family import Family
 
 _ARRAYS = (
@@ -34,6 +34,11 @@ def write_tables(tables: Mapping[str, Tabular]) -> bytes:
         `members`, `action_names` (texts) and `observation_shape`; and for each member, "E1/next_state" and so on, the
         arrays of its `Tabular`, and where agents take turns "E1/turn" and "E1/agent_names".
     """
+    for name in tables:
+        if "\0" in name or ".." in name.replace("\\", "/").split("/") or name[:1] in ("", "/"):
+            raise InvalidArgument(
+                f"`{visible(name)}` cannot name arrays; rename the member in the family file"
+            )
     first = next(iter(tables.values()))
     arrays: dict[str, Any] = {
         "members": _texts(tables),
