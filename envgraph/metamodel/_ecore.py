@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
+from envgraph.errors import visible
 from envgraph.metamodel._features import (
     Attribute,
     Class,
@@ -28,7 +29,8 @@ _TYPES: Mapping[Scalar, str] = {
     Scalar.BOOL: "EBoolean",
     Scalar.STRING: "EString",
 }
-_ESCAPES = str.maketrans(
+_NAMELESS = {code: visible(chr(code)) for code in (*range(32), 0xFFFE, 0xFFFF)}
+_ESCAPES = _NAMELESS | str.maketrans(
     {"&": "&amp;", "<": "&lt;", ">": "&gt;", '"': "&quot;", "\n": "&#10;", "\r": "&#13;", "\t": "&#9;"}
 )
 

@@ -11,7 +11,17 @@ import sys
 import time
 from collections.abc import Iterator
 
-from tests.campaigns import caches, disks, encodings, environments, kills, programs, readers, stores
+from tests.campaigns import (
+    caches,
+    disks,
+    encodings,
+    environments,
+    exporters,
+    kills,
+    programs,
+    readers,
+    stores,
+)
 from tests.campaigns.cases import Outcome, explore
 
 CAMPAIGNS = {
@@ -19,6 +29,7 @@ CAMPAIGNS = {
     "encodings": encodings,
     "programs": programs,
     "environments": environments,
+    "exporters": exporters,
     "stores": stores,
     "kills": kills,
     "disks": disks,

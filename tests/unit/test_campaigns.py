@@ -7,10 +7,10 @@ from types import ModuleType
 
 import pytest
 
-from tests.campaigns import encodings, programs, readers
+from tests.campaigns import encodings, exporters, programs, readers
 
 
-@pytest.mark.parametrize(("campaign", "cases"), [(readers, 4), (encodings, 4), (programs, 1)])
+@pytest.mark.parametrize(("campaign", "cases"), [(readers, 4), (encodings, 4), (programs, 1), (exporters, 2)])
 def test_a_campaign_runs_and_finds_nothing(campaign: ModuleType, cases: int) -> None:
     campaign.prepare()
     assert all(campaign.campaign(Random(f"envgraph {number}")) for number in range(cases))

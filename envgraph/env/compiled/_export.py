@@ -17,7 +17,7 @@ from envgraph.env.compiled._batch import SHOWN
 from envgraph.env.compiled._kernels import CAPACITY, FAILED, REFUSED
 from envgraph.env.compiled._program import Program
 from envgraph.errors import InvalidArgument
-from envgraph.files import _cache, check_free, replace_file
+from envgraph.files import _cache, check_free, markdown, replace_file
 
 MOST_NAMED: Final = 20
 """Actions that are named in a README."""
@@ -124,13 +124,6 @@ def program_files(
         "width": program.width,
         "errors": _ERRORS,
     }
-    shown = {
-        "package": package,
-        "count": len(members),
-        "name": name,
-        "members": ", ".join(members),
-        "actions": _named(program.action_names),
-    }
     kernels = inspect.getsource(_kernels)
     return {
         "__init__.py": inspect.getsource(_exported),
@@ -141,7 +134,13 @@ def program_files(
         "plain.py": inspect.getsource(_plain),
         "about.json": json.dumps(about, indent=1) + "\n",
         "data.npz": _packed(program),
-        "README.md": _README.format(**shown),
+        "README.md": _README.format(
+            package=package,
+            count=len(members),
+            name=name,
+            members=markdown(", ".join(members)),
+            actions=_named(program.action_names),
+        ),
     }
 
 
@@ -153,5 +152,5 @@ def _packed(program: Program) -> bytes:
 
 def _named(actions: Sequence[str]) -> str:
     """The actions by name, of many the first."""
-    shown = ", ".join(f"`{action}`" for action in actions[:MOST_NAMED])
+    shown = ", ".join(map(markdown, actions[:MOST_NAMED]))
     return f"{shown}, .. ({len(actions)} in all, in `about.json`)" if len(actions) > MOST_NAMED else shown

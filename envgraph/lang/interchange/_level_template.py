@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping
 from lark import Token, Tree
 
 from envgraph.code import dataclass
-from envgraph.errors import MOST_ERRORS, Diagnostic, InvalidArgument, LoadError, Source, Span
+from envgraph.errors import MOST_ERRORS, Diagnostic, InvalidArgument, LoadError, Source, Span, visible
 from envgraph.lang.interchange._levels import BLANK, Level, LevelCell
 from envgraph.lang.read._grid import grid_letters
 from envgraph.lang.syntax._parsing import parse, tokens, trees
@@ -117,7 +117,7 @@ def _commented(before: str, title: str) -> Iterator[str]:
     head, line, word = before.rpartition("\n")
     yield head + line
     if title:
-        yield f"// {title}\n"
+        yield f"// {visible(title)}\n"
     yield word
 
 

@@ -2,19 +2,80 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
+import envgraph
+from envgraph.cli import main
+from envgraph.cli._adopt import _ways
 from envgraph.cli._new import write_domain
+from envgraph.env import adopt
 from envgraph.errors import InvalidArgument
 from envgraph.lang import Bundle
 from envgraph.search import Domain, Family
 from envgraph.search.export import write_package, write_tables
-from tests.campaigns.exporters import CODE, NAMES, doors, exported, lake, named
+from tests.campaigns import exporters
+from tests.campaigns.exporters import CODE, FORMATS, NAMES, doors, exported, lake, named, of_texts, yard
 
 UNNAMED = [name for name in NAMES if name in ("", "..", "\0") or name.startswith(("../", "/"))]
 """Names that arrays cannot have."""
+
+
+def test_each_format_writes_names_as_text(tmp_path: Path) -> None:
+    possible = [name for name in NAMES if name not in UNNAMED]
+    made = exported(
+        yard(["".join(possible), *possible[:6], "\\", "class", "a" * 245]), tmp_path / "yard", FORMATS
+    )
+    assert made == {*FORMATS} - {"minigrid", "frozenlake"}
+    assert exported(named(lake(), NAMES), tmp_path / "lake", ("frozenlake",))
+    assert "minigrid" in exported(doors("".join(NAMES)), tmp_path / "doors", FORMATS)
+    exporters.check(tmp_path)
+    folders = [str(tmp_path / folder) for folder in ("yard", "doors")]
+    subprocess.run([sys.executable, "-m", "tests.campaigns.exporters", *folders], check=True)
+    assert not list(tmp_path.rglob("CANARY*"))
+
+
+def test_templates_of_users_that_forget_filters_write_names_as_text(tmp_path: Path) -> None:
+    exporters.own_templates(yard(["".join(NAMES), *NAMES]), tmp_path)
+    exporters.check(tmp_path)
+
+
+@pytest.mark.parametrize("name", ["".join(NAMES), "\\"])
+def test_models_and_pictures_hold_names_as_text(name: str) -> None:
+    exporters.read_models(yard([name, *NAMES]))
+
+
+def test_domains_that_are_adopted_hold_names_as_text() -> None:
+    kinds = {
+        kind: words for id in ("FrozenLake-v1", "CliffWalking-v1") for kind, words in _ways(adopt(id, 0)[0])
+    }
+    for kind, words in kinds.items():
+        assert of_texts(kind, {**words, "id": "".join(NAMES), "said": "".join(NAMES)}).members
+
+
+def test_no_template_is_left_out() -> None:
+    root = Path(envgraph.__file__).parent
+    assert {path.parent.relative_to(root).as_posix() for path in root.rglob("*.j2")} == {
+        *("cli/templates/new", "cli/templates/adopt/grid", "cli/templates/adopt/minigrid"),
+        *("cli/templates/adopt/states", "report/templates", "search/export/minigrid"),
+        *(f"search/export/templates{part}" for part in ("", "/src/{{package}}", "/tests")),
+    }
+
+
+def test_titles_of_levels_stay_comments(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    titles = [name.replace("\n", " ") for name in NAMES]
+    (tmp_path / "levels.xsb").write_bytes(
+        "".join(f"; {one}\n#####\n#@$.#\n#####\n" for one in titles).encode()
+    )
+    words = ["envgraph", "import", str(tmp_path / "levels.xsb"), "-o", str(tmp_path / "out")]
+    monkeypatch.setattr(sys, "argv", words)
+    assert main() == 0  # it reads what it has written
+    models = "".join(path.read_text("utf-8") for path in (tmp_path / "out").glob("levels*.model"))
+    assert "CANARY" in models
+    exporters.check_text(models)
 
 
 @pytest.mark.parametrize("name", UNNAMED)
