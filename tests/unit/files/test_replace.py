@@ -165,9 +165,9 @@ def test_no_module_writes_a_file_but_as_a_draft() -> None:
 
 
 def writes(call: ast.Call) -> bool:
-    """Whether this may cost what was there: `p.write_text(..)`, `open(p, "w")`; not what is added by `p.open("ab")`."""
+    """Return True for a call that may destroy what was there, such as `p.write_text(..)` or `open(p, "w")`."""
     name = call.func.attr if isinstance(call.func, ast.Attribute) else getattr(call.func, "id", "")
     modes = [arg.value for arg in call.args if isinstance(arg, ast.Constant)]
     return name in ("write_text", "write_bytes") or (
-        name == "open" and any(re.fullmatch("[wx]b?[+]?|rb?[+]", str(mode)) for mode in modes)
+        name == "open" and any(re.fullmatch("wb?[+]?|rb?[+]", str(mode)) for mode in modes)
     )
