@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import wraps
+from copy import deepcopy
+from functools import partial, wraps
 from operator import attrgetter
-from typing import TYPE_CHECKING, Any, Concatenate, Literal, NoReturn, ParamSpec, TypeVar
+from typing import TYPE_CHECKING, Any, Concatenate, Literal, ParamSpec, TypeVar
 from weakref import ref
 
 from envgraph.errors import Diagnostic, InvalidArgument
@@ -227,32 +228,37 @@ class Engine:
     def copy(self) -> Engine:
         """An independent engine: the same state of the model, the same definitions and watched patterns.
 
-        Its random choices begin anew from `seed`. Versions, listeners, event rules, rules and units made of Python
-        functions, and units that call those, stay behind: a function that changes models belongs to the engine that it
-        was registered with.
+        Its random choices begin anew from `seed`; those of a `deepcopy`, and of a pickled engine, go on as those of
+        this one. Versions, listeners, event rules, rules and units made of Python functions, and units that call those,
+        stay behind: a function that changes models belongs to the engine that it was registered with.
         """
-        twin = Engine(
-            self.model.copy(),
-            seed=self.seed,
-            matcher="compiled" if isinstance(self.matcher, ViewMatcher) else "naive",
-        )
-        twin.add(*self.catalog.portable())
-        for name, function in self.library.functions.items():
-            twin.library.functions[name].code = function.code
-        twin.step_limit = self.step_limit
-        if self.watched:
-            twin.catalog.views.watch(*(name for name in self.watched if name in twin.library.names()))
+        make, (model,), (_, *state) = self.__reduce__()
+        twin = make(model.copy())
+        twin.__setstate__((None, *state))
         return twin
 
     __copy__ = copy
 
     def __deepcopy__(self, _: object) -> Engine:
-        return self.copy()
+        twin = self.copy()
+        twin.rng = deepcopy(self.rng)
+        return twin
 
-    def __reduce__(self) -> NoReturn:
-        raise TypeError(
-            "an engine cannot be pickled: send its model, and make an engine with the definitions there"
-        )
+    def __reduce__(self) -> tuple[Callable[..., Engine], tuple[Model], tuple[Any, ...]]:
+        """Return what `copy` and `pickle` make an engine from."""
+        matcher: Any = "compiled" if isinstance(self.matcher, ViewMatcher) else "naive"
+        functions = [(name, function.code) for name, function in self.library.functions.items()]
+        state = self.rng, self.catalog.portable(), functions, self.step_limit, self.watched
+        return partial(Engine, seed=self.seed, matcher=matcher), (self.model,), state
+
+    def __setstate__(self, state: tuple[Any, ...]) -> None:
+        """Define and watch what another engine does."""
+        self.runs.rng, definitions, functions, self.step_limit, watched = state
+        self.add(*definitions)
+        for name, code in functions:
+            self.library.functions[name].code = code
+        if watched:
+            self.catalog.views.watch(*(name for name in watched if name in self.library.names()))
 
     def __repr__(self) -> str:
         return f"<Engine on {self.model!r}: {len(self.rules)} rules>"

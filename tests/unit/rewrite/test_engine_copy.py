@@ -45,7 +45,13 @@ def engine() -> Engine:
     return found
 
 
-@pytest.mark.parametrize("make", [copy.copy, copy.deepcopy, Engine.copy])
+def _pickled(one: Engine) -> Engine:
+    found = pickle.loads(pickle.dumps(one))
+    assert isinstance(found, Engine)
+    return found
+
+
+@pytest.mark.parametrize("make", [copy.copy, copy.deepcopy, Engine.copy, _pickled])
 def test_a_copy_is_independent(make: Any) -> None:
     one = engine()
     other = make(one)
@@ -74,9 +80,16 @@ def test_what_is_no_name_or_function_is_refused_at_once(wrong: Any) -> None:
         wrong(engine())
 
 
-def test_an_engine_cannot_be_pickled_and_says_what_can() -> None:
-    with pytest.raises(TypeError, match="send its model"):
-        pickle.dumps(engine())
+@pytest.mark.parametrize("make", [copy.deepcopy, _pickled])
+@pytest.mark.parametrize("matcher", ["compiled", "naive"])
+def test_a_copy_in_mid_run_goes_on_with_the_random_choices(make: Any, matcher: Any) -> None:
+    one = Engine(engine().model, seed=7, matcher=matcher)
+    one.add(*engine().definitions)
+    one.step_limit = 99
+    first = one.rng.random()
+    other = make(one)
+    assert (other.seed, other.step_limit, other.rules) == (7, 99, one.rules)
+    assert other.rng.random() == one.rng.random() != first == one.copy().rng.random()
 
 
 def test_matches_are_copied_and_pickled_as_the_nodes_in_them() -> None:
