@@ -5,16 +5,18 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from fractions import Fraction
-from math import lcm
+from math import fsum, lcm
+from numbers import Real
 from typing import Any, Final, NamedTuple
 
 import gymnasium
 import numpy as np
 
 from envgraph.code import dataclass
+from envgraph.env._explore import DEFAULT_LIMIT
 from envgraph.env._minigrid import MiniGridLevel, is_minigrid
-from envgraph.env._tabular import Tabular
-from envgraph.errors import InvalidArgument
+from envgraph.env._tabular import MOST_REWARD, Tabular
+from envgraph.errors import EnvgraphError, InvalidArgument
 
 _MOST_STARTS: Final = 10_000
 """So many starts are equally likely at most."""
@@ -53,7 +55,7 @@ class Adopted:
     @property
     def actions(self) -> int:
         """How many actions there are."""
-        return len(self.outcomes[0])
+        return len(self.outcomes[min(self.starts)])
 
     def merged(self, state: int, action: int) -> list[Transition]:
         """What may come of an action, those that are the same put together."""
@@ -139,7 +141,7 @@ def adopt(id: str, seed: int = 0, **options: Any) -> tuple[Adopted | MiniGridLev
     known = f"minigrid:{id}" if id.startswith(_MINIGRID) else id
     try:
         made = gymnasium.make(known, **options)
-    except (gymnasium.error.Error, TypeError, ValueError, KeyError, ModuleNotFoundError) as error:
+    except Exception as error:  # whatever the code of others comes to
         hint = "pip install minigrid" if known != id else None
         raise InvalidArgument(f"Gymnasium cannot make `{id}`: {error}", hint) from None
     try:
@@ -148,6 +150,10 @@ def adopt(id: str, seed: int = 0, **options: Any) -> tuple[Adopted | MiniGridLev
             return level, level.limit
         adopted = _adopted(made.unwrapped)
         _try_out(made.unwrapped, adopted)
+    except EnvgraphError:
+        raise
+    except Exception as error:  # whatever the code of others comes to
+        raise InvalidArgument(f"`{id}` cannot be tried out: {type(error).__name__}: {error}") from None
     finally:
         made.close()
     return adopted, made.spec.max_episode_steps if made.spec else None
@@ -181,25 +187,73 @@ def _adopted(inner: Any) -> Adopted:
     if not isinstance(table, Mapping | list) or not len(table):
         message = f"`{type(inner).__name__}` does not tell its transitions: it has no `P`"
         raise InvalidArgument(message, "write the domain by hand; `envgraph new` makes one to start from")
-    outcomes = [
-        [[_outcome(one) for one in table[state][action]] for action in range(len(table[state]))]
-        for state in range(len(table))
-    ]
+    states, where = len(table), f"`P` of `{type(inner).__name__}`"
+    if states > DEFAULT_LIMIT:
+        raise InvalidArgument(f"{where} has {states:,} states, but at most {DEFAULT_LIMIT:,} can be adopted")
+    outcomes = [_actions(table, state, where) for state in range(states)]
+    starts = _starts(inner, states)
+    endings, actions = _endings(outcomes, starts), max(1, len(outcomes[min(starts)]))
+    for state, row in enumerate(outcomes):
+        known = sum(map(bool, row))
+        if state not in endings and not known == actions == len(row):
+            raise InvalidArgument(f"{where} has {known} actions in state {state}, but must have {actions}")
+    return Adopted(outcomes, starts, _rows(inner, states), endings)
+
+
+def _actions(table: Any, state: int, where: str) -> list[list[Transition]]:
+    """The outcomes of each action in a state; raises InvalidArgument where they are none."""
+    found, place = list[list[Transition]](), f"state {state}"
+    try:
+        for action in range(len(table[state])):
+            place = f"action {action} in state {state}"
+            given = table[state][action]
+            found.append([Transition(float(p), int(s), float(r), bool(over)) for p, s, r, over in given])
+    except (LookupError, TypeError, ValueError, OverflowError):
+        hint = "each state, and each action, from 0 needs a list of (probability, next state, reward, terminated)"
+        raise InvalidArgument(f"{where} has no outcomes of {place} that can be read", hint) from None
+    for action, row in enumerate(found):
+        for problem in _problems(row, len(table)):
+            raise InvalidArgument(f"{where}: action {action} in state {state} {problem}")
+    return found
+
+
+def _problems(outcomes: Sequence[Transition], states: int) -> Iterator[str]:
+    """What is wrong with the outcomes of an action."""
+    for probability, state, reward, _ in outcomes:
+        if not 0.0 <= probability <= 1.0 + _TOLERANCE:
+            yield f"has the probability {probability:g}, but must have one from 0 to 1"
+        if not 0 <= state < states:
+            yield f"leads to state {state}, but must lead to one of 0..{states - 1}"
+        if not abs(reward) <= MOST_REWARD:
+            yield f"has the reward {reward:g}, but must have one from {-MOST_REWARD:g} to {MOST_REWARD:g}"
+    total = fsum(outcome.probability for outcome in outcomes)
+    if outcomes and not abs(total - 1.0) <= _TOLERANCE:
+        yield f"has probabilities that sum to {total:g}, but must sum to 1"
+
+
+def _starts(inner: Any, states: int) -> dict[int, float]:
+    """How likely an episode begins in a state."""
     given = getattr(inner, "initial_state_distrib", None)
-    starts = {int(s): float(given[s]) for s in np.flatnonzero(given)} if given is not None else {0: 1.0}
-    return Adopted(outcomes, starts, _rows(inner, len(outcomes)), _endings(outcomes, starts))
-
-
-def _outcome(given: Sequence[Any]) -> Transition:
-    probability, state, reward, terminated = given
-    return Transition(float(probability), int(state), float(reward), bool(terminated))
+    if given is None:
+        return {0: 1.0}
+    chances = np.asarray(given, dtype=object)
+    if chances.shape == (states,) and all(isinstance(chance, Real) for chance in chances):
+        found = [Transition(float(chance), state, 0.0, False) for state, chance in enumerate(chances)]
+        if next(_problems(found, states), None) is None:
+            return {one.state: one.probability for one in found if one.probability}
+    wanted = f"a probability from 0 to 1 for each of {states} states, which sum to 1"
+    raise InvalidArgument(f"`initial_state_distrib` of `{type(inner).__name__}` must have {wanted}")
 
 
 def _rows(inner: Any, states: int) -> tuple[str, ...]:
-    desc = np.asarray(getattr(inner, "desc", ()))
+    desc = np.asarray(getattr(inner, "desc", ()), dtype=object)
     if desc.ndim != 2 or desc.size != states:
         return ()
-    return tuple("".join(one.decode() if isinstance(one, bytes) else str(one) for one in row) for row in desc)
+    texts = [
+        [one.decode("utf-8", "replace") if isinstance(one, bytes) else str(one) for one in row]
+        for row in desc
+    ]
+    return tuple(map("".join, texts))
 
 
 def _endings(

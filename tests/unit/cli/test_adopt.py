@@ -141,3 +141,156 @@ def test_a_lake_has_a_family_of_lakes(envgraph: Envgraph) -> None:
 def test_what_cannot_be_adopted_says_why(envgraph: Envgraph, arguments: list[str], said: str) -> None:
     done = envgraph("adopt", *arguments)
     assert done.code == 1 and said in done.err
+
+
+NAN, INF = float("nan"), float("inf")
+
+
+class Told(gymnasium.Env[Any, Any]):
+    """Does what `P` tells, as far as that can be done."""
+
+    def __init__(self, case: str) -> None:
+        if case == "cannot be made":
+            raise RuntimeError("no display")
+        self.P, self.case = ODD.get(case, (CHAIN,))[0], case
+        self.__dict__ |= ODD.get(case, (CHAIN, {}))[1]
+        self.action_space, self.observation_space = gymnasium.spaces.Discrete(1), gymnasium.spaces.Discrete(3)
+
+    def reset(self, *, seed: int | None = None, options: Any = None) -> Any:
+        super().reset(seed=seed)
+        self.state = 0
+        return 0, {}
+
+    def step(self, action: Any) -> Any:
+        if self.case == "cannot be stepped":
+            raise KeyError("engine")
+        _, self.state, reward, over = self.P[self.state][action][0]
+        return self.state, reward, over, False, {}
+
+
+def chain(*outcomes: Any) -> dict[Any, Any]:
+    """Three states in a row, of which the first has these outcomes."""
+    return {**CHAIN, 0: {0: [*outcomes]}}
+
+
+CHAIN: dict[Any, Any] = {
+    0: {0: [(1.0, 1, 0.0, False)]},
+    1: {0: [(1.0, 2, 1.0, True)]},
+    2: {0: [(1.0, 2, 0.0, True)]},
+}
+AT = "`P` of `Told`: action 0 in state 0"
+ODD: dict[str, tuple[Any, dict[str, Any], str]] = {
+    "sum below 1": (
+        chain((0.5, 1, 0.0, False), (0.4, 0, 0.0, False)),
+        {},
+        f"{AT} has probabilities that sum to 0.9",
+    ),
+    "sum above 1": (
+        chain((0.6, 1, 0.0, False), (0.6, 0, 0.0, False)),
+        {},
+        f"{AT} has probabilities that sum to 1.2",
+    ),
+    "negative": (
+        chain((-0.5, 1, 0.0, False), (1.5, 0, 0.0, False)),
+        {},
+        f"{AT} has the probability -0.5, but must",
+    ),
+    "no number": (
+        chain((NAN, 1, 0.0, False)),
+        {},
+        f"{AT} has the probability nan, but must have one from 0 to 1",
+    ),
+    "reward of nan": (
+        chain((1.0, 1, NAN, False)),
+        {},
+        f"{AT} has the reward nan, but must have one from -1e+100",
+    ),
+    "reward of inf": (
+        chain((1.0, 1, -INF, False)),
+        {},
+        f"{AT} has the reward -inf, but must have one from -1e+100",
+    ),
+    "reward too large": (
+        chain((1.0, 1, 1e308, False)),
+        {},
+        f"{AT} has the reward 1e+308, but must have one from",
+    ),
+    "huge state": (
+        chain((1.0, 10**30, 0.0, False)),
+        {},
+        f"leads to state {10**30}, but must lead to one of 0..2",
+    ),
+    "negative state": (
+        chain((1.0, -1, 0.0, False)),
+        {},
+        f"{AT} leads to state -1, but must lead to one of 0..2",
+    ),
+    "short outcome": (
+        chain((1.0, 1)),
+        {},
+        "`P` of `Told` has no outcomes of action 0 in state 0 that can be read",
+    ),
+    "state of text": (
+        chain((1.0, "b", 0.0, False)),
+        {},
+        "has no outcomes of action 0 in state 0 that can be read",
+    ),
+    "endless state": (
+        chain((1.0, INF, 0.0, False)),
+        {},
+        "has no outcomes of action 0 in state 0 that can be read",
+    ),
+    "no outcomes": (chain(), {}, "`P` of `Told` has 0 actions in state 0, but must have 1"),
+    "no actions": ({0: {}, 1: {}}, {}, "`P` of `Told` has 0 actions in state 0, but must have 1"),
+    "uneven": (
+        {**CHAIN, 1: {0: CHAIN[1][0], 1: CHAIN[1][0]}},
+        {},
+        "has 2 actions in state 1, but must have 1",
+    ),
+    "holes": ({0: CHAIN[0], 1: CHAIN[1], 7: CHAIN[2]}, {}, "has no outcomes of state 2 that can be read"),
+    "actions from 1": (
+        {**CHAIN, 1: {1: CHAIN[1][0]}},
+        {},
+        "has no outcomes of action 0 in state 1 that can be read",
+    ),
+    "texts": (
+        {"a": {0: [(1.0, "b", 0.0, False)]}, "b": {}},
+        {},
+        "has no outcomes of state 0 that can be read",
+    ),
+    "no states": ({}, {}, "does not tell its transitions"),
+    "too many": ([CHAIN[2]] * 250_001, {}, "has 250,001 states, but at most 250,000 can be adopted"),
+    **{
+        f"starts {given}": (
+            CHAIN,
+            {"initial_state_distrib": given},
+            "`initial_state_distrib` of `Told` must have a",
+        )
+        for given in (
+            [NAN, 1.0, 0.0],
+            [-1.0, 2.0, 0.0],
+            [0.0] * 3,
+            [0.5, 0.5],
+            ["x", "y", "z"],
+            [[1.0], [0.0, 0.0]],
+        )
+    },
+    "cannot be made": (CHAIN, {}, "Gymnasium cannot make `Told-v0`: no display"),
+    "cannot be stepped": (CHAIN, {}, "`Told-v0` cannot be tried out: KeyError: 'engine'"),
+    "a list": ([CHAIN[0], CHAIN[1], CHAIN[2]], {}, ""),
+    "an end without outcomes": ({**CHAIN, 2: {0: []}}, {}, ""),
+    "an end without actions": ({**CHAIN, 2: {}}, {}, ""),
+    "tiny and large": (chain((1.0, 1, 5e-324, False)) | {1: {0: [(1.0, 2, -1e100, True)]}}, {}, ""),
+    "map of quotes": (CHAIN, {"desc": np.array([['"', "\n", "{{"]])}, ""),
+    "map of bytes": (CHAIN, {"desc": np.array([[b"\xff", b"S", b"G"]])}, ""),
+    "map of rows": (CHAIN, {"desc": [["S"], ["S", "G"]]}, ""),
+}
+gymnasium.register("Told-v0", Told)
+
+
+@pytest.mark.parametrize("case", ODD)
+def test_odd_tables_are_errors_that_name_state_and_action(case: str, envgraph: Envgraph) -> None:
+    said = ODD[case][2]
+    done = envgraph("adopt", "Told-v0", "--set", f"case={case}", "-o", "told")
+    assert (done.code, Path("told").exists()) == ((1, False) if said else (0, True)), done.err
+    assert said in done.err
