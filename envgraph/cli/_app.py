@@ -57,8 +57,23 @@ def main() -> int:
             # A terminal that cannot show a letter of a file shows its number.
             stream.reconfigure(errors="backslashreplace")
     if sys.stdout is None or sys.stderr is None:  # closed by the caller: `envgraph show a >&-`
-        sys.stdout = sys.stdout or open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115, until the end
+        sys.stdout = sys.stdout or open(os.devnull, encoding="utf-8")  # noqa: SIM115, refuses what is written
         sys.stderr = sys.stderr or open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
+    try:
+        code = _run()
+        sys.stdout.flush()
+        return code
+    except OSError as error:
+        sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115, Python flushes it at the end
+        if not isinstance(
+            error, BrokenPipeError
+        ):  # else the reader has what it wanted (`envgraph ... | head`)
+            print_error(error)
+        return 1
+
+
+def _run() -> int:
+    """Run the command and return its exit code; raises OSError where the output cannot be written."""
     ended: list[int] = []
     formats: list[str] = []
 
@@ -70,10 +85,8 @@ def main() -> int:
     try:
         code = app.main(prog_name="envgraph", obj=formats, standalone_mode=False) or 0
     except (EnvgraphError, OSError) as error:
-        if isinstance(error, BrokenPipeError):
-            # The reader has what it wanted (`envgraph ... | head`); Python must not complain at shutdown either.
-            sys.stderr.close()
-            return 0
+        if isinstance(error, OSError) and error.filename is None:
+            raise
         if formats[-1:] == ["json"]:
             print_json(error_to_dict(error))
         else:

@@ -33,6 +33,7 @@ from envgraph.search import (
     SampleProgress,
     caption,
     certificate_texts,
+    domain_of,
     evolve,
     import_ga4cl,
     lineage,
@@ -81,7 +82,7 @@ def generate_family(
     total = domain.spec.search.generations
     if resume:
         with RunStore.open(path) as store:
-            kept = Domain.from_bundle(store.bundle(), overrides=store.overrides)
+            kept = domain_of(store.bundle(), store.overrides, str(path))
         total = generations or kept.spec.search.generations
     elif path.exists() and not force:
         hint = "go on with --resume, replace it with --force, or choose another --name"

@@ -183,9 +183,9 @@ def error_to_dict(error: EnvgraphError | OSError) -> dict[str, object]:
 
 
 def _message(error: EnvgraphError | OSError) -> str:
-    if isinstance(error, OSError) and error.strerror:
-        where = f"{error.filename}: " if error.filename else ""  # none: the output
-        return f"{where}{error.strerror[:1].lower()}{error.strerror[1:]}"
+    if isinstance(error, OSError):
+        what = error.strerror or str(error)
+        return f"{error.filename or 'standard output'}: {what[:1].lower()}{what[1:]}"
     return str(error)
 
 

@@ -46,14 +46,14 @@ def replacing(path: Path, *, overwrite: bool = True) -> Iterator[Path]:
         FileExistsError: there is such a file, and it is not to be overwritten.
         OSError: the file cannot be written; its `filename` is the path.
     """
-    drafts = _prefix(path.resolve())
+    target = Path(os.path.realpath(path))  # of links in a circle the path itself: opening that is an error
+    drafts = _prefix(target)
     try:
         if _is_special(path):
             yield path
             return
         if path.exists() and not overwrite:
             raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), str(path))
-        target = path.resolve()
         target.parent.mkdir(parents=True, exist_ok=True)
         with _draft(target) as (draft, descriptor):
             yield draft

@@ -31,7 +31,7 @@ from envgraph.search._environment import (
 )
 from envgraph.search._evolution import Evolution, Settings
 from envgraph.search._families import Candidate, FamilyMeasure, Over, Pool
-from envgraph.search._family import Family, Member, family_of, run_file
+from envgraph.search._family import Family, Member, domain_of, family_of, run_file
 from envgraph.search._family_file import family_schema, open_family, read_family, write_family
 from envgraph.search._ga4cl import GridVariant, grid_rows, read_ga4cl, retype_grid, write_ga4cl
 from envgraph.search._generate import evolve, export_ga4cl, generate, import_ga4cl, resume
@@ -159,6 +159,7 @@ __all__ = [
     "certificate_texts",
     "certificates",
     "count_paths",
+    "domain_of",
     "domain_problems",
     "evolve",
     "export_ga4cl",

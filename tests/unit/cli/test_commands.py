@@ -516,11 +516,42 @@ def test_an_interrupted_run_says_how_to_go_on(tmp_path: Path, number: int, word:
     assert "Traceback" not in messages
 
 
-def test_a_closed_output_is_no_traceback(tmp_path: Path) -> None:
-    command = [sys.executable, "-c", "import os, sys; os.close(1); os.execv(sys.argv[1], sys.argv[1:])"]
-    words = [sys.executable, "-m", "envgraph", "check", str(bundled_domain("burning_forest"))]
-    done = subprocess.run([*command, *words], cwd=tmp_path, stderr=subprocess.PIPE, text=True, check=False)
-    assert done.returncode == 0 and "Traceback" not in done.stderr
+def test_texts_of_a_damaged_run_are_said_to_be_in_it(envgraph: Envgraph, tmp_path: Path) -> None:
+    ok(envgraph("generate", "keydoor", "--name", "hurt", "--set", "search.generations=1"))
+    store = tmp_path / "runs" / "hurt" / "run.sqlite"
+    with closing(sqlite3.connect(store)) as connection, connection:
+        connection.execute("UPDATE source SET text = 'populatoin = 6\n' || text WHERE path LIKE '%.toml'")
+    done = envgraph("generate", "keydoor", "--name", "hurt", "--resume")
+    assert done.code == 1 and "`populatoin`" in done.err
+    assert "note: the text is in runs/hurt/run.sqlite" in done.err
+
+
+OUTPUTS = {
+    "full": (
+        "os.dup2(os.open('/dev/full', os.O_WRONLY), 1)",
+        "error: standard output: no space left on device\n",
+    ),
+    "closed": ("os.close(1)", "error: standard output: not writable\n"),
+    "pipe without reader": ("r, w = os.pipe(); os.dup2(w, 1); os.close(r)", ""),
+}
+
+
+@pytest.mark.parametrize("output", OUTPUTS)
+@pytest.mark.parametrize(
+    "words", [["check", "{}", "--format", "json"], ["check", "none", "--format", "json"]]
+)
+def test_an_output_that_cannot_be_written_is_one_sentence(
+    tmp_path: Path, output: str, words: list[str]
+) -> None:
+    opened, said = OUTPUTS[output]
+    if "full" in opened and not Path("/dev/full").exists():
+        pytest.skip("no device that is full")
+    prepared = [sys.executable, "-c", f"import os, sys; {opened}; os.execv(sys.argv[1], sys.argv[1:])"]
+    folder = str(bundled_domain("burning_forest"))
+    command = [*prepared, sys.executable, "-m", "envgraph", *(word.format(folder) for word in words)]
+    usual = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
+    done = subprocess.run(command, cwd=tmp_path, env=usual, stderr=subprocess.PIPE, text=True, check=False)
+    assert (done.returncode, done.stderr) == (1, said)
 
 
 def generations(store: Path) -> int:

@@ -171,3 +171,11 @@ def writes(call: ast.Call) -> bool:
     return name in ("write_text", "write_bytes") or (
         name == "open" and any(re.fullmatch("wb?[+]?|rb?[+]", str(mode)) for mode in modes)
     )
+
+
+def test_links_in_a_circle_are_an_error_that_names_the_file(tmp_path: Path) -> None:
+    (tmp_path / "a").symlink_to("b")
+    (tmp_path / "b").symlink_to("a")
+    with pytest.raises(OSError, match="a'") as caught:
+        replace_file(tmp_path / "a", "text")
+    assert caught.value.filename == str(tmp_path / "a")
