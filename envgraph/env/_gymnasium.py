@@ -381,14 +381,15 @@ class EnvgraphLiveEnv(SingleEnvironment):
         cell: int = 32,
         action_masks: bool = False,
     ) -> None:
-        check_render_mode(render_mode, drawn=True)
+        check_render_mode(render_mode, drawn=simulator.behaviour.draw is not None)
         view = view_of(observation, simulator)
         super().__init__(simulator.action_names, view, render_mode, cell, action_masks)
         self._enter(simulator)
 
     def _enter(self, found: Simulator) -> None:
         self.simulator = found
-        self._painter = found.painter() if self.render_mode is not None else None
+        if self.render_mode is not None:
+            found.painter()  # finds parameters in the initial state
         self._memory = Memory()
 
     def _observed(self, index: int) -> Any:
@@ -425,5 +426,4 @@ class EnvgraphLiveEnv(SingleEnvironment):
         return self._told(info, names[self.simulator.turn] if names else None)
 
     def _scene(self) -> Scene:
-        assert self._painter is not None
-        return self._painter.scene()
+        return self.simulator.painter().scene()

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Iterator
+from copy import deepcopy
 from math import prod
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -103,6 +106,7 @@ class Simulator:
         self._agents = Agents(behaviour, engine, self.keys)
         self._model = engine.model
         self._start: Savepoint | None = None
+        self._drawn: list[tuple[int, float]] = []
         self._fresh = _first_new(engine.model, self.keys)
         self._needed = [one for one in readings(behaviour) if one.always and one.callers]
         self.turn = self._first = self._agents.after(-1)
@@ -151,8 +155,9 @@ class Simulator:
     def reset(self, rng: np.random.Generator) -> int:
         """Go to a start state, drawn with one number; returns the observation."""
         self.close()
-        self._start = self._model.savepoint()
-        self._begin(Draw(rng.random()))
+        self._start, uniform = self._model.savepoint(), rng.random()
+        self._begin(Draw(uniform))
+        self._drawn = [(-1, uniform)]  # no action
         return self.observe()
 
     def step(self, action: int, rng: np.random.Generator) -> Outcome:
@@ -170,7 +175,36 @@ class Simulator:
         """`step` without an observation: reward and end."""
         if self._start is None:
             raise InvalidArgument("no episode has begun: call `reset` first")
-        return self._step(action, Draw(rng.random()))
+        uniform = rng.random()
+        found = self._step(action, Draw(uniform))
+        self._drawn.append((action, uniform))
+        return found
+
+    def __reduce__(self) -> tuple[type[Simulator], tuple[Any, ...], tuple[Any, ...]]:
+        """Return what `copy` and `pickle` make a simulator from: the initial state, and what the episode has drawn."""
+        engine, key = self.engine, self.state_key()
+        shelf = None if self._start is None else self._model.shelve(self._start)
+        try:
+            twin = deepcopy(engine)
+        finally:
+            if shelf is not None:
+                self._start = self._model.resume(shelf)
+        if engine.events.active or {*engine.rules, *engine.units} != {*twin.rules, *twin.units}:
+            message = "has event rules, or rules or units that are Python functions; make another one in the same way"
+            raise TypeError(f"environment `{self.behaviour.name}` cannot be copied: its engine {message}")
+        return Simulator, (twin, self.behaviour, self.keys), (self._drawn[:], key)
+
+    def __setstate__(self, state: tuple[list[tuple[int, float]], tuple[int, int]]) -> None:
+        """Play the episode of the original; raises TypeError where that comes to another state."""
+        drawn, key = state
+        if self.behaviour.draw is not None:
+            self.painter()  # finds the objects of parameters in the initial state
+        rng: Any = SimpleNamespace(random=iter([uniform for _, uniform in drawn]).__next__)
+        for number, (action, _) in enumerate(drawn):
+            self.move(action, rng) if number else self.reset(rng)
+        if self.state_key() != key:
+            message = "something besides its steps has changed its model; copy it before the episode begins"
+            raise TypeError(f"`{self.behaviour.name}` cannot be copied in this episode: {message}")
 
     def act(self, action: int, uniform: float) -> Outcome:
         """`step` in the present state of the model, whether or not an episode has begun, with a number from [0, 1)."""
@@ -186,7 +220,7 @@ class Simulator:
         """Go back to the initial state and release the model."""
         if self._start is not None:
             self._model.rollback(self._start)
-            self._start = None
+            self._start, self._drawn = None, []
             self.turn = self._first
 
     def observe(self) -> int:

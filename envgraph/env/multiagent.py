@@ -6,7 +6,7 @@ Both step on the live engine, so that every agent can be asked at any time what 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from importlib import import_module
 from importlib.util import find_spec
 from typing import Any
@@ -40,8 +40,7 @@ class _Several(OfFamily):
 
     An agent whose object was deleted has `terminated`; one whose object has another class stays, and does nothing.
     `state()` has what each agent sees, in the order of the agents, as components. `reset(options={"variant": v})` goes
-    over to a member of the family that has the same agents. A copy is made anew by `again`, and begins with a reset,
-    since an engine cannot be copied.
+    over to a member of the family that has the same agents.
 
     Args:
         simulator: the engine and its behaviour; nothing else may change its model in the meantime.
@@ -50,7 +49,6 @@ class _Several(OfFamily):
         observation: "index", "multi", "flat" or "dict".
         cell: side of a cell in pixels.
         action_masks: whether infos have `action_mask`, int8 [actions]: what this agent could do in the present state.
-        again: makes the same of a variant; None: then it cannot be copied.
     """
 
     def __init__(
@@ -62,7 +60,6 @@ class _Several(OfFamily):
         observation: ObservationKind = "index",
         cell: int = 32,
         action_masks: bool = False,
-        again: Callable[[str | None], Any] | None = None,
     ) -> None:
         if _PETTINGZOO is None:
             raise InvalidArgument(
@@ -70,7 +67,6 @@ class _Several(OfFamily):
             )
         drawn = simulator.behaviour.draw is not None
         check_render_mode(render_mode, drawn=drawn)
-        self._again = again
         self.metadata: dict[str, Any] = {
             "name": simulator.behaviour.name,
             "render_modes": [*RENDER_MODES] if drawn else [],
@@ -102,7 +98,8 @@ class _Several(OfFamily):
                 hint,
             )
         self.simulator = found
-        self._painter = found.painter() if self.render_mode is not None else None
+        if self.render_mode is not None:
+            found.painter()  # finds parameters in the initial state
 
     def observation_space(self, agent: str) -> spaces.Space[Any]:
         """The space of what an agent sees."""
@@ -124,17 +121,14 @@ class _Several(OfFamily):
 
     def render(self) -> str | NDArray[np.uint8] | None:
         """The present state as text ("ansi") or as pixels [height, width, 3] ("rgb_array"); None without a mode."""
-        if self._painter is None:
+        if self.render_mode is None:
             return None
-        scene = self._painter.scene()
+        scene = self.simulator.painter().scene()
         return scene_text(scene) if self.render_mode == "ansi" else scene_rgb(scene, self._cell)
 
     def close(self) -> None:
         """Release the model."""
         self.simulator.close()
-
-    def __reduce__(self) -> Any:
-        return super().__reduce__() if self._again is None else (self._again, (self._variant,))
 
     def _begin(self, seed: int | None, options: dict[str, Any] | None) -> None:
         given = {name: value for name, value in (options or {}).items() if name != _OF_TESTS}

@@ -9,9 +9,10 @@ package needs to know nothing of files, families and run stores, which are the b
 
 from __future__ import annotations
 
+import copyreg
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import Any, Final
+from typing import Any, Final, NoReturn
 
 import gymnasium
 from gymnasium.envs.registration import EnvSpec, VectorizeMode
@@ -113,9 +114,21 @@ def make_vec_spec(
         makers = [partial(make, {**options, "variant": variants[i % len(variants)]}) for i in range(num_envs)]
         together = SyncVectorEnv if vectorization_mode == "sync" else AsyncVectorEnv
         return together(makers, **(vector_kwargs or {}))
-    return gymnasium.make_vec(
+    made = gymnasium.make_vec(
         spec, num_envs, vectorization_mode=vectorization_mode, vector_kwargs=vector_kwargs, **options
     )
+    if isinstance(made, SyncVectorEnv):
+        made.env_fns = ()  # functions of Gymnasium that cannot be pickled, and have done their work
+    return made
+
+
+def _uncopied(_: AsyncVectorEnv) -> NoReturn:
+    """Refuse to copy what would share its processes."""
+    what = "a vector environment with processes of its own cannot be copied or pickled"
+    raise TypeError(f'{what}: make another one, or make it with `vectorization_mode="sync"`')
+
+
+copyreg.pickle(AsyncVectorEnv, _uncopied)
 
 
 def _single(

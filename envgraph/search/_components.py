@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import field, replace
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import field, fields, replace
+from functools import reduce
 from itertools import takewhile
 from types import MappingProxyType
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from envgraph.code import dataclass
 from envgraph.env import Behaviour, TooManyStates
@@ -213,6 +214,12 @@ def _of(component: type[T]) -> Callable[[Options, Context], T]:
     return lambda options, context: options.read(component)
 
 
+def _kinds(**factories: Callable[..., object]) -> Any:
+    """A field of a role, with the kinds that come with envgraph."""
+    usual = MappingProxyType(factories)
+    return field(default_factory=lambda: usual)
+
+
 @dataclass(frozen=True, slots=True)
 class Components:
     """Factories by role and kind, and the code of declared functions; `with_` gives a copy with one more.
@@ -225,71 +232,53 @@ class Components:
     ['binned_entropy', 'gini', 'mine', 'variance']
     """
 
-    measure: Mapping[str, MeasureFactory] = field(
-        default_factory=lambda: MappingProxyType(
-            {
-                "path_complexity": _path_complexity,
-                "shortest_path": _shortest_path,
-                "shortest_plan": _shortest_plan,
-                "random_success": _random_success,
-                "optimal_return": _optimal_return,
-                "distance": _distance,
-                "expression": _expression,
-                "count": lambda options, context: MatchCount(options.name("of")),
-                "value": _value,
-            }
-        )
+    measure: Mapping[str, MeasureFactory] = _kinds(
+        path_complexity=_path_complexity,
+        shortest_path=_shortest_path,
+        shortest_plan=_shortest_plan,
+        random_success=_random_success,
+        optimal_return=_optimal_return,
+        distance=_distance,
+        expression=_expression,
+        count=lambda options, context: MatchCount(options.name("of")),
+        value=_value,
     )
-    diversity: Mapping[str, DiversityFactory] = field(
-        default_factory=lambda: MappingProxyType(
-            {
-                "binned_entropy": _binned_entropy,
-                "gini": lambda options, context: Gini(),
-                "variance": lambda options, context: Variance(),
-            }
-        )
+    diversity: Mapping[str, DiversityFactory] = _kinds(
+        binned_entropy=_binned_entropy,
+        gini=lambda options, context: Gini(),
+        variance=lambda options, context: Variance(),
     )
-    family: Mapping[str, FamilyFactory] = field(default_factory=lambda: MappingProxyType(FAMILY_MEASURES))
-    objective: Mapping[str, ObjectiveFactory] = field(
-        default_factory=lambda: MappingProxyType(
-            {
-                "learning": _learning,
-                "chain_transfer": _chain_transfer,
-            }
-        )
+    family: Mapping[str, FamilyFactory] = _kinds(**FAMILY_MEASURES)
+    objective: Mapping[str, ObjectiveFactory] = _kinds(learning=_learning, chain_transfer=_chain_transfer)
+    parents: Mapping[str, ParentsFactory] = _kinds(
+        random=lambda options, context: RandomParents(),
+        tournament=_of(TournamentParents),
+        elitist=_of(ElitistParents),
     )
-    parents: Mapping[str, ParentsFactory] = field(
-        default_factory=lambda: MappingProxyType(
-            {
-                "random": lambda options, context: RandomParents(),
-                "tournament": _of(TournamentParents),
-                "elitist": _of(ElitistParents),
-            }
-        )
+    survivors: Mapping[str, SurvivorsFactory] = _kinds(
+        simulated_annealing=_of(SimulatedAnnealing),
+        hill_climbing=lambda options, context: HillClimbing(),
+        beam=_of(BeamSearch),
+        exact=_of(ExactSelection),
     )
-    survivors: Mapping[str, SurvivorsFactory] = field(
-        default_factory=lambda: MappingProxyType(
-            {
-                "simulated_annealing": _of(SimulatedAnnealing),
-                "hill_climbing": lambda options, context: HillClimbing(),
-                "beam": _of(BeamSearch),
-                "exact": _of(ExactSelection),
-            }
-        )
+    strategy: Mapping[str, StrategyFactory] = _kinds(
+        simulated_annealing=_of(Annealing),
+        hill_climbing=_of(HillClimb),
+        beam=_of(Beam),
+        tree_search=_of(TreeSearch),
     )
+    function: Mapping[str, Callable[..., object]] = _kinds()
 
-    strategy: Mapping[str, StrategyFactory] = field(
-        default_factory=lambda: MappingProxyType(
-            {
-                "simulated_annealing": _of(Annealing),
-                "hill_climbing": _of(HillClimb),
-                "beam": _of(Beam),
-                "tree_search": _of(TreeSearch),
-            }
-        )
-    )
-
-    function: Mapping[str, Callable[..., object]] = field(default_factory=lambda: MappingProxyType({}))
+    def __reduce__(self) -> tuple[Callable[..., Components], tuple[object, ...]]:
+        """Return what `copy` and `pickle` make components from: what `with_` has added."""
+        usual = Components()
+        added = [
+            (role.name, kind, factory)
+            for role in fields(self)
+            for kind, factory in getattr(self, role.name).items()
+            if getattr(usual, role.name).get(kind) is not factory
+        ]
+        return _with_all, (added,)
 
     def kinds(self) -> dict[str, tuple[str, ...]]:
         """The known kinds by role, for the check of a family file."""
@@ -311,3 +300,8 @@ class Components:
         """
         known = getattr(self, role)
         return replace(self, **{role: MappingProxyType({**known, kind: factory})})
+
+
+def _with_all(added: Iterable[tuple[str, str, Callable[..., object]]]) -> Components:
+    """Make components from what `Components.__reduce__` returns."""
+    return reduce(lambda components, one: components.with_(*one), added, Components())

@@ -127,6 +127,10 @@ class Domain:
                 problems += error.diagnostics
         return sort_diagnostics(problems)
 
+    def __reduce__(self) -> tuple[Callable[..., Domain], tuple[Bundle, Components, tuple[str, ...]]]:
+        """Return what `copy` and `pickle` make a domain from: its texts."""
+        return Domain.from_bundle, (self.workspace.bundle(), self.components, self.overrides)
+
     def __repr__(self) -> str:
         return f"<Domain {self.spec.name}: {self.spec.path}>"
 

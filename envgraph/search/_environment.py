@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import partial
 from pathlib import Path
 from typing import Any
 from warnings import warn
@@ -123,7 +122,7 @@ def make_aec(
     """
     from envgraph.env.multiagent import TurnEnv  # takes PettingZoo
 
-    return _several(TurnEnv, make_aec, family, variant, domain, max_episode_steps, options)
+    return _several(TurnEnv, family, variant, domain, max_episode_steps, options)
 
 
 def make_parallel(
@@ -140,28 +139,24 @@ def make_parallel(
     """
     from envgraph.env.multiagent import TogetherEnv
 
-    return _several(TogetherEnv, make_parallel, family, variant, domain, max_episode_steps, options)
+    return _several(TogetherEnv, family, variant, domain, max_episode_steps, options)
 
 
 def _several(
     kind: Callable[..., Any],
-    make: Callable[..., Any],
     family: Location | None,
     variant: int | str | None,
     domain: Location | None,
     limit: int | None,
     options: dict[str, Any],
 ) -> Any:
-    """An environment of a kind on the live engine of a member, which `make` makes again."""
+    """An environment of a kind on the live engine of a member."""
     if family is not None and domain is not None:
         raise InvalidArgument("give a `family` or a `domain`, not both")
     place = None if domain is None else str(domain)
     opened = open_member_family(place, family, () if variant is None else (variant,))
     member = opened.place(variant)
-    again = partial(make, family, domain=domain, max_episode_steps=limit, **options)
-    made = kind(
-        opened.simulator(member), limit=opened.family.limit if limit == -1 else limit, again=again, **options
-    )
+    made = kind(opened.simulator(member), limit=opened.family.limit if limit == -1 else limit, **options)
     if family is not None:
         made.of_family(OpenedMembers(place, family, "live", pictures=False), member)
     return made

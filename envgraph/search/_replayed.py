@@ -92,6 +92,10 @@ class Derived:
         """See `Models`."""
         return self._models.engine(self.number)
 
+    def __reduce__(self) -> tuple[type[str], tuple[str]]:
+        """Return what `copy` and `pickle` keep: the text, since the engine is that of others, too."""
+        return str, (self.text(),)
+
     def text(self) -> str:
         """The model as JSON text."""
         return dump_json(model_to_json(self.engine().model))

@@ -5,6 +5,7 @@ It is no `test_*.py`: `make test` does without.
 
 from __future__ import annotations
 
+import copy
 import pickle
 import warnings
 from collections.abc import Callable
@@ -211,19 +212,30 @@ def test_the_examples_of_the_documentation_learn(tmp_path: Path, monkeypatch: py
     assert run_section("## Several agents", "## Code from templates", names)[-1] == "True\n"
 
 
-def test_environments_are_copied_by_being_made_again(together: Path) -> None:
+@pytest.mark.parametrize("made", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
+def test_copies_go_on_as_the_original_does_and_leave_it_alone(together: Path, made: Any) -> None:
+    def played(env: Any, steps: int) -> list[object]:
+        rng, found = np.random.default_rng(2), list[object]()
+        for _ in range(steps):
+            if not env.agents:
+                env.reset()
+            if isinstance(env, TogetherEnv):
+                found.append(env.step({name: int(rng.integers(5)) for name in env.agents}))
+            else:
+                env.step(None if env.last()[2] or env.last()[3] else int(rng.integers(5)))
+                found.append((env.agent_selection, env.rewards, env.terminations, env.infos, [*env.agents]))
+            found.append(env.state().tolist())
+        return found
+
     for env in (
         envgraph.make_parallel(domain=together, max_episode_steps=9),
-        envgraph.make_aec(domain="warehouse"),
+        envgraph.make_aec(domain="warehouse", max_episode_steps=9),
+        TurnEnv(coins()),
     ):
         env.reset(seed=0)
-        copy = pickle.loads(pickle.dumps(env))
-        assert copy.agents == [] and copy.possible_agents == env.possible_agents
-        assert copy.action_names == env.action_names and copy.simulator is not env.simulator
-        copy.reset(seed=0)
-        assert [copy.observe(agent) for agent in copy.agents] == [env.observe(agent) for agent in env.agents]
-    with pytest.raises(TypeError, match="an engine cannot be pickled"):
-        pickle.dumps(TurnEnv(coins()))
+        played(env, 5)
+        copies = [made(env), made(made(env))]
+        assert str([played(one, 30) for one in copies]) == str(2 * [played(env, 30)])
 
 
 @pytest.mark.parametrize("kind", [TurnEnv, TogetherEnv])
@@ -289,9 +301,9 @@ def test_a_reset_goes_over_to_a_variant_and_refuses_other_options(tmp_path: Path
 
     assert reset() == ([0, 0], "E2", {})
     assert reset(variant="E1") == ([1, 1], "E1", {}) == reset()
-    copy = pickle.loads(pickle.dumps(env))
-    copy.reset(seed=0)
-    assert copy.observe("a").tolist() == [1, 1]
+    other = pickle.loads(pickle.dumps(env))
+    other.reset(seed=0)
+    assert other.observe("a").tolist() == [1, 1]
     with pytest.raises(InvalidArgument, match="`E99`"):
         reset(variant="E99")
     for name in ("state", "nonsense"):

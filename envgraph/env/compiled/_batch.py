@@ -6,11 +6,10 @@ from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from itertools import pairwise
-from math import prod
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from envgraph.env._simulator import Simulator
 from envgraph.env._tabular import allowed_or_all
@@ -37,6 +36,7 @@ class Batch:
         program: the compiled behaviour.
         members: number of the member of each environment; it may change before an episode begins.
         threads: how many step them at a time; changes no result.
+        rows: what the environments are; in no state yet if None.
 
     Attributes:
         states, float_states: int64 and float64 [n, ..]; a row is all that an environment is, but for `steps`.
@@ -46,11 +46,13 @@ class Batch:
         reward: float64 [n]; ended: int64 [n], as `Outcome.terminated`; cut: bool [n], whether it was truncated.
     """
 
-    def __init__(self, program: Program, members: Sequence[int] | NDArray[Any], threads: int = 1) -> None:
+    def __init__(
+        self, program: Program, members: ArrayLike, threads: int = 1, rows: Rows | None = None
+    ) -> None:
         self.program = program
         self.members = np.array(members, dtype=np.int64)
         n, arrays = len(self.members), program.arrays
-        self._rows = rows = rows_of(n, arrays, len(program.observation_shape))
+        self._rows = rows = rows or rows_of(n, arrays, len(program.observation_shape))
         self.states, self.float_states, self._streams, self.components = rows[:4]
         self.steps, self.over, self.observation, self.reward, self.ended, self.cut, self._drawn = rows[4:]
         self._none = np.zeros(n, dtype=np.bool_)
@@ -80,13 +82,9 @@ class Batch:
             native=program.native,
         )
 
-    def __deepcopy__(self, memo: dict[int, Any]) -> Batch:
-        """Other environments in the same states; what refers to arrays of these refers to arrays of those."""
-        twin = Batch(self.program, self.members, self._threads)
-        for mine, other in zip(self._rows, twin._rows, strict=True):
-            other[...] = mine
-            memo[id(mine)] = other
-        return twin
+    def __reduce__(self) -> tuple[type[Batch], tuple[Any, ...]]:
+        """Return what `copy` and `pickle` make a batch from; other references to its arrays stay such references."""
+        return Batch, (self.program, self.members, self._threads, self._rows)
 
     def allowed(self) -> NDArray[np.bool_]:
         """Whether each action would do something [n, actions], as `Simulator.allowed`."""
@@ -211,11 +209,6 @@ class Batch:
         if member not in self._twins:
             self._twins[member] = self.program.twin(member)
         return self._twins[member]
-
-    @property
-    def n_observations(self) -> int:
-        """How many observations there are."""
-        return prod(self.program.observation_shape)
 
 
 def longer(array: NDArray[Any], size: int) -> NDArray[Any]:

@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ._world import NO_ACTIONS, NO_NUMBERS, Arrays, World, rows_of, streams
+from ._world import NO_ACTIONS, NO_NUMBERS, Arrays, Rows, World, rows_of, streams
 
 __all__ = ["ABOUT", "Environments", "State", "begin", "step"]
 
@@ -177,12 +177,16 @@ def step(
 class _Many:
     """The states of environments, and how they go on."""
 
-    def __init__(self, members: NDArray[np.int64]) -> None:
+    def __init__(self, members: NDArray[np.int64], rows: Rows | None = None) -> None:
         program, arrays = _program(), _arrays()
         self.members = members
-        self.rows = rows_of(len(members), arrays, len(ABOUT["observation_shape"]))
+        self.rows = rows or rows_of(len(members), arrays, len(ABOUT["observation_shape"]))
         space = ABOUT["capacity"] * ABOUT["levels"], ABOUT["width"]
         self._world = World(arrays, members, self.rows, space, program.advance, native=program.NATIVE)
+
+    def __reduce__(self) -> tuple[type[_Many], tuple[NDArray[np.int64], Rows]]:
+        """Return what `copy` and `pickle` make the same from: a program knows where its arrays are in memory."""
+        return _Many, (self.members, self.rows)
 
     def advance(self, *arguments: Any) -> None:
         """Begin episodes, or do steps."""

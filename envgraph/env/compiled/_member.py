@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import pickle
 from collections.abc import Callable, Sequence
-from copy import copy
-from typing import NamedTuple, Protocol, TypeAlias
+from functools import partial
+from typing import Any, NamedTuple, Protocol, TypeAlias
 
 from envgraph import code
 from envgraph.env._keys import KeyIndex
@@ -106,9 +107,21 @@ class Member:
 
     def arrive(self) -> Member:
         """Take the engine to the initial state, if others use it, too."""
-        if isinstance(self._home, Borrowed):
+        if isinstance(self._home, Borrowed) and self.engine:
             self._home.engine()
         return self
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what `pickle` keeps: the model, what was asked of it, and bytes from which an engine can be made."""
+        engine = self.own_engine()
+        own = partial(pickle.loads, pickle.dumps(engine))
+        return {
+            **vars(self),
+            "_home": Borrowed(own, own),
+            "engine": None,
+            "_library": None,
+            "model": engine.model,
+        }
 
     def own_engine(self) -> Engine:
         """An engine in the initial state that may be changed."""
@@ -116,7 +129,8 @@ class Member:
 
     def with_spare(self, spare: int) -> Member:
         """The same with space for so many new objects."""
-        other = copy(self)
+        other = Member.__new__(Member)
+        vars(other).update(vars(self))
         other.spare = range(len(self.objects), len(self.objects) + spare)
         return other
 

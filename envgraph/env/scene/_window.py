@@ -62,8 +62,5 @@ class Window:
             pygame.display.quit()
             self._surface = None
 
-    def __deepcopy__(self, _: object) -> Window:
-        return Window(*self._given)
-
     def __reduce__(self) -> tuple[type[Window], tuple[str, int]]:
         return Window, self._given

@@ -53,6 +53,10 @@ for _ in range(9):
     same, gained, terminated, _, _ = one.step(actions)
     assert (seen == same).all() and (reward == gained).all() and ((ended > 0) == terminated).all()
     state = after
+import copy, pickle
+copies = [copy.deepcopy(many), pickle.loads(pickle.dumps(many))]
+gone_on = [[each.step(np.full(7, number % 3)) for number in range(30)] for each in (*copies, many)]
+assert str(gone_on[0]) == str(gone_on[1]) == str(gone_on[2])
 for wrong in (lambda: many.step([0]), lambda: Environments(members=["E9"]), lambda: Environments(0)):
     try:
         wrong()
