@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from typing import Final
+from itertools import chain
+from typing import Final, cast
 
 from envgraph.errors import (
     RAISE_LIMIT,
@@ -20,7 +21,8 @@ from envgraph.metamodel import Metamodel
 from envgraph.pattern import Derivation
 from envgraph.rewrite.check._containment import homeless
 from envgraph.rewrite.check._header import check_annotations, check_weight
-from envgraph.rewrite.derive._plans import creation_plans
+from envgraph.rewrite.derive._objects import retyping_starts
+from envgraph.rewrite.derive._plans import MOST_PLANS, Plan, creation_plans, is_complete
 from envgraph.rewrite.derive._schema import Schema
 
 KINDS: Final = ("create", "delete", "add", "remove", "change", "swap", "move", "retype", "set")
@@ -28,6 +30,9 @@ KINDS: Final = ("create", "delete", "add", "remove", "change", "swap", "move", "
 
 MOST_RULES: Final = 10_000
 """Rules of one derivation: for each ordered pair of a hundred classes; they take 4 s and 100 MB."""
+
+MOST_WAYS: Final = 8
+"""In how many ways an object is created or retyped, unless `@cap` says otherwise."""
 
 ANNOTATIONS = {"retype": ("weight",), "operators": ("cap", "weight")}
 
@@ -112,6 +117,11 @@ def _check_operators(derivation: Derivation, metamodel: Metamodel) -> Iterator[D
     annotations = list(_check_annotations(derivation))
     yield from annotations
     schema = Schema(metamodel)
+    if not annotations and _exceeds_limit(schema, derivation):
+        message = f"`{derivation.name}` stands for more than {limit(MOST_RULES):,} rules"
+        hint = "write `@weight(retype = 0)` before it, or name a class with fewer subclasses"
+        yield Diagnostic("too-many-rules", message, derivation.span, f"{hint}; {RAISE_LIMIT}")
+        return
     for cls in derivation.classes:
         concrete = metamodel.concrete(cls)
         touched = [sub for sub in concrete if not schema.frozen(sub)]
@@ -128,6 +138,19 @@ def _check_operators(derivation: Derivation, metamodel: Metamodel) -> Iterator[D
             )
         elif not annotations and weight_of(derivation, "create") > 0:
             yield from _without_creation(schema, touched, derivation)
+
+
+def _exceeds_limit(schema: Schema, derivation: Derivation) -> bool:
+    """Return whether objects may be created and retyped in too many ways, before the ways are searched for."""
+    ways, number = min(ways_of(derivation), MOST_PLANS), 0
+    for cls in derivation.classes:
+        created = (Plan((one,)) for one in schema.metamodel.concrete(cls))
+        retyped = (start for _, start in retyping_starts(schema, cls))
+        for plan in chain(created, retyped if weight_of(derivation, "retype") > 0 else ()):
+            number += 1 if is_complete(schema, plan) else ways
+            if number > limit(MOST_RULES):
+                return True
+    return False
 
 
 def _without_creation(schema: Schema, classes: Iterable[str], derivation: Derivation) -> Iterator[Diagnostic]:
@@ -176,6 +199,12 @@ def weight_of(derivation: Derivation, kind: str) -> float:
     weight = given.get(kind, 1.0)
     assert isinstance(weight, int | float)
     return derivation.weight * weight
+
+
+def ways_of(derivation: Derivation) -> int:
+    """Return in how many ways an object is created or retyped at most."""
+    caps = [value for one in derivation.annotations if one.name == "cap" for value in one.arguments]
+    return cast("int", caps[0]) if caps else MOST_WAYS
 
 
 def _is_cap(value: object) -> bool:

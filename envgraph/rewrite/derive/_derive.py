@@ -13,7 +13,6 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import chain, count, permutations
-from typing import Final
 
 from envgraph.code import dataclass
 from envgraph.metamodel import Metamodel
@@ -27,14 +26,11 @@ from envgraph.pattern import (
     TypeConstraint,
     Variable,
 )
-from envgraph.rewrite.derive._check import KINDS, weight_of
+from envgraph.rewrite.derive._check import KINDS, ways_of, weight_of
 from envgraph.rewrite.derive._features import container_operators, link_operators, value_operators
 from envgraph.rewrite.derive._objects import creating_and_deleting, retypings
 from envgraph.rewrite.derive._rule_builder import RuleBuilder
 from envgraph.rewrite.derive._schema import Schema
-
-MOST_WAYS: Final = 8
-"""In how many ways an object is created or retyped, unless `@cap` says otherwise."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,11 +82,12 @@ def _retypings(derivation: Derivation) -> tuple[Rule, ...]:
 
 def _operators(derivation: Derivation, metamodel: Metamodel) -> Derived:
     """The operators of a derivation without errors."""
-    schema, ways = Schema(metamodel), _cap(derivation)
+    schema, ways = Schema(metamodel), ways_of(derivation)
     found: dict[str, Rule] = {}
     patterns: dict[str, Pattern] = {}
+    retype = weight_of(derivation, "retype") > 0
     for cls in derivation.classes:
-        for builder in _all(schema, derivation.qualified_name, cls, ways):
+        for builder in _all(schema, derivation.qualified_name, cls, ways, retype):
             rule = _apart(replace(builder.rule(), span=derivation.span), found)
             found.setdefault(rule.name, rule)
             patterns.update(builder.patterns)
@@ -105,13 +102,14 @@ def _operators(derivation: Derivation, metamodel: Metamodel) -> Derived:
     return Derived(tuple(patterns.values()), tuple(rules))
 
 
-def _all(schema: Schema, group: str, cls: str, most: int) -> Iterator[RuleBuilder]:
+def _all(schema: Schema, group: str, cls: str, most: int, retype: bool) -> Iterator[RuleBuilder]:
     for concrete in schema.metamodel.concrete(cls):
         if not schema.frozen(concrete):
             yield from creating_and_deleting(schema, group, concrete, most)
     yield from link_operators(schema, group, cls)
     yield from container_operators(schema, group, cls)
-    yield from retypings(schema, group, cls, most)
+    if retype:
+        yield from retypings(schema, group, cls, most)
     yield from value_operators(schema, group, cls)
 
 
@@ -136,9 +134,3 @@ def _first(rules: Sequence[Rule], most: int) -> list[Rule]:
         ranks.append((before[cls], number))
         before[cls] += 1
     return [rules[number] for number in sorted(number for _, number in sorted(ranks)[:most])]
-
-
-def _cap(derivation: Derivation) -> int:
-    """In how many ways an object is created or retyped."""
-    caps = [value for one in derivation.annotations if one.name == "cap" for value in one.arguments]
-    return int(caps[0]) if caps else MOST_WAYS

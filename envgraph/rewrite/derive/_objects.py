@@ -23,7 +23,7 @@ from envgraph.pattern import (
     Variable,
 )
 from envgraph.rewrite.derive._keys import key_owner, new_key
-from envgraph.rewrite.derive._plans import Plan, creation_plans, retyping_plans
+from envgraph.rewrite.derive._plans import Plan, cheapest_plans, creation_plans
 from envgraph.rewrite.derive._rule_builder import RuleBuilder, variable_for
 from envgraph.rewrite.derive._schema import End, Schema
 
@@ -257,14 +257,19 @@ def _go_over(builder: RuleBuilder, end: End, name: str, other: str, elsewhere: i
 
 def retypings(schema: Schema, group: str, cls: str, most: int) -> Iterator[RuleBuilder]:
     """The operators that make an object an instance of another subclass of a class."""
+    for before, start in retyping_starts(schema, cls):
+        for plan in cheapest_plans(schema, start, most):
+            name, doc = f"{before}.{start.new[0]}{_suffix(plan)}", f"`{before}` becomes `{start.new[0]}`."
+            yield _retype(RuleBuilder(schema, group, f"retype.{name}", doc), before, plan)
+
+
+def retyping_starts(schema: Schema, cls: str) -> Iterator[tuple[str, Plan]]:
+    """Yield the class that an object loses and the plan that retypings to its new class begin with."""
     classes = [sub for sub in schema.metamodel.concrete(cls) if not schema.frozen(sub)]
     for before, after in permutations(classes, 2):
         if _has_place(schema, before, after):
-            for plan in retyping_plans(schema, before, after, most):
-                name = f"retype.{before}.{after}{_suffix(plan)}"
-                yield _retype(
-                    RuleBuilder(schema, group, name, f"`{before}` becomes `{after}`."), before, plan
-                )
+            kept = [end for end in schema.ends_of(after) if end.contained or schema.is_a(before, end.near)]
+            yield before, Plan((after,), tuple(kept))
 
 
 def _has_place(schema: Schema, before: str, after: str) -> bool:

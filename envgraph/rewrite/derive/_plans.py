@@ -92,16 +92,15 @@ class Plan:
 
 def creation_plans(schema: Schema, cls: str, most: int) -> list[Plan]:
     """The cheapest plans for an object of a class; [] if nothing that may be touched gives it what it needs."""
-    return _some(schema, Plan((cls,)), most)
+    return cheapest_plans(schema, Plan((cls,)), most)
 
 
-def retyping_plans(schema: Schema, before: str, after: str, most: int) -> list[Plan]:
-    """Plans for what an object of another class needs in addition."""
-    kept = [end for end in schema.ends_of(after) if end.contained or schema.is_a(before, end.near)]
-    return _some(schema, Plan((after,), tuple(kept)), most)
+def is_complete(schema: Schema, plan: Plan) -> bool:
+    """Return whether every new object of a plan has all the links that it needs."""
+    return _need(schema, plan) is None
 
 
-def _some(schema: Schema, start: Plan, most: int) -> list[Plan]:
+def cheapest_plans(schema: Schema, start: Plan, most: int) -> list[Plan]:
     """Plans that create little, and plans that need little that is there, in turns."""
     frugal = _cheapest(schema, start, most, lambda plan: (len(plan.new), len(plan.removed), len(plan.old)))
     modest = _cheapest(schema, start, most, lambda plan: (len(plan.old), len(plan.new)))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
+from functools import cache
 from typing import Generic, NamedTuple, TypeVar
 
 from envgraph.code import dataclass
@@ -150,12 +151,15 @@ class Schema:
         self.metamodel = metamodel
         self.is_a = metamodel.is_a
         self.overlap = metamodel.overlap
+        self.frozen, self.ends_of = cache(self._frozen), cache(self._ends_of)
+        self.contents = cache(self._contents)
+        self._directly_inside = cache(metamodel.contents)
         self.ends = tuple(end for reference in metamodel.references for end in self._ends(reference))
         self.concrete = tuple(cls.name for cls in metamodel.class_list if not cls.abstract)
         self.roots = frozenset(filter(self._root, self.concrete))
         self._needs = {c: reached(self._needed_by(c), self._needed_by) for c in self.concrete}
 
-    def frozen(self, cls: str) -> bool:
+    def _frozen(self, cls: str) -> bool:
         """Return whether operators leave the objects of a class alone: it or a supertype is frozen or needs values."""
         marked = any(self.metamodel.classes[above].frozen for above in self.metamodel.supertypes(cls))
         return marked or self.needs_values(cls)
@@ -174,7 +178,7 @@ class Schema:
         marked = any(annotation.name in LEFT_ALONE for annotation in feature.annotations)
         return marked or _several(feature) or self.frozen(feature.owner)
 
-    def ends_of(self, cls: str) -> list[End]:
+    def _ends_of(self, cls: str) -> list[End]:
         """The ends at which an object of exactly this class may stand."""
         return [end for end in self.ends if self.is_a(cls, end.near)]
 
@@ -182,9 +186,9 @@ class Schema:
         """The ends at which an object of exactly this class is contained."""
         return [end for end in self.ends_of(cls) if end.contained]
 
-    def contents(self, cls: str) -> list[End]:
+    def _contents(self, cls: str) -> list[End]:
         """The ends of the containers that may be an object of a class or inside it."""
-        inside = reached(self.metamodel.concrete(cls), self.metamodel.contents)
+        inside = reached(self.metamodel.concrete(cls), self._directly_inside)
         return [end for end in self.ends if end.contains and any(self.is_a(one, end.near) for one in inside)]
 
     def coupled(self, cls: str, other: str) -> bool:
@@ -209,7 +213,7 @@ class Schema:
         return dict.fromkeys((end, end.other))
 
     def _root(self, cls: str) -> bool:
-        inside = reached((cls,), self.metamodel.contents)
+        inside = reached((cls,), self._directly_inside)
         above = (one for end in self.containers(cls) for one in self.metamodel.concrete(end.far))
         return all(one in inside for one in above)
 

@@ -41,6 +41,18 @@ def engine(text: str, *classes: str) -> Engine:
 # --- which there are
 
 
+def test_operators_for_too_many_classes_are_refused_before_they_are_searched_for() -> None:
+    classes = "".join(f"class A{n} extends A0 {{ refers A{n * 7 % 50}[1..2] r{n} }}\n" for n in range(1, 50))
+    texts = {
+        "h.metamodel": f"metamodel h abstract class A0 {{ refers A0[1..3] r contains A0[0..4] c }} {classes}",
+        "h.rules": 'package h\nimport "h.metamodel"\nderive d = operators for A0;',
+    }
+    (found,) = load_workspace(["h.rules"], files=TextFiles(texts)).diagnostics
+    assert (found.code, found.message) == ("too-many-rules", "`d` stands for more than 10,000 rules")
+    assert str(found.span) == "h.rules:3:8"
+    assert found.hint is not None and "@weight(retype = 0)" in found.hint
+
+
 def test_the_page_lists_the_operators_of_its_example() -> None:
     garden = load_workspace(["garden.rules"], files=TextFiles(GARDEN)).engine()
     shown = re.findall(r"`(hoses\.[\w.]+)`", PAGE.read_text(encoding="utf-8"))
