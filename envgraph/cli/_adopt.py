@@ -93,7 +93,7 @@ def _options(given: Iterable[str]) -> dict[str, Any]:
             )
         try:
             found[key] = tomllib.loads(f"value = {value}")["value"]
-        except tomllib.TOMLDecodeError:
+        except (ValueError, RecursionError):
             found[key] = value
     return found
 

@@ -10,6 +10,7 @@ import click
 from envgraph.cli._app import app
 from envgraph.cli._options import (
     PATH,
+    count_option,
     definitions_argument,
     format_option,
     inputs_options,
@@ -54,7 +55,7 @@ def new(name: str, directory: Path | None, domain: str | None) -> None:
     multiple=True,
     help="An option of the environment, such as is_slippery=false; may be repeated.",
 )
-@click.option("--seed", type=int, default=0, show_default=True, help="Of the level that MiniGrid draws.")
+@count_option("--seed", least=0, default=0, help="Of the level that MiniGrid draws.")
 @format_option
 def adopt(
     environment: str, output: Path | None, options: tuple[str, ...], seed: int, format: OutputFormat
@@ -201,10 +202,8 @@ def why_not(
 )
 @variant_option
 @inputs_options
-@click.option(
-    "--times", type=click.IntRange(min=1), default=1, help="How often; ends early when nothing matches."
-)
-@click.option("--seed", type=click.IntRange(min=0), help="Chooses among the matches.")
+@count_option("--times", default=1, help="How often; ends early when nothing matches.")
+@count_option("--seed", least=0, help="Chooses among the matches.")
 @click.option("--output", "-o", type=PATH, help="Write the resulting model here: .model, .xmi or .json.")
 @click.option("--trace", type=PATH, help="Write what was applied here, for `envgraph replay`: JSON lines.")
 @click.option("--allow-none", is_flag=True, help="Exit code 0 also when nothing matches or a unit fails.")

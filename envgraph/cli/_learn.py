@@ -17,7 +17,7 @@ from envgraph.cli._family import REPORT, TRAINING, run_directory
 from envgraph.cli._output import OutputFormat, print_json, print_line, print_table, progress_bar
 from envgraph.env import Tabular, TooManyStates
 from envgraph.env.compiled import NotCompiled
-from envgraph.errors import EvaluationError, InvalidArgument, did_you_mean, listed
+from envgraph.errors import MOST_STEPS, EvaluationError, InvalidArgument, did_you_mean, int_within, listed
 from envgraph.files import replace_file
 from envgraph.learn import (
     CONTROLS,
@@ -164,6 +164,11 @@ def _begun(journal: Journal) -> dict[str, Any]:
     wanted = {name: journal.about.get(name) for name in _OPTIONS}
     if not all(value is None or isinstance(value, _OPTIONS[name]) for name, value in wanted.items()):
         raise InvalidArgument(f"{journal.path}:1: not what a training is begun with")
+    try:
+        budgets_of(wanted["steps"] or "1")
+        int_within(str(wanted["seeds"] or 1), 1, MOST_STEPS)
+    except InvalidArgument as error:
+        raise InvalidArgument(f"{journal.path}:1: {error.message}", error.hint) from None
     return wanted
 
 
@@ -272,10 +277,11 @@ def budgets_of(steps: str) -> list[int]:
     Raises:
         InvalidArgument: something else is among them.
     """
-    words = [word.strip() for word in steps.split(",")]
-    if not all(word.isascii() and word.isdecimal() and int(word) > 0 for word in words):
-        raise InvalidArgument(f"`--steps {steps}` is no list of whole numbers such as `10000,50000`")
-    return [*sorted({int(word) for word in words})]
+    try:
+        return sorted({int_within(word.strip(), 1, MOST_STEPS) for word in steps.split(",")})
+    except InvalidArgument as error:
+        hint = error.hint or "write one, or several such as `10000,50000`"
+        raise InvalidArgument(f"in `--steps` {error.message}", hint) from None
 
 
 def _members(family: Family) -> list[FamilyMember]:

@@ -10,6 +10,7 @@ from typing import Any, Final, TypeVar
 import click
 
 from envgraph.cli._output import OutputFormat, ShowFormat
+from envgraph.errors import LARGEST_INT, MOST_STEPS, InvalidArgument, int_within
 
 RUNS = Path("runs")
 
@@ -35,9 +36,6 @@ run_argument = click.argument(
     "run", help="A run: its name below `runs`, its directory or its run.sqlite; or a family file (.json)."
 )
 directory_option = click.option("--directory", "-d", type=PATH, default=RUNS, help="Where runs are kept.")
-seed_option = click.option(
-    "--seed", type=click.IntRange(min=0), help="The one source of randomness; instead of the one in the file."
-)
 model_argument = click.argument("model", help="A .model or .xmi file, any model of EMF, or one as JSON.")
 model_or_run_argument = click.argument(
     "model",
@@ -95,6 +93,25 @@ overrides_option = click.option(
 )
 
 
+_MOST: Final = {
+    **dict.fromkeys(("--population", "--samples", "--seeds", "--controls"), 100_000),
+    **{"--seed": LARGEST_INT, "--seed-offset": LARGEST_INT, "--times": 1_000_000, "--workers": 256},
+}
+"""Limits of options that take a number; of all others it is `MOST_STEPS`."""
+
+
+class _WholeNumber(click.IntRange):
+    """A whole number, at least `min` and at most the limit of the option."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:
+        """See `ParamType`."""
+        assert param is not None and self.min is not None
+        try:
+            return int_within(str(value), int(self.min), _MOST.get(param.opts[0], MOST_STEPS))
+        except InvalidArgument as error:
+            self.fail(str(error), param, ctx)
+
+
 def count_option(
     *names: str, least: int = 1, default: int | None = None, usual: str = "", help: str
 ) -> Callable[[_Command], _Command]:
@@ -102,9 +119,12 @@ def count_option(
     shown: dict[str, Any] = (
         {"show_default": usual} if usual else {} if default is None else {"default": default}
     )
-    return click.option(*names, type=click.IntRange(min=least), help=help, **shown)
+    return click.option(*names, type=_WholeNumber(least), help=help, **shown)
 
 
+seed_option = count_option(
+    "--seed", least=0, help="The one source of randomness; instead of the one in the file."
+)
 force_option = click.option(
     "--force",
     is_flag=True,

@@ -17,11 +17,11 @@ from envgraph.cli._output import (
     print_table,
 )
 from envgraph.code import dataclass
-from envgraph.errors import InvalidArgument, did_you_mean, listed, name_hint, with_article
+from envgraph.errors import InvalidArgument, did_you_mean, listed, name_hint, parse_int, with_article
 from envgraph.files import replace_file
 from envgraph.graph import Model, Node, model_from_json
 from envgraph.lang import Workspace, bundled_domains
-from envgraph.metamodel import Attribute, EnumType, Scalar, Value, type_name
+from envgraph.metamodel import Attribute, EnumType, Scalar, Value, parse_value, type_name
 from envgraph.pattern import ObjectType, StaticType
 from envgraph.rewrite import Application, Engine, Firing, RunResult, Signature, trace_to_text
 
@@ -278,8 +278,8 @@ def _value(engine: Engine, name: str, text: str, type_: StaticType | None) -> No
         if found is None:
             called = _names(engine.model, type_.cls)
             found = next((node for node, names in called.items() if text in names), None)
-        if found is None and text.isdecimal() and engine.model.alive(int(text)):
-            found = int(text)
+        if found is None and (number := parse_int(text)) is not None and engine.model.alive(number):
+            found = number
         if found is None:
             raise InvalidArgument(
                 f"`{name}`: the model has no object `{text}`; {_objects(engine, text, type_.cls)}"
@@ -297,21 +297,13 @@ def _value(engine: Engine, name: str, text: str, type_: StaticType | None) -> No
             hint = did_you_mean(text, type_.literals) or f"there are {', '.join(type_.literals)}"
             raise InvalidArgument(f"`{name}`: `{type_.name}` has no literal `{text}`", hint)
         return text
-    try:
-        match type_:
-            case Scalar.INT:
-                return int(text)
-            case Scalar.FLOAT:
-                return float(text)
-            case Scalar.BOOL:
-                return {"true": True, "false": False}[text]
-            case _:
-                return text
-    except (ValueError, KeyError):
+    value = parse_value(text, type_) if type_ else text
+    if value is None:
         raise InvalidArgument(
             f"`{name}` is {with_article(type_name(type_)) if type_ else 'a value'}, and `{text}` is none"
             + (f"; write `--where {name}={_SAMPLES[type_]}`" if type_ in _SAMPLES else "")
-        ) from None
+        )
+    return value
 
 
 def _names(model: Model, cls: str) -> dict[int, tuple[str, ...]]:

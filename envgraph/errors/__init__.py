@@ -26,14 +26,17 @@ from envgraph.errors._exceptions import (
     TransactionError,
     TypeMismatch,
 )
-from envgraph.errors._limits import MOST_ERRORS, MOST_NESTED, RAISE_LIMIT, limit
+from envgraph.errors._limits import MOST_ERRORS, MOST_NESTED, MOST_STEPS, RAISE_LIMIT, int_within, limit
+from envgraph.errors._numbers import LARGEST_INT, parse_float, parse_int
 from envgraph.errors._reprs import later, shorten, spelling
 from envgraph.errors._source import Source, Span, visible
 from envgraph.errors._suggest import did_you_mean, listed, name_hint, nearest, plural, quoted, with_article
 
 __all__ = [
+    "LARGEST_INT",
     "MOST_ERRORS",
     "MOST_NESTED",
+    "MOST_STEPS",
     "RAISE_LIMIT",
     "Diagnostic",
     "DiagnosticError",
@@ -53,11 +56,14 @@ __all__ = [
     "TypeMismatch",
     "did_you_mean",
     "has_errors",
+    "int_within",
     "later",
     "limit",
     "listed",
     "name_hint",
     "nearest",
+    "parse_float",
+    "parse_int",
     "plural",
     "quoted",
     "shorten",

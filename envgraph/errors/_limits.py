@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import os
-from math import isfinite
 from typing import Final
 
 from envgraph.errors._exceptions import InvalidArgument
+from envgraph.errors._numbers import LARGEST_INT, parse_float, parse_int
 
 _VARIABLE = "ENVGRAPH_LIMITS"
 
@@ -18,6 +18,8 @@ MOST_NESTED: Final = 100
 Checks descend by recursion, and generated source nests alike: Python allows 1,000 calls, 200 parentheses and 100 levels
 of indentation.
 """
+MOST_STEPS: Final = 1_000_000_000
+"""Steps, generations and attempts that a person may ask for; all of them end sooner with Ctrl-C."""
 
 
 def limit(usual: int) -> int:
@@ -27,21 +29,31 @@ def limit(usual: int) -> int:
     limit ends with `RAISE_LIMIT`.
 
     Raises:
-        InvalidArgument: the variable is no number above 0.
+        InvalidArgument: the variable is no number above 0, or more than a million.
 
     >>> limit(1000)
     1000
     """
     text = os.environ.get(_VARIABLE, "1")
-    try:
-        factor = float(text)
-    except ValueError:
-        factor = 0.0
-    if not (isfinite(factor) and factor > 0):
-        raise InvalidArgument(
-            f"the environment variable {_VARIABLE} is `{text}`, and not a number such as 10"
-        )
+    factor = parse_float(text)
+    if factor is None or not 0 < factor <= 1_000_000:
+        message = f"the environment variable {_VARIABLE} is `{text[:20]}`, and not a number such as 10"
+        raise InvalidArgument(message, "it is above 0, and 1,000,000 at most")
     return max(int(usual * factor), 1)
+
+
+def int_within(text: str, low: int, most: int) -> int:
+    """Return the whole number that a text writes: at least `low`, and at most the limit `most`.
+
+    Raises:
+        InvalidArgument: it writes another one, or none.
+    """
+    highest, number = min(limit(most), LARGEST_INT), parse_int(text)
+    if number is None or not low <= number <= highest:
+        shown = text[:20] + "..." * (len(text) > 20)
+        hint = RAISE_LIMIT if text.isdecimal() and number != 0 and highest < LARGEST_INT else None
+        raise InvalidArgument(f"`{shown}` is not a whole number from {low:,} to {highest:,}", hint)
+    return number
 
 
 RAISE_LIMIT = f"{_VARIABLE}=10 in the environment raises this limit, and all others, ten times"

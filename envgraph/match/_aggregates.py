@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Collection
 from math import fsum, isfinite
 
-from envgraph.metamodel import Value
+from envgraph.metamodel import LARGEST_INT, Value
 
-LARGEST_INT = 2**63 - 1
 EXACT_INTS = 2**53
 """Up to here every int is a float."""
 

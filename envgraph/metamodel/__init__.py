@@ -1,11 +1,10 @@
 """Metamodels: classes with inheritance, attributes, references, enums and multiplicities."""
 
-from envgraph.errors import shorten
+from envgraph.errors import LARGEST_INT, shorten
 from envgraph.metamodel._check import check_classes
 from envgraph.metamodel._diagram import class_colours
 from envgraph.metamodel._ecore import metamodel_to_ecore, xml_text, xml_value
 from envgraph.metamodel._features import (
-    LARGEST_INT,
     SUPPRESS,
     Annotation,
     Attribute,
@@ -22,6 +21,7 @@ from envgraph.metamodel._features import (
     Values,
     accepts,
     default_of,
+    parse_value,
     place,
     simple_name,
     type_name,
@@ -52,6 +52,7 @@ __all__ = [
     "components",
     "default_of",
     "metamodel_to_ecore",
+    "parse_value",
     "place",
     "reached",
     "shortest_way",

@@ -8,7 +8,7 @@ from math import isnan
 from typing import Final
 
 from envgraph.code import dataclass
-from envgraph.errors import Span
+from envgraph.errors import LARGEST_INT, Span, parse_float, parse_int
 
 Places = tuple[tuple[str, Span], ...]
 """Where the parts of a definition stand in its text: ("extends A", span), ("target", span) ..."""
@@ -22,9 +22,6 @@ Values = tuple[Value, ...]
 
 SUPPRESS: Final = "suppress"
 """The annotation that silences warnings about what it stands before, wherever annotations can stand."""
-
-LARGEST_INT: Final = 2**63 - 1
-"""Ints that are stored or leave an expression have 64 bits; the least one is `-LARGEST_INT - 1`."""
 
 
 class Scalar(StrEnum):
@@ -280,6 +277,23 @@ def default_of(type_: AttributeType) -> Value:
             return False
         case Scalar.STRING:
             return ""
+
+
+def parse_value(text: str, type_: Scalar) -> Value | None:
+    """Return the value of a type that a text writes, or None. A float may be `inf` or `-inf`, which models may have.
+
+    >>> parse_value("-3", Scalar.INT), parse_value("1e3", Scalar.FLOAT), parse_value("1_000", Scalar.INT)
+    (-3, 1000.0, None)
+    """
+    match type_:
+        case Scalar.INT:
+            return parse_int(text)
+        case Scalar.FLOAT:
+            return float(text) if text in ("inf", "-inf") else parse_float(text)
+        case Scalar.BOOL:
+            return {"true": True, "false": False}.get(text)
+        case Scalar.STRING:
+            return text
 
 
 def accepts(type_: AttributeType, value: object) -> bool:

@@ -15,7 +15,7 @@ from envgraph.behaviour import paying
 from envgraph.code import dataclass
 from envgraph.env import Behaviour, Explored, KeyIndex, Scene, scene_of
 from envgraph.env.compiled import Borrowed, Program, program_of
-from envgraph.errors import EvaluationError, InvalidArgument, LoadError, Note, did_you_mean, listed
+from envgraph.errors import EvaluationError, InvalidArgument, LoadError, Note, did_you_mean, listed, parse_int
 from envgraph.graph import Model, model_from_json
 from envgraph.lang import Bundle
 from envgraph.rewrite import Engine
@@ -356,8 +356,8 @@ def place_of(variant: int | str | None, names: Sequence[str], family: str) -> in
     text = str(variant)
     if text in names:
         return names.index(text)
-    if text.isdecimal() and 1 <= int(text) <= len(names):
-        return int(text) - 1
+    if (number := parse_int(text)) is not None and 1 <= number <= len(names):
+        return number - 1
     hint = did_you_mean(text, names) or f"there are {', '.join(names)}"
     raise InvalidArgument(f"family `{family}` has no environment `{variant}`", hint)
 

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from math import isfinite
 
 from envgraph.code import dataclass
-from envgraph.metamodel import LARGEST_INT, EnumType, Scalar, Value
+from envgraph.metamodel import LARGEST_INT, EnumType, Scalar, Value, parse_value
 
 ECORE = "http://www.eclipse.org/emf/2002/Ecore"
 _XML_TYPES = "http://www.eclipse.org/emf/2003/XMLType"
@@ -113,7 +112,6 @@ _FLOAT = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
 _INFINITE = {
     **{"INF": "inf", "+INF": "inf", "-INF": "-inf"},  # of XML Schema
     **{"Infinity": "inf", "-Infinity": "-inf"},  # of Java
-    **{"inf": "inf", "-inf": "-inf"},  # of Python, which pyecore writes
 }
 
 
@@ -122,40 +120,23 @@ def value_of(text: str, type_: Scalar | EnumType) -> Value | None:
 
     Numbers of more than 64 bits are None, too.
 
-    >>> value_of("-3", Scalar.INT), value_of("1e3", Scalar.FLOAT), value_of("1_000", Scalar.INT)
-    (-3, 1000.0, None)
     >>> value_of("*", Scalar.INT)  # an upper bound in UML
     -1
     """
     if isinstance(type_, EnumType):
         return literal_of(text, type_)
-    match type_:
-        case Scalar.INT:
-            if text == "*":
-                return -1
-            try:
-                number = int(text) if _INT.fullmatch(text) else None
-            except ValueError:  # thousands of digits
-                return None
-            return None if number is None or not -LARGEST_INT - 1 <= number <= LARGEST_INT else number
-        case Scalar.FLOAT:
-            if text in _INFINITE:
-                return float(_INFINITE[text])
-            return float(text) if _FLOAT.fullmatch(text) and isfinite(float(text)) else None
-        case Scalar.BOOL:
-            return {"true": True, "false": False}.get(text)
-    return text
+    if type_ is Scalar.INT and text == "*":
+        return -1
+    return parse_value(_INFINITE.get(text, text) if type_ is Scalar.FLOAT else text, type_)
 
 
 def too_large(text: str, type_: Scalar | EnumType) -> str | None:
     """A hint for a number that cannot be kept because of its size, or None."""
     if type_ is Scalar.INT and _INT.fullmatch(text):
         return f"an int has 64 bits: it is {LARGEST_INT} at most"
-    return (
-        "a float has 64 bits: it is 1.8e308 at most"
-        if type_ is Scalar.FLOAT and _FLOAT.fullmatch(text)
-        else None
-    )
+    if type_ is Scalar.FLOAT and _FLOAT.fullmatch(text):
+        return "a float has 64 bits: it is 1.8e308 at most"
+    return None
 
 
 def literal_of(text: str, type_: EnumType) -> str | None:

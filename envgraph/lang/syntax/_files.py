@@ -66,7 +66,8 @@ class DiskFiles:
     def read(self, name: str, most: int = LARGEST_FILE) -> bytes:
         """See `Files`."""
         with open_input(name) as file:
-            return file.read(most + 1)
+            # Only as much memory as the file has bytes: a limit may be raised beyond all memory.
+            return file.read() if os.fstat(file.fileno()).st_size <= most else file.read(most + 1)
 
     def is_directory(self, name: str) -> bool:
         """See `Files`."""

@@ -8,7 +8,6 @@ error can see how the brackets pair up, and building a parser costs no regular e
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Container, Iterable
 from dataclasses import field, replace
@@ -17,7 +16,7 @@ from inspect import cleandoc
 from lark.lexer import PatternStr, TerminalDef
 
 from envgraph.code import dataclass
-from envgraph.errors import MOST_ERRORS, MOST_NESTED, Diagnostic, Source, Span
+from envgraph.errors import MOST_ERRORS, MOST_NESTED, Diagnostic, Source, Span, parse_float, parse_int
 from envgraph.metamodel import LARGEST_INT
 
 END = "$END"
@@ -209,14 +208,9 @@ class _Scanner:
             digits = str(int(text[2:18], 16)) if len(text.lstrip("0xX")) <= 16 else "9" * 20
         else:
             digits = text.replace("_", "").rstrip("lLfFdDbBiI")
-        size = len(digits.lstrip("0"))
-        if kind == "FLOAT":
-            too_large = math.isinf(float(digits))
-        else:
-            # The length first: int() refuses numbers of thousands of digits. The least one is `-9223372036854775808`.
-            sign = bool(self._scan.lexemes) and self._scan.lexemes[-1].value == "-"
-            too_large = size > 19 or int(digits) > LARGEST_INT + sign
-        if too_large:
+        # With the sign before it: the least int is `-9223372036854775808`.
+        sign = "-" if self._scan.lexemes and self._scan.lexemes[-1].value == "-" else ""
+        if (parse_float(digits) if kind == "FLOAT" else parse_int(sign + digits)) is None:
             most = "1.8e308" if kind == "FLOAT" else str(LARGEST_INT)
             hint = f"{'a float' if kind == 'FLOAT' else 'an int'} has 64 bits: it is {most} at most"
             self._report("number-too-large", "the number is too large", start, end, hint)

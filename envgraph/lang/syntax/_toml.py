@@ -13,7 +13,7 @@ from dataclasses import field
 from typing import Any
 
 from envgraph.code import dataclass
-from envgraph.errors import RAISE_LIMIT, Diagnostic, LoadError, Source, Span, limit
+from envgraph.errors import LARGEST_INT, RAISE_LIMIT, Diagnostic, LoadError, Source, Span, limit
 from envgraph.lang.syntax._formats import other_language
 
 TomlPath = tuple[str | int, ...]
@@ -24,11 +24,13 @@ _KEY = re.compile(r"[A-Za-z0-9_-]+|\"(?:\\.|[^\"\\\n])*\"|'[^'\n]*'")
 _STRING = re.compile(
     r"\"\"\"(?:\\.|[^\\])*?\"{3,5}|'''[\s\S]*?'{3,5}|\"(?:\\.|[^\"\\\n])*\"|'[^'\n]*'", re.DOTALL
 )
+_INTEGER = re.compile("[+-]?[0-9][0-9_]*|0[xob][0-9a-fA-F_]+")
 _PLAIN = re.compile(r"[^,\]}#\n]+")
 _PLACE = re.compile(r" \(at (?:line (\d+), column (\d+)|end of document)\)$")
 _PARTS = r"(?<![\w.-])(?:(?:[\w-]++|\"[^\"\n]*+\"|'[^'\n]*+')[ \t]*+\.[ \t]*+)"
 """The first parts of a dotted key; also found in texts and comments, where nobody has as many of them."""
 _DEEPEST = 50
+_SIZES = f"an int has 64 bits: it is {LARGEST_INT} at most"
 _WORD = re.compile(r"[A-Za-z_][\w./-]*")
 _NO_TEXTS = ("true", "false", "inf", "nan")
 SETTING = "--set"
@@ -96,12 +98,11 @@ def parse_toml(source: Source) -> TomlText:
     except tomllib.TOMLDecodeError as error:
         other = other_language("toml", source)
         raise LoadError([other or _syntax_error(source, str(error))]) from None
-    except (ValueError, RecursionError) as error:
+    except (ValueError, RecursionError):
         # A number of thousands of digits; arrays over many lines, one inside the other.
-        hint = "a number or a list in it is far too large"
-        raise LoadError.of(
-            "syntax-error", f"the file cannot be read: {error}", source.span(0, 0), hint
-        ) from None
+        found = re.search("[0-9][0-9_]{4299,}", source.text)
+        span = source.span(*found.span() if found else (0, 0))
+        raise LoadError.of("syntax-error", "a number or a list is far too large", span, _SIZES) from None
     return text
 
 
@@ -299,7 +300,9 @@ class _Index:
             found = _STRING.match(self._text, start) or _PLAIN.match(self._text, start)
             assert found is not None
             self._at = start + len(found.group().rstrip())
-        self._toml.values[path] = self._toml.source.span(start, self._at)
+        span = self._toml.values[path] = self._toml.source.span(start, self._at)
+        if _INTEGER.fullmatch(span.text) and not -LARGEST_INT - 1 <= int(span.text, 0) <= LARGEST_INT:
+            raise LoadError.of("number-too-large", "the number is too large", span, _SIZES)
 
     def _items(self, path: TomlPath, closing: str) -> None:
         """The elements of an array, or the pairs of an inline table."""

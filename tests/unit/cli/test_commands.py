@@ -453,7 +453,7 @@ def test_import_keeps_a_published_family(envgraph: Envgraph, tmp_path: Path) -> 
         (("report", "nothing"), "there is no run"),
         (("train", "nothing"), "there is no run"),
         (("reproduce", "papr"), "did you mean `paper`?"),
-        (("reproduce", "paper", "--steps", "10k"), "no list of whole numbers"),
+        (("reproduce", "paper", "--steps", "10k"), "`10k` is not a whole number from 1 to 1,000,000,000"),
         (("generate", "burning_forest", "--resume", "--name", "x"), "no run store"),
     ],
 )
@@ -711,7 +711,9 @@ def test_explain_and_why_not_know_environments(envgraph: Envgraph) -> None:
             ("more.rules", "place", "-w", "column=x"),
             "`column` is an `int`, and `x` is none; write `--where column=3`",
         ),
-        (("more.rules", "place", "-w", f"column={2**63}"), "`column` of `place` takes `int`"),
+        (("more.rules", "place", "-w", f"column={2**63}"), f"`column` is an `int`, and `{2**63}` is none"),
+        (("more.rules", "place", "-w", f"column={'9' * 5000}"), "`column` is an `int`, and `999"),
+        (("more.rules", "place", "-w", "column=1_0"), "`column` is an `int`, and `1_0` is none"),
     ],
 )
 def test_a_wrong_argument_is_answered_with_what_to_write(

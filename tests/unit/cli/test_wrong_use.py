@@ -13,9 +13,11 @@ from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
 
+import click
 import pytest
 
 from envgraph.cli import main
+from envgraph.cli._app import app
 from envgraph.env.compiled import _planning
 from envgraph.lang import bundled_domain
 
@@ -39,6 +41,72 @@ def refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Capt
         return (err or out) if code else out
 
     return run
+
+
+LONG = "9" * 5000
+
+
+RANGES = [
+    ("generate forest", "--seed", 0, 2**63 - 1),
+    ("generate forest", "--generations", 0, 10**9),
+    ("generate forest", "--population", 1, 10**5),
+    ("generate forest", "--samples", 2, 10**5),
+    ("generate forest", "--workers", 1, 256),
+    ("optimise forest", "--seed", 0, 2**63 - 1),
+    ("optimise forest", "--steps", 1, 10**9),
+    ("optimise forest", "--solution", 1, 10**9),
+    ("train forest", "--seeds", 1, 10**5),
+    ("train forest", "--seed-offset", 0, 2**63 - 1),
+    ("train forest", "--workers", 1, 256),
+    ("reproduce paper", "--seeds", 1, 10**5),
+    ("reproduce paper", "--workers", 1, 256),
+    ("audit forest", "--seeds", 2, 10**5),
+    ("audit forest", "--controls", 2, 10**5),
+    ("audit forest", "--steps", 8 * 4096, 10**9),
+    ("audit forest", "--workers", 1, 256),
+    ("apply forest forest forest", "--times", 1, 10**6),
+    ("apply forest forest forest", "--seed", 0, 2**63 - 1),
+    ("adopt FrozenLake-v1", "--seed", 0, 2**63 - 1),
+]
+"""A command, an option that takes a number, and the least and the largest one."""
+
+
+@pytest.mark.parametrize(("command", "option", "least", "most"), RANGES)
+def test_numbers_of_the_command_line_have_a_range(
+    refused: Call, command: str, option: str, least: int, most: int
+) -> None:
+    for text in (str(least - 1), str(most + 1), LONG, "1e3", "1_0", "many"):
+        message = " ".join(refused(*command.split(), option, text, code=2).split())
+        shown = text if len(text) < 20 else text[:20]
+        assert f"Invalid value for '{option}': `{shown}" in message.replace(" / '--jobs'", "")
+        assert f"is not a whole number from {least:,} to {most:,}" in message
+
+
+def test_every_option_that_takes_a_number_has_a_range() -> None:
+    numbers = {
+        (name, option.opts[0])
+        for name, command in app.commands.items()
+        for option in command.params
+        if not isinstance(option.type, click.Choice | click.Path | type(click.STRING) | type(click.BOOL))
+    }
+    assert numbers == {(command.partition(" ")[0], option) for command, option, _, _ in RANGES}
+
+
+def test_budgets_and_members_are_numbers_of_a_range(refused: Call) -> None:
+    refused("generate", "forest", "--name", "f", "--generations", 1, code=0)
+    for text in ("0", "10,0", "1_0", str(10**9 + 1), LONG, f"10,{LONG}"):
+        assert "is not a whole number from 1 to 1,000,000,000" in refused("train", "f", "--steps", text)
+    for text in ("0", "7", "٣", LONG):
+        assert "has no environment" in refused("show", "f", "--variant", text)
+    journal = Path("runs/f/training/unfinished.jsonl")
+    journal.parent.mkdir()
+    for begun in (
+        f'"steps":"{LONG}","seeds":1',
+        f'"steps":"10","seeds":{10**18}',
+        f'"steps":"10","seeds":{LONG}',
+    ):
+        journal.write_text(f'{{"format":"envgraph-training-2",{begun}}}\n', "utf-8")
+        assert f"{journal}:1: " in refused("train", "f", "--resume")
 
 
 MODEL, QUERIES, RULES = (

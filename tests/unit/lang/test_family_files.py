@@ -134,7 +134,9 @@ def test_values_of_components_have_positions() -> None:
         ("x = " + "[" * 5000, "1:1 more than 50 brackets stand on one line"),
         (".".join("a" * 20_000) + " = 1", "1:1 a key has more than 50 parts"),
         ('x = 1\n[a."b c' + '".a."' * 60 + '"]', "2:2 a key has more than 50 parts"),
-        ("x = " + "9" * 5000, "1:1 the file cannot be read: "),
+        ("y = 1\nx = " + "9" * 5000, "2:5 a number or a list is far too large"),
+        ("y = 1\nx = [1, 9_223_372_036_854_775_808]", "2:9 the number is too large"),
+        ("x = 0x" + "f" * 5000, "1:5 the number is too large"),
     ],
 )
 def test_what_is_no_toml_is_refused_with_a_position(text: str, error: str) -> None:
