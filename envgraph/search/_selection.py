@@ -15,7 +15,7 @@ import numpy as np
 from numpy.random import Generator
 
 from envgraph.code import dataclass
-from envgraph.errors import InvalidArgument
+from envgraph.errors import MOST_STEPS, InvalidArgument
 from envgraph.lang import Options, key
 from envgraph.search._diversity import BinnedEntropy, Swaps
 from envgraph.search._families import DIGITS, TIE, Over, Pool
@@ -58,7 +58,7 @@ class RandomParents:
 class TournamentParents:
     """The fittest of `rounds` uniform draws, for each parent; ties go to the first drawn."""
 
-    rounds: int = key(2, Options.integer, low=1)
+    rounds: int = key(2, Options.integer, low=1, most=1_000)
 
     def select(self, fitness: Sequence[float], count: int, rng: Generator) -> list[int]:
         """Winners of independent tournaments."""
@@ -105,7 +105,7 @@ class SimulatedAnnealing:
         cooling_rate: temperature after a round over temperature before it, in (0, 1].
     """
 
-    rounds: int = key(500, Options.integer, low=0)
+    rounds: int = key(500, Options.integer, low=0, most=1_000_000)
     initial_temperature: float = key(0.1, Options.number, low=1e-9, high=1e9)
     cooling_rate: float = key(0.95, Options.number, low=1e-9, high=1.0)
 
@@ -218,7 +218,7 @@ class BeamSearch:
         width: how many families are kept at each size.
     """
 
-    width: int = key(16, Options.integer, low=1)
+    width: int = key(16, Options.integer, low=1, most=100_000)
 
     def select(
         self, pool: Pool, size: int, pinned: Sequence[int], start: Sequence[int], rng: Generator
@@ -268,7 +268,7 @@ class ExactSelection:
         limit: more families than this are not tried, and refused where the measure has no bins.
     """
 
-    limit: int = key(200_000, Options.integer, low=1)
+    limit: int = key(200_000, Options.integer, low=1, most=MOST_STEPS)
 
     def select(
         self, pool: Pool, size: int, pinned: Sequence[int], start: Sequence[int], rng: Generator

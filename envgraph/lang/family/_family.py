@@ -7,7 +7,7 @@ from math import inf
 from typing import Final, Literal, get_args
 
 from envgraph.code import dataclass
-from envgraph.errors import Source
+from envgraph.errors import MOST_STEPS, Source
 from envgraph.lang.family._section import ComponentSpec, Name, Section, counts, cover, key
 
 Sequences = Literal["suffixes", "full", "baselines", "direct"]
@@ -61,8 +61,8 @@ class MutationSpec:
 
     rules: tuple[Name, ...] = key((), Section.names)
     rate: float = key(0.85, Section.number, low=0, high=1)
-    initial_applications: tuple[int, int] = key((1, 5), Section.interval)
-    max_attempts: int = key(50, Section.integer, low=1)
+    initial_applications: tuple[int, int] = key((1, 5), Section.interval, most=10_000)
+    max_attempts: int = key(50, Section.integer, low=1, most=1_000_000)
     strength: Strength = key("single", Section.choice, known=get_args(Strength))
 
 
@@ -79,13 +79,15 @@ class SearchSpec:
     """
 
     population: int = key(6, Section.integer, low=1, most=_MOST)
-    generations: int | None = key(1000, Section.unless_false, off=None, read=Section.integer, low=0)
+    generations: int | None = key(
+        1000, Section.unless_false, off=None, read=Section.integer, low=0, most=MOST_STEPS
+    )
     keep_initial: bool = key(True, Section.boolean)
     parents: ComponentSpec = key(ComponentSpec("parents", "random"), Section.chosen)
     survivors: ComponentSpec = key(ComponentSpec("survivors", "simulated_annealing"), Section.chosen)
     time_limit: float | None = key(None, Section.number, low=0)
     target: float | None = key(None, Section.unless_false, off=inf, read=Section.number)
-    stagnation: int | None = key(None, Section.integer, low=1)
+    stagnation: int | None = key(None, Section.integer, low=1, most=MOST_STEPS)
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,7 +105,7 @@ class OptimiseSpec:
     maximise: tuple[Name, ...] = key((), Section.names)
     minimise: tuple[Name, ...] = key((), Section.names)
     strategy: ComponentSpec = key(ComponentSpec("strategy", "simulated_annealing"), Section.chosen)
-    steps: int = key(10_000, Section.integer, low=1)
+    steps: int = key(10_000, Section.integer, low=1, most=MOST_STEPS)
     time_limit: float | None = key(None, Section.number, low=0)
     target: float | None = key(None, Section.number)
 
@@ -124,7 +126,7 @@ class SamplesSpec:
     cover: tuple[ComponentSpec, ...] = key((), cover)
     maximise: tuple[Name, ...] = key((), Section.names)
     minimise: tuple[Name, ...] = key((), Section.names)
-    attempts: int | None = key(None, Section.integer, low=1)
+    attempts: int | None = key(None, Section.integer, low=1, most=MOST_STEPS)
 
 
 @dataclass(frozen=True, slots=True)
@@ -174,11 +176,11 @@ class TrainingSpec:
     learning_rate: float = key(0.1, Section.positive, high=1)
     discount: float = key(0.99, Section.number, low=0, high=1)
     epsilon: EpsilonSpec = key(EpsilonSpec(), _epsilon)
-    steps_per_environment: int = key(50_000, Section.integer, low=1)
-    evaluation_episodes: int = key(3_000, Section.integer, low=1)
+    steps_per_environment: int = key(50_000, Section.integer, low=1, most=MOST_STEPS)
+    evaluation_episodes: int = key(3_000, Section.integer, low=1, most=100_000_000)
     seeds: int = key(30, Section.integer, low=1, most=_MOST)
     initial_value: float = key(0.0, Section.number)
-    n_step: int = key(1, Section.integer, low=1)
+    n_step: int = key(1, Section.integer, low=1, most=1_000_000)
     ties: Literal["lowest", "random"] = key("lowest", Section.choice, known=("lowest", "random"))
 
 

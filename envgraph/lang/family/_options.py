@@ -39,7 +39,7 @@ class Options:
         """A number within bounds, both included."""
         return float(self._table.number(name, default, low, high))
 
-    def integer(self, name: str, default: int, low: int, most: int | None = None) -> int:
+    def integer(self, name: str, default: int, low: int, most: int) -> int:
         """A whole number, at least `low`, and at most a limit."""
         found: int = self._table.integer(name, default, low, most)
         return found

@@ -152,20 +152,20 @@ class Section:
         self.error("unknown-choice", f"`{key}` cannot be `{value}`", self.span(key), hint)
         return default
 
-    def integer(self, key: str, default: Any, low: int | None = None, most: int | None = None) -> Any:
+    def integer(self, key: str, default: Any, low: int, most: int) -> Any:
         value = self.take(key)
         if value is None:
             return default
         if not _is_int(value):
             self.wrong(key, "a whole number")
             return default
-        if low is not None and value < low:
+        if value < low:
             message = f"`{key}` is {value}, it must be at least {low}"
             self.error(
                 "bad-range", message, self.span(key), f"write `{key} = {low}` or more, or leave it out"
             )
             return default
-        if most is not None and value > limit(most):
+        if value > limit(most):
             message = f"`{key}` is {value}, and at most {limit(most):,}"
             self.error("bad-range", message, self.span(key), RAISE_LIMIT)
             return default
@@ -259,7 +259,7 @@ class Section:
             self.text, (*self.path, key), value or {}, self.diagnostics, self.homes, value is not None
         )
 
-    def interval(self, key: str, default: tuple[int, int]) -> tuple[int, int]:
+    def interval(self, key: str, default: tuple[int, int], most: int) -> tuple[int, int]:
         value = self.take(key)
         if value is None:
             return default
@@ -267,6 +267,10 @@ class Section:
             value = [value, value]
         if not isinstance(value, list) or len(value) != 2 or not all(_is_int(one) for one in value):
             self.wrong(key, "a pair of whole numbers", hint=f"write `{key} = [1, 5]`")
+            return default
+        if value[1] > limit(most):
+            message = f"`{key}` goes up to {value[1]}, and to {limit(most):,} at most"
+            self.error("bad-range", message, self.span(key), RAISE_LIMIT)
             return default
         if not 0 <= value[0] <= value[1]:
             message = f"`{key}` is {value[0]} to {value[1]}, it must go up from 0 or more"

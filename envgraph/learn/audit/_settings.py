@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 from envgraph.code import dataclass
-from envgraph.errors import Diagnostic, LoadError, did_you_mean
+from envgraph.errors import MOST_STEPS, Diagnostic, LoadError, did_you_mean
 from envgraph.lang import ComponentSpec, FamilySpec, Workspace
 from envgraph.metamodel import Scalar
 from envgraph.pattern import ObjectType
@@ -88,9 +88,9 @@ def audit_settings(domain: Domain) -> AuditSettings:
         levels=options.integer("levels", 6000, 64, MOST_LEVELS),
         held_out=options.integer("held_out", 400, 20, MOST_LEVELS),
         probed=options.integer("probed", 300, 20, MOST_LEVELS),
-        steps=options.integer("steps", 1_000_000, 8 * 4096),
-        seeds=options.integer("seeds", 100, 2),
-        controls=options.integer("controls", 30, 2),
+        steps=options.integer("steps", 1_000_000, 8 * 4096, MOST_STEPS),
+        seeds=options.integer("seeds", 100, 2, MOST_LEVELS),
+        controls=options.integer("controls", 30, 2, MOST_LEVELS),
         scale=options.number("scale", 1.0, 1e-6, 1e6),
         policy=PolicySettings(
             hidden=options.integer("hidden", 64, 1, 4096),

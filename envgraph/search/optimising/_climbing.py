@@ -11,7 +11,7 @@ from collections.abc import Callable
 from math import inf
 
 from envgraph.code import dataclass
-from envgraph.errors import InvalidArgument
+from envgraph.errors import MOST_STEPS, InvalidArgument
 from envgraph.lang import Options, key
 from envgraph.search._selection import acceptance
 from envgraph.search.optimising._goals import Standing
@@ -35,7 +35,7 @@ class Annealing:
             several goals.
     """
 
-    runs: int | None = key(None, Options.integer, low=1)
+    runs: int | None = key(None, Options.integer, low=1, most=100_000)
 
     def __post_init__(self) -> None:
         if self.runs is not None and self.runs < 1:
@@ -94,7 +94,7 @@ class HillClimb:
         patience: moves without improvement after which it begins anew at the start.
     """
 
-    patience: int = key(1000, Options.integer, low=1)
+    patience: int = key(1000, Options.integer, low=1, most=MOST_STEPS)
 
     def __post_init__(self) -> None:
         if self.patience < 1:

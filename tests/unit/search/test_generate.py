@@ -338,6 +338,35 @@ def test_bins_beyond_counting_are_refused(tmp_path: Path) -> None:
     assert problem.span and problem.span.text == "1000000000" and "ENVGRAPH_LIMITS" in str(problem.hint)
 
 
+HUGE = str(10**18)
+
+
+@pytest.mark.parametrize(
+    ("domain", "settings"),
+    [
+        (
+            "burning_forest",
+            "limit={} mutation.initial_applications={} mutation.max_attempts={} search.population={} "
+            "search.generations={} search.stagnation={} samples.count={} samples.attempts={} "
+            "training.steps_per_environment={} training.evaluation_episodes={} training.seeds={} training.n_step={}",
+        ),
+        ("burning_forest", "search.parents={name='tournament',rounds={}} search.survivors.rounds={}"),
+        ("burning_forest", "search.survivors={name='beam',width={}}"),
+        ("burning_forest", "search.survivors={name='exact',limit={}}"),
+        ("assignment", "optimise.steps={} optimise.strategy={name='simulated_annealing',runs={}}"),
+        ("assignment", "optimise.strategy={name='hill_climbing',patience={}}"),
+        ("assignment", "optimise.strategy={name='beam',width={},branching={}}"),
+        ("assignment", "optimise.strategy={name='tree_search',length={}}"),
+    ],
+)
+def test_every_number_of_a_family_file_has_a_limit(domain: str, settings: str) -> None:
+    with pytest.raises(LoadError) as caught:
+        Domain.load(domain, overrides=settings.replace("{}", HUGE).split())
+    problems = [one for one in caught.value.diagnostics if one.code == "bad-range"]
+    assert [one.span.text for one in problems if one.span] == [HUGE] * settings.count("{}")
+    assert all(HUGE in one.message and "ENVGRAPH_LIMITS" in str(one.hint) for one in problems)
+
+
 def test_termination_by_target_and_by_stagnation(tmp_path: Path) -> None:
     (tmp_path / "a").mkdir()
     target = copied(tmp_path / "a", toml=("generations = 1000", "generations = 1000\ntarget = 1.0"))
