@@ -10,7 +10,7 @@ from pathlib import Path
 from envgraph.cli._new import domain_texts, write_files
 from envgraph.cli._output import OutputFormat, print_diagnostics, print_json, print_line
 from envgraph.env import unbound
-from envgraph.errors import Diagnostic, InvalidArgument, LoadError, Severity, Span, has_errors
+from envgraph.errors import MOST_ERRORS, Diagnostic, InvalidArgument, LoadError, Severity, Span, has_errors
 from envgraph.lang import (
     DiskFiles,
     Level,
@@ -94,7 +94,7 @@ def _models(
         except LoadError as error:
             problems.extend(error.diagnostics)
     if problems:
-        raise LoadError(problems)
+        raise LoadError(problems[:MOST_ERRORS])
 
 
 def _checked(
@@ -133,5 +133,5 @@ def _checked(
         for one in found
     ]
     if has_errors(found):
-        raise LoadError(found)
+        raise LoadError(found[:MOST_ERRORS])
     return found

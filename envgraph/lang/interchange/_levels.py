@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import replace
 from itertools import groupby
 from typing import Any
 
 from envgraph.code import dataclass
-from envgraph.errors import MOST_ERRORS, Diagnostic, LoadError, Source, Span
+from envgraph.errors import MOST_ERRORS, RAISE_LIMIT, Diagnostic, LoadError, Source, Span, limit, parse_int
 from envgraph.graph import JsonPath
 from envgraph.lang.interchange._json import parse_json
 from envgraph.lang.syntax._formats import suffix_of
 from envgraph.lang.syntax._xml import Element, XmlPlaces, read_tree
 
 BLANK = " "
+_MOST_LEVELS, _MOST_CELLS = 5_000, 100_000
+"""Of a file; so many cells take 4 s and 240 MB as a model."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,11 +63,19 @@ def read_levels(source: Source, letters: Collection[str]) -> tuple[Level, ...]:
     suffix = suffix_of(source.name)
     if suffix in ("tmx", "tmj", "json"):
         return (read_tiled(source),)
-    found = tuple(_des_levels(source) if suffix == "des" else _text_levels(source, letters))
+    found, cells = list[Level](), 0
+    for title, rows in _des_levels(source) if suffix == "des" else _text_levels(source, letters):
+        width = max(len(row.text) for row in rows)
+        cells += width * len(rows)
+        if len(found) == limit(_MOST_LEVELS) or cells > limit(_MOST_CELLS):
+            most = f"{limit(_MOST_LEVELS):,} levels and {limit(_MOST_CELLS):,} cells"
+            message = f"with this level the file has {len(found) + 1:,} levels and {cells:,} cells; {most} are the most"
+            raise LoadError.of("too-many-cells", message, rows[0].where, f"divide the file; {RAISE_LIMIT}")
+        found.append(Level(title, rows[0].where, tuple(tuple(_cells(row, width)) for row in rows)))
     if not found:
         hint = "a map stands between `MAP` and `ENDMAP`" if suffix == "des" else _known(letters)
         raise LoadError.of("no-level", "the file has no level", source.span(0, 0), hint)
-    return found
+    return tuple(found)
 
 
 def _known(letters: Collection[str]) -> str:
@@ -87,24 +96,27 @@ def _lines(source: Source) -> Iterator[_Line]:
         start += len(line) + 1
 
 
-def _text_levels(source: Source, letters: Collection[str]) -> list[Level]:
+def _text_levels(source: Source, letters: Collection[str]) -> Iterator[tuple[str, list[_Line]]]:
+    """Yield the title and the rows of each level."""
     known = {*letters, *(FLOORS if suffix_of(source.name) in _XSB else (BLANK,))}
     problems = list(_doubtful(source, known, letters))
     if problems:
         raise LoadError(problems[:MOST_ERRORS])
-    levels, rows, title = list[Level](), list[_Line](), ""
+    level, rows, title = ("", list[_Line]()), list[_Line](), ""
     for line in (*_lines(source), _Line("", source.span(0, 0))):
         if _is_row(line.text, known):
             rows.append(line)
             continue
         if rows:
-            levels.append(_level(title, rows))
-            rows, title = [], ""
+            if level[1]:
+                yield level
+            level, rows, title = (title, rows), [], ""
         if before := _BEFORE.fullmatch(line.text):
             title = before.group(1)
-        elif (behind := _BEHIND.fullmatch(line.text)) and levels:
-            levels[-1] = replace(levels[-1], title=behind.group(1))
-    return levels
+        elif behind := _BEHIND.fullmatch(line.text):
+            level = behind.group(1), level[1]
+    if level[1]:
+        yield level
 
 
 def _doubtful(source: Source, known: Collection[str], letters: Collection[str]) -> Iterator[Diagnostic]:
@@ -133,11 +145,6 @@ def _begins_like_a_row(line: str, letters: Collection[str]) -> bool:
     return first in {*letters} - {*FLOORS} and _KEY.match(line) is None
 
 
-def _level(title: str, rows: Sequence[_Line]) -> Level:
-    width = max(len(row.text) for row in rows)
-    return Level(title, rows[0].where, tuple(tuple(_cells(row, width)) for row in rows))
-
-
 def _cells(row: _Line, width: int) -> Iterator[LevelCell]:
     """The cells of a row; where it ends early they are blank."""
     source, start = row.where.source, row.where.start
@@ -154,13 +161,14 @@ def _as_floor(letter: str) -> tuple[str, ...]:
     return (*first, *(one for one in FLOORS[1:] if one != letter), BLANK)
 
 
-def _des_levels(source: Source) -> Iterator[Level]:
+def _des_levels(source: Source) -> Iterator[tuple[str, list[_Line]]]:
+    """Yield the title and the rows of each level."""
     title, rows, inside = "", list[_Line](), False
     for line in _lines(source):
         word = line.text.strip()
         if inside and word == "ENDMAP":
             if rows:
-                yield _level(title, rows)
+                yield title, rows
             inside = False
         elif inside:
             rows.append(line)
@@ -174,7 +182,6 @@ _FLIPPED = 0xF000_0000
 """Bits of a number that say how a tile is turned."""
 _NUMBER = re.compile(r"[^\s,]+")
 _PACKED = "choose `Tile Layer Format: CSV` in the properties of the map"
-_MOST_CELLS = 1_000_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -211,9 +218,10 @@ def read_tiled(source: Source) -> Level:
             )
             continue
         for place, (text, where) in enumerate(layer.tiles):
-            if not text.isdecimal():
+            number = parse_int(text)
+            if number is None or number < 0:
                 problems.append(Diagnostic("bad-map", f"`{text}` is no number of a tile", where))
-            elif number := int(text) & ~_FLIPPED:
+            elif number := number & ~_FLIPPED:
                 names = (found.classes.get(number), str(number))
                 cells[place] = LevelCell(tuple(name for name in names if name), where)
     if not found.layers:
@@ -225,12 +233,14 @@ def read_tiled(source: Source) -> Level:
 
 
 def _size(width: object, height: object, where: Span) -> tuple[int, int]:
-    texts = str(width), str(height)
-    if not all(text.isdecimal() and 0 < len(text) < 7 and int(text) for text in texts):
+    columns, rows = parse_int(str(width)) or 0, parse_int(str(height)) or 0
+    if columns <= 0 or rows <= 0:
         raise LoadError.of("bad-map", "this is no map of Tiled: it has no `width` and `height`", where)
-    if int(texts[0]) * int(texts[1]) > _MOST_CELLS:
-        raise LoadError.of("bad-map", f"the map has more than {_MOST_CELLS:,} cells", where)
-    return int(texts[0]), int(texts[1])
+    if columns * rows > limit(_MOST_CELLS):
+        raise LoadError.of(
+            "bad-map", f"the map has more than {limit(_MOST_CELLS):,} cells", where, RAISE_LIMIT
+        )
+    return columns, rows
 
 
 def _xml_map(source: Source) -> _Map:
@@ -246,8 +256,9 @@ def _xml_map(source: Source) -> _Map:
         raise LoadError.of(
             "bad-map", "infinite maps are not read", where, "take back `Infinite` in the properties"
         )
+    width, height = _size(size.get("width"), size.get("height"), where)
     layers = tuple(_xml_layer(places, layer) for layer in root.children if layer.tag == "layer")
-    return _Map(*_size(size.get("width"), size.get("height"), where), where, layers, dict(_xml_classes(root)))
+    return _Map(width, height, where, layers, dict(_xml_classes(root)))
 
 
 def _xml_layer(places: XmlPlaces, layer: Element) -> _Layer:
@@ -266,9 +277,10 @@ def _xml_classes(root: Element) -> Iterator[tuple[int, str]]:
     for tileset in (one for one in root.children if one.tag == "tileset"):
         for tile in (one for one in tileset.children if one.tag == "tile"):
             name = tile.attributes.get("type") or tile.attributes.get("class")
-            first, number = tileset.attributes.get("firstgid", ""), tile.attributes.get("id", "")
-            if name and first.isdecimal() and number.isdecimal():
-                yield int(first) + int(number), name
+            given = tileset.attributes.get("firstgid", ""), tile.attributes.get("id", "")
+            first, number = map(parse_int, given)
+            if name and first is not None and number is not None:
+                yield first + number, name
 
 
 def _json_map(source: Source) -> _Map:
@@ -276,10 +288,9 @@ def _json_map(source: Source) -> _Map:
     where = spans[()]
     if not isinstance(value, dict) or not isinstance(value.get("layers"), list):
         raise LoadError.of("bad-map", "this is no map of Tiled", where, "a map has `layers`")
+    width, height = _size(value.get("width"), value.get("height"), where)
     layers = tuple(_json_layers(value["layers"], spans))
-    return _Map(
-        *_size(value.get("width"), value.get("height"), where), where, layers, dict(_json_classes(value))
-    )
+    return _Map(width, height, where, layers, dict(_json_classes(value)))
 
 
 def _json_layers(layers: Sequence[Any], spans: Mapping[JsonPath, Span]) -> Iterator[_Layer]:

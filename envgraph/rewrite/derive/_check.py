@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from itertools import chain
+from itertools import accumulate
 from typing import Final, cast
 
 from envgraph.errors import (
@@ -22,7 +22,7 @@ from envgraph.pattern import Derivation
 from envgraph.rewrite.check._containment import homeless
 from envgraph.rewrite.check._header import check_annotations, check_weight
 from envgraph.rewrite.derive._objects import retyping_starts
-from envgraph.rewrite.derive._plans import MOST_PLANS, Plan, creation_plans, is_complete
+from envgraph.rewrite.derive._plans import MOST_PLANS, creation_plans, first_need
 from envgraph.rewrite.derive._schema import Schema
 
 KINDS: Final = ("create", "delete", "add", "remove", "change", "swap", "move", "retype", "set")
@@ -141,16 +141,11 @@ def _check_operators(derivation: Derivation, metamodel: Metamodel) -> Iterator[D
 
 
 def _exceeds_limit(schema: Schema, derivation: Derivation) -> bool:
-    """Return whether objects may be created and retyped in too many ways, before the ways are searched for."""
-    ways, number = min(ways_of(derivation), MOST_PLANS), 0
-    for cls in derivation.classes:
-        created = (Plan((one,)) for one in schema.metamodel.concrete(cls))
-        retyped = (start for _, start in retyping_starts(schema, cls))
-        for plan in chain(created, retyped if weight_of(derivation, "retype") > 0 else ()):
-            number += 1 if is_complete(schema, plan) else ways
-            if number > limit(MOST_RULES):
-                return True
-    return False
+    """Return whether objects may be retyped in too many ways, before the ways are searched for."""
+    ways = min(ways_of(derivation), MOST_PLANS)
+    starts = (start for cls in derivation.classes for _, start in retyping_starts(schema, cls))
+    numbers = accumulate(ways if first_need(schema, start) else 1 for start in starts)
+    return weight_of(derivation, "retype") > 0 and any(number > limit(MOST_RULES) for number in numbers)
 
 
 def _without_creation(schema: Schema, classes: Iterable[str], derivation: Derivation) -> Iterator[Diagnostic]:

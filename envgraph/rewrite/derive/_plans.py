@@ -95,11 +95,6 @@ def creation_plans(schema: Schema, cls: str, most: int) -> list[Plan]:
     return cheapest_plans(schema, Plan((cls,)), most)
 
 
-def is_complete(schema: Schema, plan: Plan) -> bool:
-    """Return whether every new object of a plan has all the links that it needs."""
-    return _need(schema, plan) is None
-
-
 def cheapest_plans(schema: Schema, start: Plan, most: int) -> list[Plan]:
     """Plans that create little, and plans that need little that is there, in turns."""
     frugal = _cheapest(schema, start, most, lambda plan: (len(plan.new), len(plan.removed), len(plan.old)))
@@ -117,7 +112,7 @@ def _cheapest(schema: Schema, start: Plan, most: int, cost: Callable[[Plan], tup
     queue: list[tuple[tuple[int, ...], int, Plan]] = [((), 0, start)]
     while queue and len(found) < most and len(seen) < MOST_PLANS:
         plan = heappop(queue)[-1]
-        need = _need(schema, plan)
+        need = first_need(schema, plan)
         if need is None:
             found.append(plan)
             continue
@@ -149,7 +144,7 @@ def _shape(plan: Plan) -> object:
 # --- what is missing
 
 
-def _need(schema: Schema, plan: Plan) -> tuple[int, tuple[End, ...]] | None:
+def first_need(schema: Schema, plan: Plan) -> tuple[int, tuple[End, ...]] | None:
     """The first new object that lacks something, and the ends of which one has to get a link; () for hopeless."""
     for node, cls in enumerate(plan.new):
         kept = plan.kept if node == 0 else ()

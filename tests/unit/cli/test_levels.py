@@ -154,10 +154,13 @@ def test_layers_of_tiled_lie_above_each_other(envgraph: Envgraph, suffix: str) -
         ),
         (TMX.format(infinite="", encoding="csv", last="one"), "map.tmx:5:18: `one` is no number of a tile"),
         (TMX.format(infinite="", encoding="csv", last="1"), "map.tmx:5:3: `7` stands for nothing"),
+        (TMX.format(infinite="", encoding="csv", last="9" * 5000), "9` is no number of a tile"),
+        (TMX.format(infinite="", encoding="csv", last="٣"), "`٣` is no number of a tile"),
+        (f'<map width="{"9" * 5000}" height="9"/>', "it has no `width` and `height`"),
         (TMX.format(infinite="", encoding="base64", last="1"), "the data of this layer is not CSV"),
         (TMX.format(infinite=' infinite="1"', encoding="csv", last="1"), "infinite maps are not read"),
         ('<map width="5" height="0"/>', "it has no `width` and `height`"),
-        ('<map width="9999" height="9999"/>', "more than 1,000,000 cells"),
+        ('<map width="9999" height="9999"/>', "more than 100,000 cells"),
         ('<map width="9" height="9"/>', "the map has no layer of tiles"),
         ("<tileset/>", "`<tileset>` is no map of Tiled"),
         ("<map", "is never closed"),
@@ -193,6 +196,38 @@ def test_maps_of_des_files_stand_between_two_words(envgraph: Envgraph) -> None:
     assert "wrote level/level.model" in done.out and rows("level/level.model") == ["#####", "#.$@#", "#####"]
     write("none.des", "MAZE: \"x\", ' '\n")
     assert "hint: a map stands between `MAP` and `ENDMAP`" in envgraph("import", "none.des").err
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("@$.\n\n" * 5001, "levels.xsb:10001:1: with this level the file has 5,001 levels and 15,003 cells"),
+        (
+            f"@$.\n\n{'#' * 1000}\n" * 101,
+            "levels.xsb:150:1: with this level the file has 51 levels and 100,003 cells",
+        ),
+        (
+            "#" * 1000 + ("\n#" + " " * 998 + "#") * 999,
+            "levels.xsb:1:1: with this level the file has 1 levels",
+        ),
+    ],
+)
+def test_a_file_has_so_many_levels_and_cells_at_most(envgraph: Envgraph, text: str, said: str) -> None:
+    write("levels.xsb", text)
+    done = envgraph("import", "levels.xsb")
+    assert done.code == 1 and done.err.startswith(said) and "ENVGRAPH_LIMITS=10" in done.err
+    assert not Path("levels").exists()
+
+
+def test_a_hundred_errors_of_levels_are_shown_and_nothing_is_written(envgraph: Envgraph) -> None:
+    for wrong, said in (
+        ("#x$.#\n\n", "`x` stands for nothing"),
+        ("#@@.#\n\n", "nothing to bind `worker` to"),
+    ):
+        write("levels.xsb", "#@$.#\n\n" * 3 + wrong * 120)
+        done = envgraph("import", "levels.xsb")
+        assert done.code == 1 and done.err.count(said) == 100
+        assert not Path("levels").exists()
 
 
 def test_a_file_without_a_level_and_a_domain_without_a_grid_say_so(envgraph: Envgraph) -> None:
