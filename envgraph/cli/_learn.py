@@ -166,7 +166,7 @@ def _begun(journal: Journal) -> dict[str, Any]:
         raise InvalidArgument(f"{journal.path}:1: not what a training is begun with")
     try:
         budgets_of(wanted["steps"] or "1")
-        int_within(str(wanted["seeds"] or 1), 1, MOST_STEPS)
+        int_within(str(wanted["seeds"] or 1), 1, 100_000)
     except InvalidArgument as error:
         raise InvalidArgument(f"{journal.path}:1: {error.message}", error.hint) from None
     return wanted
