@@ -92,6 +92,14 @@ def test_every_option_that_takes_a_number_has_a_range() -> None:
     assert numbers == {(command.partition(" ")[0], option) for command, option, _, _ in RANGES}
 
 
+def test_episodes_have_a_million_steps_at_most(refused: Call) -> None:
+    file = Path("forest/burning_forest.environment")
+    file.write_text(file.read_text("utf-8").replace("limit 200 steps", f"limit {2**63 - 1} steps"), "utf-8")
+    message = refused("check", "forest")
+    assert f"burning_forest.environment:21:5: a limit of {2**63 - 1} steps" in message
+    assert "at most 1,000,000; ENVGRAPH_LIMITS=10 raises it" in message
+
+
 def test_budgets_and_members_are_numbers_of_a_range(refused: Call) -> None:
     refused("generate", "forest", "--name", "f", "--generations", 1, code=0)
     for text in ("0", "10,0", "1_0", str(10**9 + 1), LONG, f"10,{LONG}"):
