@@ -204,9 +204,9 @@ def tables(path: Path) -> Any:
 
 
 def _key(path: Path) -> str:
-    """All that tables depend on: the grammars, which import each other, and Lark."""
+    """Return everything that the tables of a grammar depend on: its name, all grammars, since they import, and Lark."""
     texts = [one.read_text(encoding="utf-8") for one in sorted(path.parent.glob("*.lark"))]
-    return "\0".join([lark.__version__, *texts])
+    return "\0".join([lark.__version__, path.name, *texts])
 
 
 def _built(path: Path) -> dict[str, Any]:

@@ -76,6 +76,14 @@ def test_another_grammar_or_half_a_file_is_not_believed(
     assert built == ["model", "model", "model"]
 
 
+def test_tables_of_one_language_are_not_those_of_another(cache: Path, built: list[str]) -> None:
+    grammar("model")
+    grammar("query")
+    shutil.copy(cache / "grammar-query", cache / "grammar-model")
+    grammar("model")
+    assert built == ["model", "query", "model"]
+
+
 def test_nothing_is_kept_where_that_is_off(
     cache: Path, monkeypatch: pytest.MonkeyPatch, built: list[str]
 ) -> None:
