@@ -6,6 +6,7 @@ The first line says what is being trained. A kill costs the line that was being 
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, fields
 from hashlib import sha256
@@ -83,8 +84,10 @@ class Journal:
     def add(self, part: str, target: str, result: RunResult) -> None:
         """Write an agent that has ended."""
         entry = {"part": part, "target": target, "agent": asdict(result)}
-        with self.path.open("ab") as file:
+        with open(os.open(self.path, os.O_WRONLY | os.O_APPEND), "ab") as file:  # not if it was removed
             file.write(json.dumps(entry, ensure_ascii=False).encode() + b"\n")
+            file.flush()
+            os.fsync(file.fileno())
         self._note(part, target, result)
 
     def _note(self, part: str, target: str, result: RunResult) -> None:

@@ -8,6 +8,7 @@ import os
 import signal
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -18,7 +19,9 @@ from envgraph.env.compiled import NotCompiled
 from envgraph.errors import InvalidArgument
 from envgraph.learn import Journal, RunResult
 from envgraph.search import Family, Member, generate
+from envgraph.solve.learning import Curve
 
+AGENT = RunResult("curriculum", "E1-E2", 0, 100, 1, 1.0, 1.0, 5.0, 0, 0.0, Curve((100,), (0.0,), (1,), (0,)))
 TRAIN = ("train", "forest", "--steps", "200,300", "--seeds", "2")
 AGENTS = 2 * (
     3 * 2 + 3 * 2 + 1 * 2
@@ -297,3 +300,17 @@ def test_environments_with_too_many_states_are_trained_in_a_program(
     monkeypatch.setattr(Family, "program", uncompiled)
     code, _, messages = command("train", "forest", "--steps", "400")  # type: ignore[operator]
     assert code == 1 and "has more than 1 states, and it is not compiled: it has a unit" in messages
+
+
+def test_an_agent_is_on_the_disk_when_it_is_added(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    journal = Journal.create(tmp_path / "unfinished.jsonl", {"made_of": ""})
+    synced: list[int] = []
+    monkeypatch.setattr(os, "fsync", lambda file: synced.append(os.fstat(file).st_size))
+    for number in (1, 2):
+        journal.add("100", "E2", replace(AGENT, seed=number))
+        assert synced[-1] == journal.path.stat().st_size
+    assert [one.seed for one in Journal.open(journal.path).known("100", "E2")] == [1, 2]
+    journal.path.unlink()  # by somebody else
+    with pytest.raises(FileNotFoundError):
+        journal.add("100", "E2", AGENT)
+    assert not journal.path.exists()
