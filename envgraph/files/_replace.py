@@ -62,6 +62,11 @@ def replacing(path: Path, *, overwrite: bool = True) -> Iterator[Path]:
                 os.replace(draft, target)
             else:
                 os.link(draft, target)  # unlike a renaming, this fails where somebody else was faster
+        with suppress(OSError):  # Windows, and some file systems, cannot do that
+            directory = os.open(target.parent, os.O_RDONLY)
+            with suppress(OSError):
+                os.fsync(directory)
+            os.close(directory)
     except OSError as error:
         if error.filename is None or Path(os.fspath(error.filename)).name.startswith(drafts):
             raise OSError(error.errno, error.strerror, str(path)) from error

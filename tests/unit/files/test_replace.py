@@ -78,6 +78,18 @@ def test_a_draft_of_a_killed_process_is_removed_by_the_next_writer(tmp_path: Pat
     assert path.read_text() == "third"
 
 
+@pytest.mark.parametrize("overwrite", [True, False])
+def test_the_new_name_is_on_the_disk(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, overwrite: bool
+) -> None:
+    synced: list[int] = []
+    monkeypatch.setattr(os, "fsync", lambda file: synced.append(os.fstat(file).st_ino))
+    with replacing(tmp_path / "a.txt", overwrite=overwrite) as draft:
+        draft.write_text("x")
+        number = draft.stat().st_ino
+    assert synced == [number, tmp_path.stat().st_ino]
+
+
 def test_permissions_stay_and_new_files_get_the_usual_ones(tmp_path: Path) -> None:
     usual, script = tmp_path / "usual", tmp_path / "script"
     usual.write_text("")
