@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 import sys
 from collections.abc import Sequence
 from math import inf
@@ -48,8 +47,8 @@ from envgraph.search.curricula import CurriculumProgress
 _MOST_SHOWN = 100
 """Members of a family that are printed one by one."""
 
-TRAINING, TABLES, REPORT = "training", "tables", "report.html"
-"""What is made of a run, beside its store: results of training, one directory a budget; tables of states; the page."""
+TRAINING, REPORT = "training", "report.html"
+"""What is made of a run, beside its store and tables: results of training, one directory a budget; the page."""
 
 
 def generate_family(
@@ -72,7 +71,7 @@ def generate_family(
         overrides: what holds instead of what the family file says.
         generations: where a resumed run is to end.
         resume: whether to go on with a run.
-        force: whether an existing run, with all that was made of it, makes room.
+        force: whether an existing run, with all that was made of it, makes room once the new one has a generation.
         directory: where runs are kept.
         format: what to print.
         workers: threads for learners of an objective.
@@ -87,14 +86,14 @@ def generate_family(
     elif path.exists() and not force:
         hint = "go on with --resume, replace it with --force, or choose another --name"
         raise InvalidArgument(f"{path} exists already: {hint}")
-    elif path.exists():
-        domain.check_initial()  # before anything is lost
-        remove_results(path.parent)
+    is_old = path.exists() and not resume
     whole = not (kept if resume else domain).spec.evolves
     try:
         with progress_bar("% of the effort" if whole else "generations", 100 if whole else total) as advance:
 
             def progress(generation: Generation) -> None:
+                nonlocal is_old
+                is_old = False  # as of the first generation
                 advance(generation.number, f"diversity {generation.diversity:.3f}")
 
             def climbing(found: CurriculumProgress) -> None:
@@ -116,7 +115,9 @@ def generate_family(
             else:
                 family = evolve(domain, path, overwrite=force, warn=print_diagnostics, **told)
     except KeyboardInterrupt:
-        if path.exists():
+        if is_old:
+            sys.stderr.write(f"{path.parent} is as it was\n")
+        elif path.exists():
             words = f"envgraph generate {location} --name {path.parent.name} --directory {directory} --resume"
             sys.stderr.write(f"`{words}` {'begins anew' if whole else 'goes on'}\n")
         raise
@@ -124,13 +125,6 @@ def generate_family(
         low = why_low(family, store)
     _print_family(family, format, path, low)
     print_diagnostics([low] if low else [])
-
-
-def remove_results(directory: Path) -> None:
-    """Remove what was made of a run; the run itself and what is not of envgraph stay."""
-    for name in (TRAINING, TABLES):
-        shutil.rmtree(directory / name, ignore_errors=True)
-    (directory / REPORT).unlink(missing_ok=True)
 
 
 def _run_path(directory: Path, name: str) -> Path:
@@ -220,8 +214,6 @@ def import_family(
     take(str(file), ("json",), "a ga4cl family")
     source = read_source(DiskFiles(), str(file))
     path = _run_path(directory, name or file.stem)
-    if force:
-        remove_results(path.parent)
     family, warnings = import_ga4cl(source, domain, path, overwrite=force, overrides=overrides)
     print_diagnostics(warnings)
     _print_family(family, format, path)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -131,8 +132,11 @@ def verify_(run: str, resume: bool, directory: Path, format: OutputFormat) -> No
     differ. A run keeps what was verified, environment by environment.
     """
     from envgraph.cli._verify import verify_family
+    from envgraph.search import RunStore, run_file
 
-    verify_family(run, directory, format, resume=resume)
+    is_file = run.endswith(".json")
+    with nullcontext() if is_file else RunStore.open(run_file(run, directory), writing=True) as store:
+        verify_family(run, directory, format, store, resume=resume)
 
 
 @app.command("runs")
@@ -345,8 +349,11 @@ def import_(
 def train(run: str, directory: Path, **asked: Any) -> None:
     """Train agents on curricula, single environments and controls, and evaluate them on the target."""
     from envgraph.cli._learn import train_agents
+    from envgraph.files import holding
+    from envgraph.search import run_file
 
-    train_agents(run, directory, **asked)
+    with holding(Path(run) if run.endswith(".json") else run_file(run, directory)):
+        train_agents(run, directory, **asked)
 
 
 @app.command()

@@ -21,22 +21,23 @@ from envgraph.search import (
     apart,
     keep_certificates,
     open_family,
-    run_file,
     verify,
 )
 
 
-def verify_family(run: str, directory: Path, format: OutputFormat, *, resume: bool) -> None:
+def verify_family(
+    run: str, directory: Path, format: OutputFormat, store: RunStore | None, *, resume: bool
+) -> None:
     """Print what is certain of the members of a family, and whether it is the same when computed again.
 
-    A run has it from then on, member by member; `resume` leaves out those that have it.
+    The store of a run has it from then on, member by member, if it can be written; `resume` leaves out those.
 
     Raises:
         InvalidArgument: there is no such run, or it is a file, and `resume` is given.
         EnvgraphError: something is not the same.
     """
-    family, file = open_family(run, directory), Path(run).suffix == ".json"
-    if resume and file:
+    family, unkept = open_family(run, directory), None
+    if resume and store is None:
         raise InvalidArgument(f"`{run}` keeps nothing to go on with", "`--resume` is for runs")
     kept = [one for one in family.members if resume and one.certificates]
     found: list[Verification | Searched] = []
@@ -45,12 +46,14 @@ def verify_family(run: str, directory: Path, format: OutputFormat, *, resume: bo
         with progress_bar("environments", len(wanted)) as advance:
             for one in verify(family, wanted):
                 found.append(one)
-                if not file and isinstance(one, Verification) and not one.differences:
-                    with RunStore.open(run_file(run, directory)) as store:
+                if store and not unkept and isinstance(one, Verification) and not one.differences:
+                    try:
                         keep_certificates(store, one)
+                    except InvalidArgument as error:
+                        unkept = error
                 advance(len(found), one.member.name)
     except KeyboardInterrupt:
-        if not file:
+        if store:
             again = f"envgraph verify {run} --directory {directory} --resume"
             sys.stderr.write(f"{len(kept) + len(found)} environments are verified: `{again}` goes on\n")
         raise
@@ -59,6 +62,8 @@ def verify_family(run: str, directory: Path, format: OutputFormat, *, resume: bo
     else:
         _print(family.name, kept, found)
         _print_apart(family, [one for one in found if isinstance(one, Verification)])
+    if unkept:
+        sys.stderr.write(f"this was printed, but not all of it is kept: {unkept}\n")
     differing = [one for one in found if isinstance(one, Verification) and one.differences]
     if differing:
         names = listed(f"{one.member.name} ({', '.join(one.differences)})" for one in differing)

@@ -5,6 +5,7 @@ Also the one that people read meanwhile: standard error, where long work says ho
 
 from envgraph.files._cache import CACHE_VARIABLE, cache_directory, read_cached, write_cached
 from envgraph.files._escaping import markdown, template_environment
+from envgraph.files._hold import holding
 from envgraph.files._open import open_input
 from envgraph.files._progress import counting, telling
 from envgraph.files._replace import check_free, replace_file, replacing
@@ -14,6 +15,7 @@ __all__ = [
     "cache_directory",
     "check_free",
     "counting",
+    "holding",
     "markdown",
     "open_input",
     "read_cached",

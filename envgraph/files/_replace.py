@@ -98,7 +98,7 @@ def _draft(target: Path) -> Iterator[tuple[Path, int]]:
     descriptor = os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666)
     try:
         with suppress(OSError):
-            _lock(descriptor)
+            lock_file(descriptor)
         with suppress(FileNotFoundError):
             os.chmod(draft, stat.S_IMODE(target.stat().st_mode))
         yield draft, descriptor
@@ -111,11 +111,11 @@ def _remove_stale(directory: Path, drafts: re.Pattern[str]) -> None:
     for name in os.listdir(directory):
         if drafts.fullmatch(name):
             with suppress(OSError), open(directory / name, "rb") as file:
-                _lock(file.fileno())
+                lock_file(file.fileno())
                 os.unlink(directory / name)
 
 
-def _lock(descriptor: int) -> None:
+def lock_file(descriptor: int) -> None:
     """Lock a file; BlockingIOError if somebody else holds it, and on Windows, where the drafts of a crash stay."""
     if sys.platform == "win32":
         raise BlockingIOError

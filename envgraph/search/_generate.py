@@ -144,7 +144,7 @@ def resume(
         InvalidArgument: there is no such run, it is an imported family, or has so many generations already; or
             generations are asked for, and it has an objective or samples.
     """
-    with RunStore.open(store_path) as store:
+    with RunStore.open(store_path, writing=True) as store:
         if store.imported is not None:
             raise InvalidArgument(f"{store_path} holds an imported family: there is nothing to go on with")
         last = store.last_generation()

@@ -8,18 +8,21 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import sqlite3
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, closing, contextmanager, nullcontext, suppress
 from dataclasses import field
+from glob import escape
+from hashlib import blake2b
 from math import isfinite
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, Self, cast
 
 from envgraph.code import dataclass
 from envgraph.errors import EnvgraphError, InvalidArgument
-from envgraph.files import replacing
+from envgraph.files import holding, replacing
 from envgraph.lang import Bundle
 from envgraph.metamodel import Value
 
@@ -28,6 +31,12 @@ FORMAT = 2
 
 CERTIFICATES = "certificates"
 """The setting that has what was verified of members, by their ids."""
+
+_RESULTS = ("training", "tables", "report.html")
+"""What commands make of a run, beside its store."""
+
+_REPLACED = "replaced"
+"""The setting that names the directory to which results of the old run are moved while the run is replaced."""
 
 _SCHEMA = """
 CREATE TABLE setting (key TEXT PRIMARY KEY, value TEXT NOT NULL) WITHOUT ROWID;
@@ -55,7 +64,13 @@ CREATE TABLE member (
     individual INTEGER NOT NULL REFERENCES individual (id),
     PRIMARY KEY (generation, place)
 ) WITHOUT ROWID;
+CREATE TABLE content (individual INTEGER PRIMARY KEY REFERENCES individual (id), hash TEXT NOT NULL);
 """
+_TABLES = [statement.strip() for statement in _SCHEMA.split(";\n") if statement.strip()]
+_STRANGE = (
+    "SELECT name FROM sqlite_schema WHERE sql NOT GLOB 'CREATE TABLE *' AND sql NOT GLOB 'CREATE INDEX *'"
+)
+_INDIVIDUALS = "SELECT individual.*, hash FROM individual LEFT JOIN content ON content.individual = id"
 
 Trace = tuple[tuple[str, tuple[Value, ...]], ...]
 """Rule applications in order: qualified name of the rule, and its match (objects by id)."""
@@ -113,12 +128,16 @@ class Generation:
 class RunStore:
     """An open run store. Use `create` or `open`, and it as a context manager.
 
+    A store that was created, or opened for writing, is locked until it is closed. Others show one state of the file.
     Invariant: the individuals of every stored generation, and their ancestors, are stored.
     """
 
-    def __init__(self, connection: sqlite3.Connection, path: Path) -> None:
-        self._db = connection
+    def __init__(self, path: Path) -> None:
         self.path = path
+        self._db = sqlite3.connect(":memory:", isolation_level=None)
+        self._held = ExitStack()
+        self._opened: os.stat_result | None = None  # None while the store is only in memory
+        self._reason: Exception | None = None  # why the file cannot be written
 
     @classmethod
     def create(
@@ -126,59 +145,108 @@ class RunStore:
     ) -> Self:
         """Make a new store; `settings` must be JSON-ready.
 
-        Raises:
-            InvalidArgument: the file exists, and is not to be overwritten.
-        """
-        try:
-            with replacing(path, overwrite=overwrite) as draft:
-                store = cls(sqlite3.connect(draft, isolation_level=None), path)
-                try:
-                    store._fill(settings, sources)
-                finally:
-                    store.close()
-                if overwrite:  # the log of the old store is none of the new one
-                    for log in _logs(path):
-                        log.unlink(missing_ok=True)
-        except FileExistsError:
-            raise InvalidArgument(f"{path} exists already") from None
-        return cls(_connect(path), path)
+        A store that is there is overwritten when the new one gets its first generation. Then what was made of the old
+        run is removed, too. Until then the new store is in memory, and the old run stays as it is.
 
-    def _fill(self, settings: Mapping[str, Any], sources: Mapping[str, str]) -> None:
-        self._db.execute("PRAGMA journal_mode = MEMORY")  # nobody goes on with a draft
-        with self._transaction() as db:
-            for statement in _SCHEMA.split(";\n"):
-                if statement.strip():
-                    db.execute(statement)
-            rows = {"format": FORMAT, **settings}.items()
-            db.executemany("INSERT INTO setting VALUES (?, ?)", [(k, dump_json(v)) for k, v in rows])
-            db.executemany("INSERT INTO source VALUES (?, ?)", list(sources.items()))
+        Raises:
+            InvalidArgument: the file exists, and is not to be overwritten; or another process writes it.
+        """
+        if path.exists() and not overwrite:
+            raise InvalidArgument(f"{path} exists already")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with ExitStack() as held:
+            held.enter_context(holding(path))
+            _settle(path)
+            store, rows = cls(path), {"format": FORMAT, **settings}
+            if path.exists():
+                _connect(path)[0].close()  # what is no database is not overwritten
+                rows[_REPLACED] = f".{path.name}.replaced-{os.urandom(4).hex()}"
+            with store._transaction() as db:
+                for table in _TABLES:
+                    db.execute(table)
+                db.executemany(
+                    "INSERT INTO setting VALUES (?, ?)", [(k, dump_json(v)) for k, v in rows.items()]
+                )
+                db.executemany("INSERT INTO source VALUES (?, ?)", list(sources.items()))
+            if _REPLACED not in rows:
+                store._put_in_place()
+            store._held = held.pop_all()
+        return store
+
+    def _put_in_place(self) -> None:
+        """Write a store that is in memory to its file, and remove the results of the run that it replaces."""
+        aside = self.settings().get(_REPLACED)
+        try:
+            if aside:
+                self.path.with_name(aside).mkdir()
+                for result in filter(Path.exists, map(self.path.with_name, _RESULTS)):
+                    result.rename(self.path.with_name(aside) / result.name)
+            with ExitStack() as files:
+                if aside:  # in one transaction, since others may be reading
+                    file, self._reason = _connect(self.path)
+                    file.executescript(
+                        "BEGIN IMMEDIATE; ROLLBACK"
+                    )  # `backup` waits for ever for another writer
+                else:
+                    for log in _logs(self.path):  # of a store that somebody has removed
+                        log.unlink(missing_ok=True)
+                    file = sqlite3.connect(files.enter_context(replacing(self.path, overwrite=False)))
+                self._db.backup(files.enter_context(closing(file)))
+        except FileExistsError:
+            raise InvalidArgument(f"{self.path} exists already") from None
+        except sqlite3.DatabaseError as error:
+            raise self._unwritable(error) from error
+        finally:
+            _settle(self.path)
+        self._db.close()
+        self._db, self._reason = _connect(self.path)
+        self._opened = self.path.stat()
 
     @classmethod
-    def open(cls, path: Path) -> Self:
+    def open(cls, path: Path, *, writing: bool = False) -> Self:
         """Open an existing store; where it cannot be written, for reading alone.
 
+        With `writing` the whole file is checked, and locked until the store is closed.
+
         Raises:
-            InvalidArgument: there is no such file, or it is no run store of this format.
+            InvalidArgument: the file is missing, damaged, of another format, or is being written by another process.
         """
         if not path.is_file():
             raise InvalidArgument(f"there is no run store at {path}")
-        store = cls(_connect(path), path)
-        try:
-            found = store.settings().get("format")
-        except InvalidArgument as error:
-            store.close()
-            reason = error.__cause__ or error
-            raise InvalidArgument(f"{path} is no run store: {reason}") from error
-        if found != FORMAT:
-            store.close()
-            raise InvalidArgument(
-                f"{path} has format {found}; this version of envgraph reads format {FORMAT}"
-            )
+        _settle(path, locked=False)
+        with ExitStack() as held:
+            if writing:
+                held.enter_context(holding(path))
+            store = cls(path)
+            store._db, store._reason = _connect(path)
+            store._opened = path.stat()
+            held.callback(store._db.close)
+            if not writing:
+                store._db.execute("BEGIN")
+            store._check()
+            if writing and (found := store._db.execute("PRAGMA quick_check(1)").fetchone()) != ("ok",):
+                raise store.damaged(*found)
+            store._held = held.pop_all()
         return store
+
+    def _check(self) -> None:
+        """Refuse files that envgraph did not make, before anything in them can run."""
+        try:
+            if strange := self._db.execute(_STRANGE).fetchone():
+                raise InvalidArgument(f"it has `{strange[0]}`, which is not a table")
+            version = self.settings().get("format")
+        except (InvalidArgument, sqlite3.DatabaseError, UnicodeDecodeError) as error:
+            raise InvalidArgument(f"{self.path} is no run store: {error.__cause__ or error}") from error
+        if version != FORMAT:
+            message = f"{self.path} has format {version}; this version of envgraph reads format {FORMAT}"
+            raise InvalidArgument(message)
+        if not self._db.execute("SELECT 1 FROM sqlite_schema WHERE name = 'content'").fetchone():
+            self._db.execute(_TABLES[-1].replace("CREATE", "CREATE TEMP", 1))  # older stores have no hashes
 
     def close(self) -> None:
         """Close the file; the store cannot be used afterwards."""
         self._db.close()
+        self._held.close()
 
     def __enter__(self) -> Self:
         return self
@@ -264,10 +332,9 @@ class RunStore:
     def write_generation(self, generation: Generation, born: Iterable[Individual]) -> None:
         """Store a generation and the individuals accepted in it, all or nothing."""
         with self._transaction() as db:
-            db.executemany(
-                "INSERT INTO individual VALUES (?, ?, ?, ?, ?, ?, ?, ?)",
-                [_row(individual) for individual in born],
-            )
+            rows = [_row(individual) for individual in born]
+            db.executemany("INSERT INTO individual VALUES (?, ?, ?, ?, ?, ?, ?, ?)", rows)
+            db.executemany("INSERT INTO content VALUES (?, ?)", [(row[0], _hash(row)) for row in rows])
             db.execute(
                 "INSERT INTO generation VALUES (?, ?, ?, ?, ?)",
                 (
@@ -282,14 +349,16 @@ class RunStore:
                 "INSERT INTO member VALUES (?, ?, ?)",
                 [(generation.number, place, member) for place, member in enumerate(generation.members)],
             )
+        if self._opened is None:
+            self._put_in_place()
 
     def write_models(self, models: Mapping[int, str]) -> None:
         """Store the models of individuals, as JSON text."""
         with self._transaction() as db:
-            db.executemany(
-                "UPDATE individual SET model = ? WHERE id = ?",
-                [(model, key) for key, model in models.items()],
-            )
+            for key, model in models.items():
+                db.execute("UPDATE individual SET model = ? WHERE id = ?", (model, key))
+                row = db.execute("SELECT * FROM individual WHERE id = ?", (key,)).fetchone()
+                db.execute("INSERT OR REPLACE INTO content VALUES (?, ?)", (key, _hash(row)))
 
     def last_generation(self) -> Generation | None:
         """The last whole generation, or None in a fresh store."""
@@ -339,7 +408,7 @@ class RunStore:
             InvalidArgument: there is none of that id.
         """
         with self._reading(f"individual {id_}"):
-            row = self._db.execute("SELECT * FROM individual WHERE id = ?", (id_,)).fetchone()
+            row = self._db.execute(f"{_INDIVIDUALS} WHERE id = ?", (id_,)).fetchone()
             if row is None:
                 raise InvalidArgument(f"{self.path} has no individual {id_}")
             return _individual(row)
@@ -347,7 +416,7 @@ class RunStore:
     def individuals(self) -> Iterator[Individual]:
         """Every accepted individual, in the order of acceptance."""
         last: object = "before the first"
-        rows = self._db.execute("SELECT * FROM individual ORDER BY id")
+        rows = self._db.execute(f"{_INDIVIDUALS} ORDER BY id")
         while True:
             with self._reading(f"the individual after {last}"):
                 row = rows.fetchone()
@@ -384,49 +453,65 @@ class RunStore:
 
     @contextmanager
     def _transaction(self) -> Iterator[sqlite3.Connection]:
+        if self._opened and not (self.path.exists() and os.path.samestat(self._opened, self.path.stat())):
+            message = f"{self.path} was replaced or removed while this command used it"
+            raise InvalidArgument(message, "nothing was written to what is there now: run the command again")
         try:
             self._db.execute("BEGIN IMMEDIATE")
             try:
                 yield self._db
             except BaseException:
-                self._db.execute("ROLLBACK")
+                if self._db.in_transaction:  # a full disk ends it
+                    self._db.execute("ROLLBACK")
                 raise
             self._db.execute("COMMIT")
         except (sqlite3.DatabaseError, UnicodeDecodeError) as error:  # a full disk, another process, damage
-            raise InvalidArgument(f"{self.path} cannot be written: {error}") from error
+            raise self._unwritable(error) from error
+
+    def _unwritable(self, error: Exception) -> InvalidArgument:
+        reason = self._reason or error
+        full = "the disk is full; what had finished before is kept: " if _is_full(reason) else ""
+        return InvalidArgument(f"{self.path} cannot be written: {full}{reason}")
 
 
-def _connect(path: Path) -> sqlite3.Connection:
+def _settle(path: Path, *, locked: bool = True) -> None:
+    """Remove the results of a run that was replaced, or put them back if it was not, unless another process does."""
+    for aside in sorted(path.parent.glob(f".{escape(path.name)}.replaced-*")):
+        with suppress(InvalidArgument), nullcontext() if locked else holding(path):
+            found = None
+            with suppress(InvalidArgument, sqlite3.DatabaseError), closing(_connect(path)[0]) as db:
+                found = db.execute("SELECT value FROM setting WHERE key = ?", (_REPLACED,)).fetchone()
+            for result in aside.iterdir() if found != (dump_json(aside.name),) else ():
+                if not path.with_name(result.name).exists():
+                    result.rename(path.with_name(result.name))
+            shutil.rmtree(aside, ignore_errors=True)
+
+
+def _connect(path: Path) -> tuple[sqlite3.Connection, Exception | None]:
+    """Return a connection to a store, and the reason if it is for reading alone."""
     # Transactions are spelt out (isolation_level None). With the write-ahead log and synchronous NORMAL a kill
     # loses nothing that was committed, and a power cut loses whole generations at the end at most.
     uri = path.absolute().as_uri()
-    reading = _for_reading(path, uri) if _is_protected(path) else []
-    tried, reason = [f"{uri}?mode=rw"], None
+    tried, reason = [f"{uri}?mode=rw"], cast("Exception | None", None)
     for address in tried:
         connection = sqlite3.connect(address, isolation_level=None, uri=True)
         try:
-            connection.execute("PRAGMA journal_mode = WAL")
-            connection.execute("PRAGMA synchronous = NORMAL")
+            for setting in _PRAGMAS:
+                connection.execute(f"PRAGMA {setting}")
             connection.execute("SELECT count(*) FROM sqlite_schema").fetchone()
-            return connection
+            return connection, reason
         except (sqlite3.DatabaseError, UnicodeDecodeError) as error:  # the second where names are damaged
             connection.close()
-            reason = error
-            if address is tried[0]:
-                tried += _for_reading(path, uri) if _has_no_room(error) else reading
+            reason = reason or error
+            if address is tried[0] and getattr(error, "sqlite_errorname", "").startswith(_UNWRITABLE):
+                tried += _for_reading(path, uri)
     if len(tried) == 2:  # there is a log, which only who can write brings into the file
         message = f"{path} was not closed, and cannot be written: copy its directory to where it can"
         raise InvalidArgument(message) from reason
     raise InvalidArgument(f"{path} is no run store: {reason}") from reason
 
 
-def _is_protected(path: Path) -> bool:
-    """Whether a store or a log beside it cannot be written."""
-    effective = os.access in os.supports_effective_ids
-    return not all(os.access(one, os.W_OK, effective_ids=effective) for one in (path, path.parent))
-
-
-def _has_no_room(error: Exception) -> bool:
+def _is_full(error: Exception) -> bool:
     """Whether a disk may be full, where SQLite finds no room for what it keeps beside an open store."""
     return getattr(error, "sqlite_errorname", "").startswith(("SQLITE_FULL", "SQLITE_IOERR"))
 
@@ -443,6 +528,8 @@ def _logs(path: Path) -> tuple[Path, ...]:
     return tuple(path.with_name(f"{path.name}{ending}") for ending in ("-wal", "-shm"))
 
 
+_PRAGMAS = ("trusted_schema = OFF", "temp_store = MEMORY", "journal_mode = WAL", "synchronous = NORMAL")
+_UNWRITABLE = ("SQLITE_FULL", "SQLITE_IOERR", "SQLITE_READONLY", "SQLITE_CANTOPEN")
 _INDEX = 32_768
 """Bytes of SQLite's index of the log while somebody has a store open; less is left where there was no room."""
 _ENCODER = json.JSONEncoder(
@@ -468,13 +555,20 @@ def _row(individual: Individual) -> Sequence[object]:
     )
 
 
+def _hash(row: Sequence[object]) -> str:
+    """Return a hash of all that is stored of an individual: its model or trace, and its measures."""
+    return blake2b(dump_json(row).encode("utf-8", "surrogatepass"), digest_size=16).hexdigest()
+
+
 def _individual(row: Sequence[Any]) -> Individual:
-    id_, generation, child, parent, trace, measures, state_hash, model = row
+    id_, generation, child, parent, trace, measures, state_hash, model, digest = row
     if parent is not None and _whole(parent) >= id_:
         raise ValueError("it is older than its parent")
     steps = tuple((_text(rule), _values(values)) for rule, values in json.loads(trace))
     found = {name: _number(value) for name, value in _object(json.loads(measures)).items()}
     text = None if model is None else _text(model)
+    if digest not in (None, _hash(row[:-1])):
+        raise ValueError("it was changed since it was written")
     return Individual(id_, _whole(generation), _whole(child), parent, steps, found, _text(state_hash), text)
 
 

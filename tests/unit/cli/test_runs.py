@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+import resource
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -10,7 +12,8 @@ from pathlib import Path
 import pytest
 
 from envgraph.cli import main
-from envgraph.search import open_family
+from envgraph.files import holding
+from envgraph.search import RunStore, open_family
 
 Call = Callable[..., str]
 
@@ -122,6 +125,59 @@ def test_a_run_is_replaced_with_all_that_was_made_of_it(envgraph: Call) -> None:
     envgraph(*FOREST, "--generations", 2, "--name", "a", "--force")
     assert {path.name for path in Path("runs/a").iterdir()} == {"run.sqlite", "notes.txt"}
     assert json.loads(envgraph("runs", "--format", "json"))["runs"][0]["generations"] == 2
+
+
+def test_a_run_stays_as_it_was_where_its_replacement_is_interrupted(
+    envgraph: Call, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    envgraph(*FOREST, "--generations", 1, "--name", "a")
+    envgraph("train", "a", "--steps", 50, "--seeds", 1, "--curricula", "full")
+    files = {path: path.read_bytes() for path in Path("runs/a").rglob("*") if path.is_file()}
+    with monkeypatch.context() as patched:
+        patched.setattr("envgraph.search._evolution.Evolution._initialise", interrupt)
+        said = envgraph(*FOREST, "--name", "a", "--force", code=130)
+    assert "runs/a is as it was" in said and "--resume" not in said
+    assert {path: path.read_bytes() for path in Path("runs/a").rglob("*") if path.is_file()} == files
+
+
+def interrupt(*_: object) -> None:
+    raise KeyboardInterrupt
+
+
+def test_commands_that_write_a_run_are_refused_while_another_one_does(envgraph: Call) -> None:
+    envgraph(*FOREST, "--generations", 1, "--name", "a")
+    with RunStore.open(Path("runs/a/run.sqlite"), writing=True):
+        for command in (
+            ("train", "a"),
+            ("verify", "a"),
+            (*FOREST, "--name", "a", "--force"),
+            ("generate", "burning_forest", "--name", "a", "--resume", "--generations", 3),
+        ):
+            said = envgraph(*command, code=1)
+            assert f"runs/a/run.sqlite is being written by process {os.getpid()} on host" in said
+        for command in (("show", "a"), ("runs",), ("report", "a"), ("export", "a", "-o", "family.json")):
+            envgraph(*command)
+    with holding(Path("family.json")):
+        assert "family.json is being written by process" in envgraph("train", "family.json", code=1)
+    envgraph("verify", "family.json")
+
+
+@pytest.mark.parametrize("format", ["text", "json"])
+def test_what_was_verified_is_printed_where_it_cannot_be_kept(
+    envgraph: Call, capsys: pytest.CaptureFixture[str], format: str
+) -> None:
+    envgraph(*FOREST, "--generations", 1, "--name", "a")
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    try:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (1_000, limits[1]))
+        sys.argv = ["envgraph", "verify", "a", "--format", format]
+        code = main()
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    out, err = capsys.readouterr()
+    assert code == 0
+    assert "same" in out if format == "text" else len(json.loads(out)["members"]) == 2
+    assert "not all of it is kept: runs/a/run.sqlite cannot be written: the disk is full" in err
 
 
 def test_a_finished_run_goes_on(envgraph: Call) -> None:

@@ -222,6 +222,7 @@ def test_a_member_that_is_not_what_was_measured_is_told_when_it_is_asked_for(
     with sqlite3.connect(path) as db:
         (last,) = db.execute("SELECT max(individual) FROM member").fetchone()
         db.execute("UPDATE individual SET trace = '[]' WHERE id = ?", (last,))
+        db.execute("DROP TABLE content")  # as in a store of an older version
     found = open_family(path)
     (wrong,) = (member for member in found.members if member.individual == last)
     with pytest.raises(InvalidArgument, match=f"individual {last} is not the model that was measured"):

@@ -5,7 +5,11 @@ from __future__ import annotations
 import os
 import resource
 import shutil
+import signal
+import socket
 import sqlite3
+import subprocess
+import sys
 import tempfile
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
@@ -47,7 +51,7 @@ def test_the_tables_are_documented(store: RunStore) -> None:
     told = page.read_text(encoding="utf-8").split("## The run store")[1].split("\n## ")[0]
     with closing(sqlite3.connect(store.path)) as file:
         tables = [name for (name,) in file.execute("SELECT name FROM sqlite_schema WHERE type = 'table'")]
-        assert len(tables) == 5
+        assert len(tables) == 6
         for table in tables:
             assert f"| `{table}` |" in told
             for column in file.execute(f"PRAGMA table_info({table})"):
@@ -175,15 +179,15 @@ def test_a_run_on_a_full_disk_can_be_read(tmp_path: Path) -> None:
     try:
         resource.setrlimit(resource.RLIMIT_FSIZE, (1_000, limits[1]))
         for _ in range(2):  # the first attempt may leave a file beside it
-            with RunStore.open(path) as store:
+            with RunStore.open(path, writing=True) as store:
                 assert len(store.history()) == 2
-                with pytest.raises(InvalidArgument, match="cannot be written"):
+                with pytest.raises(InvalidArgument, match=r"run\.sqlite cannot be written: the disk is full"):
                     store.set("seed", 3)
         found = write_family(open_family(path))
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)
     assert found == text and path.read_bytes() == before
-    with RunStore.open(path) as store:
+    with RunStore.open(path, writing=True) as store:
         store.set("seed", 3)
 
 
@@ -206,6 +210,7 @@ def test_a_store_that_is_overwritten_forgets_the_log_of_the_old_one(tmp_path: Pa
         for ending in ("", "-wal"):
             shutil.copy(f"{store.path}{ending}", f"{path}{ending}")
     with RunStore.create(path, {"seed": 3}, {}, overwrite=True) as again:
+        again.write_generation(Generation(0, (0,), 0.0, 1), [individual(0)])
         assert again.settings()["seed"] == 3
     with RunStore.open(path) as again:
         assert again.settings()["seed"] == 3
@@ -220,3 +225,191 @@ def test_a_store_whose_tables_have_damaged_names_is_none(store: RunStore) -> Non
     path.write_bytes(data.replace(b"tableindividual", b"tableindi\xe7idual", 1))
     with pytest.raises(InvalidArgument, match="is no run store"):
         RunStore.open(path)
+
+
+@pytest.fixture
+def old(store: RunStore) -> Path:
+    """A run with a generation and results, which nobody has open."""
+    store.write_generation(Generation(0, (0,), 0.0, 1), [individual(0)])
+    store.close()
+    for name in ("training/100/runs.csv", "tables/a.npz", "report.html", "notes.txt"):
+        (store.path.parent / name).parent.mkdir(parents=True, exist_ok=True)
+        (store.path.parent / name).write_text(name)
+    return store.path
+
+
+def content(path: Path) -> tuple[object, set[str]]:
+    """The seed of a run, and the names of its files; opening it mends what a kill has left."""
+    with RunStore.open(path) as store:
+        seed = store.settings()["seed"]
+    return seed, {str(file.relative_to(path.parent)) for file in path.parent.rglob("*") if file.is_file()}
+
+
+OLD = (7, {"run.sqlite", "training/100/runs.csv", "tables/a.npz", "report.html", "notes.txt"})
+NEW = (8, {"run.sqlite", "notes.txt"})
+
+
+def test_a_run_is_replaced_when_the_new_one_has_a_generation(old: Path) -> None:
+    with RunStore.create(old, {"seed": 8}, {}, overwrite=True) as new, RunStore.open(old) as reader:
+        new.set("more", 1)
+        assert new.settings()["seed"] == 8
+        assert content(old)[0] == 7
+        new.write_generation(Generation(0, (0, 1), 0.0, 2), [individual(0), individual(1)])
+        assert reader.settings()["seed"] == 7 and reader.last_generation() == Generation(0, (0,), 0.0, 1)
+    assert content(old) == NEW
+
+
+@pytest.mark.parametrize("when", ["before", "within"])
+def test_an_error_leaves_the_run_that_was_to_be_replaced(
+    old: Path, when: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with pytest.raises(OSError, match="full"), RunStore.create(old, {"seed": 8}, {}, overwrite=True) as new:
+        if when == "within":
+            monkeypatch.setattr("envgraph.search._store._connect", fail)
+            new.write_generation(Generation(0, (0,), 0.0, 1), [individual(0)])
+        fail()
+    monkeypatch.undo()
+    assert content(old) == OLD
+
+
+def fail(*_: object) -> None:
+    raise OSError("full")
+
+
+KILLED = """
+import os, shutil, signal, sqlite3, sys
+from pathlib import Path
+from envgraph.search import Generation, Individual, RunStore
+function, number = sys.argv[2], int(sys.argv[3])
+def counted(*arguments, _usual=getattr(Path, function, None) or getattr(shutil, function), **named):
+    global number
+    number -= 1
+    if number == 0:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return _usual(*arguments, **named)
+setattr(Path if hasattr(Path, function) else shutil, function, counted)
+with RunStore.create(Path(sys.argv[1]), {"seed": 8}, {}, overwrite=True) as store:
+    store.write_generation(Generation(0, (0,), 0.0, 1), [Individual(0, 0, -1, None, (), {}, "0")])
+"""
+
+
+@pytest.mark.parametrize(
+    ("function", "number", "left"), [("rename", 2, OLD), ("rename", 3, OLD), ("rmtree", 1, NEW)]
+)
+def test_a_kill_while_a_run_is_replaced_is_mended_by_the_next_command(
+    old: Path, function: str, number: int, left: object, caplog: pytest.LogCaptureFixture
+) -> None:
+    code = subprocess.run([sys.executable, "-c", KILLED, old, function, str(number)], check=False).returncode
+    assert code == -signal.SIGKILL
+    assert len([*old.parent.glob(".run.sqlite.replaced-*")]) == 1
+    assert content(old) == left
+    assert f"was killed while it wrote {old}" in caplog.text
+    caplog.clear()
+    RunStore.open(old, writing=True).close()
+    assert not caplog.text
+
+
+@pytest.mark.parametrize("again", ["create", "open"])
+def test_a_second_writer_is_refused_by_the_process_of_the_first(store: RunStore, again: str) -> None:
+    store.write_generation(Generation(0, (0,), 0.0, 1), [individual(0)])
+    code = (
+        "import sys; from pathlib import Path; from envgraph.search import RunStore\n"
+        "path = Path(sys.argv[1])\n"
+        "print(RunStore.open(path).last_generation().number)\n"
+        + (
+            "RunStore.open(path, writing=True)"
+            if again == "open"
+            else "RunStore.create(path, {}, {}, overwrite=True)"
+        )
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code, store.path], check=False, capture_output=True, text=True
+    )
+    holder = f"process {os.getpid()} on host {socket.gethostname()}"
+    assert done.stdout == "0\n" and f"run.sqlite is being written by {holder}" in done.stderr
+    with pytest.raises(InvalidArgument, match="is being written by process"):
+        RunStore.open(store.path, writing=True)
+    store.close()
+    assert [file.name for file in store.path.parent.iterdir()] == ["run.sqlite"]
+    RunStore.open(store.path, writing=True).close()
+
+
+def test_a_lock_that_is_a_link_of_somebody_else_is_not_followed(old: Path) -> None:
+    (old.parent / "mine").write_text("mine")
+    (old.parent / ".run.sqlite.lock").symlink_to(old.parent / "mine")
+    with RunStore.open(old, writing=True) as store:
+        store.set("seed", 3)
+    assert (old.parent / "mine").read_text() == "mine"
+
+
+@pytest.mark.parametrize("how", ["removed", "replaced"])
+def test_a_store_that_is_replaced_under_a_writer_is_noticed(old: Path, how: str) -> None:
+    with RunStore.open(old, writing=True) as store:
+        other = old.read_bytes()
+        old.unlink()
+        if how == "replaced":
+            old.write_bytes(other)
+        with pytest.raises(InvalidArgument, match="was replaced or removed while this command used it"):
+            store.set("seed", 9)
+    assert how == "removed" or content(old)[0] == 7
+
+
+@pytest.mark.parametrize(
+    "statement",
+    [
+        "CREATE TRIGGER evil AFTER INSERT ON generation BEGIN DELETE FROM source; END",
+        "CREATE VIEW evil AS SELECT 1",
+        "CREATE VIRTUAL TABLE evil USING fts5(a)",
+    ],
+)
+def test_what_would_run_in_a_store_of_somebody_else_is_refused(old: Path, statement: str) -> None:
+    with closing(sqlite3.connect(old)) as file:
+        file.execute(statement)
+    for writing in (False, True):
+        with pytest.raises(InvalidArgument, match="is no run store: it has `evil"):
+            RunStore.open(old, writing=writing)
+
+
+def test_damage_is_found_before_a_run_goes_on(old: Path) -> None:
+    with closing(sqlite3.connect(old)) as file:
+        size, page = file.execute("PRAGMA page_size").fetchone()[0], 0
+        (page,) = file.execute("SELECT rootpage FROM sqlite_schema WHERE name = 'generation'").fetchone()
+    data = bytearray(old.read_bytes())
+    data[(page - 1) * size : page * size] = b"x" * size
+    old.write_bytes(data)
+    RunStore.open(old).close()
+    with pytest.raises(InvalidArgument, match="is damaged"):
+        RunStore.open(old, writing=True)
+
+
+@pytest.mark.parametrize(
+    "change",
+    ["trace = '[[\"p.rule\", []]]'", "measures = '{\"complexity\": 0.5}'", "model = '{}'", "child = 3"],
+)
+def test_an_individual_that_was_changed_is_refused(old: Path, change: str) -> None:
+    with closing(sqlite3.connect(old)) as file:
+        file.execute(f"UPDATE individual SET {change}")
+        file.commit()
+    with (
+        RunStore.open(old) as store,
+        pytest.raises(InvalidArgument, match="individual 0: it was changed since it was written"),
+    ):
+        store.individual(0)
+
+
+def test_stores_without_hashes_open_and_go_on(old: Path) -> None:
+    with closing(sqlite3.connect(old)) as file:
+        file.execute("DROP TABLE content")
+    with RunStore.open(old, writing=True) as store:
+        store.write_generation(Generation(1, (1,), 0.0, 1), [individual(1, 1, 0)])
+        store.write_models({1: "{}"})
+    with RunStore.open(old) as store:
+        assert [one.id for one in store.lineage(1)] == [0, 1]
+
+
+def test_a_file_that_is_no_database_is_not_overwritten(tmp_path: Path) -> None:
+    path = tmp_path / "run.sqlite"
+    path.write_text("a diary\n" * 500)
+    with pytest.raises(InvalidArgument, match="is no run store"):
+        RunStore.create(path, {}, {}, overwrite=True)
+    assert path.read_text() == "a diary\n" * 500

@@ -140,6 +140,7 @@ def test_a_changed_run_is_read_again(run: Path, monkeypatch: pytest.MonkeyPatch,
     make(run)
     with closing(sqlite3.connect(run)) as store:
         store.execute(f"UPDATE {changed} || ' '")
+        store.execute("DROP TABLE content")  # as in a store of an older version
         store.commit()
     monkeypatch.setattr("envgraph.search._opened.open_family", None)
     with pytest.raises(TypeError):
