@@ -21,6 +21,7 @@ from tests.campaigns import (
     programs,
     readers,
     stores,
+    writers,
 )
 from tests.campaigns.cases import Outcome, explore
 
@@ -32,6 +33,7 @@ CAMPAIGNS = {
     "exporters": exporters,
     "stores": stores,
     "kills": kills,
+    "writers": writers,
     "disks": disks,
     "caches": caches,
 }

@@ -37,9 +37,13 @@ class Connection(sqlite3.Connection):
     def executemany(self, *arguments):
         step()
         return super().executemany(*arguments)
+    def backup(self, *arguments):
+        step()
+        super().backup(*arguments)
+        step()
 connect = sqlite3.connect
 sqlite3.connect = lambda *arguments, **named: connect(*arguments, factory=Connection, **named)
-for name in ("fsync", "replace", "link"):
+for name in ("fsync", "replace", "link", "rename", "rmdir"):
     def counted(*arguments, _function=getattr(os, name), **named):
         step()
         return _function(*arguments, **named)
@@ -74,7 +78,7 @@ def prepare() -> None:
 def campaign(random: Random) -> str:
     """Kill one command, at a moment or at a write, go on, and compare everything."""
     expected = _expected()
-    kind = random.choice(["generate", "train", "export", "parent", "worker"])
+    kind = random.choice(["generate", "force", "train", "export", "parent", "worker"])
     with tempfile.TemporaryDirectory() as name:
         directory = Path(name)
         if kind == "generate":
@@ -89,6 +93,8 @@ def campaign(random: Random) -> str:
                     )
                 )
             good(run(directory, "export", "m", "-o", "family.json"))
+        elif kind == "force":
+            _force(random, directory)
         else:
             good(run(directory, *_GENERATE))
             (directory / "family.json").write_text("old")
@@ -104,11 +110,29 @@ def campaign(random: Random) -> str:
             _killed(random, directory, "export", "m", "-o", "family.json")
             assert (directory / "family.json").read_text() in ("old", expected["family.json"])
             good(run(directory, "export", "m", "-o", "family.json"))
-        if kind in ("generate", "export"):
+        if kind in ("generate", "force", "export"):
             assert (directory / "family.json").read_text() == expected["family.json"]
         drafts = [str(path) for path in directory.rglob("*") if ".draft-" in path.name]
         assert not drafts, drafts
     return kind
+
+
+def _force(random: Random, directory: Path) -> None:
+    """Kill a command that replaces a run: the old run is there with its results, or the new one without."""
+    old = (*_GENERATE[:2], "--generations", 3, *_GENERATE[4:])
+    good(run(directory, *old))
+    good(run(directory, *_TRAIN))
+    good(run(directory, "export", "m", "-o", "family.json"))
+    family, trained = (directory / "family.json").read_text(), _trained(directory)
+    _killed(random, directory, *_GENERATE, "--force")
+    good(run(directory, "export", "m", "-o", "family.json"))
+    if (directory / "family.json").read_text() == family:
+        assert _trained(directory) == trained
+        good(run(directory, *_GENERATE, "--force"))
+    else:
+        good(run(directory, *_GENERATE[:2], *_GENERATE[4:], "--resume"))
+    assert not [path for path in (directory / "runs" / "m").iterdir() if path.name != "run.sqlite"]
+    good(run(directory, "export", "m", "-o", "family.json"))
 
 
 def _killed(random: Random, directory: Path, *arguments: object) -> bool:
