@@ -12,7 +12,17 @@ from envgraph.behaviour._clauses import condition_question, is_asked, used_elsew
 from envgraph.behaviour._data import Action, Agent, Behaviour, Domain, EachStep, Effect, OnFind
 from envgraph.behaviour._domains import MOST_VALUES, domain_count, domain_type
 from envgraph.behaviour._losing import loss_warnings
-from envgraph.errors import Diagnostic, Note, Severity, Span, has_errors, limit, name_hint, sort_diagnostics
+from envgraph.errors import (
+    RAISE_LIMIT,
+    Diagnostic,
+    Note,
+    Severity,
+    Span,
+    has_errors,
+    limit,
+    name_hint,
+    sort_diagnostics,
+)
 from envgraph.metamodel import Scalar
 from envgraph.pattern import Parameter, PatternCall, StaticType, Variable, static_type
 from envgraph.rewrite import Engine
@@ -98,9 +108,13 @@ class _Checker(CallChecking, ViewChecking):
                 self.report("no-observation", message, place, "write `observe ..`", Severity.WARNING)
         if behaviour.limit is not None and not 1 <= behaviour.limit <= limit(1_000_000):
             place = behaviour.limit_span or span
-            more = f"at most {limit(1_000_000):,}; ENVGRAPH_LIMITS=10 raises it"
-            hint = more if behaviour.limit else "at least 1 step"
-            self.report("empty-range", f"a limit of {behaviour.limit} steps", place, hint)
+            message = f"`limit` is {behaviour.limit} steps, but must be from 1 to {limit(1_000_000):,}"
+            self.report(
+                "empty-range",
+                message,
+                place,
+                RAISE_LIMIT if behaviour.limit else "write `limit 1 steps` or more",
+            )
 
     @staticmethod
     def _who(behaviour: Behaviour, agent: Agent | None) -> tuple[str, Span | None]:

@@ -12,7 +12,7 @@ from typing import Final
 from envgraph import __version__
 from envgraph.cli._output import OutputFormat, print_json, print_line, print_table, progress_bar
 from envgraph.errors import InvalidArgument, did_you_mean
-from envgraph.files import holding, replace_file
+from envgraph.files import replace_file, write_lock
 from envgraph.lang import DiskFiles, bundled_domains, data_path
 from envgraph.learn.audit import (
     EDITING,
@@ -89,7 +89,7 @@ def _study(
     force: bool,
 ) -> Study:
     directory.mkdir(parents=True, exist_ok=True)
-    with holding(directory / "audit.json"), progress_bar(f"{domain.spec.name}", None) as advance:
+    with write_lock(directory / "audit.json"), progress_bar(f"{domain.spec.name}", None) as advance:
         return audit(
             domain,
             settings,

@@ -55,7 +55,7 @@ def new(name: str, directory: Path | None, domain: str | None) -> None:
     multiple=True,
     help="An option of the environment, such as is_slippery=false; may be repeated.",
 )
-@count_option("--seed", least=0, default=0, help="Of the level that MiniGrid draws.")
+@count_option("--seed", least=0, default=0, help="Seed of the level of MiniGrid.")
 @format_option
 def adopt(
     environment: str, output: Path | None, options: tuple[str, ...], seed: int, format: OutputFormat
@@ -202,8 +202,8 @@ def why_not(
 )
 @variant_option
 @inputs_options
-@count_option("--times", default=1, help="How often; ends early when nothing matches.")
-@count_option("--seed", least=0, help="Chooses among the matches.")
+@count_option("--times", default=1, help="Number of applications; ends early when nothing matches.")
+@count_option("--seed", least=0, help="Seed of the choice among matches.")
 @click.option("--output", "-o", type=PATH, help="Write the resulting model here: .model, .xmi or .json.")
 @click.option("--trace", type=PATH, help="Write what was applied here, for `envgraph replay`: JSON lines.")
 @click.option("--allow-none", is_flag=True, help="Exit code 0 also when nothing matches or a unit fails.")

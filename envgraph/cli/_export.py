@@ -86,7 +86,7 @@ def _export_levels(family: Family, output: Path) -> None:
     for name in (family.name, *(one.name for one in family.members)):
         if not re.fullmatch(r"[\w.:-]+", name):
             hint = "change it in the family file: letters, digits, `_`, `.`, `:` and `-`"
-            raise InvalidArgument(f"`{visible(name)}` cannot be in an id of Gymnasium", hint)
+            raise InvalidArgument(f"`{visible(name)}` is not valid in an id of Gymnasium", hint)
     for path in write_package(family, output, MINIGRID):
         print_line(f"wrote {path}")
     print_line(f'gymnasium.make("levels:{family.name}-{family.members[-1].name}-v0")')

@@ -116,7 +116,7 @@ def generate_family(
                 family = evolve(domain, path, overwrite=force, warn=print_diagnostics, **told)
     except KeyboardInterrupt:
         if is_old:
-            sys.stderr.write(f"{path.parent} is as it was\n")
+            sys.stderr.write(f"there was no generation yet: the old run in {path.parent} is unchanged\n")
         elif path.exists():
             words = f"envgraph generate {location} --name {path.parent.name} --directory {directory} --resume"
             sys.stderr.write(f"`{words}` {'begins anew' if whole else 'goes on'}\n")

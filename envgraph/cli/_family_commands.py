@@ -349,10 +349,10 @@ def import_(
 def train(run: str, directory: Path, **asked: Any) -> None:
     """Train agents on curricula, single environments and controls, and evaluate them on the target."""
     from envgraph.cli._learn import train_agents
-    from envgraph.files import holding
+    from envgraph.files import write_lock
     from envgraph.search import run_file
 
-    with holding(Path(run) if run.endswith(".json") else run_file(run, directory)):
+    with write_lock(Path(run) if run.endswith(".json") else run_file(run, directory)):
         train_agents(run, directory, **asked)
 
 

@@ -17,7 +17,14 @@ from envgraph.cli._family import REPORT, TRAINING, run_directory
 from envgraph.cli._output import OutputFormat, print_json, print_line, print_table, progress_bar
 from envgraph.env import Tabular, TooManyStates
 from envgraph.env.compiled import NotCompiled
-from envgraph.errors import MOST_STEPS, EvaluationError, InvalidArgument, did_you_mean, int_within, listed
+from envgraph.errors import (
+    MOST_STEPS,
+    EvaluationError,
+    InvalidArgument,
+    did_you_mean,
+    listed,
+    parse_int_within,
+)
 from envgraph.files import replace_file
 from envgraph.learn import (
     CONTROLS,
@@ -166,7 +173,7 @@ def _begun(journal: Journal) -> dict[str, Any]:
         raise InvalidArgument(f"{journal.path}:1: not what a training is begun with")
     try:
         budgets_of(wanted["steps"] or "1")
-        int_within(str(wanted["seeds"] or 1), 1, 100_000)
+        parse_int_within(str(wanted["seeds"] or 1), 1, 100_000)
     except InvalidArgument as error:
         raise InvalidArgument(f"{journal.path}:1: {error.message}", error.hint) from None
     return wanted
@@ -278,7 +285,7 @@ def budgets_of(steps: str) -> list[int]:
         InvalidArgument: something else is among them.
     """
     try:
-        return sorted({int_within(word.strip(), 1, MOST_STEPS) for word in steps.split(",")})
+        return sorted({parse_int_within(word.strip(), 1, MOST_STEPS) for word in steps.split(",")})
     except InvalidArgument as error:
         hint = error.hint or "write one, or several such as `10000,50000`"
         raise InvalidArgument(f"in `--steps` {error.message}", hint) from None

@@ -10,7 +10,7 @@ from typing import Final
 from jinja2 import Environment, PackageLoader
 
 from envgraph.errors import InvalidArgument
-from envgraph.files import replacing, template_environment
+from envgraph.files import jinja_environment, replacing
 from envgraph.lang import bundled_domain
 
 KINDS: Final = ("metamodel", "model", "query", "rules", "environment")
@@ -37,7 +37,7 @@ def write_domain(directory: Path, name: str) -> list[Path]:
 
 def domain_environment(kind: str) -> Environment:
     """The templates of a kind of domains; one file each of `KINDS`, and the family file. All have TOML's escapes."""
-    return template_environment(PackageLoader("envgraph.cli", f"templates/{kind}"), ".toml")
+    return jinja_environment(PackageLoader("envgraph.cli", f"templates/{kind}"), ".toml")
 
 
 def copy_domain(directory: Path, name: str, domain: str) -> list[Path]:

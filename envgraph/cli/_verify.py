@@ -63,7 +63,7 @@ def verify_family(
         _print(family.name, kept, found)
         _print_apart(family, [one for one in found if isinstance(one, Verification)])
     if unkept:
-        sys.stderr.write(f"this was printed, but not all of it is kept: {unkept}\n")
+        sys.stderr.write(f"what is printed above could not all be kept: {unkept}\n")
     differing = [one for one in found if isinstance(one, Verification) and one.differences]
     if differing:
         names = listed(f"{one.member.name} ({', '.join(one.differences)})" for one in differing)
@@ -103,7 +103,7 @@ def _kept_row(member: Member) -> tuple[str, ...]:
     said = member.certificates
     plan, best = said["shortest_plan"], said["optimal_return"]
     numbers = f"{said['random_success']:.3g}", "not finite" if best is None else f"{best:.3f}"
-    return member.name, "", "none" if plan is None else _steps(plan), *numbers, "same, before"
+    return member.name, "", "none" if plan is None else _steps(plan), *numbers, "same (verified earlier)"
 
 
 def _steps(plan: float) -> str:

@@ -141,7 +141,7 @@ def adopt(id: str, seed: int = 0, **options: Any) -> tuple[Adopted | MiniGridLev
     known = f"minigrid:{id}" if id.startswith(_MINIGRID) else id
     try:
         made = gymnasium.make(known, **options)
-    except Exception as error:  # whatever the code of others comes to
+    except Exception as error:  # any error of foreign code
         hint = "pip install minigrid" if known != id else None
         raise InvalidArgument(f"Gymnasium cannot make `{id}`: {error}", hint) from None
     try:
@@ -152,8 +152,8 @@ def adopt(id: str, seed: int = 0, **options: Any) -> tuple[Adopted | MiniGridLev
         _try_out(made.unwrapped, adopted)
     except EnvgraphError:
         raise
-    except Exception as error:  # whatever the code of others comes to
-        raise InvalidArgument(f"`{id}` cannot be tried out: {type(error).__name__}: {error}") from None
+    except Exception as error:  # any error of foreign code
+        raise InvalidArgument(f"a trial episode of `{id}` failed: {type(error).__name__}: {error}") from None
     finally:
         made.close()
     return adopted, made.spec.max_episode_steps if made.spec else None
@@ -210,15 +210,15 @@ def _actions(table: Any, state: int, where: str) -> list[list[Transition]]:
             found.append([Transition(float(p), int(s), float(r), bool(over)) for p, s, r, over in given])
     except (LookupError, TypeError, ValueError, OverflowError):
         hint = "each state, and each action, from 0 needs a list of (probability, next state, reward, terminated)"
-        raise InvalidArgument(f"{where} has no outcomes of {place} that can be read", hint) from None
+        raise InvalidArgument(f"{where}: the outcomes of {place} cannot be read", hint) from None
     for action, row in enumerate(found):
-        for problem in _problems(row, len(table)):
+        for problem in _distribution_problems(row, len(table)):
             raise InvalidArgument(f"{where}: action {action} in state {state} {problem}")
     return found
 
 
-def _problems(outcomes: Sequence[Transition], states: int) -> Iterator[str]:
-    """What is wrong with the outcomes of an action."""
+def _distribution_problems(outcomes: Sequence[Transition], states: int) -> Iterator[str]:
+    """Yield what is wrong with the outcomes of an action, or with the initial states."""
     for probability, state, reward, _ in outcomes:
         if not 0.0 <= probability <= 1.0 + _TOLERANCE:
             yield f"has the probability {probability:g}, but must have one from 0 to 1"
@@ -239,7 +239,7 @@ def _starts(inner: Any, states: int) -> dict[int, float]:
     chances = np.asarray(given, dtype=object)
     if chances.shape == (states,) and all(isinstance(chance, Real) for chance in chances):
         found = [Transition(float(chance), state, 0.0, False) for state, chance in enumerate(chances)]
-        if next(_problems(found, states), None) is None:
+        if next(_distribution_problems(found, states), None) is None:
             return {one.state: one.probability for one in found if one.probability}
     wanted = f"a probability from 0 to 1 for each of {states} states, which sum to 1"
     raise InvalidArgument(f"`initial_state_distrib` of `{type(inner).__name__}` must have {wanted}")

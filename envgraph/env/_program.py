@@ -484,7 +484,7 @@ def _number(expression: Expression, scope: Scope, read: Reader, what: str = "a r
     number = float(value)
     if abs(number) > MOST_REWARD:
         message = f"{what} is {number}, but must be from {-MOST_REWARD:g} to {MOST_REWARD:g}"
-        raise EvaluationError(message, expression.span, "scale it down: sums of such numbers are not finite")
+        raise EvaluationError(message, expression.span, "use smaller numbers: sums of such numbers overflow")
     return number
 
 

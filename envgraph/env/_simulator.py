@@ -157,7 +157,7 @@ class Simulator:
         self.close()
         self._start, uniform = self._model.savepoint(), rng.random()
         self._begin(Draw(uniform))
-        self._drawn = [(-1, uniform)]  # no action
+        self._drawn = [(-1, uniform)]  # -1 stands for the reset
         return self.observe()
 
     def step(self, action: int, rng: np.random.Generator) -> Outcome:
@@ -181,18 +181,18 @@ class Simulator:
         return found
 
     def __reduce__(self) -> tuple[type[Simulator], tuple[Any, ...], tuple[Any, ...]]:
-        """Return what `copy` and `pickle` make a simulator from: the initial state, and what the episode has drawn."""
+        """Return the data to rebuild a simulator: the initial state, actions and random numbers of the episode."""
         engine, key = self.engine, self.state_key()
         shelf = None if self._start is None else self._model.shelve(self._start)
         try:
-            twin = deepcopy(engine)
+            engine_copy = deepcopy(engine)
         finally:
             if shelf is not None:
                 self._start = self._model.resume(shelf)
-        if engine.events.active or {*engine.rules, *engine.units} != {*twin.rules, *twin.units}:
-            message = "has event rules, or rules or units that are Python functions; make another one in the same way"
+        if engine.events.active or {*engine.rules, *engine.units} != {*engine_copy.rules, *engine_copy.units}:
+            message = "has event rules or Python functions as rules; make a second environment instead"
             raise TypeError(f"environment `{self.behaviour.name}` cannot be copied: its engine {message}")
-        return Simulator, (twin, self.behaviour, self.keys), (self._drawn[:], key)
+        return Simulator, (engine_copy, self.behaviour, self.keys), (self._drawn[:], key)
 
     def __setstate__(self, state: tuple[list[tuple[int, float]], tuple[int, int]]) -> None:
         """Play the episode of the original; raises TypeError where that comes to another state."""
@@ -203,7 +203,7 @@ class Simulator:
         for number, (action, _) in enumerate(drawn):
             self.move(action, rng) if number else self.reset(rng)
         if self.state_key() != key:
-            message = "something besides its steps has changed its model; copy it before the episode begins"
+            message = "its model was changed from outside; copy it before `reset`"
             raise TypeError(f"`{self.behaviour.name}` cannot be copied in this episode: {message}")
 
     def act(self, action: int, uniform: float) -> Outcome:

@@ -14,10 +14,10 @@ from envgraph.errors import InvalidArgument
 PROBABILITY_TOLERANCE = 1e-9
 
 MOST_REWARD = 1e100
-"""Absolute value of the largest reward of a clause, and of the largest weight: squares of their sums are finite."""
+"""Largest absolute value of a reward of a clause, and of a weight. Sums, returns and their squares stay finite."""
 
 _MOST_OF_STEP = 1e10 * MOST_REWARD
-"""No step has so many matches."""
+"""Largest absolute value of the reward of a step: that of 1e10 matches."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -122,13 +122,14 @@ def make_vec_spec(
     return made
 
 
-def _uncopied(_: AsyncVectorEnv) -> NoReturn:
-    """Refuse to copy what would share its processes."""
-    what = "a vector environment with processes of its own cannot be copied or pickled"
-    raise TypeError(f'{what}: make another one, or make it with `vectorization_mode="sync"`')
+def _refuse_copy(_: AsyncVectorEnv) -> NoReturn:
+    """Refuse to copy an environment, since the copy would share its processes."""
+    raise TypeError(
+        'an async vector environment cannot be copied or pickled: use `vectorization_mode="sync"`'
+    )
 
 
-copyreg.pickle(AsyncVectorEnv, _uncopied)
+copyreg.pickle(AsyncVectorEnv, _refuse_copy)
 
 
 def _single(

@@ -37,16 +37,16 @@ def limit(usual: int) -> int:
     text = os.environ.get(_VARIABLE, "1")
     factor = parse_float(text)
     if factor is None or not 0 < factor <= 1_000_000:
-        message = f"the environment variable {_VARIABLE} is `{text[:20]}`, and not a number such as 10"
-        raise InvalidArgument(message, "it is above 0, and 1,000,000 at most")
+        message = f"the environment variable {_VARIABLE} is `{text[:20]}`, but must be a number"
+        raise InvalidArgument(message, "write one above 0, and 1,000,000 at most, such as 10")
     return max(int(usual * factor), 1)
 
 
-def int_within(text: str, low: int, most: int) -> int:
-    """Return the whole number that a text writes: at least `low`, and at most the limit `most`.
+def parse_int_within(text: str, low: int, most: int) -> int:
+    """Parse a whole number of at least `low`, and at most the limit `most`.
 
     Raises:
-        InvalidArgument: it writes another one, or none.
+        InvalidArgument: the text is not such a number.
     """
     highest, number = min(limit(most), LARGEST_INT), parse_int(text)
     if number is None or not low <= number <= highest:
@@ -56,5 +56,5 @@ def int_within(text: str, low: int, most: int) -> int:
     return number
 
 
-RAISE_LIMIT = f"{_VARIABLE}=10 in the environment raises this limit, and all others, ten times"
+RAISE_LIMIT = f"set the environment variable {_VARIABLE}=10 to make every limit ten times as large"
 """The hint of every message about a limit."""

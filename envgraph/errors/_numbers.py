@@ -13,9 +13,9 @@ _FLOAT: Final = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+
 
 
 def parse_int(text: str) -> int | None:
-    """Return the int of 64 bits that a text of ASCII digits writes, perhaps with a sign before them; else None.
+    """Parse a whole number of 64 bits: ASCII digits, perhaps with a sign before them. Return None for other texts.
 
-    The digits are counted first: Python's `int` fails on thousands of them. It takes `1_000`, blanks and other scripts.
+    The digits are counted first. Python's `int` fails on thousands of them, and accepts `1_000` and blanks.
     """
     found = _INT.fullmatch(text)
     number = int(found[1] + found[2]) if found else LARGEST_INT + 1
@@ -23,6 +23,6 @@ def parse_int(text: str) -> int | None:
 
 
 def parse_float(text: str) -> float | None:
-    """Return the finite float that a text writes in ASCII, such as `-1.5e3`; else None."""
+    """Parse a finite float written in ASCII, such as `-1.5e3`. Return None for other texts."""
     number = float(text) if _FLOAT.fullmatch(text) else inf
     return number if isfinite(number) else None

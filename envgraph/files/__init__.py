@@ -4,8 +4,8 @@ Also the one that people read meanwhile: standard error, where long work says ho
 """
 
 from envgraph.files._cache import CACHE_VARIABLE, cache_directory, read_cached, write_cached
-from envgraph.files._escaping import markdown, template_environment
-from envgraph.files._hold import holding
+from envgraph.files._escaping import jinja_environment, markdown
+from envgraph.files._lock import write_lock
 from envgraph.files._open import open_input
 from envgraph.files._progress import counting, telling
 from envgraph.files._replace import check_free, replace_file, replacing
@@ -15,13 +15,13 @@ __all__ = [
     "cache_directory",
     "check_free",
     "counting",
-    "holding",
+    "jinja_environment",
     "markdown",
     "open_input",
     "read_cached",
     "replace_file",
     "replacing",
     "telling",
-    "template_environment",
     "write_cached",
+    "write_lock",
 ]

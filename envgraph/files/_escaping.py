@@ -19,10 +19,10 @@ if TYPE_CHECKING:
     import jinja2.sandbox
 
 
-def template_environment(loader: jinja2.BaseLoader, ending: str) -> jinja2.sandbox.SandboxedEnvironment:
-    """Return what renders templates of files with an ending, such as `.py`, and escapes values as these need it.
+def jinja_environment(loader: jinja2.BaseLoader, ending: str) -> jinja2.sandbox.SandboxedEnvironment:
+    """Return a Jinja2 environment that escapes values as files with an ending, such as `.py`, need it.
 
-    The filters of the language, macros and `safe` write what they are given; in unknown languages so does everything.
+    Results of the filters of the language, of macros and of `safe` are not escaped, and for other endings nothing is.
     """
     from jinja2 import StrictUndefined, pass_context
     from jinja2.sandbox import SandboxedEnvironment
@@ -50,7 +50,7 @@ def markdown(text: object) -> str:
 
 
 def _python(value: object) -> str:
-    """Return a value as Python text; a string between double quotes and without others, which end no docstring."""
+    """Return a value as Python text; a string is between double quotes, and all other quotes in it are escaped."""
     if not isinstance(value, str):
         return repr(value)
     return '"' + visible(value.replace("\\", r"\\")).replace('"', r"\"") + '"'

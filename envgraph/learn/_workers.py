@@ -25,7 +25,7 @@ def run_in_workers(
     workers: int,
     *,
     threads: bool = False,
-    hint: str = "fewer `workers` need less memory",
+    hint: str = "use fewer `workers`, which need less memory",
 ) -> Iterator[T]:
     """Yield the result of the function for each tuple of arguments, in the order in which they end.
 
@@ -51,7 +51,7 @@ def run_in_workers(
         else:
             yield from pool(delayed(function)(*task) for task in tasks)
     except BrokenProcessPool as error:
-        message = "a worker process ended in the middle of its work, as when the system runs out of memory"
+        message = "a worker process died, perhaps because memory ran out"
         raise EnvgraphError(message, hint) from error
 
 

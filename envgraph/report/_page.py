@@ -11,7 +11,7 @@ from markupsafe import Markup
 from envgraph.code import dataclass
 from envgraph.draw import colour_text, ink_on, parse_colour
 from envgraph.env import Key
-from envgraph.files import template_environment
+from envgraph.files import jinja_environment
 from envgraph.report._charts import COLOURS_ON_DARK
 
 
@@ -85,7 +85,7 @@ def render_html(report: Report) -> str:
     >>> "<h1>A &lt; B</h1>" in render_html(Report("A < B", ""))
     True
     """
-    environment = template_environment(PackageLoader("envgraph.report"), ".html")
+    environment = jinja_environment(PackageLoader("envgraph.report"), ".html")
     return environment.get_template("report.html.j2").render(
         report=report,
         svg=Markup,

@@ -270,7 +270,7 @@ class Components:
     function: Mapping[str, Callable[..., object]] = _kinds()
 
     def __reduce__(self) -> tuple[Callable[..., Components], tuple[object, ...]]:
-        """Return what `copy` and `pickle` make components from: what `with_` has added."""
+        """Return the data to rebuild components: what `with_` has added."""
         usual = Components()
         added = [
             (role.name, kind, factory)

@@ -128,7 +128,7 @@ class Domain:
         return sort_diagnostics(problems)
 
     def __reduce__(self) -> tuple[Callable[..., Domain], tuple[Bundle, Components, tuple[str, ...]]]:
-        """Return what `copy` and `pickle` make a domain from: its texts."""
+        """Return the data to rebuild a domain: its texts."""
         return Domain.from_bundle, (self.workspace.bundle(), self.components, self.overrides)
 
     def __repr__(self) -> str:

@@ -22,7 +22,7 @@ from typing import Any, Self, cast
 
 from envgraph.code import dataclass
 from envgraph.errors import EnvgraphError, InvalidArgument
-from envgraph.files import holding, replacing
+from envgraph.files import replacing, write_lock
 from envgraph.lang import Bundle
 from envgraph.metamodel import Value
 
@@ -67,7 +67,7 @@ CREATE TABLE member (
 CREATE TABLE content (individual INTEGER PRIMARY KEY REFERENCES individual (id), hash TEXT NOT NULL);
 """
 _TABLES = [statement.strip() for statement in _SCHEMA.split(";\n") if statement.strip()]
-_STRANGE = (
+_FOREIGN_OBJECTS = (
     "SELECT name FROM sqlite_schema WHERE sql NOT GLOB 'CREATE TABLE *' AND sql NOT GLOB 'CREATE INDEX *'"
 )
 _INDIVIDUALS = "SELECT individual.*, hash FROM individual LEFT JOIN content ON content.individual = id"
@@ -128,16 +128,17 @@ class Generation:
 class RunStore:
     """An open run store. Use `create` or `open`, and it as a context manager.
 
-    A store that was created, or opened for writing, is locked until it is closed. Others show one state of the file.
+    A store that was created, or opened for writing, is locked until it is closed. One that was opened for reading shows
+    the file as it was then.
     Invariant: the individuals of every stored generation, and their ancestors, are stored.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
         self._db = sqlite3.connect(":memory:", isolation_level=None)
-        self._held = ExitStack()
-        self._opened: os.stat_result | None = None  # None while the store is only in memory
-        self._reason: Exception | None = None  # why the file cannot be written
+        self._locks = ExitStack()
+        self._file_stat: os.stat_result | None = None  # None while the store is only in memory
+        self._write_error: Exception | None = None  # why the file cannot be written
 
     @classmethod
     def create(
@@ -155,11 +156,11 @@ class RunStore:
             raise InvalidArgument(f"{path} exists already")
         path.parent.mkdir(parents=True, exist_ok=True)
         with ExitStack() as held:
-            held.enter_context(holding(path))
-            _settle(path)
+            held.enter_context(write_lock(path))
+            _finish_replacement(path)
             store, rows = cls(path), {"format": FORMAT, **settings}
             if path.exists():
-                _connect(path)[0].close()  # what is no database is not overwritten
+                _connect(path)[0].close()  # raises where the file is not a database
                 rows[_REPLACED] = f".{path.name}.replaced-{os.urandom(4).hex()}"
             with store._transaction() as db:
                 for table in _TABLES:
@@ -169,11 +170,11 @@ class RunStore:
                 )
                 db.executemany("INSERT INTO source VALUES (?, ?)", list(sources.items()))
             if _REPLACED not in rows:
-                store._put_in_place()
-            store._held = held.pop_all()
+                store._write_to_file()
+            store._locks = held.pop_all()
         return store
 
-    def _put_in_place(self) -> None:
+    def _write_to_file(self) -> None:
         """Write a store that is in memory to its file, and remove the results of the run that it replaces."""
         aside = self.settings().get(_REPLACED)
         try:
@@ -183,7 +184,7 @@ class RunStore:
                     result.rename(self.path.with_name(aside) / result.name)
             with ExitStack() as files:
                 if aside:  # in one transaction, since others may be reading
-                    file, self._reason = _connect(self.path)
+                    file, self._write_error = _connect(self.path)
                     file.executescript(
                         "BEGIN IMMEDIATE; ROLLBACK"
                     )  # `backup` waits for ever for another writer
@@ -197,10 +198,10 @@ class RunStore:
         except sqlite3.DatabaseError as error:
             raise self._unwritable(error) from error
         finally:
-            _settle(self.path)
+            _finish_replacement(self.path)
         self._db.close()
-        self._db, self._reason = _connect(self.path)
-        self._opened = self.path.stat()
+        self._db, self._write_error = _connect(self.path)
+        self._file_stat = self.path.stat()
 
     @classmethod
     def open(cls, path: Path, *, writing: bool = False) -> Self:
@@ -213,27 +214,27 @@ class RunStore:
         """
         if not path.is_file():
             raise InvalidArgument(f"there is no run store at {path}")
-        _settle(path, locked=False)
+        _finish_replacement(path, locked=False)
         with ExitStack() as held:
             if writing:
-                held.enter_context(holding(path))
+                held.enter_context(write_lock(path))
             store = cls(path)
-            store._db, store._reason = _connect(path)
-            store._opened = path.stat()
+            store._db, store._write_error = _connect(path)
+            store._file_stat = path.stat()
             held.callback(store._db.close)
             if not writing:
                 store._db.execute("BEGIN")
             store._check()
             if writing and (found := store._db.execute("PRAGMA quick_check(1)").fetchone()) != ("ok",):
                 raise store.damaged(*found)
-            store._held = held.pop_all()
+            store._locks = held.pop_all()
         return store
 
     def _check(self) -> None:
         """Refuse files that envgraph did not make, before anything in them can run."""
         try:
-            if strange := self._db.execute(_STRANGE).fetchone():
-                raise InvalidArgument(f"it has `{strange[0]}`, which is not a table")
+            if strange := self._db.execute(_FOREIGN_OBJECTS).fetchone():
+                raise InvalidArgument(f"it has a view or trigger `{strange[0]}`, which no run has")
             version = self.settings().get("format")
         except (InvalidArgument, sqlite3.DatabaseError, UnicodeDecodeError) as error:
             raise InvalidArgument(f"{self.path} is no run store: {error.__cause__ or error}") from error
@@ -246,7 +247,7 @@ class RunStore:
     def close(self) -> None:
         """Close the file; the store cannot be used afterwards."""
         self._db.close()
-        self._held.close()
+        self._locks.close()
 
     def __enter__(self) -> Self:
         return self
@@ -349,8 +350,8 @@ class RunStore:
                 "INSERT INTO member VALUES (?, ?, ?)",
                 [(generation.number, place, member) for place, member in enumerate(generation.members)],
             )
-        if self._opened is None:
-            self._put_in_place()
+        if self._file_stat is None:
+            self._write_to_file()
 
     def write_models(self, models: Mapping[int, str]) -> None:
         """Store the models of individuals, as JSON text."""
@@ -453,9 +454,17 @@ class RunStore:
 
     @contextmanager
     def _transaction(self) -> Iterator[sqlite3.Connection]:
-        if self._opened and not (self.path.exists() and os.path.samestat(self._opened, self.path.stat())):
+        if self._file_stat and not (
+            self.path.exists() and os.path.samestat(self._file_stat, self.path.stat())
+        ):
             message = f"{self.path} was replaced or removed while this command used it"
-            raise InvalidArgument(message, "nothing was written to what is there now: run the command again")
+            raise InvalidArgument(
+                message, "the file that is there now was not changed; run the command again"
+            )
+        if self._db.in_transaction:
+            raise InvalidArgument(
+                f"{self.path} was opened for reading", "use `RunStore.open(path, writing=True)`"
+            )
         try:
             self._db.execute("BEGIN IMMEDIATE")
             try:
@@ -469,15 +478,15 @@ class RunStore:
             raise self._unwritable(error) from error
 
     def _unwritable(self, error: Exception) -> InvalidArgument:
-        reason = self._reason or error
-        full = "the disk is full; what had finished before is kept: " if _is_full(reason) else ""
-        return InvalidArgument(f"{self.path} cannot be written: {full}{reason}")
+        reason = self._write_error or error
+        hint = "the disk is full: make room; finished generations are kept" if _is_full(reason) else None
+        return InvalidArgument(f"{self.path} cannot be written: {reason}", hint)
 
 
-def _settle(path: Path, *, locked: bool = True) -> None:
-    """Remove the results of a run that was replaced, or put them back if it was not, unless another process does."""
+def _finish_replacement(path: Path, *, locked: bool = True) -> None:
+    """Remove results of a run that was replaced, or move them back if it was not; skip what another process locks."""
     for aside in sorted(path.parent.glob(f".{escape(path.name)}.replaced-*")):
-        with suppress(InvalidArgument), nullcontext() if locked else holding(path):
+        with suppress(InvalidArgument), nullcontext() if locked else write_lock(path):
             found = None
             with suppress(InvalidArgument, sqlite3.DatabaseError), closing(_connect(path)[0]) as db:
                 found = db.execute("SELECT value FROM setting WHERE key = ?", (_REPLACED,)).fetchone()
@@ -488,7 +497,7 @@ def _settle(path: Path, *, locked: bool = True) -> None:
 
 
 def _connect(path: Path) -> tuple[sqlite3.Connection, Exception | None]:
-    """Return a connection to a store, and the reason if it is for reading alone."""
+    """Return a connection to a store, and the error for which it is read-only, or None."""
     # Transactions are spelt out (isolation_level None). With the write-ahead log and synchronous NORMAL a kill
     # loses nothing that was committed, and a power cut loses whole generations at the end at most.
     uri = path.absolute().as_uri()
@@ -503,9 +512,9 @@ def _connect(path: Path) -> tuple[sqlite3.Connection, Exception | None]:
         except (sqlite3.DatabaseError, UnicodeDecodeError) as error:  # the second where names are damaged
             connection.close()
             reason = reason or error
-            if address is tried[0] and getattr(error, "sqlite_errorname", "").startswith(_UNWRITABLE):
+            if address is tried[0] and getattr(error, "sqlite_errorname", "").startswith(_WRITE_ERRORS):
                 tried += _for_reading(path, uri)
-    if len(tried) == 2:  # there is a log, which only who can write brings into the file
+    if len(tried) == 2:  # there is a log, and merging it into the file needs write access
         message = f"{path} was not closed, and cannot be written: copy its directory to where it can"
         raise InvalidArgument(message) from reason
     raise InvalidArgument(f"{path} is no run store: {reason}") from reason
@@ -529,7 +538,7 @@ def _logs(path: Path) -> tuple[Path, ...]:
 
 
 _PRAGMAS = ("trusted_schema = OFF", "temp_store = MEMORY", "journal_mode = WAL", "synchronous = NORMAL")
-_UNWRITABLE = ("SQLITE_FULL", "SQLITE_IOERR", "SQLITE_READONLY", "SQLITE_CANTOPEN")
+_WRITE_ERRORS = ("SQLITE_FULL", "SQLITE_IOERR", "SQLITE_READONLY", "SQLITE_CANTOPEN")
 _INDEX = 32_768
 """Bytes of SQLite's index of the log while somebody has a store open; less is left where there was no room."""
 _ENCODER = json.JSONEncoder(
@@ -563,12 +572,12 @@ def _hash(row: Sequence[object]) -> str:
 def _individual(row: Sequence[Any]) -> Individual:
     id_, generation, child, parent, trace, measures, state_hash, model, digest = row
     if parent is not None and _whole(parent) >= id_:
-        raise ValueError("it is older than its parent")
+        raise ValueError("its id is smaller than that of its parent")
     steps = tuple((_text(rule), _values(values)) for rule, values in json.loads(trace))
     found = {name: _number(value) for name, value in _object(json.loads(measures)).items()}
     text = None if model is None else _text(model)
     if digest not in (None, _hash(row[:-1])):
-        raise ValueError("it was changed since it was written")
+        raise ValueError("its row does not have the hash that was stored with it")
     return Individual(id_, _whole(generation), _whole(child), parent, steps, found, _text(state_hash), text)
 
 

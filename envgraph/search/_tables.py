@@ -122,7 +122,7 @@ class Tables:
         return found
 
     def _paths(self, name: str) -> list[Path]:
-        """Return the file in each place; not where a pipe or a device has its name, which would be waited for."""
+        """Return the file in each place; skip pipes and devices of that name, which would block."""
         paths = [place / name for place in self.places]
         return [path for path in paths if not os.path.exists(path) or os.path.isfile(path)]
 

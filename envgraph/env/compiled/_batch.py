@@ -36,7 +36,7 @@ class Batch:
         program: the compiled behaviour.
         members: number of the member of each environment; it may change before an episode begins.
         threads: how many step them at a time; changes no result.
-        rows: what the environments are; in no state yet if None.
+        rows: their state arrays; new ones if None.
 
     Attributes:
         states, float_states: int64 and float64 [n, ..]; a row is all that an environment is, but for `steps`.
@@ -83,7 +83,7 @@ class Batch:
         )
 
     def __reduce__(self) -> tuple[type[Batch], tuple[Any, ...]]:
-        """Return what `copy` and `pickle` make a batch from; other references to its arrays stay such references."""
+        """Return the data to rebuild a batch; whatever shared its arrays shares those of the copy."""
         return Batch, (self.program, self.members, self._threads, self._rows)
 
     def allowed(self) -> NDArray[np.bool_]:

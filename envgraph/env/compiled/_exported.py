@@ -185,7 +185,7 @@ class _Many:
         self._world = World(arrays, members, self.rows, space, program.advance, native=program.NATIVE)
 
     def __reduce__(self) -> tuple[type[_Many], tuple[NDArray[np.int64], Rows]]:
-        """Return what `copy` and `pickle` make the same from: a program knows where its arrays are in memory."""
+        """Return the data to rebuild the same: a program knows where its arrays are in memory."""
         return _Many, (self.members, self.rows)
 
     def advance(self, *arguments: Any) -> None:

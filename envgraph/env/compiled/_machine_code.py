@@ -53,7 +53,7 @@ class _MachineCode(NullCache):
             return None
         try:
             return _Result._rebuild(target_context, *pickle.loads(kept))
-        except Exception:  # no failure to load it is worth more than compiling it once more
+        except Exception:  # whatever the failure is, compiling anew helps
             return None
 
     def save_overload(self, sig: Any, data: Any) -> None:

@@ -166,7 +166,7 @@ class Section:
             )
             return default
         if value > limit(most):
-            message = f"`{key}` is {value}, and at most {limit(most):,}"
+            message = f"`{key}` is {value}, but must be at most {limit(most):,}"
             self.error("bad-range", message, self.span(key), RAISE_LIMIT)
             return default
         return int(value)
@@ -269,7 +269,7 @@ class Section:
             self.wrong(key, "a pair of whole numbers", hint=f"write `{key} = [1, 5]`")
             return default
         if value[1] > limit(most):
-            message = f"`{key}` goes up to {value[1]}, and to {limit(most):,} at most"
+            message = f"`{key}` ends at {value[1]}, but must end at {limit(most):,} or lower"
             self.error("bad-range", message, self.span(key), RAISE_LIMIT)
             return default
         if not 0 <= value[0] <= value[1]:

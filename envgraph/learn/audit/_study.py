@@ -147,9 +147,7 @@ def _finished(
     """Runs what is missing, and counts."""
     place = str(directory)
     tasks = [(place, settings, *one, source) for one in missing]
-    hint = (
-        f"finished runs are kept in {directory}: start it again with fewer `workers`, which need less memory"
-    )
+    hint = f"finished students are kept in {directory}; run `audit` again with fewer `workers`"
     for count, _ in enumerate(run_in_workers(_work, tasks, workers, hint=hint), 1):
         yield count
 

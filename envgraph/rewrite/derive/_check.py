@@ -118,7 +118,7 @@ def _check_operators(derivation: Derivation, metamodel: Metamodel) -> Iterator[D
     yield from annotations
     schema = Schema(metamodel)
     if not annotations and _exceeds_limit(schema, derivation):
-        message = f"`{derivation.name}` stands for more than {limit(MOST_RULES):,} rules"
+        message = f"`{derivation.name}` would derive more than {limit(MOST_RULES):,} rules"
         hint = "write `@weight(retype = 0)` before it, or name a class with fewer subclasses"
         yield Diagnostic("too-many-rules", message, derivation.span, f"{hint}; {RAISE_LIMIT}")
         return

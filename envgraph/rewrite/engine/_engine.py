@@ -245,7 +245,7 @@ class Engine:
         return twin
 
     def __reduce__(self) -> tuple[Callable[..., Engine], tuple[Model], tuple[Any, ...]]:
-        """Return what `copy` and `pickle` make an engine from."""
+        """Return the data to rebuild an engine."""
         matcher: Any = "compiled" if isinstance(self.matcher, ViewMatcher) else "naive"
         functions = [(name, function.code) for name, function in self.library.functions.items()]
         state = self.rng, self.catalog.portable(), functions, self.step_limit, self.watched

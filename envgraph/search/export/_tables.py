@@ -37,7 +37,7 @@ def write_tables(tables: Mapping[str, Tabular]) -> bytes:
     for name in tables:
         if "\0" in name or ".." in name.replace("\\", "/").split("/") or name[:1] in ("", "/"):
             raise InvalidArgument(
-                f"`{visible(name)}` cannot name arrays; rename the member in the family file"
+                f"`{visible(name)}` is not a valid name of an array; rename the member in the family file"
             )
     first = next(iter(tables.values()))
     arrays: dict[str, Any] = {

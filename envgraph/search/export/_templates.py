@@ -22,7 +22,7 @@ from envgraph.errors import (
     did_you_mean,
     visible,
 )
-from envgraph.files import template_environment
+from envgraph.files import jinja_environment
 from envgraph.lang import DiskFiles, read_source
 
 _ENDING: Final = ".j2"
@@ -56,7 +56,7 @@ class Templates:
         if not folder.is_dir():
             raise InvalidArgument(f"there is no directory `{folder}` of templates", hint)
         self._folder = folder
-        self._environment = cache(partial(template_environment, FileSystemLoader(folder)))
+        self._environment = cache(partial(jinja_environment, FileSystemLoader(folder)))
         found = (path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
         self.places = tuple(sorted(found))
         if not self.places:

@@ -909,7 +909,7 @@ def test_an_interrupted_verification_goes_on(envgraph: Envgraph, monkeypatch: py
         rows = ok(envgraph("verify", "run", "--resume")).out.splitlines()[2:]
         assert asked[3:] == ["E2", "E3"]
     assert [row.split()[0] for row in rows] == ["E1", "E2", "E3"]
-    assert rows[0].endswith("same, before") and rows[1].endswith("same")
+    assert rows[0].endswith("same (verified earlier)") and rows[1].endswith("same")
     found = ok(envgraph("verify", "run", "--resume", "--format", "json")).json
     assert isinstance(found, dict) and len(found["members"]) == 3
     ok(envgraph("export", "run", "-o", "family.json"))

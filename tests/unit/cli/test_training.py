@@ -153,8 +153,7 @@ def test_a_worker_that_dies_costs_no_finished_agent(
     assert count >= 1 and code == 1
     assert messages == (
         f"{count} agents are kept: `envgraph train forest --directory runs --resume` goes on\n"
-        "error: a worker process ended in the middle of its work, as when the system runs out of memory; fewer "
-        "`workers` need less memory\n"
+        "error: a worker process died, perhaps because memory ran out; use fewer `workers`, which need less memory\n"
     )
     assert command("train", "forest", "--resume")[0] == 0
     resumed = results(run)

@@ -69,7 +69,7 @@ def test_a_return_that_was_not_finite_is_shown_reported_and_exported(envgraph: E
         Path("lamps", name).write_text(text)
     ok(envgraph("generate", "lamps", "--name", "run"))
     ok(envgraph("verify", "run"))
-    with RunStore.open(Path("runs", "run", "run.sqlite")) as store:
+    with RunStore.open(Path("runs", "run", "run.sqlite"), writing=True) as store:
         kept = {str(number): {**said, "optimal_return": None} for number, said in store.certificates.items()}
         store.set("certificates", kept)
     ok(envgraph("export", "run", "-o", "family.json"))

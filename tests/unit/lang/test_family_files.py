@@ -229,11 +229,11 @@ def test_numbers_cannot_ask_for_unbounded_work(monkeypatch: pytest.MonkeyPatch) 
         load_family("f.toml", TextFiles({"f.toml": text}))
     found = [one for one in caught.value.diagnostics if one.code == "bad-range"]
     assert [f"{one.span} {one.message}" for one in found] == [
-        "f.toml:3:14 `population` is 1000000000000, and at most 100,000",
-        "f.toml:5:9 `seeds` is 100001, and at most 100,000",
+        "f.toml:3:14 `population` is 1000000000000, but must be at most 100,000",
+        "f.toml:5:9 `seeds` is 100001, but must be at most 100,000",
     ]
     assert {one.hint for one in found} == {
-        "ENVGRAPH_LIMITS=10 in the environment raises this limit, and all others, ten times"
+        "set the environment variable ENVGRAPH_LIMITS=10 to make every limit ten times as large"
     }
     monkeypatch.setenv("ENVGRAPH_LIMITS", "2")
     with pytest.raises(LoadError) as caught:

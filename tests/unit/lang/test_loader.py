@@ -244,7 +244,9 @@ def test_texts_of_objects_may_be_longer_than_those_of_queries(directory: Path) -
         (directory / name).write_bytes(b" " * (size * 1024 * 1024 + 1))
         (error,) = load_workspace([name]).errors
         assert error.message == f"the file has more than {size} MB"
-    assert error.hint == "ENVGRAPH_LIMITS=10 in the environment raises this limit, and all others, ten times"
+    assert (
+        error.hint == "set the environment variable ENVGRAPH_LIMITS=10 to make every limit ten times as large"
+    )
 
 
 def test_limits_are_raised_by_the_environment(directory: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -48,7 +48,7 @@ def test_operators_for_too_many_classes_are_refused_before_they_are_searched_for
         "h.rules": 'package h\nimport "h.metamodel"\nderive d = operators for A0;',
     }
     (found,) = load_workspace(["h.rules"], files=TextFiles(texts)).diagnostics
-    assert (found.code, found.message) == ("too-many-rules", "`d` stands for more than 10,000 rules")
+    assert (found.code, found.message) == ("too-many-rules", "`d` would derive more than 10,000 rules")
     assert str(found.span) == "h.rules:3:8"
     assert found.hint is not None and "@weight(retype = 0)" in found.hint
 

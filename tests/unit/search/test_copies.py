@@ -161,17 +161,17 @@ def test_what_cannot_be_copied_says_so_and_goes_on() -> None:
     door = engine.model.nodes()[0]
     door.delete()
     with pytest.raises(
-        TypeError, match="`KeyDoor` cannot be copied in this episode: something besides its steps"
+        TypeError, match="`KeyDoor` cannot be copied in this episode: its model was changed from outside"
     ):
         copy.deepcopy(env)
     env.reset(seed=0)
     engine.unit(lambda engine: True, name="helper")
-    with pytest.raises(TypeError, match="cannot be copied: its engine has event rules, or rules or units"):
+    with pytest.raises(TypeError, match="cannot be copied: its engine has event rules or Python functions"):
         pickle.dumps(env)
     assert env.step(0) is not None
     several = envgraph.make_vec(domain="keydoor", num_envs=2, vectorization_mode="async")
     for made in COPIES.values():
-        with pytest.raises(TypeError, match=r'cannot be copied or pickled: .* `vectorization_mode="sync"`'):
+        with pytest.raises(TypeError, match=r'cannot be copied or pickled: use `vectorization_mode="sync"`'):
             made(several)
     several.reset(seed=0)
     several.step(np.zeros(2, dtype=np.int64))

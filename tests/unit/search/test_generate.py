@@ -341,7 +341,7 @@ def test_bins_beyond_counting_are_refused(tmp_path: Path) -> None:
     with pytest.raises(LoadError) as caught:
         Domain.load(str(path))
     (problem,) = caught.value.diagnostics
-    assert problem.message == "`bins` is 1000000000, and at most 100,000"
+    assert problem.message == "`bins` is 1000000000, but must be at most 100,000"
     assert problem.span and problem.span.text == "1000000000" and "ENVGRAPH_LIMITS" in str(problem.hint)
 
 

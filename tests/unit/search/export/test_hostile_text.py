@@ -81,7 +81,9 @@ def test_titles_of_levels_stay_comments(tmp_path: Path, monkeypatch: pytest.Monk
 @pytest.mark.parametrize("name", UNNAMED)
 def test_names_that_arrays_cannot_have_are_refused(name: str) -> None:
     family = lake()
-    with pytest.raises(InvalidArgument, match="cannot name arrays; rename the member in the family file"):
+    with pytest.raises(
+        InvalidArgument, match="is not a valid name of an array; rename the member in the family file"
+    ):
         write_tables({name: family.explored(family.members[0]).tabular})
 
 
@@ -98,7 +100,7 @@ def test_an_environment_that_cannot_be_a_class_is_refused(tmp_path: Path) -> Non
     texts = {name: text.replace("environment Adopted(", "environment Half½(") for name, text in given}
     domain = Domain.from_bundle(Bundle(("family.toml",), texts))
     odd = Family("lake", domain.workspace.bundle(), family.members, domain)
-    with pytest.raises(InvalidArgument, match="cannot be a class of Python"):
+    with pytest.raises(InvalidArgument, match="is not a valid name of a Python class"):
         write_package(odd, tmp_path / "lake")
 
 

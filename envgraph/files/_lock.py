@@ -15,12 +15,12 @@ from envgraph.files._replace import lock_file
 
 
 @contextmanager
-def holding(path: Path) -> Iterator[None]:
-    """Lock what is written under a name while the block runs; readers need no lock.
+def write_lock(path: Path) -> Iterator[None]:
+    """Lock a file, or a group of files with one name, for writing while the block runs; readers need no lock.
 
     The file `.NAME.lock` beside it is locked, and removed at the end of the block. It names the process and the host.
-    The kernel unlocks it when the process dies; the next process that wants it warns of that. Nothing is locked on
-    Windows, and where no such file can be made, as on a read-only disk.
+    The kernel unlocks it when the process dies; the next process that locks it logs a warning. Nothing is locked on
+    Windows, and where no such file can be created, as on a read-only disk.
 
     Raises:
         InvalidArgument: another process, or another block of this one, has the lock.
@@ -48,13 +48,15 @@ def _open_locked(lock: Path, path: Path) -> int | None:
         os.close(descriptor)
         if not isinstance(error, BlockingIOError):  # a file system without locks
             return None
-        hint = "wait for its end, or stop it; commands that only read need not wait"
-        raise InvalidArgument(f"{path} is being written by {known or 'another process'}", hint) from None
+        hint = "wait for that process, or stop it; commands that only read work meanwhile"
+        raise InvalidArgument(f"{known or 'another process'} is writing {path}", hint) from None
     if not os.fstat(descriptor).st_nlink:  # a process that ended just now has removed the file
         os.close(descriptor)
         return _open_locked(lock, path)
     if known:
-        logging.getLogger("envgraph").warning("%s was killed while it wrote %s: this takes over", known, path)
+        logging.getLogger("envgraph").warning(
+            "%s died while it wrote %s; its lock is taken over", known, path
+        )
     with suppress(OSError):  # on a full disk the lock names nobody
         os.ftruncate(descriptor, 0)
         os.pwrite(descriptor, f"process {os.getpid()} on host {socket.gethostname()}".encode(), 0)
