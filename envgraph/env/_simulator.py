@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Callable, Generator, Iterator, Sequence
 from copy import deepcopy
 from math import prod
 from types import SimpleNamespace
@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from envgraph.behaviour import Behaviour, check_behaviour, is_gone, readings
+from envgraph.behaviour import Behaviour, Reading, check_behaviour, is_gone, readings
 from envgraph.code import dataclass
 from envgraph.env._agents import Agents, Seat
 from envgraph.env._keys import KeyIndex, indexed_classes, key_attributes
@@ -180,7 +180,7 @@ class Simulator:
         self._drawn.append((action, uniform))
         return found
 
-    def __reduce__(self) -> tuple[type[Simulator], tuple[Any, ...], tuple[Any, ...]]:
+    def __reduce__(self) -> tuple[Callable[..., Simulator], tuple[Any, ...]]:
         """Return the data to rebuild a simulator: the initial state, actions and random numbers of the episode."""
         engine, key = self.engine, self.state_key()
         shelf = None if self._start is None else self._model.shelve(self._start)
@@ -192,19 +192,7 @@ class Simulator:
         if engine.events.active or {*engine.rules, *engine.units} != {*engine_copy.rules, *engine_copy.units}:
             message = "has event rules or Python functions as rules; make a second environment instead"
             raise TypeError(f"environment `{self.behaviour.name}` cannot be copied: its engine {message}")
-        return Simulator, (engine_copy, self.behaviour, self.keys), (self._drawn[:], key)
-
-    def __setstate__(self, state: tuple[list[tuple[int, float]], tuple[int, int]]) -> None:
-        """Play the episode of the original; raises TypeError where that comes to another state."""
-        drawn, key = state
-        if self.behaviour.draw is not None:
-            self.painter()  # finds the objects of parameters in the initial state
-        rng: Any = SimpleNamespace(random=iter([uniform for _, uniform in drawn]).__next__)
-        for number, (action, _) in enumerate(drawn):
-            self.move(action, rng) if number else self.reset(rng)
-        if self.state_key() != key:
-            message = "its model was changed from outside; copy it before `reset`"
-            raise TypeError(f"`{self.behaviour.name}` cannot be copied in this episode: {message}")
+        return _replayed, (engine_copy, self.behaviour, self.keys, self._drawn[:], key)
 
     def act(self, action: int, uniform: float) -> Outcome:
         """`step` in the present state of the model, whether or not an episode has begun, with a number from [0, 1)."""
@@ -348,7 +336,7 @@ class Simulator:
                 run_pending([(shared.bound, reset, row) for row in reset.matches()], choices, self._model)
             elif reset.apply is not None:
                 reset.apply.run(shared.bound, choices, self._model)
-        self._check_needed(shared)
+        _check_needed(shared, self._needed, self._model)
         self.turn = self._agents.after(-1)
 
     def _step(self, number: int, choices: Choices) -> tuple[float, int]:
@@ -366,7 +354,7 @@ class Simulator:
         reward, terminated, pending = self._judge(program, action, scope, done)
         run_pending(pending, choices, self._model)
         if terminated == GOES_ON and program.done:
-            self._check_needed(program)
+            _check_needed(program, self._needed, self._model)
         self.turn = self._agents.after(self.turn)
         return reward, terminated
 
@@ -377,14 +365,8 @@ class Simulator:
         self.did = True
         for seat in self._agents.seats:
             if terminated == GOES_ON and seat.program.done:
-                self._check_needed(seat.program)
+                _check_needed(seat.program, self._needed, self._model)
         return reward, terminated
-
-    def _check_needed(self, program: Program) -> None:
-        """See that the episode can go on: later the rule that took an object away would not be known any more."""
-        for needed in self._needed:
-            if is_gone(self._model, program.bound[needed.name], needed.cls):
-                raise program.lost(needed.name, needed.cls, needed.what, needed.span)
 
     def _judge(
         self, program: Program, action: PreparedAction, scope: Scope, done: Scope | None
@@ -409,6 +391,29 @@ class Simulator:
                 if effect.apply is not None:
                     pending.append((program.bound, effect, row))
         return total, terminated, pending
+
+
+def _replayed(
+    engine: Engine, behaviour: Behaviour, keys: KeyIndex, drawn: list[tuple[int, float]], key: tuple[int, int]
+) -> Simulator:
+    """Make a simulator and play an episode; raises TypeError if it ends in another state than that of the key."""
+    made = Simulator(engine, behaviour, keys)
+    if behaviour.draw is not None:
+        made.painter()  # finds the objects of parameters in the initial state
+    rng: Any = SimpleNamespace(random=iter([uniform for _, uniform in drawn]).__next__)
+    for number, (action, _) in enumerate(drawn):
+        made.move(action, rng) if number else made.reset(rng)
+    if made.state_key() != key:
+        message = "its model was changed from outside; copy it before `reset`"
+        raise TypeError(f"`{behaviour.name}` cannot be copied in this episode: {message}")
+    return made
+
+
+def _check_needed(program: Program, needed: Sequence[Reading], model: Model) -> None:
+    """Raise an error if an object that each step reads is gone: later nobody knows which rule deleted it."""
+    for each in needed:
+        if is_gone(model, program.bound[each.name], each.cls):
+            raise program.lost(each.name, each.cls, each.what, each.span)
 
 
 def _first_new(model: Model, keys: KeyIndex) -> int | None:

@@ -196,7 +196,7 @@ class RunStore:
         except FileExistsError:
             raise InvalidArgument(f"{self.path} exists already") from None
         except sqlite3.DatabaseError as error:
-            raise self._unwritable(error) from error
+            raise _unwritable(self.path, self._write_error or error) from error
         finally:
             _finish_replacement(self.path)
         self._db.close()
@@ -224,25 +224,11 @@ class RunStore:
             held.callback(store._db.close)
             if not writing:
                 store._db.execute("BEGIN")
-            store._check()
+            _refuse_foreign(store, store._db)
             if writing and (found := store._db.execute("PRAGMA quick_check(1)").fetchone()) != ("ok",):
                 raise store.damaged(*found)
             store._locks = held.pop_all()
         return store
-
-    def _check(self) -> None:
-        """Refuse files that envgraph did not make, before anything in them can run."""
-        try:
-            if strange := self._db.execute(_FOREIGN_OBJECTS).fetchone():
-                raise InvalidArgument(f"it has a view or trigger `{strange[0]}`, which no run has")
-            version = self.settings().get("format")
-        except (InvalidArgument, sqlite3.DatabaseError, UnicodeDecodeError) as error:
-            raise InvalidArgument(f"{self.path} is no run store: {error.__cause__ or error}") from error
-        if version != FORMAT:
-            message = f"{self.path} has format {version}; this version of envgraph reads format {FORMAT}"
-            raise InvalidArgument(message)
-        if not self._db.execute("SELECT 1 FROM sqlite_schema WHERE name = 'content'").fetchone():
-            self._db.execute(_TABLES[-1].replace("CREATE", "CREATE TEMP", 1))  # older stores have no hashes
 
     def close(self) -> None:
         """Close the file; the store cannot be used afterwards."""
@@ -461,10 +447,10 @@ class RunStore:
             raise InvalidArgument(
                 message, "the file that is there now was not changed; run the command again"
             )
-        if self._db.in_transaction:
-            raise InvalidArgument(
-                f"{self.path} was opened for reading", "use `RunStore.open(path, writing=True)`"
-            )
+        is_reading = self._db.in_transaction
+        if is_reading:
+            message = f"{self.path} cannot be written: it was opened for reading"
+            raise InvalidArgument(message, "use `RunStore.open(path, writing=True)`")
         try:
             self._db.execute("BEGIN IMMEDIATE")
             try:
@@ -475,12 +461,27 @@ class RunStore:
                 raise
             self._db.execute("COMMIT")
         except (sqlite3.DatabaseError, UnicodeDecodeError) as error:  # a full disk, another process, damage
-            raise self._unwritable(error) from error
+            raise _unwritable(self.path, self._write_error or error) from error
 
-    def _unwritable(self, error: Exception) -> InvalidArgument:
-        reason = self._write_error or error
-        hint = "the disk is full: make room; finished generations are kept" if _is_full(reason) else None
-        return InvalidArgument(f"{self.path} cannot be written: {reason}", hint)
+
+def _refuse_foreign(store: RunStore, db: sqlite3.Connection) -> None:
+    """Refuse files that envgraph did not make, before anything in them can run."""
+    try:
+        if strange := db.execute(_FOREIGN_OBJECTS).fetchone():
+            raise InvalidArgument(f"it has a view or trigger `{strange[0]}`, which no run has")
+        version = store.settings().get("format")
+    except (InvalidArgument, sqlite3.DatabaseError, UnicodeDecodeError) as error:
+        raise InvalidArgument(f"{store.path} is no run store: {error.__cause__ or error}") from error
+    if version != FORMAT:
+        message = f"{store.path} has format {version}; this version of envgraph reads format {FORMAT}"
+        raise InvalidArgument(message)
+    if not db.execute("SELECT 1 FROM sqlite_schema WHERE name = 'content'").fetchone():
+        db.execute(_TABLES[-1].replace("CREATE", "CREATE TEMP", 1))  # older stores have no hashes
+
+
+def _unwritable(path: Path, error: Exception) -> InvalidArgument:
+    hint = "the disk is full: make room; finished generations are kept" if _is_full(error) else None
+    return InvalidArgument(f"{path} cannot be written: {error}", hint)
 
 
 def _finish_replacement(path: Path, *, locked: bool = True) -> None:
