@@ -12,17 +12,7 @@ from envgraph.behaviour._clauses import condition_question, is_asked, used_elsew
 from envgraph.behaviour._data import Action, Agent, Behaviour, Domain, EachStep, Effect, OnFind
 from envgraph.behaviour._domains import MOST_VALUES, domain_count, domain_type
 from envgraph.behaviour._losing import loss_warnings
-from envgraph.errors import (
-    RAISE_LIMIT,
-    Diagnostic,
-    Note,
-    Severity,
-    Span,
-    has_errors,
-    limit,
-    name_hint,
-    sort_diagnostics,
-)
+from envgraph.errors import Diagnostic, Note, Severity, Span, has_errors, limit, name_hint, sort_diagnostics
 from envgraph.metamodel import Scalar
 from envgraph.pattern import Parameter, PatternCall, StaticType, Variable, static_type
 from envgraph.rewrite import Engine
@@ -106,15 +96,15 @@ class _Checker(CallChecking, ViewChecking):
                 who, place = self._who(behaviour, agent)
                 message = f"{who if agent else f'the agent of `{behaviour.name}`'} observes nothing"
                 self.report("no-observation", message, place, "write `observe ..`", Severity.WARNING)
-        if behaviour.limit is not None and not 1 <= behaviour.limit <= limit(1_000_000):
-            place = behaviour.limit_span or span
-            message = f"`limit` is {behaviour.limit} steps, but must be from 1 to {limit(1_000_000):,}"
-            self.report(
-                "empty-range",
-                message,
-                place,
-                RAISE_LIMIT if behaviour.limit else "write `limit 1 steps` or more",
+        most = limit(1_000_000)
+        if behaviour.limit is not None and not 1 <= behaviour.limit <= most:
+            message = f"`limit` is {behaviour.limit} steps, but must be from 1 to {most:,}"
+            hint = (
+                "write fewer, or set ENVGRAPH_LIMITS=10"
+                if behaviour.limit
+                else "write `limit 1 steps` or more"
             )
+            self.report("empty-range", message, behaviour.limit_span or span, hint)
 
     @staticmethod
     def _who(behaviour: Behaviour, agent: Agent | None) -> tuple[str, Span | None]:

@@ -65,9 +65,7 @@ def main() -> int:
         return code
     except OSError as error:
         sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115, Python flushes it at the end
-        if not isinstance(
-            error, BrokenPipeError
-        ):  # else the reader has what it wanted (`envgraph ... | head`)
+        if not isinstance(error, BrokenPipeError):  # `envgraph .. | head` has read enough
             print_error(error)
         return 1
 
@@ -96,9 +94,7 @@ def _run() -> int:
         error.show()
         return error.exit_code
     except click.Abort as abort:  # interrupted before the command began
-        if isinstance(
-            abort.__cause__, EOFError
-        ):  # click takes it for Ctrl-D at a prompt; there are no prompts
+        if isinstance(abort.__cause__, EOFError):  # which click takes for Ctrl-D at a prompt
             raise abort.__cause__ from None
         code = _INTERRUPTED
     finally:

@@ -23,7 +23,7 @@ from envgraph.errors import (
     InvalidArgument,
     did_you_mean,
     listed,
-    parse_int_within,
+    parse_within,
 )
 from envgraph.files import replace_file
 from envgraph.learn import (
@@ -173,7 +173,7 @@ def _begun(journal: Journal) -> dict[str, Any]:
         raise InvalidArgument(f"{journal.path}:1: not what a training is begun with")
     try:
         budgets_of(wanted["steps"] or "1")
-        parse_int_within(str(wanted["seeds"] or 1), 1, 100_000)
+        parse_within(str(wanted["seeds"] or 1), 1, 100_000)
     except InvalidArgument as error:
         raise InvalidArgument(f"{journal.path}:1: {error.message}", error.hint) from None
     return wanted
@@ -285,7 +285,7 @@ def budgets_of(steps: str) -> list[int]:
         InvalidArgument: something else is among them.
     """
     try:
-        return sorted({parse_int_within(word.strip(), 1, MOST_STEPS) for word in steps.split(",")})
+        return sorted({parse_within(word.strip(), 1, MOST_STEPS) for word in steps.split(",")})
     except InvalidArgument as error:
         hint = error.hint or "write one, or several such as `10000,50000`"
         raise InvalidArgument(f"in `--steps` {error.message}", hint) from None

@@ -10,7 +10,7 @@ from typing import Any, Final, TypeVar
 import click
 
 from envgraph.cli._output import OutputFormat, ShowFormat
-from envgraph.errors import LARGEST_INT, MOST_STEPS, InvalidArgument, parse_int_within
+from envgraph.errors import LARGEST_INT, MOST_STEPS, InvalidArgument, parse_within
 
 RUNS = Path("runs")
 
@@ -107,7 +107,7 @@ class _WholeNumber(click.IntRange):
         """See `ParamType`."""
         assert param is not None and self.min is not None
         try:
-            return parse_int_within(str(value), int(self.min), _MOST.get(param.opts[0], MOST_STEPS))
+            return parse_within(str(value), int(self.min), _MOST.get(param.opts[0], MOST_STEPS))
         except InvalidArgument as error:
             self.fail(str(error), param, ctx)
 

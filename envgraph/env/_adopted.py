@@ -249,11 +249,11 @@ def _rows(inner: Any, states: int) -> tuple[str, ...]:
     desc = np.asarray(getattr(inner, "desc", ()), dtype=object)
     if desc.ndim != 2 or desc.size != states:
         return ()
-    texts = [
-        [one.decode("utf-8", "replace") if isinstance(one, bytes) else str(one) for one in row]
-        for row in desc
-    ]
-    return tuple(map("".join, texts))
+    return tuple("".join(map(_letter, row)) for row in desc)
+
+
+def _letter(given: object) -> str:
+    return given.decode("utf-8", "replace") if isinstance(given, bytes) else str(given)
 
 
 def _endings(

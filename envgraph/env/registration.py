@@ -124,9 +124,7 @@ def make_vec_spec(
 
 def _refuse_copy(_: AsyncVectorEnv) -> NoReturn:
     """Refuse to copy an environment, since the copy would share its processes."""
-    raise TypeError(
-        'an async vector environment cannot be copied or pickled: use `vectorization_mode="sync"`'
-    )
+    raise TypeError('an async vector environment cannot be copied: use `vectorization_mode="sync"`')
 
 
 copyreg.pickle(AsyncVectorEnv, _refuse_copy)

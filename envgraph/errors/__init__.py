@@ -26,7 +26,7 @@ from envgraph.errors._exceptions import (
     TransactionError,
     TypeMismatch,
 )
-from envgraph.errors._limits import MOST_ERRORS, MOST_NESTED, MOST_STEPS, RAISE_LIMIT, limit, parse_int_within
+from envgraph.errors._limits import MOST_ERRORS, MOST_NESTED, MOST_STEPS, RAISE_LIMIT, limit, parse_within
 from envgraph.errors._numbers import LARGEST_INT, parse_float, parse_int
 from envgraph.errors._reprs import later, shorten, spelling
 from envgraph.errors._source import Source, Span, visible
@@ -63,7 +63,7 @@ __all__ = [
     "nearest",
     "parse_float",
     "parse_int",
-    "parse_int_within",
+    "parse_within",
     "plural",
     "quoted",
     "shorten",

@@ -42,7 +42,7 @@ def limit(usual: int) -> int:
     return max(int(usual * factor), 1)
 
 
-def parse_int_within(text: str, low: int, most: int) -> int:
+def parse_within(text: str, low: int, most: int) -> int:
     """Parse a whole number of at least `low`, and at most the limit `most`.
 
     Raises:

@@ -187,7 +187,7 @@ class RunStore:
                     file, self._write_error = _connect(self.path)
                     file.executescript(
                         "BEGIN IMMEDIATE; ROLLBACK"
-                    )  # `backup` waits for ever for another writer
+                    )  # `backup` would wait for a writer for ever
                 else:
                     for log in _logs(self.path):  # of a store that somebody has removed
                         log.unlink(missing_ok=True)
@@ -440,13 +440,10 @@ class RunStore:
 
     @contextmanager
     def _transaction(self) -> Iterator[sqlite3.Connection]:
-        if self._file_stat and not (
-            self.path.exists() and os.path.samestat(self._file_stat, self.path.stat())
-        ):
+        opened = self._file_stat
+        if opened and not (self.path.exists() and os.path.samestat(opened, self.path.stat())):
             message = f"{self.path} was replaced or removed while this command used it"
-            raise InvalidArgument(
-                message, "the file that is there now was not changed; run the command again"
-            )
+            raise InvalidArgument(message, "nothing was written to it; run the command again")
         is_reading = self._db.in_transaction
         if is_reading:
             message = f"{self.path} cannot be written: it was opened for reading"

@@ -23,11 +23,7 @@ MOST_NAMED: Final = 20
 """Actions that are named in a README."""
 _NUMBA: Final = "arrays", "machine_code"
 """Modules that cannot be imported without numba."""
-_ERRORS: Final = {
-    FAILED: "something has no value or is too large",
-    REFUSED: "a rule cannot be applied",
-    **SHOWN,
-}
+_ERRORS: Final = {FAILED: "a value is missing or too large", REFUSED: "a rule cannot be applied", **SHOWN}
 
 _TAIL: Final = """
 from inspect import isfunction
@@ -43,10 +39,8 @@ if NATIVE:
     from inspect import getsource
     from sys import modules
 
-    from . import arrays
+    from . import arrays, cache_files, machine_code
     from .arrays import *
-    from .cache import cache_directory, read_cached, write_cached
-    from .machine_code import keep_machine_code
 
     options = {"error_model": "numpy", "_nrt": False, "no_cfunc_wrapper": True}
     inner = njit(forceinline=True, no_cpython_wrapper=True, **options)
@@ -54,8 +48,7 @@ if NATIVE:
         if isfunction(value) and value.__module__ == __name__ and name != "advance":
             globals()[name] = inner(value)
     advance = njit(nogil=True, **options)(advance)
-    text = getsource(arrays) + getsource(modules[__name__])
-    keep_machine_code(advance, text, cache_directory(), read_cached, write_cached)
+    machine_code.keep_machine_code(advance, getsource(arrays) + getsource(modules[__name__]), cache_files)
 else:
     from .plain import *
 
@@ -130,7 +123,7 @@ def program_files(
         "_world.py": inspect.getsource(_world),
         "program.py": f"{kernels}\n\n{program.source}\n{_TAIL}",
         **{f"{name}.py": (Path(__file__).parent / f"_{name}.py").read_text("utf-8") for name in _NUMBA},
-        "cache.py": inspect.getsource(_cache),
+        "cache_files.py": inspect.getsource(_cache),
         "plain.py": inspect.getsource(_plain),
         "about.json": json.dumps(about, indent=1) + "\n",
         "data.npz": _packed(program),

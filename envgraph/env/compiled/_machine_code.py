@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import pickle
 import sys
-from collections.abc import Callable
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -16,39 +15,35 @@ import numba
 from numba.core import compiler, config, serialize
 from numba.core.caching import NullCache
 
-Read = Callable[[Path, str], bytes | None]
-Write = Callable[[Path, str, bytes], None]
 _Result: Any = compiler.CompileResult
 _dumps: Any = serialize.dumps
 _config: Any = config
 
 
-def keep_machine_code(function: Any, source: str, folder: Path | None, read: Read, write: Write) -> None:
+def keep_machine_code(function: Any, source: str, cache: Any) -> None:
     """Let a function that numba compiles load and save its machine code.
 
     Args:
         function: compiled by `numba.njit`.
         source: the whole text that the function was compiled from.
-        folder: the directory of the cache, unless `NUMBA_CACHE_DIR` names another; None to keep nothing.
-        read: `read_cached`; what it returns was written by this user.
-        write: `write_cached`.
+        cache: the module that reads and writes files of the cache. `NUMBA_CACHE_DIR` names another directory for them.
     """
+    folder = cache.cache_directory()
     if folder is not None:
         folder = Path(_config.CACHE_DIR or folder / "programs")
-        function._cache = _MachineCode(folder, f"{function.__name__}\0{source}", read, write)
+        function._cache = _MachineCode(folder, f"{function.__name__}\0{source}", cache)
 
 
 class _MachineCode(NullCache):
     """The machine code of one function, in a file for each signature and processor."""
 
-    def __init__(self, folder: Path, function: str, read: Read, write: Write) -> None:
-        self._folder, self._function = folder, function
-        self._read, self._write = read, write
+    def __init__(self, folder: Path, function: str, cache: Any) -> None:
+        self._folder, self._function, self._files = folder, function, cache
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Return the kept machine code; None where there is none that can be used."""
         target_context.refresh()
-        kept = self._read(*self._place(sig, target_context.codegen()))
+        kept = self._files.read_cached(*self._place(sig, target_context.codegen()))
         if kept is None:
             return None
         try:
@@ -59,7 +54,7 @@ class _MachineCode(NullCache):
     def save_overload(self, sig: Any, data: Any) -> None:
         """Keep machine code."""
         if not data.library.has_dynamic_globals:
-            self._write(*self._place(sig, data.codegen), _dumps(data._reduce()))
+            self._files.write_cached(*self._place(sig, data.codegen), _dumps(data._reduce()))
 
     def _place(self, signature: Any, codegen: Any) -> tuple[Path, str]:
         """Return the file, and everything that the machine code depends on."""

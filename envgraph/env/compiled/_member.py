@@ -115,13 +115,8 @@ class Member:
         """Return what `pickle` keeps: the model, what was asked of it, and bytes from which an engine can be made."""
         engine = self.own_engine()
         own = partial(pickle.loads, pickle.dumps(engine))
-        return {
-            **vars(self),
-            "_home": Borrowed(own, own),
-            "engine": None,
-            "_library": None,
-            "model": engine.model,
-        }
+        changed = {"_home": Borrowed(own, own), "engine": None, "_library": None, "model": engine.model}
+        return {**vars(self), **changed}
 
     def own_engine(self) -> Engine:
         """An engine in the initial state that may be changed."""

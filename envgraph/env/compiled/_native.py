@@ -17,7 +17,7 @@ import numpy as np
 
 from envgraph import code
 from envgraph.env.compiled import _plain
-from envgraph.files import cache_directory, read_cached, write_cached
+from envgraph.files import _cache
 
 
 def has_numba() -> bool:
@@ -74,5 +74,5 @@ def _native(source: str, called: Sequence[str]) -> dict[str, Any]:
         if inspect.isfunction(value) and value.__module__ == path.stem:
             made = namespace[name] = (outer if name in called else inner)(value)
             if name in called:
-                _machine_code.keep_machine_code(made, text, cache_directory(), read_cached, write_cached)
+                _machine_code.keep_machine_code(made, text, _cache)
     return namespace

@@ -66,7 +66,7 @@ class Player:
         if not well:
             behaviour = self.program.behaviour
             raise EvaluationError(
-                f"in a step of `{behaviour.name}` a rule cannot be applied, or something has no value or is too large",
+                f"in a step of `{behaviour.name}` a rule cannot be applied, or a value is missing or too large",
                 behaviour.span,
                 'steps of `envgraph.make(.., engine="live")` say what and where',
             )

@@ -148,9 +148,7 @@ class _Steps:
         names = [one.name for one in self._family.members]
         name = normalize("NFKC", behaviour.name)  # as Python reads it
         if not name.isidentifier():
-            raise InvalidArgument(
-                f"environment `{name}` is not a valid name of a Python class; give it another name"
-            )
+            raise InvalidArgument(f"environment `{name}` is not a valid name of a Python class; rename it")
         found = {
             "environment": name,
             "actions": tuple(given.action_names),

@@ -11,7 +11,7 @@ import pytest
 
 from envgraph.env.compiled import functions, has_numba
 from envgraph.env.compiled._native import _native
-from envgraph.files import read_cached, write_cached
+from envgraph.files import _cache, read_cached, write_cached
 
 numba = pytest.importorskip("numba")
 TEXT = "def times(x):\n    return 3 * x\n"
@@ -70,8 +70,7 @@ def test_forged_machine_code_does_not_run(cache: Path, tmp_path: Path) -> None:
 def test_machine_code_of_another_numba_is_compiled_anew(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Its checksum is right, but it cannot be loaded."""
     stored: list[tuple[Path, str]] = []
-    module = "envgraph.env.compiled._native"
-    monkeypatch.setattr(f"{module}.write_cached", lambda path, key, code: stored.append((path, key)))
+    monkeypatch.setattr(_cache, "write_cached", lambda path, key, code: stored.append((path, key)))
     loaded()
     write_cached(*stored[0], pickle.dumps(("of", "another", "version")))
     monkeypatch.undo()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from envgraph.errors import InvalidArgument, limit, parse_float, parse_int, parse_int_within
+from envgraph.errors import InvalidArgument, limit, parse_float, parse_int, parse_within
 
 LONG = "9" * 5000
 
@@ -61,14 +61,14 @@ def test_numbers_are_ascii_digits_that_fit_64_bits(text: str, whole: int | None,
 )
 def test_a_number_out_of_its_range_is_named_with_the_range(text: str, message: str, raisable: bool) -> None:
     with pytest.raises(InvalidArgument) as caught:
-        parse_int_within(text, 1, 100)
+        parse_within(text, 1, 100)
     assert caught.value.message == message
     assert ("ENVGRAPH_LIMITS=10" in str(caught.value.hint)) == raisable
 
 
 def test_limits_are_raised_a_million_times_at_most(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("ENVGRAPH_LIMITS", "1e6")
-    assert limit(50) == 50_000_000 and parse_int_within("50000000", 1, 50) == 50_000_000
+    assert limit(50) == 50_000_000 and parse_within("50000000", 1, 50) == 50_000_000
     for wrong in ("1000001", "1e18", "1e400", LONG, "1_0", "inf", ""):
         monkeypatch.setenv("ENVGRAPH_LIMITS", wrong)
         with pytest.raises(InvalidArgument, match="ENVGRAPH_LIMITS is `") as caught:
