@@ -34,6 +34,8 @@ _ARRAYS = {
 _OPTIONAL = {"turn": np.int32, "allowed": np.bool_}
 _NAMES = ("n_observations", "observation_shape", "observation_names", "action_names", "agent_names")
 _DATA = {cls.__name__: cls for cls in (GridScene, GraphScene, Mark, Edge, Glyph)}
+_MOST_BYTES = 2**31
+"""Of all arrays of a file, unpacked; the largest tables that are written have a fifth of it."""
 _DAMAGED = (
     OSError,
     ValueError,
@@ -41,6 +43,7 @@ _DAMAGED = (
     TypeError,
     EOFError,
     RuntimeError,
+    MemoryError,
     zipfile.BadZipFile,
     zlib.error,
 )
@@ -70,6 +73,8 @@ def read_explored(path: Path) -> Explored:
     """
     try:
         with zipfile.ZipFile(path) as archive:
+            if sum(part.file_size for part in archive.infolist()) > _MOST_BYTES:
+                raise ValueError(f"it holds more than {_MOST_BYTES:,} bytes")
             bad = archive.testzip()  # first, so that no damaged size is believed
         if bad is not None:
             raise ValueError(f"`{bad}` is damaged")

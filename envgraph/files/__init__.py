@@ -3,7 +3,7 @@
 Also the one that people read meanwhile: standard error, where long work says how far it has come.
 """
 
-from envgraph.files._cache import CACHE_VARIABLE, cache_directory, read_cached, write_cached
+from envgraph.files._cache import CACHE_VARIABLE, cache_directory, is_own, read_cached, write_cached
 from envgraph.files._escaping import jinja_environment, markdown
 from envgraph.files._lock import write_lock
 from envgraph.files._open import open_input
@@ -15,6 +15,7 @@ __all__ = [
     "cache_directory",
     "check_free",
     "counting",
+    "is_own",
     "jinja_environment",
     "markdown",
     "open_input",

@@ -40,7 +40,7 @@ def read_cached(path: Path, key: str) -> bytes | None:
     flags = getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_NOFOLLOW", 0)
     try:
         with open(path, "rb", opener=lambda name, mode: os.open(name, mode | flags)) as file:
-            if not _is_own(os.fstat(file.fileno())):
+            if not is_own(os.fstat(file.fileno())):
                 return None
             checksum, content = file.read(32), file.read()
     except (OSError, ValueError):
@@ -70,7 +70,7 @@ def write_cached(path: Path, key: str, content: bytes) -> None:
             draft.unlink(missing_ok=True)
 
 
-def _is_own(found: os.stat_result) -> bool:
+def is_own(found: os.stat_result) -> bool:
     """Return True for a regular file of this user that no other user can write; Windows has no such bits."""
     if os.name == "posix" and (found.st_uid != os.geteuid() or found.st_mode & (stat.S_IWGRP | stat.S_IWOTH)):
         return False

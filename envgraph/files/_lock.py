@@ -37,6 +37,8 @@ def write_lock(path: Path) -> Iterator[None]:
 
 def _open_locked(lock: Path, path: Path) -> int | None:
     """Return a descriptor of a lock file that this process has locked; None if there can be none."""
+    if os.path.lexists(lock) and (lock.is_symlink() or not lock.is_file()):
+        raise InvalidArgument(f"{lock} is not a file, and {path} cannot be locked", "remove it")
     try:
         descriptor = os.open(lock, os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0), 0o666)
     except OSError:

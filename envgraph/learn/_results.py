@@ -11,7 +11,7 @@ from statistics import fmean
 from typing import TypeVar
 
 from envgraph.code import dataclass
-from envgraph.errors import EnvgraphError, InvalidArgument
+from envgraph.errors import EnvgraphError, InvalidArgument, parse_float, parse_int
 from envgraph.files import open_input, replacing
 from envgraph.learn._curricula import Kind, kind_of
 from envgraph.learn._intervals import bootstrap_interval, interquartile_mean, wilson_interval
@@ -198,7 +198,7 @@ def read_csv(directory: Path) -> Experiment:
     def point(row: list[str]) -> None:
         kind, label, seed, step, reward, episodes, successes = row
         points.setdefault((kind, label, seed), []).append(
-            (int(step), float(reward), int(episodes), int(successes))
+            (_int(step), _float(reward), _int(episodes), _int(successes))
         )
 
     def run(row: list[str]) -> RunResult:
@@ -208,19 +208,33 @@ def read_csv(directory: Path) -> Experiment:
         return RunResult(
             kind_of(kind),
             label,
-            int(seed),
-            int(steps),
-            int(episodes),
-            float(success_rate),
-            float(mean_return),
-            float(mean_length),
-            int(before),
-            float(success_before),
+            _int(seed),
+            _int(steps),
+            _int(episodes),
+            _float(success_rate),
+            _float(mean_return),
+            _float(mean_length),
+            _int(before),
+            _float(success_before),
             curve,
         )
 
     _read(directory / "curves.csv", CURVE_COLUMNS, point)
     return Experiment(tuple(_read(directory / "runs.csv", RUN_COLUMNS, run)))
+
+
+def _int(text: str) -> int:
+    found = parse_int(text)
+    if found is None:
+        raise ValueError(f"`{text[:20]}` is not a whole number of 64 bits")
+    return found
+
+
+def _float(text: str) -> float:
+    found = parse_float(text)
+    if found is None:
+        raise ValueError(f"`{text[:20]}` is not a finite number")
+    return found
 
 
 def _run_row(run: RunResult) -> tuple[object, ...]:

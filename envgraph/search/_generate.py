@@ -150,13 +150,15 @@ def resume(
         last = store.last_generation()
         if generations is not None and last is not None and generations <= last.number:
             raise InvalidArgument(f"{store_path} has {last.number} generations already: ask for more")
-        changed = [] if generations is None else [f"search.generations={generations}"]
-        domain = domain_of(store.bundle(), [*store.overrides, *changed], str(store.path), components)
-        if changed:
-            if not domain.spec.evolves:
-                what = "an objective" if domain.spec.climbs else "samples"
-                raise InvalidArgument(f"{store_path} has {what}, and no generations to go on to")
-            store.set("overrides", list(domain.overrides))
+        overrides = list(store.overrides)
+        domain = domain_of(store.bundle(), overrides, str(store.path), components)
+        if generations is not None and not domain.spec.evolves:
+            what = "an objective" if domain.spec.climbs else "samples"
+            raise InvalidArgument(f"{store_path} has {what}, and no generations to go on to")
+        if generations not in (None, domain.spec.search.generations):
+            overrides.append(f"search.generations={generations}")
+            domain = domain_of(store.bundle(), overrides, str(store.path), components)
+            store.set("overrides", overrides)
         if domain.spec.evolves or last is None:
             with telling():
                 _search(domain, domain.problem(domain.engine()), progress, climbing, drawing, workers)(store)

@@ -157,6 +157,7 @@ class RunStore:
         path.parent.mkdir(parents=True, exist_ok=True)
         with ExitStack() as held:
             held.enter_context(write_lock(path))
+            _refuse_links(path)
             _finish_replacement(path)
             store, rows = cls(path), {"format": FORMAT, **settings}
             if path.exists():
@@ -214,6 +215,7 @@ class RunStore:
         """
         if not path.is_file():
             raise InvalidArgument(f"there is no run store at {path}")
+        _refuse_links(path)
         _finish_replacement(path, locked=False)
         with ExitStack() as held:
             if writing:
@@ -481,16 +483,28 @@ def _unwritable(path: Path, error: Exception) -> InvalidArgument:
     return InvalidArgument(f"{path} cannot be written: {error}", hint)
 
 
+def _refuse_links(path: Path) -> None:
+    """Refuse a run with links, which would lead commands that write it to files outside of its directory."""
+    for place in map(path.with_name, (path.name, *_RESULTS)):
+        for one in (place, *place.rglob("*")):
+            if one.is_symlink():
+                raise InvalidArgument(
+                    f"{one} is a link, and runs have none", "put the file itself in its place"
+                )
+
+
 def _finish_replacement(path: Path, *, locked: bool = True) -> None:
     """Remove results of a run that was replaced, or move them back if it was not; skip what another process locks."""
     for aside in sorted(path.parent.glob(f".{escape(path.name)}.replaced-*")):
-        with suppress(InvalidArgument), nullcontext() if locked else write_lock(path):
+        if aside.is_symlink() or not aside.is_dir():
+            continue
+        with suppress(InvalidArgument, OSError), nullcontext() if locked else write_lock(path):
             found = None
             with suppress(InvalidArgument, sqlite3.DatabaseError), closing(_connect(path)[0]) as db:
                 found = db.execute("SELECT value FROM setting WHERE key = ?", (_REPLACED,)).fetchone()
-            for result in aside.iterdir() if found != (dump_json(aside.name),) else ():
-                if not path.with_name(result.name).exists():
-                    result.rename(path.with_name(result.name))
+            for name in _RESULTS if found != (dump_json(aside.name),) else ():
+                if (aside / name).exists() and not path.with_name(name).exists():
+                    (aside / name).rename(path.with_name(name))
             shutil.rmtree(aside, ignore_errors=True)
 
 

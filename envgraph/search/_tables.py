@@ -22,7 +22,7 @@ from envgraph.code import dataclass
 from envgraph.env import Behaviour, Explored, KeyIndex, TooManyStates, read_explored, write_explored
 from envgraph.env.compiled import explored
 from envgraph.errors import InvalidArgument
-from envgraph.files import CACHE_VARIABLE, cache_directory, counting, replace_file, replacing
+from envgraph.files import CACHE_VARIABLE, cache_directory, counting, is_own, replace_file, replacing
 from envgraph.graph import Model, model_to_json
 from envgraph.search._store import dump_json
 
@@ -122,9 +122,9 @@ class Tables:
         return found
 
     def _paths(self, name: str) -> list[Path]:
-        """Return the file in each place; skip pipes and devices of that name, which would block."""
+        """Return the file in each place; skip pipes, which would block, and files of others in the user's cache."""
         paths = [place / name for place in self.places]
-        return [path for path in paths if not os.path.exists(path) or os.path.isfile(path)]
+        return [path for path in paths if not os.path.exists(path) or _is_trusted(path)]
 
     def read(self, name: str, *, drawn: bool) -> Explored | None:
         """The table of a file, if it is there, and has a picture of every state where it is to be drawn."""
@@ -194,6 +194,12 @@ class Tables:
                 reason,
                 CACHE_VARIABLE,
             )
+
+
+def _is_trusted(path: Path) -> bool:
+    if path.parent == cache_directory():
+        return is_own(path.stat())
+    return path.is_file()
 
 
 def table_name(domain: Domain, behaviour: Behaviour, model: Model, keys: KeyIndex) -> str:

@@ -11,7 +11,7 @@ import sqlite3
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
 
@@ -344,12 +344,58 @@ def test_a_second_writer_is_refused_by_the_process_of_the_first(store: RunStore,
     RunStore.open(store.path, writing=True).close()
 
 
-def test_a_lock_that_is_a_link_of_somebody_else_is_not_followed(old: Path) -> None:
+@pytest.mark.parametrize(
+    "make",
+    [os.mkfifo, os.mkdir, lambda path: path.symlink_to("mine"), lambda path: path.symlink_to("/dev/zero")],
+)
+def test_what_is_not_a_file_in_place_of_a_lock_is_an_error(old: Path, make: Callable[[Path], object]) -> None:
     (old.parent / "mine").write_text("mine")
-    (old.parent / ".run.sqlite.lock").symlink_to(old.parent / "mine")
-    with RunStore.open(old, writing=True) as store:
-        store.set("seed", 3)
+    make(old.parent / ".run.sqlite.lock")
+    with pytest.raises(InvalidArgument, match=r"\.run\.sqlite\.lock is not a file.*; remove it"):
+        RunStore.open(old, writing=True)
     assert (old.parent / "mine").read_text() == "mine"
+
+
+LINKS = ("run.sqlite", "report.html", "tables", "training", "training/300", "training/300/runs.csv")
+
+
+@pytest.mark.parametrize("name", LINKS)
+def test_a_run_with_links_is_refused(old: Path, tmp_path: Path, name: str) -> None:
+    link = old.parent / name
+    target = tmp_path / "elsewhere"
+    if link.exists():
+        (shutil.move if link.is_file() else shutil.copytree)(link, target)
+        shutil.rmtree(link, ignore_errors=True)
+    link.parent.mkdir(parents=True, exist_ok=True)
+    link.symlink_to(target)
+    for again in (
+        lambda: RunStore.open(old),
+        lambda: RunStore.open(old, writing=True),
+        lambda: RunStore.create(old, {}, {}, overwrite=True),
+    ):
+        with pytest.raises(InvalidArgument, match=f"{name} is a link" if name != "run.sqlite" else "link"):
+            again()
+
+
+@pytest.mark.parametrize("kind", ["link", "file", "pipe", "directory"])
+def test_only_results_are_moved_back_to_a_run(old: Path, tmp_path: Path, kind: str) -> None:
+    """Whoever reads a run of a stranger loses no file outside of it."""
+    precious = tmp_path / "precious"
+    precious.mkdir()
+    (precious / "thesis").write_text("1")
+    aside = old.parent / ".run.sqlite.replaced-zz"
+    if kind == "link":
+        aside.symlink_to(precious)
+    elif kind == "file":
+        aside.write_text("x")
+    elif kind == "pipe":
+        os.mkfifo(aside)
+    else:
+        shutil.copytree(precious, aside)
+    before = content(old)
+    assert (precious / "thesis").read_text() == "1"
+    assert not (old.parent / "thesis").exists()
+    assert content(old) == before
 
 
 @pytest.mark.parametrize("how", ["removed", "replaced"])

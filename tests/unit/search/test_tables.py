@@ -218,6 +218,16 @@ def test_a_damaged_table_is_made_anew(exported: Path, cache: Path, visited: list
     assert file.read_bytes() == good
 
 
+def test_a_table_of_another_user_in_the_cache_is_not_read(
+    exported: Path, cache: Path, visited: list[bool], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    make_environment(family=exported)
+    me = os.geteuid()
+    monkeypatch.setattr(os, "geteuid", lambda: me + 1)
+    make_environment(family=exported)
+    assert visited == [False] * 2
+
+
 def test_too_many_states_are_found_out_once(
     exported: Path, cache: Path, monkeypatch: pytest.MonkeyPatch, visited: list[bool]
 ) -> None:
