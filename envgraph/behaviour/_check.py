@@ -99,11 +99,7 @@ class _Checker(CallChecking, ViewChecking):
         most = limit(1_000_000)
         if behaviour.limit is not None and not 1 <= behaviour.limit <= most:
             message = f"`limit` is {behaviour.limit} steps, but must be from 1 to {most:,}"
-            hint = (
-                "write fewer, or set ENVGRAPH_LIMITS=10"
-                if behaviour.limit
-                else "write `limit 1 steps` or more"
-            )
+            hint = "write fewer, or set ENVGRAPH_LIMITS=10" if behaviour.limit else "write 1 or more"
             self.report("empty-range", message, behaviour.limit_span or span, hint)
 
     @staticmethod

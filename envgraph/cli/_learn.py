@@ -17,14 +17,7 @@ from envgraph.cli._family import REPORT, TRAINING, run_directory
 from envgraph.cli._output import OutputFormat, print_json, print_line, print_table, progress_bar
 from envgraph.env import Tabular, TooManyStates
 from envgraph.env.compiled import NotCompiled
-from envgraph.errors import (
-    MOST_STEPS,
-    EvaluationError,
-    InvalidArgument,
-    did_you_mean,
-    listed,
-    parse_within,
-)
+from envgraph.errors import MOST_STEPS, EvaluationError, InvalidArgument, did_you_mean, listed, parse_within
 from envgraph.files import replace_file
 from envgraph.learn import (
     CONTROLS,

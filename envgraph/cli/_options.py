@@ -122,9 +122,7 @@ def count_option(
     return click.option(*names, type=_WholeNumber(least), help=help, **shown)
 
 
-seed_option = count_option(
-    "--seed", least=0, help="The one source of randomness; instead of the one in the file."
-)
+seed_option = count_option("--seed", least=0, help="The source of randomness, instead of that in the file.")
 force_option = click.option(
     "--force",
     is_flag=True,

@@ -56,9 +56,8 @@ def _open_locked(lock: Path, path: Path) -> int | None:
         os.close(descriptor)
         return _open_locked(lock, path)
     if known:
-        logging.getLogger("envgraph").warning(
-            "%s died while it wrote %s; its lock is taken over", known, path
-        )
+        message = "%s died while it wrote %s; its lock is taken over"
+        logging.getLogger("envgraph").warning(message, known, path)
     with suppress(OSError):  # on a full disk the lock names nobody
         os.ftruncate(descriptor, 0)
         os.pwrite(descriptor, f"process {os.getpid()} on host {socket.gethostname()}".encode(), 0)

@@ -166,9 +166,8 @@ class RunStore:
             with store._transaction() as db:
                 for table in _TABLES:
                     db.execute(table)
-                db.executemany(
-                    "INSERT INTO setting VALUES (?, ?)", [(k, dump_json(v)) for k, v in rows.items()]
-                )
+                found = [(key, dump_json(value)) for key, value in rows.items()]
+                db.executemany("INSERT INTO setting VALUES (?, ?)", found)
                 db.executemany("INSERT INTO source VALUES (?, ?)", list(sources.items()))
             if _REPLACED not in rows:
                 store._write_to_file()
@@ -186,9 +185,7 @@ class RunStore:
             with ExitStack() as files:
                 if aside:  # in one transaction, since others may be reading
                     file, self._write_error = _connect(self.path)
-                    file.executescript(
-                        "BEGIN IMMEDIATE; ROLLBACK"
-                    )  # `backup` would wait for a writer for ever
+                    file.executescript("BEGIN IMMEDIATE; ROLLBACK")  # `backup` waits for writers for ever
                 else:
                     for log in _logs(self.path):  # of a store that somebody has removed
                         log.unlink(missing_ok=True)
@@ -488,9 +485,7 @@ def _refuse_links(path: Path) -> None:
     for place in map(path.with_name, (path.name, *_RESULTS)):
         for one in (place, *place.rglob("*")):
             if one.is_symlink():
-                raise InvalidArgument(
-                    f"{one} is a link, and runs have none", "put the file itself in its place"
-                )
+                raise InvalidArgument(f"{one} is a link, and runs have none", "replace it by the file")
 
 
 def _finish_replacement(path: Path, *, locked: bool = True) -> None:

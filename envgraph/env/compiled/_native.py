@@ -22,10 +22,8 @@ from envgraph.files import _cache
 
 def has_numba() -> bool:
     """Return True if programs can be compiled: numba is installed, and `NUMBA_DISABLE_JIT` does not switch it off."""
-    return (
-        os.environ.get("NUMBA_DISABLE_JIT", "0") in ("", "0")
-        and importlib.util.find_spec("numba") is not None
-    )
+    wanted = os.environ.get("NUMBA_DISABLE_JIT", "0") in ("", "0")
+    return wanted and importlib.util.find_spec("numba") is not None
 
 
 @lru_cache(maxsize=64)

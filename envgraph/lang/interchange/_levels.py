@@ -237,9 +237,8 @@ def _size(width: object, height: object, where: Span) -> tuple[int, int]:
     if columns <= 0 or rows <= 0:
         raise LoadError.of("bad-map", "this is no map of Tiled: it has no `width` and `height`", where)
     if columns * rows > limit(_MOST_CELLS):
-        raise LoadError.of(
-            "bad-map", f"the map has more than {limit(_MOST_CELLS):,} cells", where, RAISE_LIMIT
-        )
+        message = f"the map has more than {limit(_MOST_CELLS):,} cells"
+        raise LoadError.of("bad-map", message, where, RAISE_LIMIT)
     return columns, rows
 
 

@@ -36,9 +36,7 @@ def write_tables(tables: Mapping[str, Tabular]) -> bytes:
     """
     for name in tables:
         if "\0" in name or ".." in name.replace("\\", "/").split("/") or name[:1] in ("", "/"):
-            raise InvalidArgument(
-                f"`{visible(name)}` is not a valid name of an array; rename the member in the family file"
-            )
+            raise InvalidArgument(f"`{visible(name)}` is not a valid name of an array; rename the member")
     first = next(iter(tables.values()))
     arrays: dict[str, Any] = {
         "members": _texts(tables),
