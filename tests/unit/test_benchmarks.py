@@ -7,6 +7,7 @@ import pytest
 
 from benchmarks import bench_philosophers
 from benchmarks.__main__ import available, main
+from tests.profile import NIGHTLY
 
 
 @pytest.fixture(autouse=True)
@@ -15,11 +16,10 @@ def _frozen() -> None:
     gc.freeze()
 
 
-NAMES = [pytest.param(name, marks=[pytest.mark.slow] * (name == "compiled")) for name in available()]
-
-
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", available())
 def test_each_benchmark_runs_in_its_quick_form(name: str, capfd: pytest.CaptureFixture[str]) -> None:
+    if name == "compiled" and not NIGHTLY:
+        pytest.skip("takes long: `make nightly`")
     assert main(["--quick", name]) == 0, capfd.readouterr().err
     assert capfd.readouterr().out.count("\n") > 4
 
