@@ -201,7 +201,7 @@ def _adopted(inner: Any) -> Adopted:
 
 
 def _actions(table: Any, state: int, where: str) -> list[list[Transition]]:
-    """The outcomes of each action in a state; raises InvalidArgument where they are none."""
+    """Return the outcomes of each action in a state; raise InvalidArgument if they are wrong."""
     found, place = list[list[Transition]](), f"state {state}"
     try:
         for action in range(len(table[state])):
@@ -232,7 +232,7 @@ def _distribution_problems(outcomes: Sequence[Transition], states: int) -> Itera
 
 
 def _starts(inner: Any, states: int) -> dict[int, float]:
-    """How likely an episode begins in a state."""
+    """Return the probability of each initial state; raise InvalidArgument if they do not sum to 1."""
     given = getattr(inner, "initial_state_distrib", None)
     if given is None:
         return {0: 1.0}

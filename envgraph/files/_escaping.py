@@ -73,11 +73,11 @@ def _referred(special: str, text: str) -> str:
 
 _REFERENCES: Final = {code: f"&{codepoint2name.get(code, f'#{code}')};" for code in range(128)}
 _SPECIAL: Final = r"[^\w .,:/+%!?-]"
-"""What may end a string or a comment, begin markup, or call a function."""
+"""Characters that may end a string or a comment, begin markup, or call a function."""
 _CODE: Final = (".py", ".pyi", ".toml", ".json", ".js", ".ts", ".yaml", ".yml")
 _LANGUAGES: Final[dict[str, tuple[Callable[[str], str], str]]] = {
     **dict.fromkeys(_CODE, (partial(_escaped, _SPECIAL), "python json")),
     **dict.fromkeys((".html", ".htm", ".xml", ".svg"), (partial(_referred, _SPECIAL), "json")),
     ".md": (partial(_referred, r"<|(?<=\])[(:]"), "markdown"),
 }
-"""How texts are written in files with an ending, and the filters whose results are texts of the language."""
+"""The function that escapes texts in files with an ending, and the filters whose results need no escaping."""
