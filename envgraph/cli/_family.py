@@ -48,7 +48,7 @@ _MOST_SHOWN = 100
 """Members of a family that are printed one by one."""
 
 TRAINING, REPORT = "training", "report.html"
-"""What is made of a run, beside its store and tables: results of training, one directory a budget; the page."""
+"""Names beside the store and tables of a run: results of training, one directory a budget, and the page."""
 
 
 def generate_family(

@@ -33,7 +33,7 @@ CERTIFICATES = "certificates"
 """The setting that has what was verified of members, by their ids."""
 
 _RESULTS = ("training", "tables", "report.html")
-"""What commands make of a run, beside its store."""
+"""Names of the results of a run, beside its store."""
 
 _REPLACED = "replaced"
 """The setting that names the directory to which results of the old run are moved while the run is replaced."""
