@@ -20,7 +20,7 @@ from envgraph.cli._output import (
 )
 from envgraph.cli._query import spelled
 from envgraph.env import scene_text
-from envgraph.errors import Diagnostic, InvalidArgument
+from envgraph.errors import Diagnostic, EnvgraphError, InvalidArgument
 from envgraph.lang import DiskFiles, read_source
 from envgraph.search import (
     Domain,
@@ -30,6 +30,7 @@ from envgraph.search import (
     Outcome,
     RunStore,
     SampleProgress,
+    about_search,
     caption,
     certificate_texts,
     domain_of,
@@ -62,6 +63,7 @@ def generate_family(
     directory: Path,
     format: OutputFormat,
     workers: int = 1,
+    require: float | None = None,
 ) -> None:
     """Evolve a family, or go on with one, and print it.
 
@@ -75,6 +77,10 @@ def generate_family(
         directory: where runs are kept.
         format: what to print.
         workers: threads for learners of an objective.
+        require: the least value of the objective, or the least diversity, with which the command succeeds.
+
+    Raises:
+        EnvgraphError: the family is worth less than required. The run is kept.
     """
     domain = Domain.load(location, overrides=overrides)
     path = _run_path(directory, name or domain.spec.name)
@@ -122,9 +128,14 @@ def generate_family(
             sys.stderr.write(f"`{words}` {'begins anew' if whole else 'goes on'}\n")
         raise
     with RunStore.open(path) as store:
-        low = why_low(family, store)
+        low, about = why_low(family, store), about_search(family, store)
     _print_family(family, format, path, low)
+    for line in about if format is OutputFormat.TEXT else ():
+        print_line(line)
     print_diagnostics([low] if low else [])
+    value = Outcome.of(family).diversity if family.value is None else family.value
+    if require is not None and value < require:
+        raise EnvgraphError(f"the family is worth {value:.3f}, and `--require` asks for {require:g}")
 
 
 def _run_path(directory: Path, name: str) -> Path:

@@ -47,6 +47,12 @@ from envgraph.errors import InvalidArgument
 @count_option(
     "--workers", default=1, help="How many threads train the learners of an objective; changes no result."
 )
+@click.option(
+    "--require",
+    type=float,
+    metavar="VALUE",
+    help="Exit with code 1 if the family is worth less: share of learners that solve the target, or diversity.",
+)
 @force_option
 @directory_option
 @format_option
@@ -60,6 +66,7 @@ def generate(
     overrides: tuple[str, ...],
     resume: bool,
     workers: int,
+    require: float | None,
     force: bool,
     directory: Path,
     format: OutputFormat,
@@ -80,7 +87,7 @@ def generate(
         )
     generate_family(
         family, name=name, overrides=[] if resume else [*short, *overrides], generations=generations,
-        resume=resume, force=force, directory=directory, format=format, workers=workers,
+        resume=resume, force=force, directory=directory, format=format, workers=workers, require=require,
     )  # fmt: skip
 
 

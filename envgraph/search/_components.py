@@ -174,7 +174,12 @@ def _binned_entropy(options: Options, context: Context) -> Statistic:
 
 
 def _learning(options: Options, context: Context) -> Callable[[Levels, int], Judged]:
-    steps = options.integers("steps", [context.spec.training.steps_per_environment], 1, _MOST_STEPS)
+    spec, training = context.spec, context.spec.training
+    steps = (
+        ()
+        if spec.steps_are_free
+        else options.integers("steps", [training.steps_per_environment], 1, _MOST_STEPS)
+    )
     limit = context.spec.limit or (context.behaviour.limit if context.behaviour else None)
     settings = TrainingSettings.from_spec(context.spec.training, limit=limit)
     seed = context.spec.seed

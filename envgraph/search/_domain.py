@@ -302,7 +302,7 @@ class Domain:
         if spec is None or not self.spec.climbs:
             return None
         options, objective = _expressions(spec), self.objective()
-        settings = _climb(options, search.population)
+        settings = _climb(options, self.spec)
         made: Callable[[Levels, int], Judged]
         if objective is None or not objective.terms:
             made = self.components.objective[spec.kind](options, self._context())
@@ -420,7 +420,7 @@ def option_problems(spec: FamilySpec, workspace: Workspace) -> list[Diagnostic]:
         if has_expressions(spec.objective):
             problems += read_objective(spec.objective, context, known.family)[1]
         if spec.climbs:
-            _climb(options, spec.search.population)
+            _climb(options, spec)
         if spec.objective.kind in known.objective:
             known.objective[spec.objective.kind](options, context)
         if spec.objective.kind in (EXPRESSIONS, *known.objective):
@@ -457,18 +457,18 @@ def _expressions(spec: ComponentSpec) -> Options:
     return options
 
 
-def _climb(options: Options, population: int) -> CurriculumSettings:
+def _climb(options: Options, spec: FamilySpec) -> CurriculumSettings:
     """How a whole family is searched for: the options that every objective has."""
-    demanded = options.number_or("diversity", "maximum")
+    demanded, written = options.number_or("diversity", "maximum"), spec.says("search", "population")
     return CurriculumSettings(
-        population=max(2, population),
+        population=max(2, spec.search.population) if written or demanded is not None else None,
         effort=int(options.number("effort", EFFORT, 1, 1e15)),
         lanes=options.integer("lanes", 4, 1, MOST_LANES),
         enough=options.number("enough", 1.0, -LARGEST, LARGEST) if options.given("enough") else None,
         demanded=inf if isinstance(demanded, str) else demanded,
         crossover=options.number("crossover", 0.0, 0.0, 1.0),
         exchange=options.number("exchange", 0.0, 0.0, 1.0),
-        begin=cast(Begin, options.word("begin", "easing", get_args(Begin))),
+        begin=cast(Begin, options.word("begin", "auto", get_args(Begin))),
     )
 
 

@@ -71,7 +71,8 @@ class Family:
         members: from the easiest to the hardest by the measure that orders the curriculum, then the initial model.
         domain: what the texts say, with the overrides.
         overrides: what held instead of what the family file says, such as "seed=5".
-        objective: what a run with an objective has made of it: value by what is written in `[objective]`.
+        objective: what a run with an objective has made of it: value by what is written in `[objective]`, and what is
+            known of learners, see `CurriculumProgress`.
         lacking: conditions of the objective that do not hold, by what is written there, and by how much.
         tables: where the states of the members are kept once they have been enumerated.
     """
@@ -463,7 +464,7 @@ def _worth(store: RunStore, domain: Domain) -> tuple[dict[str, float], dict[str,
     found, spec = store.objective, domain.spec.objective
     try:
         known = {spec.kind: found["value"]} if spec and "value" in found else found.get("values", {})
-        return _numbers(known), _numbers(found.get("lacking", {}))
+        return _numbers(known) | _numbers(found.get("learnt", {})), _numbers(found.get("lacking", {}))
     except (EvaluationError, TypeError, ValueError) as error:
         raise store.damaged("setting `objective` is no table of numbers") from error
 

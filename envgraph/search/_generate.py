@@ -10,6 +10,7 @@ from envgraph.env import DrawGrid, GridScene, Scene
 from envgraph.errors import Diagnostic, InvalidArgument, LoadError, Severity, Source, listed
 from envgraph.files import telling
 from envgraph.graph import model_to_json
+from envgraph.lang import FamilySpec
 from envgraph.search._components import Components
 from envgraph.search._domain import Domain
 from envgraph.search._evolution import Evolution
@@ -111,7 +112,14 @@ def evolve(
         )  # what is wrong is said before there is a run
         with RunStore.create(store_path, *stored(domain), overwrite=overwrite) as store:
             search(store)
-            return family_of(store, domain)
+            return _found(store, domain)
+
+
+def _found(store: RunStore, domain: Domain) -> Family:
+    """The family of a run, with what the search has chosen."""
+    if domain.overrides != store.overrides:
+        domain = domain_of(store.bundle(), store.overrides, str(store.path), domain.components)
+    return family_of(store, domain)
 
 
 def stored(domain: Domain) -> tuple[dict[str, Any], Mapping[str, str]]:
@@ -162,7 +170,7 @@ def resume(
         if domain.spec.evolves or last is None:
             with telling():
                 _search(domain, domain.problem(domain.engine()), progress, climbing, drawing, workers)(store)
-        return family_of(store, domain)
+        return _found(store, domain)
 
 
 def _search(
@@ -181,7 +189,7 @@ def _search(
     objective = domain.objective() or Objective(())
     judged, before = make(levels, workers), objective.measures[:-1] if objective.terms else objective.measures
     whole = CurriculumSearch(levels, judged, climb, seed, climbing, before)
-    return lambda store: _store(store, levels, whole.run(), objective)
+    return lambda store: _store(store, levels, whole.run(), objective, domain.spec)
 
 
 def _drawn(sampler: Sampler, drawing: Drawing, store: RunStore) -> None:
@@ -193,8 +201,13 @@ def _evolved(evolution: Evolution, progress: Progress) -> None:
     evolution.run(progress)
 
 
-def _store(store: RunStore, levels: Levels, found: CurriculumProgress, objective: Objective) -> None:
-    """Write a family that was searched for as a whole: the target, and what leads from it to each other member."""
+def _store(
+    store: RunStore, levels: Levels, found: CurriculumProgress, objective: Objective, spec: FamilySpec
+) -> None:
+    """Write a family that was searched for as a whole: the target, and what leads from it to each other member.
+
+    Numbers of members and of steps that the search chose hold in the run instead of what the family file says.
+    """
     born = []
     for id_, level in enumerate([found.family[-1], *found.family[:-1]]):
         parent = None if id_ == 0 else 0
@@ -205,11 +218,21 @@ def _store(store: RunStore, levels: Levels, found: CurriculumProgress, objective
     members = (*range(1, len(born)), 0)
     rejected = dict(sorted(levels.rejected.items()))
     diversity = levels.diversity(found.family)
-    # A run with a generation has ended: that is written last, and whole.
+    # A run with a generation has ended: all of this is written at once.
     worth = {"values": objective.values(found.family)} if objective.terms else {"value": found.value}
-    lacking = objective.lacking(found.family)
-    store.set("objective", {**worth, "lacking": lacking, "families": found.tried})
-    store.write_generation(Generation(0, members, diversity, len(born), rejected), born)
+    about = {
+        **worth,
+        "learnt": dict(found.learnt),
+        "lacking": objective.lacking(found.family),
+        "families": found.tried,
+        "origin": str(found.origin),
+        "exempted": [*levels.exempted] if found.origin and found.origin.episode else [],
+    }
+    chosen = [] if len(born) == spec.search.population else [f"search.population={len(born)}"]
+    if "steps" in found.learnt and spec.steps_are_free:
+        chosen.append(f"training.steps_per_environment={round(found.learnt['steps'] / len(born))}")
+    settings = {"objective": about, "overrides": [*store.overrides, *chosen]}
+    store.write_generation(Generation(0, members, diversity, len(born), rejected), born, settings)
 
 
 def import_ga4cl(

@@ -14,9 +14,15 @@ from envgraph.lang import Strength
 from envgraph.search._diversity import BinnedEntropy
 from envgraph.search._family import Family
 from envgraph.search._problem import Problem
-from envgraph.search._store import RunStore
+from envgraph.search._store import RunStore, _texts
 
 _SAME = 1e-9
+
+_FEW = 0.5
+"""A smaller share of learners that solve the target is worth a warning."""
+
+_NEEDLESS = 0.05
+"""A target that is learned alone by nearly as many needs no family."""
 
 _MOST_REPORTED = 100
 """Members whose bins are listed one by one."""
@@ -31,7 +37,9 @@ class Outcome:
         maximum: what it can be for so many members as the family should have; infinite where that is not known.
         unit: "bits", or "" where it has none.
         bins: number of each member's bin, from 1, in the order of the curriculum; empty where there are no bins.
-        objective: what the family was searched for by, and its value; {} without an objective.
+        objective: what the family was searched for by, and its value; {} without an objective. See `Family.objective`.
+        target: name of the last member.
+        demanded: whether the search was for families that are diverse.
     """
 
     diversity: float
@@ -39,6 +47,8 @@ class Outcome:
     unit: str = ""
     bins: tuple[int, ...] = ()
     objective: Mapping[str, float] = field(default_factory=dict)
+    target: str = ""
+    demanded: bool = True
 
     @classmethod
     def of(cls, family: Family) -> Outcome:
@@ -46,11 +56,12 @@ class Outcome:
         problem = family.domain.problem(family.domain.engine())
         values, measure = _values(family, problem), problem.diversity
         maximum = problem.maximum(family.domain.spec.size)
-        objective = family.objective
-        if not isinstance(measure, BinnedEntropy):
-            return cls(measure.score(values), maximum, objective=objective)
-        bins = tuple(measure.bin(value) + 1 for value in values)
-        return cls(measure.score(values), maximum, "bits", bins, objective)
+        bins: tuple[int, ...] = ()
+        if isinstance(measure, BinnedEntropy):
+            bins = tuple(measure.bin(value) + 1 for value in values)
+        unit, target, spec = "bits" if bins else "", family.members[-1].name, family.domain.spec.objective
+        demanded = "steps" not in family.objective or (spec is not None and "diversity" in spec.options)
+        return cls(measure.score(values), maximum, unit, bins, family.objective, target, demanded)
 
     def __str__(self) -> str:
         limit = f" of {self.maximum:.3f}" if self.maximum < inf else ""
@@ -59,8 +70,17 @@ class Outcome:
         if len(self.bins) > _MOST_REPORTED:
             counts = [f"{number} ({count:,})" for number, count in sorted(Counter(self.bins).items())]
             bins = f", members in bins {', '.join(counts)}"
-        objective = "".join(f"{name} {value:.3f}, " for name, value in self.objective.items())
-        return f"{objective}diversity {self.diversity:.3f}{limit}{unit}{bins}"
+        parts = [f"{name} {value:.3f}" for name, value in self.objective.items()]
+        if "steps" in self.objective:
+            success, *_ = self.objective.values()
+            steps, alone = self.objective["steps"], self.objective["alone"]
+            parts = [
+                f"{success:.1%} of new learners solve {self.target} after {steps:,.0f} steps in all",
+                f"{alone:.1%} with as many on {self.target} alone",
+            ]
+        if self.demanded:
+            parts.append(f"diversity {self.diversity:.3f}{limit}{unit}{bins}")
+        return ", ".join(parts)
 
 
 def why_low(family: Family, store: RunStore) -> Diagnostic | None:
@@ -74,6 +94,8 @@ def why_low(family: Family, store: RunStore) -> Diagnostic | None:
     low = family.domain.spec.samples is None and outcome.diversity < outcome.maximum - _SAME
     if family.lacking:
         return _lacking(family)
+    if "steps" in family.objective and (family.value or 0.0) < _FEW:
+        return _few(family)
     if family.domain.spec.objective is not None or (found >= wanted and (not low or outcome.maximum == inf)):
         return None  # the objective is what was to be large
     problem, spec = family.domain.problem(family.domain.engine()), family.domain.spec
@@ -110,6 +132,31 @@ def why_low(family: Family, store: RunStore) -> Diagnostic | None:
     return Diagnostic(
         "low-diversity", f"the diversity is below its maximum: {message}", span, hint, Severity.WARNING
     )
+
+
+def about_search(family: Family, store: RunStore) -> list[str]:
+    """Return sentences on how a family that was searched for as a whole came about; [] where nothing is known."""
+    found, known = store.objective, family.objective
+    if "steps" not in known:
+        return []
+    where = f"environments before {family.members[-1].name} are {found['origin']}"
+    if "unsearched" in known:
+        where += f", improved by search: without search {known['unsearched']:.1%} of learners succeed"
+    elif "eased" not in where:
+        where += ", as they are: the search found nothing better"
+    exempted = [f"`{text}`" for text in _texts(found.get("exempted", []))]
+    only = [f"these hold for {family.members[-1].name} alone: {', '.join(exempted)}"] if exempted else []
+    needless = (family.value or 0.0) - known["alone"] < _NEEDLESS
+    alone = [f"{family.members[-1].name} needs no other environments: it is learned alone in as many steps"]
+    return [where, *only, *(alone if needless else [])]
+
+
+def _few(family: Family) -> Diagnostic:
+    """A family on which less than half of the learners come to solve the target."""
+    spec = family.domain.spec.objective
+    message = f"the family teaches little: {family.value:.1%} of new learners solve {family.members[-1].name}"
+    hint = "more `steps_per_environment`, a larger `population`, or more `effort`"
+    return Diagnostic("teaches-little", message, spec.span() if spec else None, hint, Severity.WARNING)
 
 
 def _lacking(family: Family) -> Diagnostic:

@@ -273,8 +273,10 @@ class RunStore:
     def objective(self) -> dict[str, object]:
         """What is known of the objective of a run that has ended; {} where there is none.
 
-        Either its "value", of a family that was searched for as a whole, or the "values" of what was to be large or
-        small, by their texts, and how much is "lacking" by which condition.
+        Either its "value", of a family that was searched for as a whole, and what is "learnt" of it (see
+        `CurriculumProgress`), or the "values" of what was to be large or small, by their texts; how much is "lacking"
+        by which condition, what members are made from ("origin"), and constraints that hold for the target alone
+        ("exempted").
         """
         with self._reading("setting `objective`"):
             return dict(_object(self.settings().get("objective", {})))
@@ -315,9 +317,13 @@ class RunStore:
         members = [] if last is None else [_row(self.individual(id_)) for id_ in last.members]
         return [self.settings(), self.sources(), members]
 
-    def write_generation(self, generation: Generation, born: Iterable[Individual]) -> None:
-        """Store a generation and the individuals accepted in it, all or nothing."""
+    def write_generation(
+        self, generation: Generation, born: Iterable[Individual], settings: Mapping[str, Any] | None = None
+    ) -> None:
+        """Store a generation, the individuals accepted in it, and new values of settings, all or nothing."""
         with self._transaction() as db:
+            texts = [(key, dump_json(value)) for key, value in (settings or {}).items()]
+            db.executemany("INSERT OR REPLACE INTO setting VALUES (?, ?)", texts)
             rows = [_row(individual) for individual in born]
             db.executemany("INSERT INTO individual VALUES (?, ?, ?, ?, ?, ?, ?, ?)", rows)
             db.executemany("INSERT INTO content VALUES (?, ?)", [(row[0], _hash(row)) for row in rows])

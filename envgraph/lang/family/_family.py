@@ -227,6 +227,17 @@ class FamilySpec:
     path: str = "family.toml"
     source: Source | None = field(default=None, compare=False, repr=False)
 
+    def says(self, *key: str) -> bool:
+        """Return True if the file has an objective and a key such as "search", "population"."""
+        text = self.objective.text if self.objective else None
+        return text is not None and key in text.values
+
+    @property
+    def steps_are_free(self) -> bool:
+        """Whether the search for a family that teaches chooses the steps on each member."""
+        steps = ("training", "steps_per_environment"), ("objective", "steps")
+        return not any(self.says(*key) for key in steps)
+
     @property
     def files(self) -> tuple[str, ...]:
         """All files that the family names."""

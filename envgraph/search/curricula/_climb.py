@@ -1,8 +1,8 @@
-"""The search: many families to begin with, few of which are improved by random moves."""
+"""The search: the reverse curriculum, and many other families to begin with, few of which are improved by moves."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field
 from math import inf, sqrt
 from typing import Final
@@ -18,13 +18,15 @@ from envgraph.errors import InvalidArgument
 from envgraph.search._diversity import Bounded
 from envgraph.search._families import DIGITS, FamilyMeasure
 from envgraph.search._family_measures import LEAST
-from envgraph.search.curricula._episodes import Episode
 from envgraph.search.curricula._levels import Level, Levels
 from envgraph.search.curricula._moves import Family, Moves
-from envgraph.search.curricula._objectives import Judged, value_of
-from envgraph.search.curricula._starts import Begin, Easing, Starts
+from envgraph.search.curricula._objectives import Judged, Learning, value_of
+from envgraph.search.curricula._reverse import GOOD, SIZES, Taught, reverse_curriculum
+from envgraph.search.curricula._starts import Begin, Origin, Starts
 
 Scores = NDArray[np.float64]
+Screened = tuple[tuple[tuple[float, ...], float], Family, Origin]
+"""The value of a family by the measures before the objective and by the objective, the family, and its origin."""
 
 LEVEL: Final = 50_000
 """Steps of learners that take as long as to make a table of a small model; no judgement of a family counts as fewer."""
@@ -42,6 +44,16 @@ _SAME: Final = 1e-9
 """Diversities closer than this are the same."""
 BIRTHS: Final = 1_000
 """Families that are drawn until one is a family at all."""
+ENOUGH_GOOD: Final = 4
+"""Families for each lane that are as good as is wanted on the first seeds: no more are drawn."""
+FEWER: Final = 0.64
+"""Share of the steps of a reverse curriculum that is good, with which a searched family has to be good as well."""
+IMPROVING: Final = 0.1
+"""Share of the effort for that."""
+ENOUGH: Final = 0.99
+"""The search for a family that teaches ends at this value by default."""
+NEW: Final = 500
+"""Learners that the family which was found is trained with at the end."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,27 +61,28 @@ class CurriculumSettings:
     """How a family is searched for.
 
     Attributes:
-        population: members of a family, the target included; at least 2.
+        population: members of a family, the target included; at least 2. None: as many as it takes, where a reverse
+            curriculum is judged by learners, else 6.
         effort: how long: steps that learners make, where a table that is made counts as 50,000, and so does what an
             objective that needs fewer makes of some seeds.
         lanes: families that are improved side by side, until the better half of them goes on.
         enough: the search ends at this value; None: at the most that the objective can be.
         demanded: the least diversity of a family; infinity: the largest there is; or None.
         crossover, exchange: shares of these moves, see `Moves`.
-        begin: where the members of the first families come from, see `Starts`.
+        begin: what the members of the first families are made from, see `Starts`.
     """
 
-    population: int
+    population: int | None
     effort: int
     lanes: int = 4
     enough: float | None = None
     demanded: float | None = None
     crossover: float = 0.0
     exchange: float = 0.0
-    begin: Begin = "easing"
+    begin: Begin = "auto"
 
     def __post_init__(self) -> None:
-        if self.population < 2 or self.effort < 1 or self.lanes < 1:
+        if (self.population or 2) < 2 or self.effort < 1 or self.lanes < 1:
             raise InvalidArgument("a search needs two members, a lane, and some effort")
 
 
@@ -80,6 +93,7 @@ class _Lane:
     Attributes:
         current: the family that moves are tried on.
         best: the best one so far.
+        origin: what its members were made from at first.
         before: what the best one is worth by the measures that count before the objective.
         value: of the best one, estimated on seeds of its own; minus infinity before it is known.
         rng: draws moves.
@@ -87,6 +101,7 @@ class _Lane:
 
     current: Family
     best: Family
+    origin: Origin
     rng: Generator
     before: tuple[float, ...] = ()
     value: float = -inf
@@ -98,20 +113,30 @@ class CurriculumProgress:
 
     Attributes:
         family: the best one; while families to begin with are drawn, the last one.
-        value: of it; minus infinity before it is known.
+        value: of it; minus infinity before it is known. At the end, where learners judge: the share of 500 new ones
+            that solve the target.
         spent: share of the effort.
         tried: families that were judged.
+        origin: what its members are made from; None before the end.
+        learnt: where learners judge, at the end: "steps" in all; the success of as many learners with as many steps on
+            the target "alone"; and that of the best reverse curriculum "unsearched", if it is not the family.
     """
 
     family: Family
     value: float
     spent: float
     tried: int
+    origin: Origin | None = None
+    learnt: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(slots=True)
 class CurriculumSearch:
     """Searches for a family of which an objective is as large as can be.
+
+    Where learners judge, the reverse curriculum comes first: see `reverse_curriculum`. If it is good, and the steps
+    are free, a family is searched for that is good with fewer; else one that is better. Only on new seeds does such a
+    family take the place of the reverse curriculum.
 
     Screening: families are drawn by `Starts` and judged on few seeds; half of them are eased as one of the best quarter
     so far was. The best quarter is compared on more seeds, the best third of these on twice as many, and so on, until
@@ -144,9 +169,15 @@ class CurriculumSearch:
     _seeds: int = field(default=0, init=False)
     _demanded: float | None = field(init=False)
     _moves: Moves = field(init=False)
+    _size: int = field(init=False)
+    _rng: Generator = field(init=False)
 
     def __post_init__(self) -> None:
-        most = self.levels.problem.maximum(self.settings.population)
+        self._size, self._rng = (
+            self.settings.population or 6,
+            default_rng(SeedSequence(self.seed, spawn_key=(0,))),
+        )
+        most = self.levels.problem.maximum(self._size)
         if self.settings.demanded == inf == most:
             raise InvalidArgument("nobody knows how diverse a family can be at most: demand a number")
         demanded = self.settings.demanded
@@ -161,34 +192,92 @@ class CurriculumSearch:
         Raises:
             InvalidArgument: none was found that is as diverse as demanded, or has different members.
         """
+        starts = Starts(self.levels, self._moves, self._demanded, self._rng, self.settings.begin)
+        plain = self._reverse_curriculum(starts)
+        if plain is None:
+            return self._ended(self._searched(starts, [], 1.0))
+        self._size, self.objective = len(plain.family), plain.objective
+        good, until = plain.success >= GOOD, 1.0
+        if good and not plain.objective.free:
+            return self._ended(plain)
+        if good:
+            until = min(1.0, self._spent() + IMPROVING)
+            self.objective = plain.objective.at(max(1, int(FEWER * plain.objective.steps[0])))
+        found = self._searched(starts, [*starts.reversed_episodes(self._size)], until)
+        if isinstance(found, Taught) and found.success >= (GOOD if good else plain.success + _SAME):
+            return self._ended(found, self._success(plain.family, found.objective, NEW))
+        return self._ended(plain)
+
+    def _reverse_curriculum(self, starts: Starts) -> Taught | None:
+        """The best one without any search, where learners judge and nothing else is asked of a family."""
+        if not isinstance(self.objective, Learning) or self.measures or self._demanded is not None:
+            return None
+        sizes = SIZES if self.settings.population is None else (self.settings.population,)
+        return reverse_curriculum(
+            starts, self.objective, sizes, self._success, lambda: self._spent() > SCREENED
+        )
+
+    def _searched(
+        self, starts: Starts, first: Sequence[tuple[Origin, Family]], until: float
+    ) -> Taught | _Lane:
+        """The best family that is found until so much of the effort is spent."""
+        start = self._spent()
         lanes = [
             _Lane(
                 family,
                 family,
+                origin,
                 default_rng(SeedSequence(self.seed, spawn_key=(1, place))),
                 self._before(family),
             )
-            for place, family in enumerate(self._screened())
+            for place, (_, family, origin) in enumerate(
+                self._screened(starts, first, start + SCREENED * (until - start))
+            )
         ]
         rounds = len(lanes).bit_length()
         start = self._spent()
         for number in range(rounds):
             # Each round has twice the effort of the one before it, and half as many lanes.
-            until = start + (1.0 - start) * (2 ** (number + 1) - 1) / (2**rounds - 1)
-            share = (until - self._spent()) / len(lanes)
+            end = start + (until - start) * (2 ** (number + 1) - 1) / (2**rounds - 1)
+            share = (end - self._spent()) / len(lanes)
             for lane in lanes:
                 self._climb(lane, self._spent() + share)
             lanes.sort(key=lambda lane: (lane.before, lane.value), reverse=True)
             lanes = lanes[: max(1, len(lanes) // 2)]
             if self._is_enough(lanes[0]):
                 break
-        if lanes[0].value == -inf:  # the effort was over before
-            lanes[0].value = value_of(self._judged(lanes[0].best, JUDGE))
-        return self._progress(lanes[0])
+        best = lanes[0]
+        if isinstance(self.objective, Learning):
+            share = self._success(best.best, self.objective, NEW)
+            return Taught(best.best, self.objective, share, best.origin)
+        if best.value == -inf:  # the effort was over before
+            best.value = value_of(self._judged(best.best, JUDGE))
+        return best
+
+    def _ended(self, found: Taught | _Lane, unsearched: float | None = None) -> CurriculumProgress:
+        spent = min(1.0, self._spent())
+        if isinstance(found, _Lane):
+            return CurriculumProgress(found.best, found.value, spent, self.tried, found.origin)
+        steps = found.objective.steps[-1] * len(found.family)
+        alone = self._success((self.levels.target,), found.objective.at(steps), NEW)
+        learnt = {"steps": steps, "alone": alone}
+        if unsearched is not None:
+            learnt["unsearched"] = unsearched
+        return CurriculumProgress(found.family, found.success, spent, self.tried, found.origin, learnt)
+
+    def _success(self, family: Family, objective: Learning, seeds: int) -> float:
+        """The share of so many new learners that solve the target; 0 where a member has too many states."""
+        self._steps += max(LEVEL, objective.effort * len(family) * seeds)
+        self.tried += 1
+        try:
+            return objective.success(family, self._fresh(seeds))
+        except (TooManyStates, NotCompiled):
+            return 0.0
 
     @property
     def _enough(self) -> float:
-        return self.objective.most if self.settings.enough is None else self.settings.enough
+        most = ENOUGH if isinstance(self.objective, Learning) else self.objective.most
+        return most if self.settings.enough is None else self.settings.enough
 
     def _is_enough(self, lane: _Lane) -> bool:
         """Whether nothing better is wanted, or possible in what counts before the objective."""
@@ -209,38 +298,44 @@ class CurriculumSearch:
 
     # --- families to begin with
 
-    def _screened(self) -> list[Family]:
-        """As many families as there are lanes, the best first."""
-        settings, rng = self.settings, default_rng(SeedSequence(self.seed, spawn_key=(0,)))
-        starts = Starts(self.levels, self._moves, settings.population, self._demanded, rng, settings.begin)
-        pool: list[tuple[tuple[tuple[float, ...], float], Family, Easing | Episode]] = []
-        births = 0
-        while (self._spent() < SCREENED and births < BIRTHS + settings.effort // LEVEL) or not pool:
+    def _screened(
+        self, starts: Starts, first: Sequence[tuple[Origin, Family]], until: float
+    ) -> list[Screened]:
+        """As many families as there are lanes, the best first: of the first ones, and others that are drawn."""
+        settings, rng, pool = self.settings, self._rng, list[Screened]()
+        births = good = 0
+        most_births = BIRTHS + settings.effort // LEVEL
+        while births < len(first) or not pool or (self._spent() < until and births < most_births):
+            if good == ENOUGH_GOOD * settings.lanes:
+                break
             births += 1
             if not pool and births > BIRTHS:
                 raise InvalidArgument(self._nothing())
             best = sorted(pool, key=_rank, reverse=True)[: len(pool) // 4]
             learnt = bool(best) and rng.random() < 0.5
-            easing = best[int(rng.integers(len(best)))][2] if learnt else starts.easing(rng)
-            family = starts.draw(easing, rng)
+            origin = best[int(rng.integers(len(best)))][2] if learnt else starts.origin(rng)
+            family = starts.draw(origin, self._size, rng) if births > len(first) else None
+            if births <= len(first):
+                origin, family = first[births - 1]
             if family is None:
                 self._steps += LEVEL // 2
                 continue
             before, most = self._before(family), max((one[0][0] for one in pool), default=())
             value = value_of(self._judged(family, GLANCE)) if before >= most else -inf
             self._steps += LEVEL if value == -inf else 0
-            pool.append(((before, value), family, easing))
+            pool.append(((before, value), family, origin))
+            good += value >= self._enough
             self.report(CurriculumProgress(family, -inf, min(1.0, self._spent()), self.tried))
         pool.sort(key=_rank, reverse=True)
         pool, seeds = pool[: max(settings.lanes, len(pool) // 4)], LOOK
         while len(pool) > settings.lanes:
             pool = [
-                ((before, value_of(self._judged(family, seeds))), family, easing)
-                for (before, _), family, easing in pool
+                ((before, value_of(self._judged(family, seeds))), family, origin)
+                for (before, _), family, origin in pool
             ]
             pool.sort(key=_rank, reverse=True)
             pool, seeds = pool[: max(settings.lanes, len(pool) // 3)], 2 * seeds
-        return [family for _, family, _ in pool]
+        return pool
 
     def _nothing(self) -> str:
         reasons = self.levels.rejected.most_common(1)
@@ -333,9 +428,7 @@ class CurriculumSearch:
         return range(first, self._seeds)
 
 
-def _rank(
-    one: tuple[tuple[tuple[float, ...], float], Family, Easing | Episode],
-) -> tuple[tuple[float, ...], float]:
+def _rank(one: Screened) -> tuple[tuple[float, ...], float]:
     return one[0]
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import field
+from dataclasses import field, replace
 from functools import cached_property
 from typing import Any, Final, TypeVar, cast
 
@@ -87,6 +87,7 @@ class Levels:
 
     Attributes:
         rejected: how many models were no members, by what was wrong with them.
+        exempted: constraints that hold for the target alone.
         origin: the version of the target.
         made: how many tables and programs were made.
     """
@@ -94,6 +95,7 @@ class Levels:
     def __init__(self, problem: Problem, behaviour: Behaviour | None) -> None:
         self.problem, self.engine = problem, problem.engine
         self.rejected: Counter[str] = Counter()
+        self.exempted: dict[str, None] = {}
         self.made = 0
         self._behaviour = behaviour
         self._program: Program | None = None
@@ -149,6 +151,14 @@ class Levels:
         except (RuleError, EvaluationError):
             return False
         return True
+
+    def exempt(self) -> None:
+        """Ask nothing of members that the present state of an optimal episode violates."""
+        violated = list(map(str, self.problem.violations()))
+        self.exempted.update(dict.fromkeys(violated))
+        if violated:
+            kept = [one for one in self.problem.constraints if str(one) not in violated]
+            self.problem = replace(self.problem, constraints=kept)
 
     def measured(self) -> dict[str, float] | None:
         """The measures of the present model; None, and a reason is counted, if it is no member."""

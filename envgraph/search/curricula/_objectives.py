@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from copy import copy
 from functools import partial
 from math import inf
-from typing import ClassVar, Final, Protocol
+from typing import ClassVar, Final, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,7 +63,7 @@ class Learning:
     Args:
         settings: how learners learn.
         target: the last member of each family.
-        steps: lengths of training, on each member.
+        steps: lengths of training, on each member; empty: free, the search chooses one.
         seed: of the search.
         workers: threads; they change no number.
 
@@ -80,12 +81,19 @@ class Learning:
         self, settings: TrainingSettings, target: Level, steps: Sequence[int], seed: int, workers: int = 1
     ) -> None:
         self._judge = self._judged(settings, target)
-        self._steps, self._seed, self._workers = tuple(steps), seed, workers
+        self.steps, self.free = tuple(steps) or (settings.steps_per_environment,), not steps
+        self._seed, self._workers = seed, workers
         self._pool = ThreadPoolExecutor(workers) if workers > 1 else None
+
+    def at(self, steps: int) -> Learning:
+        """The same with other steps on each member."""
+        found = copy(self)
+        found.steps = (steps,)
+        return found
 
     @property
     def effort(self) -> int:
-        return sum(self._steps)
+        return sum(self.steps)
 
     @staticmethod
     def _judged(settings: TrainingSettings, target: Level) -> Callable[[Sequence[Level]], Judge]:
@@ -98,13 +106,23 @@ class Learning:
         return lambda family: partial(on_tables.judge, [level.table for level in family])
 
     def scores(self, family: Sequence[Level], seeds: range) -> NDArray[np.float64]:
+        return self._judgements(family, seeds, "scores")
+
+    def success(self, family: Sequence[Level], seeds: range) -> float:
+        """The share of learners that solve the target, after the length of training with which the fewest do."""
+        return float(self._judgements(family, seeds, "successes").mean(axis=1).min())
+
+    def _judgements(
+        self, family: Sequence[Level], seeds: range, kind: Literal["scores", "successes"]
+    ) -> NDArray[np.float64]:
+        """One kind of what `Judgement` has: [lengths of training, seeds]."""
         judge = self._judge(family)
         sequences = (np.random.SeedSequence(self._seed, spawn_key=(SEARCHING, seed)) for seed in seeds)
         rows = streams([np.random.Generator(np.random.PCG64(one)) for one in sequences])
         parts = np.array_split(rows, min(self._workers, len(rows)))
-        tasks = [(part, steps) for steps in self._steps for part in parts]
-        judged = (self._pool.map if self._pool else map)(lambda task: judge(*task).scores, tasks)
-        return np.concatenate(list(judged)).reshape(len(self._steps), len(rows))
+        tasks = [(part, steps) for steps in self.steps for part in parts]
+        judged = (self._pool.map if self._pool else map)(lambda task: getattr(judge(*task), kind), tasks)
+        return np.concatenate(list(judged)).reshape(len(self.steps), len(rows))
 
 
 class Measured:

@@ -7,11 +7,13 @@ the families that come of it are good.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterator, Sequence
+from itertools import accumulate
 from typing import Literal
 
 import numpy as np
 from numpy.random import Generator
+from numpy.typing import NDArray
 
 from envgraph.code import dataclass
 from envgraph.errors import InvalidArgument
@@ -19,11 +21,14 @@ from envgraph.pattern import Constant, Modification, Retype, Rule, Set
 from envgraph.rewrite import Row
 from envgraph.search._store import Trace
 from envgraph.search.curricula._episodes import Episode, optimal_episodes
-from envgraph.search.curricula._levels import Levels
+from envgraph.search.curricula._levels import Level, Levels
 from envgraph.search.curricula._moves import Family, Moves
 
-Begin = Literal["easing", "episode"]
-"""Where the members of families come from: the target is eased by mutations, or an optimal episode goes on from it."""
+Begin = Literal["auto", "easing", "episode"]
+"""What the members of the first families are: the target eased by mutations, states of an optimal episode, or all."""
+
+_Step = tuple[Trace, float]
+"""What leads from the target to a state, and the value there that the diversity reads, if one is demanded."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,6 +42,24 @@ class Easing:
 
     near: str | None
     far: str | None
+
+
+@dataclass(frozen=True, slots=True)
+class Origin:
+    """What the members of a family are made from.
+
+    Attributes:
+        episode: they are states of this optimal episode of the target; None: they are the target itself.
+        easing: how these are eased by mutations; None: not at all.
+    """
+
+    episode: Episode | None
+    easing: Easing | None
+
+    def __str__(self) -> str:
+        if self.episode is None:
+            return "the target, eased by mutations"
+        return "states of an optimal episode" + (", eased by mutations" if self.easing else "")
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,104 +86,142 @@ class Starts:
     "episode": the candidates are the states of an optimal episode, those near its end the easiest (reverse curriculum
     generation, Florensa et al. 2017, with known episodes). Chosen are states that lie about equally far apart.
 
+    "auto": both, and states of an optimal episode that are eased.
+
+    Constraints that an optimal episode violates on its way, such as "the truck is on the start tile", hold for the
+    target alone from then on.
+
     Args:
         levels: of the members.
         moves: says what a family may be.
-        size: members of a family, the target included.
         demanded: the least diversity of a family, or None.
         rng: draws the optimal episodes.
-        begin: where members come from.
+        begin: what members are made from.
 
     Raises:
-        InvalidArgument: members come from an optimal episode, and none is known.
+        InvalidArgument: members are states of an optimal episode, and none is known.
     """
 
     def __init__(
-        self,
-        levels: Levels,
-        moves: Moves,
-        size: int,
-        demanded: float | None,
-        rng: Generator,
-        begin: Begin = "easing",
+        self, levels: Levels, moves: Moves, demanded: float | None, rng: Generator, begin: Begin = "easing"
     ) -> None:
-        self._levels, self._moves, self._size, self._demanded = levels, moves, size, demanded
+        self._levels, self._moves, self._demanded, self._begin = levels, moves, demanded, begin
         levels.go_to(levels.target.version)
         self._applications = self._by_effect()
         self._links = _links(levels)
-        self._from_episodes = begin == "episode"
-        self._episodes = optimal_episodes(levels, rng, states=self._from_episodes)
-        if self._from_episodes and not any(one.states for one in self._episodes):
+        self._played = optimal_episodes(levels, rng, states=begin != "easing")
+        known = {} if begin == "easing" else {one.states: one for one in self._played if one.states}
+        self._episodes = list(known.values())
+        self._found: dict[Trace, Level | None] = {}
+        if begin == "episode" and not self._episodes:
             raise InvalidArgument(
                 "no optimal episode of the target is known that ends in success",
                 'see whether `envgraph check` finds a `shortest_plan` within the limit; `begin = "easing"` needs none',
             )
+        for episode in self._episodes:
+            levels.go_to(levels.target.version)
+            for part in episode.states:
+                levels.replayed(part)
+                levels.exempt()
         levels.go_to(levels.target.version)
 
-    def easing(self, rng: Generator) -> Easing | Episode:
-        """Any of them, each as likely; or any of the optimal episodes."""
-        if self._from_episodes:
-            return self._episodes[int(rng.integers(len(self._episodes)))]
-        effects = [None, *self._applications]
-        near, far = (effects[int(rng.integers(len(effects)))] for _ in range(2))
-        return Easing(near, far)
+    def origin(self, rng: Generator) -> Origin:
+        """Any of them, each as likely."""
+        episode = easing = None
+        if self._episodes and (self._begin == "episode" or rng.random() < 2 / 3):
+            episode = self._episodes[int(rng.integers(len(self._episodes)))]
+        if episode is None or (self._begin == "auto" and rng.random() < 1 / 2):
+            effects = [None, *self._applications]
+            easing = Easing(*(effects[int(rng.integers(len(effects)))] for _ in range(2)))
+        return Origin(episode, easing)
 
-    def draw(self, easing: Easing | Episode, rng: Generator) -> Family | None:
-        """A family from the most eased member to the target, or None if what was drawn gives none."""
-        levels = self._levels
-        if isinstance(easing, Episode):
-            parts: Iterable[Trace] = easing.states
-        else:
+    def reversed_episodes(self, size: int) -> Iterator[tuple[Origin, Family]]:
+        """Yield, of each optimal episode, the family of states that lie equally far apart and the target."""
+        for episode in self._episodes:
+            ways = list(accumulate(episode.states))
+            places = _apart(len(ways), size - 1, np.full(size - 1, 0.5))
+            family = self._family([ways[place] for place in places]) if len(ways) >= size - 1 else None
+            if family is not None:
+                yield Origin(episode, None), family
+
+    def draw(self, origin: Origin, size: int, rng: Generator) -> Family | None:
+        """A family of so many members, the easiest first, or None if what was drawn gives none."""
+        easing, wanted = origin.easing, size - 1
+        parts: list[Trace] = []
+        if easing is not None:
             parts = [((one.rule, one.row),) for one in self._drawn(easing, rng)]
-        levels.go_to(levels.target.version)
-        steps: list[tuple[Trace, float | None]] = []
-        trace: Trace = ()
-        for part in parts:
-            if levels.replayed(part):
-                trace += part
-                measures = levels.measured() if self._demanded is not None else None
-                if measures is not None or self._demanded is None:
-                    steps.append((trace, None if measures is None else levels.value(measures)))
-        chosen = self._chosen(steps, rng)
+        if origin.episode is not None and easing is not None:
+            ways = list(accumulate(origin.episode.states))
+            if len(ways) < wanted:
+                return None
+            starts = [ways[place] for place in _apart(len(ways), wanted, rng.random(wanted))]
+            chosen = self._one_of_each([self._walked(start, parts) for start in starts], rng)
+        else:
+            states = parts if origin.episode is None else origin.episode.states
+            chosen = self._chosen(self._walked((), states)[1:], wanted, origin, rng)
         return None if chosen is None else self._family(chosen)
 
-    def _family(self, traces: Sequence[Trace]) -> Family | None:
-        """The members that come of the target by traces, each of which continues the one before it."""
-        levels, found, done = self._levels, [self._levels.target], 0
+    def _walked(self, start: Trace, parts: Sequence[Trace]) -> list[_Step]:
+        """Where the target comes to by a trace, and then by each part; states that are no members are left out."""
+        levels = self._levels
         levels.go_to(levels.target.version)
+        levels.replayed(start)
+        steps: list[_Step] = []
+        for part in ((), *parts):
+            if levels.replayed(part):
+                start += part
+                measures = levels.measured() if self._demanded is not None else None
+                if measures is not None or self._demanded is None:
+                    steps.append((start, 0.0 if measures is None else levels.value(measures)))
+        return steps
+
+    def _family(self, traces: Sequence[Trace]) -> Family | None:
+        """The members that come of the target by traces, the last of which is the easiest."""
+        levels, found = self._levels, [self._levels.target]
         for trace in traces:
-            levels.replayed(trace[done:])
-            level = levels.here(trace)
+            if trace not in self._found:
+                levels.go_to(levels.target.version)
+                self._found[trace] = levels.here(trace) if levels.replayed(trace) else None
+            level = self._found[trace]
             if level is None:
                 return None
             found.append(level)
-            done = len(trace)
         return tuple(reversed(found)) if self._moves.allowed(found) else None
 
-    def _chosen(self, steps: Sequence[tuple[Trace, float | None]], rng: Generator) -> list[Trace] | None:
+    def _chosen(
+        self, steps: Sequence[_Step], wanted: int, origin: Origin, rng: Generator
+    ) -> list[Trace] | None:
         """Which states on the way are members: any, or those that together are the most diverse."""
-        wanted = self._size - 1
         if len(steps) < wanted:
+            self._levels.rejected[f"mutations lead to {len(steps)} states, of which {wanted} are wanted"] += 1
             return None
         order: list[int] = rng.permutation(len(steps)).tolist()
-        if self._demanded is None:
-            places = order[:wanted]
-            if self._from_episodes:  # one from each of as many parts of the way
-                places = ((np.arange(wanted) + rng.random(wanted)) * len(steps) / wanted).astype(int).tolist()
-        else:
-            places = self._diverse([value for _, value in steps if value is not None], order)
+        places, values = order[:wanted], [self._levels.value(self._levels.target.measures)]
+        if self._demanded is not None:
+            places = []
+            for _ in range(wanted):
+                places.append(self._most_diverse(steps, [one for one in order if one not in places], values))
+        elif origin.episode is not None:
+            places = _apart(len(steps), wanted, rng.random(wanted))
         return [steps[place][0] for place in sorted(places)]
 
-    def _diverse(self, values: Sequence[float], order: Sequence[int]) -> list[int]:
-        """Places of values that with the target's are as diverse as can be: each time the one that adds the most."""
-        measure, found = self._levels.problem.diversity, [self._levels.value(self._levels.target.measures)]
-        places: list[int] = []
-        for _ in range(self._size - 1):
-            free = (place for place in order if place not in places)
-            best = max(free, key=lambda place: round(measure.score([*found, values[place]]), 12))
-            places.append(best)
-            found.append(values[best])
-        return places
+    def _one_of_each(self, ways: Sequence[Sequence[_Step]], rng: Generator) -> list[Trace] | None:
+        """One state on each way: any, or those that together are the most diverse."""
+        if not all(ways):
+            return None
+        values, found = [self._levels.value(self._levels.target.measures)], dict[int, Trace]()
+        for way in rng.permutation(len(ways)).tolist():
+            order: list[int] = rng.permutation(len(ways[way])).tolist()
+            place = order[0] if self._demanded is None else self._most_diverse(ways[way], order, values)
+            found[way] = ways[way][place][0]
+        return [found[way] for way in sorted(found)]
+
+    def _most_diverse(self, steps: Sequence[_Step], places: Sequence[int], values: list[float]) -> int:
+        """The place whose value makes the values that there are the most diverse; it is added to them."""
+        score = self._levels.problem.diversity.score
+        best = max(places, key=lambda place: round(score([*values, steps[place][1]]), 12))
+        values.append(steps[best][1])
+        return best
 
     # --- what is applied, and in which order
 
@@ -181,7 +242,7 @@ class Starts:
 
     def _drawn(self, easing: Easing, rng: Generator) -> list[_Application]:
         """What is applied, in its order: rules by blocks or mixed, and in each block by distance from an object."""
-        touched = self._episodes[int(rng.integers(len(self._episodes)))].touched
+        touched = self._played[int(rng.integers(len(self._played)))].touched
         near = dict.fromkeys(touched)
         objects = list(self._links)
         among = touched if touched and rng.random() < 0.7 else objects
@@ -203,6 +264,12 @@ class Starts:
                     key = -toward * steps / farthest + noise * rng.random()
                     keyed.append((rank, key, len(keyed), one))
         return [one for *_, one in sorted(keyed, key=lambda entry: entry[:3])]
+
+
+def _apart(count: int, wanted: int, within: NDArray[np.float64]) -> list[int]:
+    """One place in each of as many equal parts of a row: where in its part, from 0 to 1."""
+    places: list[int] = ((np.arange(wanted) + within) * count / max(1, wanted)).astype(int).tolist()
+    return places
 
 
 def _effect(rule: object) -> str:

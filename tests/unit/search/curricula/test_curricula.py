@@ -47,8 +47,8 @@ def levels_of(name: str) -> Levels:
 
 def started(levels: Levels, size: int, demanded: float | None, seed: int = 0) -> list[tuple[Level, ...]]:
     rng = np.random.default_rng(seed)
-    starts = Starts(levels, Moves(levels, demanded), size, demanded, rng)
-    drawn = (starts.draw(starts.easing(rng), rng) for _ in range(60))
+    starts = Starts(levels, Moves(levels, demanded), demanded, rng)
+    drawn = (starts.draw(starts.origin(rng), size, rng) for _ in range(60))
     return [family for family in drawn if family is not None]
 
 
@@ -102,8 +102,8 @@ def test_families_may_begin_on_the_way_of_an_optimal_episode(
     monkeypatch.setattr(_levels, "MOST_STATES", most)  # with fewer there is no table, but a plan
     levels, rng = levels_of(name), np.random.default_rng(1)
     plans = Plans(levels.behaviour)
-    starts = Starts(levels, Moves(levels), 4, None, rng, "episode")
-    families = [family for _ in range(4) if (family := starts.draw(starts.easing(rng), rng)) is not None]
+    starts = Starts(levels, Moves(levels), None, rng, "episode")
+    families = [family for _ in range(4) if (family := starts.draw(starts.origin(rng), 4, rng)) is not None]
     assert families
     for family in families:
         assert family[-1] is levels.target
@@ -122,7 +122,7 @@ def test_without_a_table_easing_plays_no_plan(monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.setattr(_levels, "MOST_STATES", 10)
     levels, rng = levels_of("sokoban"), np.random.default_rng(1)
     before = rng.bit_generator.state
-    Starts(levels, Moves(levels), 4, None, rng)
+    Starts(levels, Moves(levels), None, rng)
     assert rng.bit_generator.state == before
 
 
@@ -130,7 +130,7 @@ def test_families_begin_on_no_way_that_does_not_end_in_success() -> None:
     levels = levels_of("lava")
     levels = Levels(levels.problem, replace(levels.behaviour, limit=5))
     with pytest.raises(InvalidArgument, match="no optimal episode of the target is known"):
-        Starts(levels, Moves(levels), 4, None, np.random.default_rng(1), "episode")
+        Starts(levels, Moves(levels), None, np.random.default_rng(1), "episode")
 
 
 def test_families_to_begin_with_are_as_diverse_as_demanded() -> None:
@@ -379,7 +379,7 @@ def test_a_family_that_is_searched_for_teaches_more_than_those_it_began_with() -
     levels = levels_of("burning_forest")
     training = TrainingSettings(limit=200)
     search = Learning(training, levels.target, [2_000], 1, 2)
-    size, effort, least = (6, 200_000_000, 0.3) if NIGHTLY else (4, 60_000_000, 0.1)
+    size, effort, least = 6, 200_000_000 if NIGHTLY else 60_000_000, 0.9
     settings = CurriculumSettings(population=size, effort=effort, lanes=4, demanded=inf)
     found = CurriculumSearch(levels, search, settings, 1).run()
     unseen = Learning(training, levels.target, [2_000], 2, 2)

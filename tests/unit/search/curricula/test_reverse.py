@@ -1,0 +1,114 @@
+"""Families of states of an optimal episode: without any search, with free steps, and what is said of them."""
+
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from envgraph.cli import main
+from envgraph.lang import data_path
+from envgraph.search import Domain, Outcome, RunStore, about_search, generate, why_low
+from envgraph.search.curricula import Learning, Levels, Moves, Starts
+from envgraph.search.curricula._reverse import GOOD, reverse_curriculum
+from envgraph.solve import evaluate
+from envgraph.solve.learning import TrainingSettings, train_curriculum
+
+pytestmark = pytest.mark.skipif(
+    find_spec("numba") is None, reason="numba, the extra `fast`, is not installed"
+)
+
+
+def small(tmp_path: Path, *more: str) -> str:
+    """Write the family file of the small forest."""
+    folder = tmp_path / "domain"
+    folder.mkdir()
+    for file in data_path("rules", "burning_forest").iterdir():
+        if file.is_file():
+            (folder / file.name).write_bytes(file.read_bytes())
+    text = """
+    name = "Small"
+    model = "running_4x4.model"
+    environment = "burning_forest.environment"
+    constraints.require = ["solvable", "truckOnStart"]
+    measures.fires = { kind = "count", of = "burningTile" }
+    diversity = { kind = "binned_entropy", of = "fires", range = [0, 8] }
+    objective = { kind = "learning", effort = 50_000_000 }
+    mutation.rules = ["retypings"]
+    """
+    file = folder / "small.toml"
+    file.write_text("\n".join(line.strip() for line in text.split("\n")) + "\n".join(more))
+    return str(file)
+
+
+def test_steps_and_members_that_no_file_names_are_chosen(tmp_path: Path) -> None:
+    file = small(tmp_path)
+    family = generate(file, tmp_path / "run.sqlite")
+    training, outcome = family.domain.spec.training, Outcome.of(family)
+    assert family.value is not None and family.value >= GOOD
+    assert training.steps_per_environment * len(family.members) == family.objective["steps"] < 5_000
+    assert family.domain.spec.search.population == len(family.members)
+    assert f"with as many on {family.members[-1].name} alone" in str(outcome)
+    # Learners that the search has not seen do as well.
+    tables = [family.explored(member).tabular for member in family.members]
+    settings = TrainingSettings.from_spec(training, limit=family.limit)
+    steps = [training.steps_per_environment] * len(tables)
+    rngs = [np.random.default_rng(seed) for seed in range(60)]
+    trained = [train_curriculum(tables, settings, rng, steps=steps).q for rng in rngs]
+    solved = [evaluate(q, tables[-1], 1, settings.limit, rngs[0]).success_rate for q in trained]
+    assert np.mean(solved) > 0.9
+    again = generate(file, tmp_path / "again.sqlite")
+    assert (again.members, again.objective) == (family.members, family.objective)
+
+
+def test_constraints_that_the_agent_violates_on_its_way_hold_for_the_target_alone(tmp_path: Path) -> None:
+    family = generate(small(tmp_path), tmp_path / "run.sqlite")
+    trucks = [family.text(member) for member in family.members]
+    assert len(set(trucks)) == len(trucks)
+    with RunStore.open(tmp_path / "run.sqlite") as store:
+        sentences = about_search(family, store)
+        assert why_low(family, store) is None
+    target = family.members[-1].name
+    assert f"these hold for {target} alone: `require truckOnStart`" in sentences
+    assert sentences[0].startswith(f"environments before {target} are states of an optimal episode")
+    domain = family.domain
+    first = domain.problem(domain.engine(family.model(family.members[0])))
+    assert list(map(str, first.violations())) == ["require truckOnStart"]
+
+
+def test_fewer_members_are_tried_first_and_states_lie_equally_far_apart(tmp_path: Path) -> None:
+    domain = Domain.load(small(tmp_path))
+    assert domain.behaviour is not None
+    levels = Levels(domain.problem(domain.engine()), domain.behaviour)
+    starts = Starts(levels, Moves(levels), None, np.random.default_rng(0), "auto")
+    objective = Learning(TrainingSettings(limit=50), levels.target, [], 1)
+    tried = []
+
+    def success(family: object, learning: Learning, seeds: int) -> float:
+        tried.append((len(family), learning.steps[0], seeds))  # type: ignore[arg-type]
+        return float(len(family) == 4 and learning.steps[0] * 4 > 500)  # type: ignore[arg-type]
+
+    found = reverse_curriculum(starts, objective, (3, 4, 99), success, lambda: False)
+    assert found is not None and (len(found.family), found.success) == (4, 1.0)
+    assert [seeds for size, *_, seeds in tried if size == 4][-3:] == [8, 100, 500]
+    assert all(seeds == 8 for size, *_, seeds in tried if size == 3)
+    assert 500 < 4 * found.objective.steps[0] < 650
+    left = []
+    for level in found.family:
+        levels.go_to(level.version)
+        left.append(len(level.trace))
+    assert left == sorted(set(left), reverse=True) and left[-1] == 0
+
+
+def test_a_family_that_teaches_little_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = small(tmp_path, "training.steps_per_environment = 2", "search.population = 3")
+    place = ("--name", "little", "--directory", str(tmp_path))
+    monkeypatch.setattr("sys.argv", ["envgraph", "generate", file, *place, "--require", "0.9"])
+    assert main() == 1
+    out, error = capsys.readouterr()
+    assert "0.0% of new learners solve E3 after 6 steps in all" in out
+    assert "the family teaches little: 0.0% of new learners solve E3" in error
+    assert "the family is worth 0.000, and `--require` asks for 0.9" in error
+    assert (tmp_path / "little" / "run.sqlite").exists()
