@@ -122,7 +122,7 @@ def _family(directory: Path, lake: float, sizes: Sizes) -> None:
     path = directory / "family.json"
     run = import_ga4cl(
         Source("family.json", PUBLISHED.read_text("utf-8")),
-        "burning_forest",
+        "burning_forest/paper.toml",
         directory / "run.sqlite",
     )
     path.write_text(write_family(run[0]), "utf-8")

@@ -111,7 +111,12 @@ def print_phases(generations: int) -> None:
     clock: dict[str, float] = {}
     walked: list[int] = []
     with _clocked(clock) as children, _counted(walked), TemporaryDirectory() as folder:
-        generate("burning_forest", Path(folder) / "run.sqlite", generations=generations, overrides=TO_THE_END)
+        generate(
+            "burning_forest/paper.toml",
+            Path(folder) / "run.sqlite",
+            generations=generations,
+            overrides=TO_THE_END,
+        )
         born = len(children)
     print(f"\npopulation 6, {born} children: microseconds a child")
     for name, seconds in clock.items():
@@ -202,7 +207,7 @@ def _to_the_maximum(size: int, population: int, seed: int) -> tuple[float, int, 
         path = Path(folder) / "run.sqlite"
         forest(Path(folder), size, seed)
         started = process_time()
-        family = generate(folder, path, seed=seed, population=population, overrides=TAILED)
+        family = generate(f"{folder}/paper.toml", path, seed=seed, population=population, overrides=TAILED)
         seconds = process_time() - started
         with RunStore.open(path) as store:
             return seconds, sum(accepted for _, _, accepted, _ in store.history()), why_low(family, store)
@@ -218,7 +223,7 @@ def forest(folder: Path, size: int, seed: int) -> None:
         tiles[0], tiles[rng.randrange(1, size * size - 1)], tiles[-1] = "SWG"
         rows = ["".join(tiles[row : row + size]) for row in range(0, size * size, size)]
         (folder / "target_8x8.model").write_text(MODEL.format("\n".join(rows)))
-        domain = Domain.load(str(folder))
+        domain = Domain.load(f"{folder}/paper.toml")
         if domain.problem(domain.engine()).valid():
             return
 
@@ -272,7 +277,7 @@ def _within(name: str, seed: int, period: float) -> tuple[float, float]:
     endless = "search.generations=1000000000"
     with TemporaryDirectory() as folder, suppress(_Over):
         generate(
-            name,
+            f"{name}/diverse.toml",
             Path(folder) / "run.sqlite",
             seed=seed,
             population=6,
@@ -285,7 +290,7 @@ def _within(name: str, seed: int, period: float) -> tuple[float, float]:
 def _generate(population: int, generations: int) -> None:
     with TemporaryDirectory() as folder:
         generate(
-            "burning_forest",
+            "burning_forest/paper.toml",
             Path(folder) / "run.sqlite",
             population=population,
             generations=generations,

@@ -46,7 +46,7 @@ QUICK = Sizes(mutations=20, repeats=1)
 
 def main(sizes: Sizes) -> None:
     """Print the figures."""
-    domain = Domain.load("burning_forest")
+    domain = Domain.load("burning_forest/paper.toml")
     whole = domain.problem(domain.engine())
     four = [
         one for one in whole.constraints if isinstance(one, Require) and one.pattern.split(".")[-1] in PAPER

@@ -100,7 +100,9 @@ def _sampled(count: int, covered: int | None = None) -> list[float]:
     """Return the complexities of forests; with `covered`, that many bins get as many forests each."""
     overrides = () if covered is None else (f"samples.cover={{ complexity = {covered} }}",)
     with TemporaryDirectory() as folder:
-        family = generate("burning_forest", Path(folder) / "run.sqlite", samples=count, overrides=overrides)
+        family = generate(
+            "burning_forest/paper.toml", Path(folder) / "run.sqlite", samples=count, overrides=overrides
+        )
     assert len(family.members) == count
     return [member.measures["complexity"] for member in family.members]
 
@@ -127,7 +129,7 @@ def _by_hand(count: int) -> list[float]:
 
 def _walked(count: int) -> tuple[float, float]:
     """Return the CPU seconds of sampling alone, and the mean distance of pairs of members."""
-    domain = Domain.load("burning_forest")
+    domain = Domain.load("burning_forest/paper.toml")
     problem = domain.problem(domain.engine())
     sampler = Sampler(problem, domain.settings(), SampleSettings(count, (), (), 1, 10 * count), 1)
     started = process_time()

@@ -46,7 +46,7 @@ def main(sizes: Sizes) -> None:
         "envgraph check (a model)": [ENVGRAPH, "check", model],
         "envgraph check (rules)": [ENVGRAPH, "check", domain / "burning_forest.rules"],
         "envgraph match": [ENVGRAPH, "match", model, query, "neighbour"],
-        "envgraph check (a family)": [ENVGRAPH, "check", domain / "family.toml"],
+        "envgraph check (a family)": [ENVGRAPH, "check", domain / "paper.toml"],
     }
     for name, words in list(commands.items())[: sizes.commands]:
         print(f"{name:28}{_seconds([str(word) for word in words], sizes.runs):8.2f} s")

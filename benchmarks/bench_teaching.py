@@ -64,9 +64,9 @@ FULL = Sizes(
     (
         ("paper's E6, 2k", BUNDLED / "teaching.toml", (1_500, 2_000)),
         ("paper's E6, each of five", BUNDLED / "budgets.toml", (3_000, 5_000, 10_000, 20_000, 50_000)),
-        ("keydoor", data_path("rules", "keydoor") / "teaching.toml", (200, 600)),
-        ("network", data_path("rules", "network") / "teaching.toml", (500,)),
-        ("sokoban", data_path("rules", "sokoban") / "teaching.toml", (3_000,)),
+        ("keydoor", data_path("rules", "keydoor") / "family.toml", (200, 600)),
+        ("network", data_path("rules", "network") / "family.toml", (500,)),
+        ("sokoban", data_path("rules", "sokoban") / "family.toml", (3_000,)),
     ),
     (
         (8, 0, (0.25, 0.4), 1e-5, 10_000),

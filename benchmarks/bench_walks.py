@@ -85,7 +85,7 @@ def member() -> dict[str, Walk]:
     from envgraph.search import generate, make
 
     run = Path(tempfile.mkdtemp()) / "run.sqlite"
-    generate("burning_forest", run, generations=2, population=3, seed=1)
+    generate("burning_forest/paper.toml", run, generations=2, population=3, seed=1)
     made: list[Any] = []
 
     def walk() -> None:

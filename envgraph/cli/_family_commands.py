@@ -274,7 +274,7 @@ def templates_(folder: Path) -> None:
 )
 @click.option(
     "--domain",
-    show_default="burning_forest; for levels that in the directory, or sokoban",
+    show_default="burning_forest/paper.toml; for levels that in the directory, or sokoban",
     help="What else an environment is: a family.toml, its directory, or a bundled domain.",
 )
 @click.option("--name", show_default="that of the file", help="Name of the run that a family becomes.")
@@ -315,7 +315,7 @@ def import_(
         return
     from envgraph.cli._family import import_family
 
-    import_family(file, domain or "burning_forest", name, overrides, directory, force, format)
+    import_family(file, domain or "burning_forest/paper.toml", name, overrides, directory, force, format)
 
 
 @app.command()

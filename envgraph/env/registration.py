@@ -34,13 +34,13 @@ BUNDLED: Final[tuple[tuple[str, str, int, dict[str, str]], ...]] = (
     ("JobShop", "jobshop", 100, {}),
     ("KeyDoor", "keydoor", 100, {}),
     ("Lava", "lava", 200, {}),
-    ("Routing", "network", 64, {"engine": "compiled"}),
+    ("Routing", "network/diverse.toml", 64, {"engine": "compiled"}),
     ("Sokoban", "sokoban", 120, {}),
     ("Taxi", "taxi", 200, {}),
     ("Triage", "triage", 60, {}),
     ("Warehouse", "warehouse", 300, {"engine": "compiled"}),
 )
-"""Name, folder under `rules/`, time limit, and what steps it where there are too many states for a table."""
+"""Name, domain or family file, time limit, and what steps it where there are too many states for a table."""
 
 
 def environment_spec(

@@ -22,7 +22,7 @@ def _kept() -> tuple[Path, str]:
     """A directory with a family, a cache that verifying it filled, and what that printed; tables are left out."""
     directory = Path(tempfile.mkdtemp(prefix="envgraph-caches-"))
     atexit.register(shutil.rmtree, directory, ignore_errors=True)
-    good(run(directory, "generate", "burning_forest", "--generations", 1, "--name", "m"))
+    good(run(directory, "generate", "burning_forest/paper.toml", "--generations", 1, "--name", "m"))
     good(run(directory, "export", "m", "-o", "family.json"))
     printed = good(run(directory, *_VERIFY, before=_use(directory)))
     for path in (directory / "cache").iterdir():

@@ -12,7 +12,7 @@ from random import Random
 from tests.campaigns.commands import good, run
 
 _WRITING: tuple[tuple[object, ...], ...] = (
-    ("generate", "burning_forest", "--generations", 30, "--name", "new"),
+    ("generate", "burning_forest/paper.toml", "--generations", 30, "--name", "new"),
     ("export", "m", "-o", "family.json"),
     ("report", "m", "-o", "page.html"),
     ("train", "m", "--steps", "100", "--seeds", "1", "--curricula", "full"),
@@ -43,7 +43,7 @@ def campaign(random: Random) -> str:
     with tempfile.TemporaryDirectory() as name:
         disk = Path(name)
         (disk / "street.query").write_text(_QUERY)
-        good(run(disk, "generate", "burning_forest", "--generations", 3, "--name", "m"))
+        good(run(disk, "generate", "burning_forest/paper.toml", "--generations", 3, "--name", "m"))
         before = {path: path.read_bytes() for path in _files(disk)}
         full = random.random() < 0.6
         size = sum(map(len, before.values())) // 1024 + random.choice([4, 16, 64, 256])

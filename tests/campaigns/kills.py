@@ -19,7 +19,16 @@ from random import Random
 
 from tests.campaigns.commands import SECONDS, good, run
 
-_GENERATE = ("generate", "burning_forest", "--generations", 40, "--name", "m", "--directory", "runs")
+_GENERATE = (
+    "generate",
+    "burning_forest/paper.toml",
+    "--generations",
+    40,
+    "--name",
+    "m",
+    "--directory",
+    "runs",
+)
 _TRAIN = ("train", "m", "--steps", "200", "--seeds", "2", "--curricula", "full,direct")
 
 _COUNTING = """

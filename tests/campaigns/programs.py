@@ -14,6 +14,8 @@ from tests.oracle.rewriting_worlds import state_of
 from tests.oracle.test_rewriting_agrees import world
 from tests.oracle.views_walk import stroll
 
+SEARCHED = ["burning_forest/paper.toml", "keydoor/diverse.toml", "network/diverse.toml"]
+
 
 def prepare() -> None:
     """Nothing to do."""
@@ -22,7 +24,7 @@ def prepare() -> None:
 def campaign(random: Random) -> str:
     """One program."""
     if random.random() < 0.1:
-        _generate(random.randrange(10**6), random.choice(["burning_forest", "keydoor", "network"]))
+        _generate(random.randrange(10**6), random.choice(SEARCHED))
         return "families"
     if random.random() < 0.5:
         stroll(random.randrange(2**32))

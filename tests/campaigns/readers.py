@@ -139,7 +139,9 @@ def corpus() -> tuple[dict[str, str], dict[str, Reader]]:
     texts["keydoor.trace"] = trace_to_text(engine, trace)
     readers["keydoor.trace"] = _trace
     with tempfile.TemporaryDirectory() as directory:
-        found = generate("burning_forest", Path(directory, "run.sqlite"), generations=0, population=2)
+        found = generate(
+            "burning_forest/paper.toml", Path(directory, "run.sqlite"), generations=0, population=2
+        )
     texts["family.json"] = write_family(found)
     readers["family.json"] = _family
     return texts, readers

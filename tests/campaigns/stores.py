@@ -18,7 +18,7 @@ _COMMANDS: tuple[tuple[object, ...], ...] = (
     ("export", "m", "-o", "family.json"),
     ("export", "m", "--format", "svg", "-o", "family.svg"),
     ("report", "m", "-o", "page.html"),
-    ("generate", "burning_forest", "--name", "m", "--resume"),
+    ("generate", "burning_forest/paper.toml", "--name", "m", "--resume"),
     ("train", "m", "--steps", "50", "--seeds", "1", "--curricula", "full"),
 )
 
@@ -27,7 +27,7 @@ _COMMANDS: tuple[tuple[object, ...], ...] = (
 def _store() -> bytes:
     with tempfile.TemporaryDirectory() as directory:
         path = Path(directory, "run.sqlite")
-        generate("burning_forest", path, generations=5)
+        generate("burning_forest/paper.toml", path, generations=5)
         with closing(sqlite3.connect(path)) as connection:
             connection.execute("PRAGMA journal_mode = DELETE")
         return path.read_bytes()

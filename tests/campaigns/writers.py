@@ -13,7 +13,7 @@ from random import Random
 
 from tests.campaigns.commands import good, run
 
-_GENERATE = ("generate", "burning_forest", "--population", 3, "--name", "m")
+_GENERATE = ("generate", "burning_forest/paper.toml", "--population", 3, "--name", "m")
 _LENGTHS = (4, 12, 30)
 _TRAIN = ("train", "m", "--steps", "100", "--seeds", "2", "--curricula", "full,direct")
 _READING = (("show", "m"), ("runs",), ("export", "m", "-o", "other.json"), ("report", "m", "-o", "page.html"))
@@ -80,7 +80,7 @@ def campaign(random: Random) -> str:
         found = _family(directory)
         if found not in families.values():  # killed after its first generation
             assert killed, "the run is that of no writer"
-            last = run(directory, "generate", "burning_forest", "--name", "m", "--resume")
+            last = run(directory, "generate", "burning_forest/paper.toml", "--name", "m", "--resume")
             good(last)
             good(run(directory, "export", "m", "-o", "family.json"))
             found = _family(directory)

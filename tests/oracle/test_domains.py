@@ -214,7 +214,7 @@ def test_operators_of_a_derived_group_do_what_their_names_say(name: str) -> None
 
 
 def test_operators_for_links_keep_the_network_valid() -> None:
-    engine = Domain.load("network").engine()
+    engine = Domain.load("network/diverse.toml").engine()
     model, demands = engine.model, conformance_patterns(engine.model.metamodel)
     engine.add(*demands)
     assert len(engine.group("wiring")) == 9

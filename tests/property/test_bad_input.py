@@ -17,7 +17,7 @@ from tests.profile import examples
 DIRECTORY = bundled_domain("burning_forest")
 TEXTS = {path.name: path.read_text(encoding="utf-8") for path in sorted(DIRECTORY.glob("*.*"))}
 LANGUAGES = [name for name in TEXTS if PurePosixPath(name).suffix != ".toml"]
-FAMILY = "family.toml"
+FAMILY = "paper.toml"
 SECONDS = 5.0
 
 _LINE = re.compile(r"[^\n]*\n?")

@@ -27,7 +27,7 @@ PINS = {
 }
 
 
-FAMILIES = ("burning_forest", "keydoor", "network")
+FAMILIES = ("burning_forest/paper.toml", "keydoor/diverse.toml", "network/diverse.toml")
 COMMANDS = f"""
 import sys
 from envgraph.cli import main
@@ -35,7 +35,7 @@ queries = sys.argv[1:]
 for words in [
     ["check", *queries],
     *(
-        ["generate", name, "--generations", "5", "--population", "3", "--seed", "1", "--name", name]
+        ["generate", name, "--generations", "5", "--population", "3", "--seed", "1", "--name", name.partition("/")[0]]
         for name in {FAMILIES}
     ),
 ]:
@@ -125,14 +125,16 @@ def test_wheel_checks_and_generates_from_an_empty_directory(scripts: Path, tmp_p
     run(scripts / "envgraph", "check", domain, "keydoor", "network", "warehouse", cwd=tmp_path)
     run(scripts / "python", "-c", COMMANDS, *sorted(domain.glob("*.query")), cwd=tmp_path)
     for name in FAMILIES:
-        assert (tmp_path / "runs" / name / "run.sqlite").is_file()
+        assert (tmp_path / "runs" / name.partition("/")[0] / "run.sqlite").is_file()
     make = "import gymnasium, envgraph.env; print(gymnasium.make('envgraph/Warehouse-v0').reset(seed=0)[1])"
     assert "'agent': 'left'" in run(scripts / "python", "-c", make, cwd=tmp_path)
 
 
 def test_an_exported_package_is_built_installed_and_tested_where_there_is_no_envgraph(tmp_path: Path) -> None:
     small = ["search.generations=1", "search.population=2"]
-    write_package(generate("burning_forest", tmp_path / "run.sqlite", overrides=small), tmp_path / "fires")
+    write_package(
+        generate("burning_forest/paper.toml", tmp_path / "run.sqlite", overrides=small), tmp_path / "fires"
+    )
     build = (sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir", tmp_path)
     run(*build, tmp_path / "fires", cwd=tmp_path)
     (built,) = tmp_path.glob("*.whl")

@@ -72,7 +72,7 @@ def test_data_with_long_and_hostile_parts_has_a_short_repr(cls: type) -> None:
 @pytest.fixture(scope="module")
 def family(tmp_path_factory: pytest.TempPathFactory) -> Family:
     place = tmp_path_factory.mktemp("run") / "run.sqlite"
-    return generate("burning_forest", place, generations=0, population=3)
+    return generate("burning_forest/paper.toml", place, generations=0, population=3)
 
 
 @pytest.fixture(scope="module")

@@ -96,7 +96,7 @@ def load_workspace(
 
     Args:
         paths: files of any language; family files, whose model and environment are read too; directories, of which all
-            files are read; names of bundled domains, or of files in them, `burning_forest/teaching.toml`.
+            files are read; names of bundled domains, or of files in them, `burning_forest/paper.toml`.
         files: where files are read from; the disk if None. `TextFiles` for texts at hand.
         components: the kinds of measures and selections that a family file may name, by role (see `check_family`).
         metamodel: what the files are about if none of them is a metamodel, or imports one by its path; they may

@@ -15,7 +15,7 @@ from envgraph.code import dataclass
 from envgraph.env.compiled import Tables
 from envgraph.errors import InvalidArgument, Source
 from envgraph.files import replace_file
-from envgraph.lang import bundled_domain
+from envgraph.lang import data_path
 from envgraph.learn import (
     Curriculum,
     Experiment,
@@ -30,7 +30,7 @@ from envgraph.report.reproduction._published import BUDGETS, TIMES, published_fi
 from envgraph.search import Family, generate, import_ga4cl
 from envgraph.solve.learning import Backend, choose_backend
 
-DOMAIN: Final = "burning_forest"
+FAMILY: Final = "burning_forest/paper.toml"
 
 POINTS: Final = 20
 """Of a learning curve, on each environment."""
@@ -128,7 +128,7 @@ def reproduce(
         own = []
         for seed in range(seeds):
             progress("families of our own", seed, seeds)
-            own.append(generate(DOMAIN, Path(folder) / f"own {seed}.sqlite", seed=seed))
+            own.append(generate(FAMILY, Path(folder) / f"own {seed}.sqlite", seed=seed))
         made_of = partial(_members, Tables(published.behaviour))
         families = {
             "random": [made_of(family, drawn=True) for family in drawn],
@@ -147,7 +147,7 @@ def reproduce(
 
 
 def _imported(file: Source, store: Path) -> Family:
-    return import_ga4cl(file, DOMAIN, store)[0]
+    return import_ga4cl(file, FAMILY, store)[0]
 
 
 def _members(tables: Tables, family: Family, *, drawn: bool = False) -> list[FamilyMember]:
@@ -243,7 +243,7 @@ def generation_times(
             _write_forest(Path(folder), size)
             started = perf_counter()
             generate(
-                folder,
+                f"{folder}/paper.toml",
                 Path(folder) / "run.sqlite",
                 population=population,
                 generations=generations,
@@ -256,7 +256,7 @@ def generation_times(
 
 def _write_forest(folder: Path, size: int) -> None:
     """The domain with a target of some size."""
-    for file in bundled_domain(DOMAIN).glob("*.*"):
+    for file in data_path("rules", FAMILY).parent.glob("*.*"):
         text = file.read_text("utf-8")
         if file.name == "target_8x8.model":
             text = re.sub(r"(?m)^( +[A-Z]{8}\n)+", lambda rows: _grown(rows[0], size), text)

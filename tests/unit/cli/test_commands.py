@@ -326,7 +326,7 @@ def test_training_follows_the_sequences_of_the_family_file(envgraph: Envgraph, t
 
 def test_the_report_tells_what_was_run_not_what_the_file_says(envgraph: Envgraph, tmp_path: Path) -> None:
     small = ("--seed", 7, "--generations", 3, "--population", 3, "--name", "a")
-    ok(envgraph("generate", "burning_forest", *small))
+    ok(envgraph("generate", "burning_forest/paper.toml", *small))
     ok(envgraph("report", "a", "-o", "a.html"))
     page = (tmp_path / "a.html").read_text()
     assert "seed 7, population 3, 3 generations" in page
@@ -344,7 +344,9 @@ def test_apply_runs_a_unit_and_tells_each_step(envgraph: Envgraph) -> None:
 
 def test_generate_show_and_export_agree(envgraph: Envgraph, tmp_path: Path) -> None:
     small = ("--generations", 8, "--population", 3, "--seed", 1)
-    generated = ok(envgraph("generate", "burning_forest", *small, "--name", "a", "--format", "json")).json
+    generated = ok(
+        envgraph("generate", "burning_forest/paper.toml", *small, "--name", "a", "--format", "json")
+    ).json
     shown = ok(envgraph("show", "a", "--format", "json")).json
     assert [m["measures"] for m in generated["members"]] == [m["measures"] for m in shown["members"]]  # type: ignore[index]
     ok(envgraph("export", "a", "--format", "ga4cl", "-o", "a.json"))
@@ -364,7 +366,7 @@ def test_a_family_is_exported_as_a_package(
     envgraph: Envgraph, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     small = ("--generations", 2, "--population", 2, "--seed", 1)
-    ok(envgraph("generate", "burning_forest", *small, "--name", "a"))
+    ok(envgraph("generate", "burning_forest/paper.toml", *small, "--name", "a"))
     said = ok(envgraph("export", "a", "--format", "compiled", "-o", "fires")).out.splitlines()
     assert said[0] == "wrote fires"
     monkeypatch.syspath_prepend(tmp_path)
@@ -386,7 +388,11 @@ def test_a_family_is_exported_as_a_package(
 
 
 def test_a_family_is_exported_as_code_from_templates(envgraph: Envgraph, tmp_path: Path) -> None:
-    ok(envgraph("generate", "burning_forest", "--generations", 2, "--population", 2, "--name", "a"))
+    ok(
+        envgraph(
+            "generate", "burning_forest/paper.toml", "--generations", 2, "--population", 2, "--name", "a"
+        )
+    )
     said = ok(envgraph("export", "a", "--to", "python", "-o", "fires")).out.splitlines()
     assert said == ["wrote 7 files in fires", "pip install fires", "import fires", "env = fires.make('E2')"]
     assert "| E2 |" in (tmp_path / "fires/README.md").read_text("utf-8")
@@ -430,7 +436,7 @@ def test_a_family_of_frozen_lakes_goes_back_to_gymnasium(envgraph: Envgraph) -> 
 
 
 def test_generate_does_not_overwrite_a_run(envgraph: Envgraph) -> None:
-    small = ("generate", "burning_forest", "--generations", 1, "--name", "a")
+    small = ("generate", "burning_forest/paper.toml", "--generations", 1, "--name", "a")
     ok(envgraph(*small))
     result = envgraph(*small)
     assert result.code == 1 and "--resume" in result.err
@@ -454,7 +460,7 @@ def test_import_keeps_a_published_family(envgraph: Envgraph, tmp_path: Path) -> 
         (("train", "nothing"), "there is no run"),
         (("reproduce", "papr"), "did you mean `paper`?"),
         (("reproduce", "paper", "--steps", "10k"), "`10k` is not a whole number from 1 to 1,000,000,000"),
-        (("generate", "burning_forest", "--resume", "--name", "x"), "no run store"),
+        (("generate", "burning_forest/paper.toml", "--resume", "--name", "x"), "no run store"),
     ],
 )
 def test_what_is_missing_is_named(envgraph: Envgraph, arguments: tuple[str, ...], message: str) -> None:
@@ -468,7 +474,11 @@ def test_wrong_words_on_the_command_line_give_exit_code_2(envgraph: Envgraph) ->
 
 
 def test_unknown_formats_and_curricula_have_hints(envgraph: Envgraph) -> None:
-    ok(envgraph("generate", "burning_forest", "--generations", 1, "--population", 2, "--name", "a"))
+    ok(
+        envgraph(
+            "generate", "burning_forest/paper.toml", "--generations", 1, "--population", 2, "--name", "a"
+        )
+    )
     result = envgraph("export", "a", "--format", "ga4c")
     assert result.code == 1 and "did you mean `ga4cl`?" in result.err
     result = envgraph("train", "a", "--curricula", "suffix")
@@ -486,7 +496,7 @@ def test_training_is_the_same_for_any_number_of_workers(envgraph: Envgraph, tmp_
 
 
 def test_a_run_killed_in_the_middle_resumes_to_the_same_family(envgraph: Envgraph, tmp_path: Path) -> None:
-    arguments = ["generate", "burning_forest", "--generations", "800", "--seed", "3"]
+    arguments = ["generate", "burning_forest/paper.toml", "--generations", "800", "--seed", "3"]
     ok(envgraph(*arguments, "--name", "whole"))
     command = [sys.executable, "-m", "envgraph", *arguments, "--name", "killed"]
     process = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
@@ -496,14 +506,14 @@ def test_a_run_killed_in_the_middle_resumes_to_the_same_family(envgraph: Envgrap
     os.kill(process.pid, signal.SIGKILL)
     assert process.wait() == -signal.SIGKILL, "the run was over before it could be killed"
     assert 20 <= generations(store) < 800
-    ok(envgraph("generate", "burning_forest", "--resume", "--name", "killed"))
+    ok(envgraph("generate", "burning_forest/paper.toml", "--resume", "--name", "killed"))
     exported = [ok(envgraph("export", name, "--format", "ga4cl")).out for name in ("whole", "killed")]
     assert exported[0] == exported[1]
 
 
 @pytest.mark.parametrize(("number", "word"), [(signal.SIGINT, "interrupted"), (signal.SIGTERM, "terminated")])
 def test_an_interrupted_run_says_how_to_go_on(tmp_path: Path, number: int, word: str) -> None:
-    command = [sys.executable, "-m", "envgraph", "generate", "burning_forest", "--name", "cut"]
+    command = [sys.executable, "-m", "envgraph", "generate", "burning_forest/paper.toml", "--name", "cut"]
     process = subprocess.Popen(
         command, cwd=tmp_path, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
     )
@@ -517,11 +527,11 @@ def test_an_interrupted_run_says_how_to_go_on(tmp_path: Path, number: int, word:
 
 
 def test_texts_of_a_damaged_run_are_said_to_be_in_it(envgraph: Envgraph, tmp_path: Path) -> None:
-    ok(envgraph("generate", "keydoor", "--name", "hurt", "--set", "search.generations=1"))
+    ok(envgraph("generate", "keydoor/diverse.toml", "--name", "hurt", "--set", "search.generations=1"))
     store = tmp_path / "runs" / "hurt" / "run.sqlite"
     with closing(sqlite3.connect(store)) as connection, connection:
         connection.execute("UPDATE source SET text = 'populatoin = 6\n' || text WHERE path LIKE '%.toml'")
-    done = envgraph("generate", "keydoor", "--name", "hurt", "--resume")
+    done = envgraph("generate", "keydoor/diverse.toml", "--name", "hurt", "--resume")
     assert done.code == 1 and "`populatoin`" in done.err
     assert "note: the text is in runs/hurt/run.sqlite" in done.err
 
@@ -821,7 +831,18 @@ def test_match_takes_rules_and_literals_as_files_write_them(envgraph: Envgraph) 
 
 
 def test_a_run_tells_where_its_members_come_from_and_why_others_are_not_there(envgraph: Envgraph) -> None:
-    ok(envgraph("generate", "burning_forest", "--name", "run", "--generations", "3", "--population", "4"))
+    ok(
+        envgraph(
+            "generate",
+            "burning_forest/paper.toml",
+            "--name",
+            "run",
+            "--generations",
+            "3",
+            "--population",
+            "4",
+        )
+    )
     family = package.search.open_family("run")
     steps = ok(envgraph("show", "run", "--lineage", "E1", "--format", "json")).json
     assert isinstance(steps, dict) and steps["name"] == "E1" and steps["steps"]
@@ -849,7 +870,11 @@ def test_a_run_tells_where_its_members_come_from_and_why_others_are_not_there(en
 
 
 def test_certificates_are_computed_twice(envgraph: Envgraph, monkeypatch: pytest.MonkeyPatch) -> None:
-    ok(envgraph("generate", "keydoor", "--name", "run", "--generations", "2", "--population", "2"))
+    ok(
+        envgraph(
+            "generate", "keydoor/diverse.toml", "--name", "run", "--generations", "2", "--population", "2"
+        )
+    )
     shown = ok(envgraph("verify", "run")).out
     assert shown.splitlines()[0] == "KeyDoor: within 100 steps"
     found = ok(envgraph("verify", "run", "--format", "json")).json
@@ -887,7 +912,11 @@ def test_certificates_are_computed_twice(envgraph: Envgraph, monkeypatch: pytest
 
 
 def test_an_interrupted_verification_goes_on(envgraph: Envgraph, monkeypatch: pytest.MonkeyPatch) -> None:
-    ok(envgraph("generate", "keydoor", "--name", "run", "--generations", "2", "--population", "3"))
+    ok(
+        envgraph(
+            "generate", "keydoor/diverse.toml", "--name", "run", "--generations", "2", "--population", "3"
+        )
+    )
     whole, asked = Family.explored, list[str]()
 
     def interrupted(family: Family, member: Any) -> Any:
@@ -920,7 +949,11 @@ def test_an_interrupted_verification_goes_on(envgraph: Envgraph, monkeypatch: py
 def test_what_has_too_many_states_for_a_table_has_a_plan(
     envgraph: Envgraph, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    ok(envgraph("generate", "keydoor", "--name", "run", "--generations", "2", "--population", "2"))
+    ok(
+        envgraph(
+            "generate", "keydoor/diverse.toml", "--name", "run", "--generations", "2", "--population", "2"
+        )
+    )
 
     def too_many(family: Family, _: object) -> None:
         raise TooManyStates(family.behaviour, 3)

@@ -81,7 +81,12 @@ def test_models_are_shown_without_control_characters(town: None, shown: Shown) -
 def evolved(tmp_path_factory: pytest.TempPathFactory) -> str:
     """A family as JSON."""
     return write_family(
-        generate("burning_forest", tmp_path_factory.mktemp("run") / "run.sqlite", generations=0, population=3)
+        generate(
+            "burning_forest/paper.toml",
+            tmp_path_factory.mktemp("run") / "run.sqlite",
+            generations=0,
+            population=3,
+        )
     )
 
 

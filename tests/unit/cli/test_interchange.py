@@ -173,10 +173,11 @@ def test_a_family_of_files_of_other_tools_is_the_same(run: Run, tmp_path: Path) 
         else:
             text = path.read_text("utf-8").replace("target_8x8.model", "target.xmi")
             path.write_text(text.replace("burning_forest.metamodel", "forest.ecore"), "utf-8")
-    assert run("check", directory) == (0, f"no problems in {directory}\n", "")
+    family = directory / "paper.toml"
+    assert run("check", family) == (0, f"no problems in {family}\n", "")
     shown = [
         run("generate", what, "--generations", 30, "--name", f"{n}")
-        for n, what in enumerate(("other", "burning_forest"))
+        for n, what in enumerate((family, "burning_forest/paper.toml"))
     ]
     assert shown[0][0] == 0
     assert run("show", 0)[1] == run("show", 1)[1]

@@ -37,12 +37,12 @@ def envgraph(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Cap
     return run
 
 
-FOREST = ("generate", "burning_forest", "--population", 2)
+FOREST = ("generate", "burning_forest/paper.toml", "--population", 2)
 
 
 def test_members_of_runs_and_families_are_matched_and_changed(envgraph: Call) -> None:
     envgraph("new", "copy", "--domain", "burning_forest")
-    envgraph("generate", "copy", "--population", 2, "--generations", 3, "--name", "one")
+    envgraph("generate", "copy/paper.toml", "--population", 2, "--generations", 3, "--name", "one")
     envgraph("export", "one", "-o", "one.json")
     counts = []
     for run, variant in (("one", "E1"), ("runs/one", 2), ("one.json", "2")):
@@ -151,7 +151,7 @@ def test_commands_that_write_a_run_are_refused_while_another_one_does(envgraph: 
             ("train", "a"),
             ("verify", "a"),
             (*FOREST, "--name", "a", "--force"),
-            ("generate", "burning_forest", "--name", "a", "--resume", "--generations", 3),
+            ("generate", "burning_forest/paper.toml", "--name", "a", "--resume", "--generations", 3),
         ):
             said = envgraph(*command, code=1)
             assert f"process {os.getpid()} on host" in said and "is writing runs/a/run.sqlite" in said
@@ -182,9 +182,9 @@ def test_what_was_verified_is_printed_where_it_cannot_be_kept(
 
 def test_a_finished_run_goes_on(envgraph: Call) -> None:
     envgraph(*FOREST, "--generations", 1, "--name", "a")
-    envgraph("generate", "burning_forest", "--name", "a", "--resume", "--generations", 3)
+    envgraph("generate", "burning_forest/paper.toml", "--name", "a", "--resume", "--generations", 3)
     assert json.loads(envgraph("runs", "--format", "json"))["runs"][0]["generations"] == 3
-    again = ("generate", "burning_forest", "--name", "a", "--resume")
+    again = ("generate", "burning_forest/paper.toml", "--name", "a", "--resume")
     assert "has 3 generations already" in envgraph(*again, "--generations", 3, code=1)
     for option in (("--seed", 1), ("--set", "seed=1"), ("--population", 3), ("--force",)):
         assert "keeps what it began with" in envgraph(*again, *option, code=1)
@@ -193,7 +193,11 @@ def test_a_finished_run_goes_on(envgraph: Call) -> None:
 @pytest.mark.parametrize(
     ("command", "code", "message"),
     [
-        (("generate", "burning_forest", "--set", "seed=x"), "wrong-type", "`seed` is a whole number"),
+        (
+            ("generate", "burning_forest/paper.toml", "--set", "seed=x"),
+            "wrong-type",
+            "`seed` is a whole number",
+        ),
         (("show", "nowhere"), "invalid-argument", "there is no run `nowhere`"),
         (("match", "no.model", "no.query", "p"), "missing-file", "there is no such file"),
         (("apply", "no.model", "no.rules", "p"), "missing-file", "there is no such file"),
@@ -246,7 +250,7 @@ def test_settings_hold_wherever_a_family_file_is_read(envgraph: Call) -> None:
     envgraph("new", "copy", "--domain", "burning_forest")
     told = envgraph("check", "copy/burning_forest.query", "--set", "seed=1", code=1)
     assert "`--set` is about family files" in told
-    envgraph("generate", "copy", "--population", 2, "--generations", 1, "--name", "one")
+    envgraph("generate", "copy/paper.toml", "--population", 2, "--generations", 1, "--name", "one")
     envgraph("export", "one", "--format", "ga4cl", "-o", "one.json")
     envgraph("import", "one.json", "--domain", "copy", "--set", "limit=17", "--name", "two")
     assert open_family("two").limit == 17

@@ -31,7 +31,7 @@ AGENTS = 2 * (
 @pytest.fixture(scope="module")
 def store(tmp_path_factory: pytest.TempPathFactory) -> bytes:
     path = tmp_path_factory.mktemp("made") / "run.sqlite"
-    generate("burning_forest", path, generations=1, population=2)
+    generate("burning_forest/paper.toml", path, generations=1, population=2)
     return path.read_bytes()
 
 

@@ -26,8 +26,9 @@ Call = Callable[..., str]
 
 @pytest.fixture
 def refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Call:
-    """Runs a command in a directory with the bundled domain; it ends with 1, and the messages are returned."""
-    shutil.copytree(bundled_domain("burning_forest"), tmp_path / "forest")
+    """Run a command beside the paper's domain and family, with exit code 1; return the messages."""
+    forest = Path(shutil.copytree(bundled_domain("burning_forest"), tmp_path / "forest"))
+    (forest / "paper.toml").replace(forest / "family.toml")
     monkeypatch.chdir(tmp_path)
 
     def run(*arguments: object, code: int = 1) -> str:
@@ -241,7 +242,7 @@ def run_store(tmp_path_factory: pytest.TempPathFactory) -> Path:
     from envgraph.search import generate
 
     path = tmp_path_factory.mktemp("runs") / "run.sqlite"
-    generate("burning_forest", path, generations=2, population=2)
+    generate("burning_forest/paper.toml", path, generations=2, population=2)
     return path
 
 

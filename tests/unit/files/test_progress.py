@@ -86,7 +86,7 @@ def test_a_search_tells_of_the_states_that_it_visits_for_measures(
     monkeypatch.setenv("ENVGRAPH_CACHE", "off")
     monkeypatch.setattr("envgraph.files._progress.monotonic", count(0, 10).__next__)
     domain = Domain.load(
-        "burning_forest", overrides=["search.generations=0", "measures.plan.kind=shortest_plan"]
+        "burning_forest/paper.toml", overrides=["search.generations=0", "measures.plan.kind=shortest_plan"]
     )
     with progress_bar("generations", 0):
         evolve(domain, tmp_path / "run.sqlite")

@@ -37,7 +37,7 @@ def test_the_reference_names_every_key() -> None:
 
 
 def test_the_bundled_family_has_the_settings_of_the_paper() -> None:
-    spec = load_family("burning_forest")
+    spec = load_family("burning_forest/paper.toml")
     assert (spec.name, spec.seed) == ("BurningForest", 42)
     assert [str(name) for name in spec.constraints.require][-2:] == ["solvable", "truckOnStart"]
     assert spec.measures[0].kind == "path_complexity"
@@ -186,7 +186,7 @@ n = { deep.er = true, last = '' }
 
 def test_a_directory_stands_for_the_family_file_in_it(tmp_path: Path) -> None:
     shutil.copytree(bundled_domain("burning_forest"), tmp_path / "mine")
-    assert load_family(str(tmp_path / "mine")).name == "BurningForest"
+    assert load_family(str(tmp_path / "mine")).name == "BurningForestEpisode"
     assert load_family(str(tmp_path / "mine" / "family.toml")) == load_family(str(tmp_path / "mine"))
 
 
@@ -216,7 +216,7 @@ def test_a_bundled_domain_without_a_family_is_not_said_to_be_missing() -> None:
 
 
 def test_components_of_the_user_are_known_when_they_are_passed() -> None:
-    spec = load_family("burning_forest")
+    spec = load_family("burning_forest/paper.toml")
     workspace = load_workspace(spec.files)
     assert check_family(spec, workspace) == []
     mine = {"measure": ("mine",), "diversity": (), "parents": (), "survivors": ()}

@@ -65,14 +65,12 @@ def test_mistakes_in_a_file_are_diagnosed_with_positions(name: str, edits: list[
 
 @given(EDITS)
 def test_mistakes_in_a_family_file_are_diagnosed_with_positions(edits: list[Edit]) -> None:
-    texts = TEXTS | {"family.toml": edited(TEXTS["family.toml"], edits)}
+    texts = TEXTS | {"paper.toml": edited(TEXTS["paper.toml"], edits)}
     try:
-        load_family("family.toml", TextFiles(texts))
+        load_family("paper.toml", TextFiles(texts))
     except LoadError as error:
         assert error.diagnostics
-        assert all(
-            one.span is not None and one.span.source.name == "family.toml" for one in error.diagnostics
-        )
+        assert all(one.span is not None and one.span.source.name == "paper.toml" for one in error.diagnostics)
 
 
 @given(st.sampled_from(["metamodel", "model", "query", "rules", "environment"]), st.text(max_size=80))

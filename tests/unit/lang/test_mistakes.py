@@ -13,6 +13,7 @@ from envgraph.search import Domain
 
 DOMAIN = bundled_domain("burning_forest")
 TEXTS = {path.name: path.read_text(encoding="utf-8") for path in sorted(DOMAIN.glob("*.*"))}
+TEXTS["family.toml"] = TEXTS.pop("paper.toml")
 METAMODEL = "metamodel m class A { int i refers A[1] next contains A[0..*] parts }"
 
 
@@ -41,6 +42,7 @@ def place(one: Diagnostic) -> tuple[str, str]:
 def forest(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     directory = tmp_path / "forest"
     shutil.copytree(DOMAIN, directory)
+    (directory / "paper.toml").replace(directory / "family.toml")
     monkeypatch.chdir(directory)
     return directory
 

@@ -126,7 +126,7 @@ def test_whole_numbers_are_marked_by_whole_numbers(generations: tuple[float, ...
 
 
 def test_what_a_measure_counts_is_no_column_of_its_own(tmp_path: Path) -> None:
-    family = generate("burning_forest", tmp_path / "run.sqlite", generations=1, population=3)
+    family = generate("burning_forest/paper.toml", tmp_path / "run.sqlite", generations=1, population=3)
     assert "BurningTile" in family.class_counts()
     burning = [float(number) for number in family.class_counts()["BurningTile"]]
     members = [
@@ -205,7 +205,7 @@ def test_text_and_lines_of_the_page_can_be_seen_in_light_and_in_dark() -> None:
 
 
 def test_the_target_comes_last_and_is_not_said_to_be_the_hardest(tmp_path: Path) -> None:
-    family = generate("burning_forest", tmp_path / "run.sqlite", generations=0, population=3)
+    family = generate("burning_forest/paper.toml", tmp_path / "run.sqlite", generations=0, population=3)
     assert family.members[-1].initial
     target = family.members[-1].name
     said = f"Ordered from the easiest to the hardest; the target {target}, the initial model, comes last. "
@@ -226,7 +226,7 @@ def test_the_target_comes_last_and_is_not_said_to_be_the_hardest(tmp_path: Path)
 def test_curricula_stand_beside_the_target_alone_and_the_baselines_in_a_chart_of_their_own(
     tmp_path: Path, kinds: tuple[Literal["suffixes", "full", "baselines", "direct"], ...], drawn: list[str]
 ) -> None:
-    family = generate("burning_forest", tmp_path / "run.sqlite", generations=0, population=3)
+    family = generate("burning_forest/paper.toml", tmp_path / "run.sqlite", generations=0, population=3)
     members = [FamilyMember(one.name, family.explored(one).tabular) for one in family.members]
     names = [one.name for one in members]
     settings = TrainingSettings(steps_per_environment=20, seeds=1)
@@ -242,7 +242,7 @@ def test_curricula_stand_beside_the_target_alone_and_the_baselines_in_a_chart_of
 def test_controls_are_drawn_beside_the_whole_family(
     tmp_path: Path, curricula: Literal["suffixes", "full"], charts: int
 ) -> None:
-    family = generate("burning_forest", tmp_path / "run.sqlite", generations=0, population=3)
+    family = generate("burning_forest/paper.toml", tmp_path / "run.sqlite", generations=0, population=3)
     members = [FamilyMember(one.name, family.explored(one).tabular) for one in family.members]
     names = [one.name for one in members]
     chosen = (
@@ -281,13 +281,13 @@ def test_controls_are_drawn_beside_the_whole_family(
 
 
 def test_one_of_something_is_not_many(tmp_path: Path) -> None:
-    family = generate("burning_forest", tmp_path / "run.sqlite", generations=0, population=3)
+    family = generate("burning_forest/paper.toml", tmp_path / "run.sqlite", generations=0, population=3)
     page = render_html(family_report(family, history=[(0, 0.5, 0, 0), (1, 0.5, 1, 1)]))
     assert "1 generation, 1 accepted individual, 1 rejected attempt. " in page
 
 
 def test_a_return_that_rounds_to_nothing_has_no_sign(tmp_path: Path) -> None:
-    family = generate("burning_forest", tmp_path / "run.sqlite", generations=0, population=3)
+    family = generate("burning_forest/paper.toml", tmp_path / "run.sqlite", generations=0, population=3)
     members = [FamilyMember(one.name, family.explored(one).tabular) for one in family.members]
     chosen = sequences([one.name for one in members], "full")
     found = run_experiment(members, TrainingSettings(steps_per_environment=20, seeds=1), chosen)

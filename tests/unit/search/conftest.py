@@ -14,7 +14,7 @@ PUBLISHED = Path(__file__).parents[3] / "envgraph" / "report" / "reproduction" /
 @pytest.fixture(scope="session")
 def family(tmp_path_factory: pytest.TempPathFactory) -> Family:
     """The Burning Forest at the paper's settings."""
-    return generate("burning_forest", tmp_path_factory.mktemp("runs") / "full" / "run.sqlite")
+    return generate("burning_forest/paper.toml", tmp_path_factory.mktemp("runs") / "full" / "run.sqlite")
 
 
 @pytest.fixture(scope="session")

@@ -31,7 +31,7 @@ from envgraph.search import (
 )
 from tests.profile import NIGHTLY
 
-IDS = {domain: f"envgraph/{name}-v0" for name, domain, _, _ in BUNDLED}
+IDS = {file.partition("/")[0]: f"envgraph/{name}-v0" for name, file, _, _ in BUNDLED}
 ACTIONS = {
     "burning_forest": 4,
     "jobshop": 4,
@@ -48,7 +48,8 @@ ACTIONS = {
 def test_every_bundled_domain_with_an_environment_is_registered() -> None:
     found = [name for name in bundled_domains() if list(bundled_domain(name).glob("*.environment"))]
     assert sorted(IDS) == found == sorted(ACTIONS)
-    for name, domain, limit, _ in BUNDLED:
+    for name, file, limit, _ in BUNDLED:
+        domain = file.partition("/")[0]
         text = (bundled_domain(domain) / f"{domain}.environment").read_text(encoding="utf-8")
         assert f"environment {name}" in text and f"limit {limit} steps" in text
         assert gymnasium.spec(IDS[domain]).max_episode_steps == limit
@@ -73,7 +74,7 @@ def test_the_environment_checker_has_nothing_to_say(domain: str, render_mode: st
 )
 def test_a_family_is_as_diverse_as_it_may_be(domain: str, tmp_path: Path) -> None:
     generations = {"generations": 20} if domain == "network" else {}
-    family = generate(domain, tmp_path / "run.sqlite", **generations)
+    family = generate(f"{domain}/diverse.toml", tmp_path / "run.sqlite", **generations)
     assert family.diversity() >= 0.9 * log2(6)
 
 
@@ -81,7 +82,7 @@ def test_a_family_is_as_diverse_as_it_may_be(domain: str, tmp_path: Path) -> Non
 def family(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Family:
     path = tmp_path_factory.mktemp(request.param)
     made = generate(
-        request.param,
+        f"{request.param}/diverse.toml",
         path / "run.sqlite",
         generations=1,
         population=2,
@@ -94,7 +95,7 @@ def family(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFact
 def test_members_of_a_family_share_actions_and_observations(family: Family, tmp_path: Path) -> None:
     path = tmp_path / "family.json"
     path.write_text(write_family(family), encoding="utf-8")
-    (id_,) = (IDS[domain] for name, domain, _, _ in BUNDLED if name == family.name)
+    id_ = f"envgraph/{family.name}-v0"
     spaces = set()
     for member in family.members:
         env = gymnasium.make(id_, family=path, variant=member.name, observation="multi")
@@ -138,8 +139,8 @@ def test_live_environments_of_what_is_not_there_are_refused() -> None:
 def test_too_many_states_for_a_table_are_told_with_a_way_out(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("envgraph.search._tables.explored", limited)
     with pytest.raises(EvaluationError, match=r"more than 500 states[\s\S]*hint: .*`engine=\"compiled\"`"):
-        make_environment("network", engine="table")
-    assert isinstance(make_environment("network"), CompiledEnv)
+        make_environment("network/diverse.toml", engine="table")
+    assert isinstance(make_environment("network/diverse.toml"), CompiledEnv)
 
 
 def test_what_steps_is_chosen_by_name() -> None:

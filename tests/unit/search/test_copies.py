@@ -59,7 +59,7 @@ ENVIRONMENTS: dict[str, Maker] = {
 @pytest.fixture(scope="module")
 def family(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("family")
-    generate("burning_forest", folder / "run.sqlite", overrides=["search.generations=2"])
+    generate("burning_forest/paper.toml", folder / "run.sqlite", overrides=["search.generations=2"])
     (folder / "family.json").write_text(write_family(open_family(folder / "run.sqlite")))
     return folder / "family.json"
 

@@ -35,7 +35,7 @@ KNOWN = {"random_success": 0.5, "optimal_return": 10.0, "limit": 200.0}
 @pytest.fixture(scope="module")
 def imported(published: Path, tmp_path_factory: pytest.TempPathFactory) -> Family:
     source = Source("published.json", published.read_text())
-    family, _ = import_ga4cl(source, "burning_forest", tmp_path_factory.mktemp("p") / "run.sqlite")
+    family, _ = import_ga4cl(source, "burning_forest/paper.toml", tmp_path_factory.mktemp("p") / "run.sqlite")
     return family
 
 

@@ -155,7 +155,7 @@ def test_exchanges_agree_with_the_score(
 
 # --- families of a file
 
-DOMAIN = "burning_forest"
+FAMILY = "burning_forest/paper.toml"
 BOTH = ['objective.maximise=["entropy(complexity)", "mean_distance"]', "search.population=4"]
 
 
@@ -163,7 +163,7 @@ def made(
     path: Path, *overrides: str, generations: int = 30, components: Components | None = None
 ) -> tuple[Domain, Outcome, dict[str, float]]:
     found = generate(
-        DOMAIN, path / "run.sqlite", overrides=overrides, generations=generations, components=components
+        FAMILY, path / "run.sqlite", overrides=overrides, generations=generations, components=components
     )
     return found.domain, Outcome.of(found), dict(found.lacking)
 
@@ -177,7 +177,7 @@ def pool_of(overrides: Sequence[str], members: Sequence[Candidate]) -> Pool:
     """Candidates whose measure `complexity` is a share of their lamps."""
     for one in members:
         cast(Lamps, one).measures["complexity"] = one.measures["lit"] / 4
-    objective = Domain.load(DOMAIN, overrides=overrides).objective()
+    objective = Domain.load(FAMILY, overrides=overrides).objective()
     assert objective is not None
     return Pool(members, objective.measures, "complexity", lambda one: (one.measures["complexity"],))
 
@@ -240,7 +240,7 @@ def test_a_family_has_the_values_of_its_objective_and_the_seed_has_one_result(tm
 
 def test_a_condition_that_fails_is_told(tmp_path: Path) -> None:
     overrides = ['objective.maximise=["mean_distance"]', 'objective.subject_to=["mean_distance >= 1000"]']
-    found = generate(DOMAIN, tmp_path / "run.sqlite", overrides=overrides, generations=2)
+    found = generate(FAMILY, tmp_path / "run.sqlite", overrides=overrides, generations=2)
     with RunStore.open(tmp_path / "run.sqlite") as store:
         warning = why_low(found, store)
     assert found.lacking == {"mean_distance >= 1000": pytest.approx(1000 - found.objective["mean_distance"])}
@@ -249,7 +249,7 @@ def test_a_condition_that_fails_is_told(tmp_path: Path) -> None:
 
 def test_chain_transfer_of_a_family_is_that_of_its_tables(tmp_path: Path) -> None:
     overrides = ['objective.maximise=["chain_transfer"]', "search.population=3"]
-    found = generate(DOMAIN, tmp_path / "run.sqlite", overrides=overrides, generations=2)
+    found = generate(FAMILY, tmp_path / "run.sqlite", overrides=overrides, generations=2)
     tables = [found.explored(one).tabular for one in found.members]
     assert found.objective["chain_transfer"] == pytest.approx(chain_transfer(tables))
     assert ChainTransfer().maximum(3) == 0.0
@@ -306,8 +306,8 @@ CLIMBING = [
 
 
 def test_whole_families_are_searched_for_by_the_same_measures(tmp_path: Path) -> None:
-    found = generate(DOMAIN, tmp_path / "a.sqlite", overrides=CLIMBING)
-    other = generate(DOMAIN, tmp_path / "b.sqlite", overrides=CLIMBING, workers=2)
+    found = generate(FAMILY, tmp_path / "a.sqlite", overrides=CLIMBING)
+    other = generate(FAMILY, tmp_path / "b.sqlite", overrides=CLIMBING, workers=2)
     assert (found.objective, found.members) == (other.objective, other.members)
     assert found.objective["entropy(complexity)"] == pytest.approx(found.diversity())
     assert found.diversity() > 1.4 and found.members[-1].initial
@@ -316,7 +316,7 @@ def test_whole_families_are_searched_for_by_the_same_measures(tmp_path: Path) ->
 
 def test_conditions_count_before_a_kind_of_objective(tmp_path: Path) -> None:
     wanted = 'objective={ kind = "chain_transfer", effort = 4_000_000, subject_to = ["least_distance >= 3"] }'
-    found = generate(DOMAIN, tmp_path / "a.sqlite", overrides=[wanted, "search.population=3"])
+    found = generate(FAMILY, tmp_path / "a.sqlite", overrides=[wanted, "search.population=3"])
     assert list(found.objective) == ["chain_transfer"] and not found.lacking
     distances = found.distances()
     assert min(int(distances[a, b]) for a, b in combinations(range(3), 2)) >= 3
@@ -341,7 +341,7 @@ def test_conditions_count_before_a_kind_of_objective(tmp_path: Path) -> None:
 )  # fmt: skip
 def test_mistakes_are_told_at_their_place(override: str, message: str, place: str | None) -> None:
     with pytest.raises(LoadError) as error:
-        Domain.load(DOMAIN, overrides=[f"objective.{override}"])
+        Domain.load(FAMILY, overrides=[f"objective.{override}"])
     found = [one for one in error.value.diagnostics if message in one.message]
     assert found and found[0].hint, [str(one) for one in error.value.diagnostics]
     if place is not None:
@@ -364,11 +364,11 @@ def test_mistakes_are_told_at_their_place(override: str, message: str, place: st
 )  # fmt: skip
 def test_what_does_not_go_together_is_told(overrides: list[str], message: str) -> None:
     with pytest.raises(LoadError) as error:
-        Domain.load(DOMAIN, overrides=overrides)
+        Domain.load(FAMILY, overrides=overrides)
     assert any(message in one.message and one.hint for one in error.value.diagnostics), str(error.value)
 
 
 def test_all_mistakes_of_an_objective_are_told_at_once() -> None:
     with pytest.raises(LoadError) as error:
-        Domain.load(DOMAIN, overrides=['objective.maximise=["foo", "bar", "distinct"]'])
+        Domain.load(FAMILY, overrides=['objective.maximise=["foo", "bar", "distinct"]'])
     assert len(error.value.diagnostics) == 2

@@ -17,7 +17,7 @@ from envgraph.search import Outcome, family_schema, generate, read_family, write
 def text(tmp_path_factory: pytest.TempPathFactory) -> str:
     """A family file with two members."""
     path = tmp_path_factory.mktemp("runs") / "run.sqlite"
-    return write_family(generate("burning_forest", path, generations=2, population=2))
+    return write_family(generate("burning_forest/paper.toml", path, generations=2, population=2))
 
 
 def edited(text: str, *path: str | int, value: Any) -> str:

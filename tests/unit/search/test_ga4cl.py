@@ -16,13 +16,15 @@ def source(path: Path) -> Source:
 
 
 def imported(path: Path, tmp_path: Path) -> Family:
-    family, warnings = import_ga4cl(source(path), "burning_forest", tmp_path / f"{path.stem}.sqlite")
+    family, warnings = import_ga4cl(
+        source(path), "burning_forest/paper.toml", tmp_path / f"{path.stem}.sqlite"
+    )
     assert not warnings  # neither a complexity nor a reward differs
     return family
 
 
 def test_path_complexity_reproduces_every_published_complexity(published_files: list[Path]) -> None:
-    domain, checked = Domain.load("burning_forest"), 0
+    domain, checked = Domain.load("burning_forest/paper.toml"), 0
     draw = domain.behaviour.draw if domain.behaviour else None
     engine = domain.engine()
     for path in published_files:
@@ -58,7 +60,7 @@ def test_a_random_family_is_imported_though_its_water_is_elsewhere(
 
 def problems(text: str, tmp_path: Path) -> list[str]:
     with pytest.raises(LoadError) as caught:
-        import_ga4cl(Source("maps.json", text), "burning_forest", tmp_path / "run.sqlite")
+        import_ga4cl(Source("maps.json", text), "burning_forest/paper.toml", tmp_path / "run.sqlite")
     assert all(problem.span for problem in caught.value.diagnostics)
     return [str(problem) for problem in caught.value.diagnostics]
 
@@ -94,5 +96,5 @@ def test_another_complexity_or_reward_is_a_warning(published: Path, tmp_path: Pa
     data["environments"][1]["complexity"] = 0.5
     data["environments"][2]["reward_schedule"][4] = 99.0
     text = Source("maps.json", json.dumps(data))
-    _, warnings = import_ga4cl(text, "burning_forest", tmp_path / "run.sqlite")
+    _, warnings = import_ga4cl(text, "burning_forest/paper.toml", tmp_path / "run.sqlite")
     assert [warning.code for warning in warnings] == ["different-measure", "different-rewards"]

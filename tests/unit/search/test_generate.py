@@ -80,7 +80,9 @@ def test_either_transform_reaches_the_maximum_from_the_bundled_target(tmp_path: 
     seeds = 20 if settings().max_examples > 1_000 else 2  # all of them every night
     for seed in range(1, 1 + seeds):
         overrides = [f"measures.complexity.transform={transform}"]
-        family = generate("burning_forest", tmp_path / f"{seed}.sqlite", seed=seed, overrides=overrides)
+        family = generate(
+            "burning_forest/paper.toml", tmp_path / f"{seed}.sqlite", seed=seed, overrides=overrides
+        )
         assert family.diversity() == pytest.approx(log2(6), abs=1e-12), seed
 
 
@@ -112,7 +114,9 @@ def test_the_target_is_the_initial_model_unless_the_order_is_to_decide(tmp_path:
 
 def test_one_seed_gives_one_family_and_another_seed_another(tmp_path: Path) -> None:
     exports = [
-        export_ga4cl(generate("burning_forest", tmp_path / str(turn) / "run.sqlite", seed=seed, **SMALL))
+        export_ga4cl(
+            generate("burning_forest/paper.toml", tmp_path / str(turn) / "run.sqlite", seed=seed, **SMALL)
+        )
         for turn, seed in enumerate((5, 5, 6))
     ]
     assert exports[0] == exports[1] != exports[2]
@@ -128,10 +132,10 @@ def test_an_interrupted_run_resumes_to_the_same_store(tmp_path: Path, last: int)
         if generation.number > last:
             raise Interrupted
 
-    whole = generate("burning_forest", tmp_path / "whole" / "run.sqlite", **SMALL)
+    whole = generate("burning_forest/paper.toml", tmp_path / "whole" / "run.sqlite", **SMALL)
     path = tmp_path / "cut" / "run.sqlite"
     with pytest.raises(Interrupted):
-        generate("burning_forest", path, progress=interrupt, **SMALL)
+        generate("burning_forest/paper.toml", path, progress=interrupt, **SMALL)
     asked = SMALL["generations"] if last == 13 else None
     assert export_ga4cl(resume(path, generations=asked)) == export_ga4cl(whole)
     with RunStore.open(path) as cut, RunStore.open(tmp_path / "whole" / "run.sqlite") as uncut:
@@ -158,18 +162,18 @@ def test_stagnation_is_counted_on_after_an_interruption(tmp_path: Path) -> None:
 
 def test_a_finished_run_resumes_to_itself(tmp_path: Path) -> None:
     path = tmp_path / "run.sqlite"
-    first = generate("burning_forest", path, **SMALL)
+    first = generate("burning_forest/paper.toml", path, **SMALL)
     assert export_ga4cl(resume(path)) == export_ga4cl(first)
 
 
 def test_a_finished_run_goes_on_as_if_it_had_not_ended(tmp_path: Path) -> None:
     short, whole = tmp_path / "short.sqlite", tmp_path / "whole.sqlite"
-    generate("burning_forest", short, seed=4, generations=4, population=4)
+    generate("burning_forest/paper.toml", short, seed=4, generations=4, population=4)
     with pytest.raises(InvalidArgument, match="has 4 generations already"):
         resume(short, generations=4)
     longer = resume(short, generations=9)
     assert export_ga4cl(longer) == export_ga4cl(
-        generate("burning_forest", whole, seed=4, generations=9, population=4)
+        generate("burning_forest/paper.toml", whole, seed=4, generations=9, population=4)
     )
     with RunStore.open(short) as one, RunStore.open(whole) as other:
         assert one.history() == other.history() and len(one.history()) == 10
@@ -188,7 +192,7 @@ def test_any_key_of_the_family_file_can_be_overridden(tmp_path: Path) -> None:
         "measures.fires={ kind = 'count', of = 'burningTile' }",
         "search.population=5",
     ]
-    family = generate("burning_forest", path, generations=2, population=3, overrides=overrides)
+    family = generate("burning_forest/paper.toml", path, generations=2, population=3, overrides=overrides)
     spec = family.domain.spec
     assert (spec.name, spec.search.population, spec.search.generations) == ("Woods", 5, 2)
     assert spec.search.survivors.kind == "beam" and spec.search.survivors.options == {"width": 3}
@@ -220,15 +224,15 @@ def test_any_key_of_the_family_file_can_be_overridden(tmp_path: Path) -> None:
 )  # fmt: skip
 def test_an_override_with_a_mistake_is_shown(override: str, message: str) -> None:
     with pytest.raises(LoadError) as caught:
-        Domain.load("burning_forest", overrides=[override])
+        Domain.load("burning_forest/paper.toml", overrides=[override])
     assert message in str(caught.value).replace("\n", " ")
     assert all(one.span and one.span.source.name == "--set" for one in caught.value.diagnostics)
 
 
 def test_every_accepted_individual_follows_from_its_trace_and_is_valid(tmp_path: Path) -> None:
     path = tmp_path / "run.sqlite"
-    generate("burning_forest", path, **SMALL)
-    domain = Domain.load("burning_forest")
+    generate("burning_forest/paper.toml", path, **SMALL)
+    domain = Domain.load("burning_forest/paper.toml")
     with RunStore.open(path) as store:
         individuals = list(store.individuals())
         assert len(individuals) > 50
@@ -251,12 +255,12 @@ def test_the_family_of_an_unfinished_run_is_that_of_its_last_generation(
     path = tmp_path / "run.sqlite"
     monkeypatch.setattr(RunStore, "write_models", fail)  # which is what comes last
     with pytest.raises(KeyboardInterrupt):
-        generate("burning_forest", path, generations=3, population=4)
+        generate("burning_forest/paper.toml", path, generations=3, population=4)
     monkeypatch.undo()
     with RunStore.open(path) as store:
         replayed = family_of(store, Domain.from_bundle(store.bundle()))
     assert export_ga4cl(replayed) == export_ga4cl(
-        generate("burning_forest", tmp_path / "b.sqlite", generations=3, population=4)
+        generate("burning_forest/paper.toml", tmp_path / "b.sqlite", generations=3, population=4)
     )
 
 
@@ -302,11 +306,11 @@ def copied(tmp_path: Path, **changes: tuple[str, str]) -> Path:
 
     for file in bundled_domain("burning_forest").glob("*.*"):
         text = file.read_text()
-        changed = file.suffix != ".toml" or file.name == "family.toml"
+        changed = file.suffix != ".toml" or file.name == "paper.toml"
         before, after = changes.get(file.suffix.removeprefix("."), ("", "")) if changed else ("", "")
         assert before in text
         (tmp_path / file.name).write_text(text.replace(before, after) if before else text)
-    return tmp_path / "family.toml"
+    return tmp_path / "paper.toml"
 
 
 def test_an_initial_model_that_violates_a_constraint_is_named_before_the_run(tmp_path: Path) -> None:
@@ -354,14 +358,17 @@ HUGE = str(10**18)
     ("domain", "settings"),
     [
         (
-            "burning_forest",
+            "burning_forest/paper.toml",
             "limit={} mutation.initial_applications={} mutation.max_attempts={} search.population={} "
             "search.generations={} search.stagnation={} samples.count={} samples.attempts={} "
             "training.steps_per_environment={} training.evaluation_episodes={} training.seeds={} training.n_step={}",
         ),
-        ("burning_forest", "search.parents={name='tournament',rounds={}} search.survivors.rounds={}"),
-        ("burning_forest", "search.survivors={name='beam',width={}}"),
-        ("burning_forest", "search.survivors={name='exact',limit={}}"),
+        (
+            "burning_forest/paper.toml",
+            "search.parents={name='tournament',rounds={}} search.survivors.rounds={}",
+        ),
+        ("burning_forest/paper.toml", "search.survivors={name='beam',width={}}"),
+        ("burning_forest/paper.toml", "search.survivors={name='exact',limit={}}"),
         ("assignment", "optimise.steps={} optimise.strategy={name='simulated_annealing',runs={}}"),
         ("assignment", "optimise.strategy={name='hill_climbing',patience={}}"),
         ("assignment", "optimise.strategy={name='beam',width={},branching={}}"),
@@ -413,7 +420,7 @@ def test_a_measure_of_ones_own_works_from_generation_to_reading_back(tmp_path: P
 
 
 def test_the_overrides_of_a_run_belong_to_its_family(tmp_path: Path) -> None:
-    generate("burning_forest", tmp_path / "run.sqlite", seed=5, **SMALL)
+    generate("burning_forest/paper.toml", tmp_path / "run.sqlite", seed=5, **SMALL)
     family = open_family(tmp_path / "run.sqlite")
     spec = family.domain.spec
     assert (spec.seed, spec.search.generations, spec.search.population) == (5, 25, 4)
@@ -424,16 +431,16 @@ def test_the_overrides_of_a_run_belong_to_its_family(tmp_path: Path) -> None:
 
 
 def test_a_store_is_not_overwritten(tmp_path: Path) -> None:
-    generate("burning_forest", tmp_path / "run.sqlite", generations=1)
+    generate("burning_forest/paper.toml", tmp_path / "run.sqlite", generations=1)
     with pytest.raises(InvalidArgument, match="exists"):
-        generate("burning_forest", tmp_path / "run.sqlite", generations=1)
+        generate("burning_forest/paper.toml", tmp_path / "run.sqlite", generations=1)
 
 
 GENERATE = """
 import sys
 from pathlib import Path
 from envgraph.search import export_ga4cl, generate
-family = generate("burning_forest", Path(sys.argv[1]), generations=25, population=4)
+family = generate("burning_forest/paper.toml", Path(sys.argv[1]), generations=25, population=4)
 sys.stdout.write(export_ga4cl(family))
 """
 

@@ -25,7 +25,7 @@ DIVERSITY = "diversity={ of = 'random_success', bins = 5 }"
 def family(tmp_path_factory: pytest.TempPathFactory) -> Family:
     path = tmp_path_factory.mktemp("made") / "run.sqlite"
     given = [*GIVEN, DIVERSITY, "limit=40", "samples.cover={ random_success = 4 }", "samples.attempts=10"]
-    return generate("burning_forest", path, samples=5, overrides=given)
+    return generate("burning_forest/paper.toml", path, samples=5, overrides=given)
 
 
 def walked(tabular: Tabular, limit: int) -> float:
@@ -74,7 +74,9 @@ def measured(domain: Domain, *steps: Any) -> tuple[float, IndividualMeasure]:
 
 
 def test_objects_that_come_and_go_and_links_count() -> None:
-    domain = Domain.load("keydoor", overrides=["measures.distance.kind=distance", "diversity.of=plan"])
+    domain = Domain.load(
+        "keydoor/diverse.toml", overrides=["measures.distance.kind=distance", "diversity.of=plan"]
+    )
     cells = [one["id"] for one in model_to_json(domain.initial())["objects"] if one["class"] == "Floor"]
 
     def retyped(model: Any) -> None:
@@ -111,7 +113,7 @@ def test_a_measure_that_needs_too_large_a_table_is_told_at_its_place(
         raise TooManyStates(domain.behaviour, 250_000)
 
     domain = Domain.load(
-        "burning_forest", overrides=[f"measures.luck.kind={kind}", "diversity.of=complexity"]
+        "burning_forest/paper.toml", overrides=[f"measures.luck.kind={kind}", "diversity.of=complexity"]
     )
     monkeypatch.setattr(Tables, "table", too_many)
     with pytest.raises(
@@ -126,7 +128,7 @@ def test_a_measure_that_needs_too_large_a_table_is_told_at_its_place(
 def expressed(text: str, *more: str) -> tuple[float, float, float]:
     """An expression, the complexity and the plan of the initial forest."""
     given = ["measures.plan.kind=shortest_plan", f"measures.mixed={{ kind = 'expression', of = '{text}' }}"]
-    domain = Domain.load("burning_forest", overrides=[*given, *more, "diversity.of=complexity"])
+    domain = Domain.load("burning_forest/paper.toml", overrides=[*given, *more, "diversity.of=complexity"])
     found = domain.problem(domain.engine()).measure()
     return found["mixed"], found["complexity"], found["plan"]
 
@@ -152,7 +154,8 @@ def test_an_expression_without_a_value_counts_otherwise() -> None:
     assert expressed("1 / (plan - plan)", "measures.mixed.otherwise=7")[0] == 7
     walled = ["measures.plan.otherwise=100", "measures.mixed={ kind = 'expression', of = 'plan + 1' }"]
     domain = Domain.load(
-        "burning_forest", overrides=["measures.plan.kind=shortest_plan", *walled, "diversity.of=plan"]
+        "burning_forest/paper.toml",
+        overrides=["measures.plan.kind=shortest_plan", *walled, "diversity.of=plan"],
     )
     problem = domain.problem(domain.engine())
     for tile in [*problem.engine.model.nodes("Tile")][1:63]:
@@ -177,11 +180,11 @@ def test_mistakes_in_an_expression_are_told_where_they_are(
 ) -> None:
     for file in bundled_domain("burning_forest").glob("*.*"):
         (tmp_path / file.name).write_bytes(file.read_bytes())
-    family = tmp_path / "family.toml"
+    family = tmp_path / "paper.toml"
     more = f'[measures.mixed]\nkind = "expression"\nof = "{text}"\n[measures.later]\nkind = "distance"\n'
     family.write_text(family.read_text().replace("[diversity]", more + "[diversity]"))
     with pytest.raises(LoadError) as caught:
-        Domain.load(str(tmp_path))
+        Domain.load(str(family))
     problem, *_ = caught.value.diagnostics
     assert message in problem.message and problem.hint and problem.span is not None
     assert problem.span.text == (f'"{text}"' if marked is None else marked)

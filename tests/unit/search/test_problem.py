@@ -20,7 +20,7 @@ from envgraph.search import Constraint, CountWithin, Domain, Forbid, NoValue, Pr
 
 @pytest.fixture(scope="module")
 def domain() -> Domain:
-    return Domain.load("burning_forest")
+    return Domain.load("burning_forest/paper.toml")
 
 
 def problem_with(domain: Domain, constraints: Sequence[Constraint]) -> Problem:
@@ -38,7 +38,7 @@ CONSTRAINTS = [
 ]
 
 
-@pytest.mark.parametrize("name", ["burning_forest", "network"])
+@pytest.mark.parametrize("name", ["burning_forest/paper.toml", "network/diverse.toml"])
 def test_what_mutations_cannot_violate_is_asked_once(name: str) -> None:
     family = Domain.load(name)
     problem, rng = family.problem(family.engine()), default_rng(5)
@@ -130,7 +130,7 @@ def test_a_constraint_and_a_measure_search_the_states_of_a_model_once(
 
     monkeypatch.setattr(Plans, "plan", counted)
     monkeypatch.delattr("envgraph.search._constraints.can_end")
-    domain = Domain.load("keydoor")
+    domain = Domain.load("keydoor/diverse.toml")
     problem = domain.problem(domain.engine())
     plan = problem.measure()["plan"] if problem.valid() else None
     engine = problem.engine
@@ -150,7 +150,7 @@ def test_what_is_not_compiled_is_answered_by_the_live_engine(monkeypatch: pytest
         raise NotCompiled("what is not there")
 
     monkeypatch.setattr(Plans, "plan", refused)
-    domain = Domain.load("keydoor")
+    domain = Domain.load("keydoor/diverse.toml")
     problem = domain.problem(domain.engine())
     assert problem.valid() and problem.measure()["plan"] == 9.0
     for key in problem.engine.model.nodes("Key"):

@@ -23,7 +23,7 @@ from tests.unit.learn.forest_tables import DATA
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("made") / "run.sqlite"
-    generate("burning_forest", path, generations=4, population=4)
+    generate("burning_forest/paper.toml", path, generations=4, population=4)
     return path
 
 
@@ -97,7 +97,9 @@ def test_negative_numbers_are_refused(family: Family, act: Callable[[Family], ob
 
 def test_imported_members_have_no_lineage(tmp_path: Path) -> None:
     path = DATA / "environment-config.json"
-    imported, _ = import_ga4cl(Source(str(path), path.read_text()), "burning_forest", tmp_path / "run.sqlite")
+    imported, _ = import_ga4cl(
+        Source(str(path), path.read_text()), "burning_forest/paper.toml", tmp_path / "run.sqlite"
+    )
     with (
         RunStore.open(tmp_path / "run.sqlite") as store,
         pytest.raises(InvalidArgument, match="was imported"),

@@ -51,7 +51,9 @@ def test_rewards_are_told_apart_and_nothing_else_changes(
 
 def test_members_are_gone_over_to_and_each_reward_has_a_table(tmp_path: Path) -> None:
     generate(
-        "burning_forest", tmp_path / "run.sqlite", overrides=["search.generations=1", "search.population=2"]
+        "burning_forest/paper.toml",
+        tmp_path / "run.sqlite",
+        overrides=["search.generations=1", "search.population=2"],
     )
     env: Any = envgraph.make(tmp_path / "run.sqlite", "E1", rewards=True)
     check_env(env.unwrapped)

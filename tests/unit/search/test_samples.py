@@ -36,7 +36,7 @@ COVER = "samples.cover={ complexity = 5 }"
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("made") / "run.sqlite"
-    generate("burning_forest", path, samples=60, overrides=[COVER])
+    generate("burning_forest/paper.toml", path, samples=60, overrides=[COVER])
     return path
 
 
@@ -63,9 +63,11 @@ def test_bins_of_a_measure_that_is_covered_have_as_many_members_each(family: Fam
 
 
 def test_the_seed_decides(run: Path, family: Family, tmp_path: Path) -> None:
-    again = generate("burning_forest", tmp_path / "again.sqlite", samples=60, overrides=[COVER])
+    again = generate("burning_forest/paper.toml", tmp_path / "again.sqlite", samples=60, overrides=[COVER])
     assert again.members == family.members and write_family(again) == write_family(family)
-    other = generate("burning_forest", tmp_path / "other.sqlite", samples=60, overrides=[COVER], seed=1)
+    other = generate(
+        "burning_forest/paper.toml", tmp_path / "other.sqlite", samples=60, overrides=[COVER], seed=1
+    )
     assert len({one.model for one in (*other.members, *family.members)}) == 119  # the target is in both
     with RunStore.open(run) as one, RunStore.open(tmp_path / "again.sqlite") as two:
         assert [*one.individuals()] == [*two.individuals()] and one.reasons() == two.reasons()
@@ -124,9 +126,9 @@ def test_many_environments_are_stepped_by_a_program(run: Path, monkeypatch: pyte
 def test_with_maximise_a_bin_keeps_its_best(tmp_path: Path) -> None:
     """The measure that is covered is the one that counts: of each fifth the members at its upper end stay."""
     given = ["samples.maximise=['complexity']", "samples.attempts=600", COVER]
-    found = generate("burning_forest", tmp_path / "run.sqlite", samples=10, overrides=given)
+    found = generate("burning_forest/paper.toml", tmp_path / "run.sqlite", samples=10, overrides=given)
     given[0] = "samples.minimise=complexity"
-    other = generate("burning_forest", tmp_path / "other.sqlite", samples=10, overrides=given)
+    other = generate("burning_forest/paper.toml", tmp_path / "other.sqlite", samples=10, overrides=given)
     high, low = ([one.measures["complexity"] * 5 for one in each.members[:-1]] for each in (found, other))
     assert [int(value) for value in high if value < 5][:8] == [int(value) for value in low][:8]
     above, below = (sum(value % 1 for value in each if value < 4) for each in (high, low))
@@ -239,7 +241,7 @@ def test_many_members_are_summed_up(
         assert main() == 0
         return capsys.readouterr().out
 
-    printed = call("generate", "burning_forest", "--samples", "101", "--name", "many")
+    printed = call("generate", "burning_forest/paper.toml", "--samples", "101", "--name", "many")
     assert printed.startswith("BurningForest: 101 environments, diversity ")
     assert "three quarters" in printed and "E7" not in printed
     assert "`--variant E1` shows an environment" in call("show", "many")

@@ -23,7 +23,7 @@ def wetness(family: Family) -> list[float]:
 def looped(rounds: int = 12) -> tuple[Sampling, list[str], list[float]]:
     """After some rounds: the models that were asked for, and the score of each that was kept when it was told."""
     sampling, asked, kept = (
-        Sampling(Domain.load("burning_forest", overrides=WANTED)),
+        Sampling(Domain.load("burning_forest/paper.toml", overrides=WANTED)),
         list[str](),
         list[float](),
     )
@@ -58,7 +58,7 @@ def test_the_same_scores_give_the_same_models() -> None:
 
 
 def test_a_family_in_memory_is_stepped_and_stays_what_it_was() -> None:
-    sampling = Sampling(Domain.load("burning_forest", overrides=WANTED))
+    sampling = Sampling(Domain.load("burning_forest/paper.toml", overrides=WANTED))
     family = sampling.ask(3)
     texts = [member.model for member in family.members]
     sampling.tell([1.0, 2.0, 3.0])
@@ -82,7 +82,7 @@ def test_the_archive_is_kept_as_a_run(tmp_path: Path) -> None:
 
 
 def test_each_model_has_a_score_and_only_once() -> None:
-    sampling = Sampling(Domain.load("burning_forest", overrides=WANTED))
+    sampling = Sampling(Domain.load("burning_forest/paper.toml", overrides=WANTED))
     with pytest.raises(InvalidArgument, match="0 models were asked for"):
         sampling.tell([1.0])
     sampling.ask(2)
@@ -104,4 +104,4 @@ def test_where_there_are_no_more_models_it_is_told(tmp_path: Path) -> None:
 def test_the_file_says_how_many_are_kept() -> None:
     for given in ((), ("samples.maximise=complexity",)):
         with pytest.raises(InvalidArgument, match=r"needs `\[samples\]` without `maximise`"):
-            Sampling(Domain.load("burning_forest", overrides=given))
+            Sampling(Domain.load("burning_forest/paper.toml", overrides=given))

@@ -15,7 +15,7 @@ from envgraph.search import Family, Member, generate, open_family, read_family, 
 
 @pytest.fixture(scope="module")
 def family(tmp_path_factory: pytest.TempPathFactory) -> Family:
-    return generate("burning_forest", tmp_path_factory.mktemp("made") / "run.sqlite", samples=40)
+    return generate("burning_forest/paper.toml", tmp_path_factory.mktemp("made") / "run.sqlite", samples=40)
 
 
 @pytest.fixture(scope="module")

@@ -168,7 +168,7 @@ def elsewhere() -> Iterator[Path]:
 
 def test_a_run_that_cannot_be_written_can_be_read(elsewhere: Path) -> None:
     path = elsewhere / "run.sqlite"
-    family = generate("burning_forest", path, generations=1, population=2)
+    family = generate("burning_forest/paper.toml", path, generations=1, population=2)
     text = write_family(family)
     with locked(elsewhere):
         assert write_family(open_family(path)) == text
@@ -181,7 +181,7 @@ def test_a_run_that_cannot_be_written_can_be_read(elsewhere: Path) -> None:
 
 def test_a_run_on_a_full_disk_can_be_read(tmp_path: Path) -> None:
     path = tmp_path / "run.sqlite"
-    text = write_family(generate("burning_forest", path, generations=1, population=2))
+    text = write_family(generate("burning_forest/paper.toml", path, generations=1, population=2))
     before = path.read_bytes()
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
     try:

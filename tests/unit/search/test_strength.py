@@ -50,7 +50,7 @@ model target : burning_forest {{
 }}
 """
     )
-    path = tmp_path / "family.toml"
+    path = tmp_path / "paper.toml"
     places = '"startTileFixedLocation", "goalTileFixedLocation", "waterTileFixedLocation", '
     path.write_text(path.read_text().replace(places, ""))
     return str(path)

@@ -60,7 +60,7 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[bytes, str]:
     """A run of two members, and its family file."""
     path = tmp_path_factory.mktemp("made") / "run.sqlite"
-    family = generate("burning_forest", path, generations=1, population=2)
+    family = generate("burning_forest/paper.toml", path, generations=1, population=2)
     return path.read_bytes(), write_family(family)
 
 
@@ -261,7 +261,9 @@ def test_what_functions_of_python_do_is_not_kept(cache: Path, visited: list[bool
     query.write_text(f"{package}function fun(n : int) : int\n{rest}", encoding="utf-8")
     mine = Components().with_("function", "fun", lambda n: n + 1)
     for _ in range(2):
-        family = generate(str(domain), tmp_path / f"{len(visited)}.sqlite", generations=0, components=mine)
+        family = generate(
+            str(domain / "paper.toml"), tmp_path / f"{len(visited)}.sqlite", generations=0, components=mine
+        )
         family.explored(family.members[0])
     assert visited == [False] * 2
     assert not kept(cache) and not kept(tmp_path / "tables")
@@ -358,7 +360,7 @@ def test_check_generate_and_make_visit_the_states_of_the_initial_model_once(
         "envgraph.env.compiled._enumeration.explored", None
     )  # what would visit them each time
     for _ in range(2):
-        domain = Domain.load("keydoor")
+        domain = Domain.load("keydoor/diverse.toml")
         assert domain_problems(domain.spec, domain.workspace) == []
     assert domain.problem(domain.engine()).measure()["plan"] == 9.0
     make_environment("keydoor")

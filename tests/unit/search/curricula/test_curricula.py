@@ -73,7 +73,7 @@ class Fires:
         return len(self._levels.engine.model.extent("BurningTile"))
 
 
-@pytest.mark.parametrize("name", ["burning_forest", "keydoor"])
+@pytest.mark.parametrize("name", ["burning_forest/paper.toml", "keydoor/diverse.toml"])
 def test_families_to_begin_with_lead_to_the_target_by_valid_members(name: str) -> None:
     domain, levels = Domain.load(name), levels_of(name)
     families = started(levels, 4, None)
@@ -94,7 +94,8 @@ def test_families_to_begin_with_lead_to_the_target_by_valid_members(name: str) -
 
 
 @pytest.mark.parametrize(
-    ("name", "most"), [("lava/teaching.toml", 50_000), ("sokoban", 50_000), ("sokoban", 10)]
+    ("name", "most"),
+    [("lava/family.toml", 50_000), ("sokoban/diverse.toml", 50_000), ("sokoban/diverse.toml", 10)],
 )
 def test_families_may_begin_on_the_way_of_an_optimal_episode(
     name: str, most: int, monkeypatch: pytest.MonkeyPatch
@@ -120,21 +121,21 @@ def test_families_may_begin_on_the_way_of_an_optimal_episode(
 
 def test_without_a_table_easing_plays_no_plan(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(_levels, "MOST_STATES", 10)
-    levels, rng = levels_of("sokoban"), np.random.default_rng(1)
+    levels, rng = levels_of("sokoban/diverse.toml"), np.random.default_rng(1)
     before = rng.bit_generator.state
     Starts(levels, Moves(levels), None, rng)
     assert rng.bit_generator.state == before
 
 
 def test_families_begin_on_no_way_that_does_not_end_in_success() -> None:
-    levels = levels_of("lava")
+    levels = levels_of("lava/diverse.toml")
     levels = Levels(levels.problem, replace(levels.behaviour, limit=5))
     with pytest.raises(InvalidArgument, match="no optimal episode of the target is known"):
         Starts(levels, Moves(levels), None, np.random.default_rng(1), "episode")
 
 
 def test_families_to_begin_with_are_as_diverse_as_demanded() -> None:
-    levels = levels_of("burning_forest")
+    levels = levels_of("burning_forest/paper.toml")
     most = levels.problem.maximum(6)
     families = started(levels, 6, most - 1e-9)
     assert families
@@ -142,7 +143,7 @@ def test_families_to_begin_with_are_as_diverse_as_demanded() -> None:
 
 
 def test_a_model_with_an_observed_object_that_the_target_lacks_is_no_member() -> None:
-    levels = levels_of("sokoban")
+    levels = levels_of("sokoban/diverse.toml")
     for rule, found in (("sokoban.moveBox", True), ("sokoban.clear", False)):
         levels.go_to(levels.target.version)
         rows = [match.row for match in levels.engine.matches(rule, applicable=True)]
@@ -158,12 +159,17 @@ def test_a_model_with_an_observed_object_that_the_target_lacks_is_no_member() ->
 def test_families_to_begin_with_are_the_same_where_observations_are_numbered_anew(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    wanted = [[level.trace for level in family] for family in started(levels_of("burning_forest"), 4, None)]
+    wanted = [
+        [level.trace for level in family]
+        for family in started(levels_of("burning_forest/paper.toml"), 4, None)
+    ]
     monkeypatch.setattr("envgraph.solve.learning._training.MOST_Q_VALUES", 1)
-    assert [[level.trace for level in one] for one in started(levels_of("burning_forest"), 4, None)] == wanted
+    assert [
+        [level.trace for level in one] for one in started(levels_of("burning_forest/paper.toml"), 4, None)
+    ] == wanted
 
 
-@pytest.mark.parametrize("name", ["burning_forest", "keydoor"])
+@pytest.mark.parametrize("name", ["burning_forest/paper.toml", "keydoor/diverse.toml"])
 def test_moves_make_families_of_valid_members_and_leave_versions_as_they_are(name: str) -> None:
     domain, levels, rng = Domain.load(name), levels_of(name), np.random.default_rng(1)
     family = started(levels, 4, None)[0]
@@ -188,7 +194,7 @@ def test_moves_make_families_of_valid_members_and_leave_versions_as_they_are(nam
     assert [text(levels, level) for level in family] == before
 
 
-@pytest.mark.parametrize("name", ["burning_forest", "keydoor"])
+@pytest.mark.parametrize("name", ["burning_forest/paper.toml", "keydoor/diverse.toml"])
 def test_a_crossover_takes_from_another_member_what_only_that_one_has(name: str) -> None:
     levels, rng = levels_of(name), np.random.default_rng(4)
     family, found = started(levels, 4, None)[0], 0
@@ -209,7 +215,7 @@ def test_a_crossover_takes_from_another_member_what_only_that_one_has(name: str)
 
 
 def test_an_exchange_changes_the_order_alone() -> None:
-    levels, rng = levels_of("burning_forest"), np.random.default_rng(5)
+    levels, rng = levels_of("burning_forest/paper.toml"), np.random.default_rng(5)
     family = started(levels, 4, None)[0]
     child = Moves(levels, exchange=1.0).draw(family, rng)
     assert child is not None and child != family and child[-1] is levels.target
@@ -217,7 +223,7 @@ def test_an_exchange_changes_the_order_alone() -> None:
 
 
 def test_a_move_keeps_the_diversity_that_is_demanded() -> None:
-    levels, rng = levels_of("burning_forest"), np.random.default_rng(2)
+    levels, rng = levels_of("burning_forest/paper.toml"), np.random.default_rng(2)
     demanded = levels.problem.maximum(6) - 1e-9
     family = started(levels, 6, demanded)[0]
     moves = Moves(levels, demanded)
@@ -227,7 +233,7 @@ def test_a_move_keeps_the_diversity_that_is_demanded() -> None:
 
 
 def test_an_objective_of_ones_own_is_climbed() -> None:
-    levels = levels_of("burning_forest")
+    levels = levels_of("burning_forest/paper.toml")
     objective = Fires(levels)
     first = max(objective.scores(family, range(1))[0, 0] for family in started(levels, 4, None))
     found = CurriculumSearch(levels, objective, replace(SETTINGS, effort=120_000_000), seed=3).run()
@@ -235,7 +241,7 @@ def test_an_objective_of_ones_own_is_climbed() -> None:
 
 
 def test_a_search_ends_where_it_is_enough() -> None:
-    levels = levels_of("burning_forest")
+    levels = levels_of("burning_forest/paper.toml")
     seen: list[float] = []
     settings = replace(SETTINGS, enough=10.0)
     result = CurriculumSearch(levels, Fires(levels), settings, 3, lambda one: seen.append(one.value)).run()
@@ -246,7 +252,7 @@ def test_a_search_ends_where_it_is_enough() -> None:
 
 def test_what_costs_no_steps_counts_too() -> None:
     """Else a search whose moves all succeed has no end."""
-    levels = levels_of("burning_forest")
+    levels = levels_of("burning_forest/paper.toml")
 
     class Free(Fires):
         effort = 0
@@ -259,7 +265,7 @@ def test_what_costs_no_steps_counts_too() -> None:
 
 
 def test_chain_transfer_is_an_objective() -> None:
-    levels = levels_of("burning_forest")
+    levels = levels_of("burning_forest/paper.toml")
     objective = Measured(ChainTransfer(), 4)
     family = started(levels, 4, None)[0]
     expected = chain_transfer([level.tabular for level in family])
@@ -272,7 +278,7 @@ def test_chain_transfer_is_an_objective() -> None:
 def test_nothing_that_is_as_diverse_as_demanded_is_an_error_that_says_why(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    levels = levels_of("keydoor")
+    levels = levels_of("keydoor/diverse.toml")
     monkeypatch.setattr(_climb, "BIRTHS", 20)
     settings = CurriculumSettings(population=4, effort=10_000, demanded=1.99)
     with pytest.raises(InvalidArgument, match=r"no family with a diversity of 1[.]990 that leads"):
@@ -293,7 +299,7 @@ def generator(seed: int, number: int) -> np.random.Generator:
 @needs_numba
 @pytest.mark.parametrize("workers", [1, 3])
 def test_learning_is_what_the_trainer_comes_to(workers: int) -> None:
-    levels = levels_of("burning_forest")
+    levels = levels_of("burning_forest/paper.toml")
     family = started(levels, 4, None)[0]
     training = TrainingSettings(limit=200)
     scores = Learning(training, levels.target, [500, 3_000], 9, workers).scores(family, range(4, 12))
@@ -311,7 +317,7 @@ def test_learning_is_what_the_trainer_comes_to(workers: int) -> None:
 @needs_numba
 def test_workers_and_repetition_change_nothing() -> None:
     def found(workers: int) -> tuple[float, list[int]]:
-        levels = levels_of("burning_forest")
+        levels = levels_of("burning_forest/paper.toml")
         objective = Learning(TrainingSettings(limit=200), levels.target, [300], 5, workers)
         result = CurriculumSearch(levels, objective, replace(SETTINGS, effort=12_000_000), 5).run()
         return result.value, [level.state for level in result.family]
@@ -325,7 +331,7 @@ def test_learning_without_tables_is_what_training_in_a_program_comes_to(
     workers: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(_levels, "MOST_STATES", 20)
-    domain, levels = Domain.load("keydoor"), levels_of("keydoor")
+    domain, levels = Domain.load("keydoor/diverse.toml"), levels_of("keydoor/diverse.toml")
     behaviour, training = domain.behaviour, TrainingSettings(limit=100)
     assert behaviour is not None
     family = started(levels, 3, None)[0]
@@ -349,7 +355,7 @@ def test_workers_change_nothing_without_tables(monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.setattr(_levels, "MOST_STATES", 20)
 
     def found(workers: int) -> tuple[float, list[int]]:
-        levels = levels_of("keydoor")
+        levels = levels_of("keydoor/diverse.toml")
         objective = Learning(TrainingSettings(limit=100), levels.target, [400], 5, workers)
         result = CurriculumSearch(levels, objective, replace(SETTINGS, effort=8_000_000), 5).run()
         return result.value, [level.state for level in result.family]
@@ -366,7 +372,7 @@ def test_a_family_with_a_member_that_has_no_table_is_worth_nothing() -> None:
                 raise TooManyStates(levels.behaviour, 24)
             return np.full((1, len(seeds)), -1.0)
 
-    levels = levels_of("burning_forest")
+    levels = levels_of("burning_forest/paper.toml")
     found = CurriculumSearch(levels, Large(ChainTransfer(), 4), replace(SETTINGS, effort=3_000_000), 1).run()
     assert found.value == -1.0
     assert not any(Fires(levels).fires(level) % 2 for level in found.family[:-1])
@@ -376,7 +382,7 @@ def test_a_family_with_a_member_that_has_no_table_is_worth_nothing() -> None:
 @needs_numba
 def test_a_family_that_is_searched_for_teaches_more_than_those_it_began_with() -> None:
     """Judged on seeds that the search has not seen."""
-    levels = levels_of("burning_forest")
+    levels = levels_of("burning_forest/paper.toml")
     training = TrainingSettings(limit=200)
     search = Learning(training, levels.target, [2_000], 1, 2)
     size, effort, least = 6, 200_000_000 if NIGHTLY else 60_000_000, 0.9
@@ -388,7 +394,7 @@ def test_a_family_that_is_searched_for_teaches_more_than_those_it_began_with() -
 
 
 def test_levels_know_their_tables() -> None:
-    domain, levels = Domain.load("burning_forest"), levels_of("burning_forest")
+    domain, levels = Domain.load("burning_forest/paper.toml"), levels_of("burning_forest/paper.toml")
     behaviour = domain.behaviour
     assert behaviour is not None
     level = started(levels, 4, None)[0][0]

@@ -90,11 +90,11 @@ def test_a_file_of_a_bundled_domain_has_a_short_name(tmp_path: Path, monkeypatch
     monkeypatch.chdir(tmp_path)
     assert Domain.load("burning_forest/teaching.toml").spec.name == "BurningForestTeaching"
     assert Domain.load("burning_forest/budgets.toml").spec.name == "BurningForestBudgets"
-    assert Domain.load("keydoor/teaching.toml").spec.name == "KeyDoorTeaching"
-    assert Domain.load("network/teaching.toml").spec.name == "RoutingTeaching"
-    assert Domain.load("sokoban/teaching.toml").spec.name == "SokobanTeaching"
-    assert Domain.load("lava/teaching.toml").spec.name == "LavaTeaching"
-    assert Domain.load("warehouse/teaching.toml").spec.name == "WarehouseTeaching"
+    assert Domain.load("keydoor/family.toml").spec.name == "KeyDoorTeaching"
+    assert Domain.load("network/family.toml").spec.name == "RoutingTeaching"
+    assert Domain.load("sokoban/family.toml").spec.name == "SokobanTeaching"
+    assert Domain.load("lava/family.toml").spec.name == "LavaTeaching"
+    assert Domain.load("warehouse/family.toml").spec.name == "WarehouseTeaching"
     assert not load_workspace(["burning_forest/teaching.toml"]).diagnostics
     with pytest.raises(LoadError, match=r"did you mean `teaching[.]toml`"):
         Domain.load("burning_forest/teachin.toml")
@@ -157,9 +157,9 @@ def test_a_run_that_has_ended_is_not_made_again(tmp_path: Path) -> None:
 @needs_numba
 def test_a_target_may_have_too_many_states_for_a_table(tmp_path: Path) -> None:
     overrides = ['objective={ kind = "learning", steps = 100, effort = 4_000_000 }', "search.population=3"]
-    family = generate("network", tmp_path / "run.sqlite", overrides=overrides, workers=2)
+    family = generate("network/diverse.toml", tmp_path / "run.sqlite", overrides=overrides, workers=2)
     assert family.value is not None and 0.0 < family.value < 1.0
-    again = generate("network", tmp_path / "again.sqlite", overrides=overrides)
+    again = generate("network/diverse.toml", tmp_path / "again.sqlite", overrides=overrides)
     assert (again.members, again.value) == (family.members, family.value)
 
 
@@ -167,7 +167,7 @@ def test_a_target_may_have_too_many_states_for_a_table(tmp_path: Path) -> None:
 @needs_numba
 def test_a_family_without_a_grid_teaches_what_the_target_alone_does_not(tmp_path: Path) -> None:
     family = generate(
-        "network/teaching.toml", tmp_path / "run.sqlite", overrides=["objective.effort=150_000_000"]
+        "network/family.toml", tmp_path / "run.sqlite", overrides=["objective.effort=150_000_000"]
     )
     tables = [family.explored(member).tabular for member in family.members]
     settings = TrainingSettings.from_spec(family.domain.spec.training, limit=family.limit)
@@ -209,7 +209,11 @@ def test_what_is_wrong_with_the_target_is_said_before_there_is_a_run(
     behaviour = folder / "network.environment"
     behaviour.write_text(behaviour.read_text().replace(": recover()", f": recover(){step}"))
     with pytest.raises(LoadError) as failure:
-        generate(str(folder), tmp_path / "run.sqlite", overrides=[f'objective={{ kind = "{kind}" }}'])
+        generate(
+            str(folder / "diverse.toml"),
+            tmp_path / "run.sqlite",
+            overrides=[f'objective={{ kind = "{kind}" }}'],
+        )
     (problem,) = failure.value.diagnostics
     assert message in problem.message
     assert problem.hint is not None and hint in problem.hint

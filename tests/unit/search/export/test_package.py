@@ -26,7 +26,9 @@ SMALL = ("search.generations=1", "search.population=2")
 
 @pytest.fixture(scope="module")
 def forest(tmp_path_factory: pytest.TempPathFactory) -> Family:
-    return generate("burning_forest", tmp_path_factory.mktemp("forest") / "run.sqlite", overrides=[*SMALL])
+    return generate(
+        "burning_forest/paper.toml", tmp_path_factory.mktemp("forest") / "run.sqlite", overrides=[*SMALL]
+    )
 
 
 @pytest.fixture(scope="module")
