@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from envgraph.env.registration import BUNDLED
 from envgraph.errors import InvalidArgument, LoadError, Severity
 from envgraph.lang import data_path, load_workspace
 from envgraph.report import family_report
@@ -90,17 +91,23 @@ def test_a_file_of_a_bundled_domain_has_a_short_name(tmp_path: Path, monkeypatch
     monkeypatch.chdir(tmp_path)
     assert Domain.load("burning_forest/teaching.toml").spec.name == "BurningForestTeaching"
     assert Domain.load("burning_forest/budgets.toml").spec.name == "BurningForestBudgets"
-    assert Domain.load("keydoor/family.toml").spec.name == "KeyDoorTeaching"
-    assert Domain.load("network/family.toml").spec.name == "RoutingTeaching"
-    assert Domain.load("sokoban/family.toml").spec.name == "SokobanTeaching"
-    assert Domain.load("lava/family.toml").spec.name == "LavaTeaching"
-    assert Domain.load("warehouse/family.toml").spec.name == "WarehouseTeaching"
+    assert Domain.load("burning_forest/paper.toml").spec.name == "BurningForest"
+    assert Domain.load("keydoor/diverse.toml").spec.name == "KeyDoor"
     assert not load_workspace(["burning_forest/teaching.toml"]).diagnostics
     with pytest.raises(LoadError, match=r"did you mean `teaching[.]toml`"):
         Domain.load("burning_forest/teachin.toml")
     (tmp_path / "burning_forest").mkdir()
     with pytest.raises(LoadError, match="no such file"):
         Domain.load("burning_forest/teaching.toml")
+
+
+@pytest.mark.parametrize("name", [file.partition("/")[0] for _, file, _, _ in BUNDLED])
+def test_the_family_of_each_bundled_domain_teaches(name: str) -> None:
+    teaching = Domain.load(name)
+    diverse = Domain.load(f"{name}/{'paper' if name == 'burning_forest' else 'diverse'}.toml")
+    assert teaching.spec.objective is not None and str(teaching.spec.objective.kind) == "learning"
+    assert diverse.spec.objective is None
+    assert teaching.spec.name != diverse.spec.name
 
 
 @pytest.mark.parametrize(
