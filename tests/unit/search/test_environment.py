@@ -189,7 +189,7 @@ def test_one_line_makes_a_member_of_a_family(family_file: Path, monkeypatch: pyt
 
 def test_the_limit_is_that_of_the_family(family_file: Path, tmp_path: Path) -> None:
     data = json.loads(family_file.read_text(encoding="utf-8"))
-    data["texts"]["family.toml"] = "limit = 5\n" + data["texts"]["family.toml"]
+    data["texts"]["paper.toml"] = "limit = 5\n" + data["texts"]["paper.toml"]
     path = tmp_path / "short.json"
     path.write_text(json.dumps(data), encoding="utf-8")
     env = envgraph.make(path, 1)
