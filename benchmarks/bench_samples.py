@@ -69,7 +69,7 @@ def print_domains(sizes: Sizes) -> None:
     for name, count in sizes.domains.items():
         with TemporaryDirectory() as folder:
             started = process_time()
-            found = generate(name, Path(folder) / "run.sqlite", samples=count)
+            found = generate(f"{name}/diverse.toml", Path(folder) / "run.sqlite", samples=count)
             seconds = process_time() - started
         print(
             f"{name:>10}{seconds / len(found.members) * 1e3:10.2f}, {len(found.members):,} members",

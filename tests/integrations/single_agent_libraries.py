@@ -75,7 +75,7 @@ def test_a_graph_network_takes_graphs() -> None:
     data = pytest.importorskip("torch_geometric.data")
     from torch_geometric.nn import RGCNConv
 
-    env: Any = envgraph.make(domain="network", observation="graph", engine="live")
+    env: Any = envgraph.make(domain="network/diverse.toml", observation="graph", engine="live")
     view = env.unwrapped.view
     graphs = [torch_graph(env.reset(seed=seed)[0]) for seed in range(3)]
     for graph in graphs:
