@@ -137,7 +137,7 @@ def test_an_image_has_the_size_of_the_largest_member() -> None:
     assert not image[:, 7:].any()
     assert image in view.space
     with pytest.raises(InvalidArgument, match="has no image: it draws no grid; write `draw grid"):
-        ImageView(load_workspace(["network"]).behaviour(), [small.model])
+        ImageView(load_workspace(["network"]).behaviour("Routing"), [small.model])
 
 
 def test_a_graph_has_the_objects_and_links_of_the_model() -> None:
