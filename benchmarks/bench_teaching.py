@@ -29,7 +29,7 @@ from envgraph.learn import (
     FamilyMember,
     TrainingSettings,
     controls,
-    optimistic_value,
+    optimistic_values,
     run_experiment,
     sequences,
     wilson_interval,
@@ -117,13 +117,13 @@ def successes(family: Family, steps: int, seeds: int) -> list[float]:
     names = [one.name for one in members]
     own = TrainingSettings.from_spec(family.domain.spec.training, limit=family.limit)
     settings = replace(own, steps_per_environment=steps)
-    optimism = optimistic_value(family.explored(family.members[-1]).tabular, settings)
-    compared = *sequences(names, "full"), *controls(names, COMPARED, optimism=optimism or 0.0)
-    runs = run_experiment(members, settings, compared, seeds=range(seeds), backend="numba").runs
+    optimism = optimistic_values(family.explored(family.members[-1]).tabular, settings)
+    compared = *sequences(names, "full"), *controls(names, COMPARED, optimism=optimism)
+    found = run_experiment(members, settings, compared, seeds=range(seeds), backend="numba")
     return [
-        float(np.mean([run.success_rate for run in runs if run.label == one.label]))
-        for one in compared
-        if one.label in (compared[0].label, names[-1], *COMPARED)
+        one.success_rate
+        for one in found.best_optimistic().summaries()
+        if one.label.split()[0] in (compared[0].label, names[-1], *COMPARED)
     ]
 
 

@@ -70,7 +70,6 @@ class _Checker(CallChecking, ViewChecking):
     # --- the whole and its parts
 
     def _whole(self, behaviour: Behaviour) -> None:
-        owners: Sequence[Behaviour | Agent] = (behaviour, *behaviour.agents)
         span = behaviour.span
         if behaviour.together and not behaviour.agents:
             place, hint = (
@@ -86,8 +85,7 @@ class _Checker(CallChecking, ViewChecking):
                 who, place = self._who(behaviour, agent)
                 hint = "write `action name = rule(..)`"
                 self.report("no-actions", f"{who} has no actions", place, hint)
-        clauses = [effect for owner in owners for effect in owner.effects if isinstance(effect, OnFind)]
-        if not any(clause.end == "success" for clause in clauses):
+        if not behaviour.can_succeed:
             message = f"environment `{behaviour.name}` never ends in success"
             hint = "write `on find .. terminate success`"
             self.report("no-success", message, span, hint, Severity.WARNING)

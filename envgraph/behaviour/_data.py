@@ -261,3 +261,9 @@ class Behaviour:
     unread: frozenset[str] = field(default=frozenset(), compare=False, repr=False)
     limit_span: Span | None = field(default=None, compare=False, repr=False)
     together_span: Span | None = field(default=None, compare=False, repr=False)
+
+    @property
+    def can_succeed(self) -> bool:
+        """Whether a clause ends episodes in success."""
+        effects = [*self.effects, *(effect for agent in self.agents for effect in agent.effects)]
+        return any(isinstance(effect, OnFind) and effect.end == "success" for effect in effects)

@@ -340,7 +340,8 @@ def import_(
     show_default="all but random, where there is a curriculum",
     help="What the curriculum is compared with, each with as many steps: some of direct (the target alone), optimistic "
     "(likewise, with higher values at first), reversed, shuffled (other orders, the target last), randomised (an "
-    "environment drawn for each episode) and random (families that nothing has selected, one a seed), separated by "
+    "environment drawn for each episode), backplay (the target begun in the states of an optimal episode, the last "
+    "first), exploring (begun in any state) and random (families that nothing has selected, one a seed), separated by "
     "commas; or all, or none. By name also schedules, which choose the earlier environments by what comes of them: "
     "uniform, learning_progress, band, learnability, plr, robust_plr, exact_regret, exact_learnability.",
 )

@@ -33,7 +33,8 @@ from envgraph.learn import (
     controls,
     findings,
     fingerprint,
-    optimistic_value,
+    optimistic_values,
+    other_starts,
     read_csv,
     run_experiment,
     run_families,
@@ -55,7 +56,10 @@ _OPTIONS = {"steps": str, "seeds": int, "seed_offset": int, "curricula": str, "c
 _RANDOM = "random"
 """The control that visits the states of as many other families as there are seeds: only where it is named."""
 
-_OF_TABLES = ("optimistic", "randomised", _RANDOM, *EXACT)
+_OF_STARTS = ("backplay", "exploring")
+"""Controls that begin in other states of the target."""
+
+_OF_TABLES = ("optimistic", "randomised", *_OF_STARTS, _RANDOM, *EXACT)
 """Controls that need tables of the environments."""
 
 UNFINISHED = "unfinished.jsonl"
@@ -124,7 +128,7 @@ def train_agents(
         _refuse_results(base, budgets)
     members = _members(family)
     schedules = [one.text for one in family.domain.spec.curriculum.schedules]
-    chosen = _with_controls(chosen, compared, members, budgets[0], schedules)
+    chosen, started = _with_controls(chosen, compared, members, budgets[0], schedules)
     first = wanted["seed_offset"] or 0
     numbers = range(first, first + budgets[0].seeds)
     random = _random(family, run, directory, len(numbers)) if compared and _RANDOM in compared else []
@@ -137,7 +141,8 @@ def train_agents(
         )
     try:
         trained = [
-            _train(members, settings, chosen, numbers, workers, journal, base, random) for settings in budgets
+            _train(family, members, settings, chosen, started, numbers, workers, journal, base, random)
+            for settings in budgets
         ]
     except BaseException as error:
         if len(journal) or isinstance(error, KeyboardInterrupt):
@@ -173,9 +178,11 @@ def _begun(journal: Journal) -> dict[str, Any]:
 
 
 def _train(
+    family: Family,
     members: list[FamilyMember],
     settings: TrainingSettings,
     chosen: list[Curriculum],
+    begun: Sequence[FamilyMember],
     seeds: Sequence[int],
     workers: int,
     journal: Journal,
@@ -195,6 +202,7 @@ def _train(
             progress=lambda done, _: advance(done),
             known=journal.known(part, target),
             found=partial(journal.add, part, target),
+            begun=begun,
         )
     if random:
         with progress_bar(f"{label}, random families", len(random)) as advance:
@@ -220,7 +228,7 @@ def _train(
                 known=partial(journal.known, part),
                 found=partial(journal.add, part),
             )
-    trained = Trained(steps, experiment, stages)
+    trained = Trained(steps, experiment, stages, family.behaviour.can_succeed)
     _write(trained, base)
     return trained
 
@@ -239,7 +247,7 @@ def write_report(run: str, directory: Path, output: Path | None, format: OutputF
     """Write the page, and print the short table."""
     family = open_family(run, directory)
     base = run_directory(run, directory)
-    trained = _read(base / TRAINING)
+    trained = _read(base / TRAINING, family)
     history: list[tuple[int, float, int, int]] = []
     if Path(run).suffix != ".json":
         with RunStore.open(run_file(run, directory)) as store:
@@ -258,7 +266,7 @@ def write_report(run: str, directory: Path, output: Path | None, format: OutputF
     print_line(f"report: {path}")
 
 
-def _read(directory: Path) -> list[Trained]:
+def _read(directory: Path, family: Family) -> list[Trained]:
     """The results of every budget, the smallest first."""
     budgets = sorted(int(path.name) for path in directory.glob("*") if path.name.isdecimal())
     return [
@@ -266,6 +274,7 @@ def _read(directory: Path) -> list[Trained]:
             steps,
             read_csv(directory / str(steps)),
             read_csv(stages) if (stages := directory / str(steps) / STAGES).is_dir() else None,
+            family.behaviour.can_succeed,
         )
         for steps in budgets
     ]
@@ -364,12 +373,14 @@ def _with_controls(
     members: list[FamilyMember],
     settings: TrainingSettings,
     schedules: Sequence[str],
-) -> list[Curriculum]:
-    """Curricula with what they are compared with.
+) -> tuple[list[Curriculum], Sequence[FamilyMember]]:
+    """Return the curricula with their controls, and the environments that only controls use.
 
-    By default these are all that there are for such environments, and the schedules of the family file.
+    By default the controls are all that there are for such environments, and the schedules of the family file.
     """
-    target, optimism = members[-1].tabular, None
+    target = members[-1].tabular
+    optimism: tuple[float, ...] = ()
+    begun: tuple[FamilyMember, ...] = ()
     if kinds is None:
         every = [*CONTROLS, *schedules]
         kinds = every if any(curriculum.kind == "curriculum" for curriculum in chosen) else []
@@ -377,14 +388,19 @@ def _with_controls(
             kinds = [kind for kind in kinds if kind not in missing]
             sys.stderr.write(f"without tables these controls are left out: {', '.join(missing)}\n")
     if isinstance(target, Tabular):
-        optimism = optimistic_value(target, settings) if "optimistic" in kinds else None
+        optimism = optimistic_values(target, settings) if "optimistic" in kinds else ()
+        begun = other_starts(members[-1].name, target, settings.limit) if {*kinds} & {*_OF_STARTS} else ()
+        if "backplay" in kinds and len(begun) == 1:
+            why = f"no optimal episode on {members[-1].name} of two steps or more ends in success"
+            sys.stderr.write(f"the control backplay is left out: {why}\n")
     elif needed := [kind for kind in kinds if kind in _OF_TABLES]:
         raise InvalidArgument(
             f"`--controls {','.join(needed)}` needs tables of all states, of which there are too many"
         )
     other = [kind for kind in kinds if kind != _RANDOM]
-    found = controls([member.name for member in members], other, optimism=optimism)
-    return list({(one.kind, one.label): one for one in (*chosen, *found)}.values())
+    starts = [one.name for one in begun]
+    found = controls([member.name for member in members], other, optimism=optimism, starts=starts)
+    return list({(one.kind, one.label): one for one in (*chosen, *found)}.values()), begun
 
 
 def _random(family: Family, run: str, directory: Path, count: int) -> list[list[FamilyMember]]:
@@ -406,7 +422,8 @@ def _random(family: Family, run: str, directory: Path, count: int) -> list[list[
 
 
 def _print_summary(family: Family, trained: list[Trained], directory: Path, format: OutputFormat) -> None:
-    found = [(budget.steps, one) for budget in trained for one in budget.experiment.summaries()]
+    found = [(one.steps, each) for one in trained for each in one.experiment.best_optimistic().summaries()]
+    best = [way for one in trained if (way := one.best_way(family.members[-1].name))]
     if format is OutputFormat.JSON:
         results = [
             {
@@ -427,11 +444,14 @@ def _print_summary(family: Family, trained: list[Trained], directory: Path, form
         claims = [
             {"steps_per_environment": budget.steps, **asdict(one), "verdict": one.verdict, "text": str(one)}
             for budget in trained
-            for one in compare(budget.experiment)
+            for one in compare(budget.experiment, can_succeed=budget.can_succeed)
         ]
         about = {"name": family.name, "directory": str(directory)}
-        print_json({**about, "results": results, "comparisons": claims})
+        first = [{"best": one.best, **asdict(one), "text": str(one)} for one in best]
+        print_json({**about, "ways": first, "results": results, "comparisons": claims})
         return
+    for way in best:
+        print_line(str(way))
     rows = [
         (
             f"{one.kind} {one.label}",
@@ -446,7 +466,8 @@ def _print_summary(family: Family, trained: list[Trained], directory: Path, form
     columns = ("trained on", "steps", "seeds", "success", "95 % interval", "return")
     print_table(f"{family.name}: agents on {family.members[-1].name}", columns, rows, (1, 2, 3, 4, 5))
     for budget in trained:
-        for place, line in enumerate(findings(compare(budget.experiment))):
+        comparisons = compare(budget.experiment, can_succeed=budget.can_succeed)
+        for place, line in enumerate(findings(comparisons)):
             print_line(f"  {line}" if place else line)
     print_line(f"results: {directory}")
 

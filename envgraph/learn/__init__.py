@@ -11,8 +11,8 @@ tables alone how well a family teaches.
 """
 
 from envgraph.errors import shorten
-from envgraph.learn._comparison import Comparison, compare, findings
-from envgraph.learn._controls import CONTROLS, Control, controls, optimistic_value
+from envgraph.learn._comparison import BestWay, Comparison, best_way, compare, findings
+from envgraph.learn._controls import CONTROLS, Control, controls, optimistic_values, other_starts
 from envgraph.learn._curricula import Curriculum, sequences
 from envgraph.learn._experiment import FamilyMember, run_experiment, run_families, run_stages, train_run
 from envgraph.learn._intervals import (
@@ -56,6 +56,7 @@ __all__ = [
     "CONTROLS",
     "EXACT",
     "TEACHERS",
+    "BestWay",
     "Comparison",
     "Control",
     "Curriculum",
@@ -73,6 +74,7 @@ __all__ = [
     "Training",
     "TrainingSettings",
     "available_backends",
+    "best_way",
     "bootstrap_interval",
     "chain_transfer",
     "compare",
@@ -87,7 +89,8 @@ __all__ = [
     "mixture",
     "newcombe_interval",
     "optimal_return",
-    "optimistic_value",
+    "optimistic_values",
+    "other_starts",
     "performance_profile",
     "permutation_test",
     "play_program",

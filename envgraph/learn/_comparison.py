@@ -1,34 +1,38 @@
-"""What can be said of a curriculum beside its controls, in numbers and in words."""
+"""What can be said of a curriculum and of other ways to train, in numbers and in words."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import count
 from statistics import fmean
-from typing import Literal
+from typing import Literal, NamedTuple
+
+import numpy as np
 
 from envgraph.code import dataclass
 from envgraph.errors import InvalidArgument
+from envgraph.learn._curricula import Kind
 from envgraph.learn._intervals import bootstrap_interval, newcombe_interval, probability_of_improvement
-from envgraph.learn._results import Experiment, RunResult
+from envgraph.learn._results import OPTIMISTIC, THRESHOLD, Experiment
 from envgraph.learn._significance import holm, permutation_test
 from envgraph.learn._teachers import TEACHERS
 
-Verdict = Literal["better", "worse", "as much", "undecided"]
+Measure = Literal["success", "return"]
+Verdict = Literal["better", "worse", "equal", "neither", "undecided"]
 
 SIGNIFICANT = 0.05
-"""Below it a p-value tells two apart."""
+"""A p-value below it is significant."""
 
 MARGIN = 0.05
-"""Where the interval of a difference of success rates lies within so much, one reaches as much as the other."""
+"""Success rates are equal if the interval of their difference lies within so much."""
 
 _CALLED = {
-    "optimistic": "direct training with optimistic values",
+    OPTIMISTIC: "direct training with optimistic values of",
     "reversed": "its reverse",
     "shuffled": "shuffled orders",
     "randomised": "domain randomisation",
     "randomised, renewed": "domain randomisation with renewed epsilon",
-    "random families": "random families",
+    "exploring": "direct training from any state",
     **{name: f"the schedule `{name}`" for name in TEACHERS},
 }
 
@@ -39,12 +43,12 @@ class Comparison:
 
     Attributes:
         curriculum: label of the curriculum.
-        control: label of the control; what is numbered, "shuffled 1" and so on, is one control, "shuffled".
+        control: label of the control.
         called: the control, in words.
         steps: training steps of an agent in all, the same for both.
-        by: what is compared: "success"; or "return", where no agent succeeds at all.
+        by: what is compared: "success", or "return" where the target cannot end in success.
         seeds: how many.
-        seeds_needed: the fewest with which as many comparisons as are made can tell two apart.
+        seeds_needed: the fewest with which one of as many comparisons can be significant.
         value, other: means of the curriculum and of the control.
         difference: interval at 95 % of their difference: of success that of Newcombe, of return that of the bootstrap,
             None for a single seed.
@@ -56,7 +60,7 @@ class Comparison:
     control: str
     called: str
     steps: int
-    by: Literal["success", "return"]
+    by: Measure
     seeds: int
     seeds_needed: int
     value: float
@@ -67,139 +71,183 @@ class Comparison:
 
     @property
     def verdict(self) -> Verdict:
-        """What holds of the curriculum: "as much" is success within `MARGIN` of the control's, with some certainty."""
+        """What holds of the curriculum: "neither" succeeds; "equal" is success within `MARGIN` of the control's."""
+        if self.by == "success" and self.value == self.other == 0:
+            return "neither"
         if self.p_value < SIGNIFICANT:
             return "better" if self.value > self.other else "worse"
         if self.by == "success" and self.difference and max(map(abs, self.difference)) <= MARGIN:
-            return "as much"
+            return "equal"
         return "undecided"
+
+    @property
+    def is_tie(self) -> bool:
+        """Whether the means are equal, or there are seeds enough and no significant difference, or at most `MARGIN`."""
+        enough = self.seeds >= self.seeds_needed
+        return self.value == self.other or (enough and self.verdict in ("equal", "undecided"))
 
     def __str__(self) -> str:
         by = "return " if self.by == "return" else ""
         chance = "p < 0.001" if self.p_value < 0.001 else f"p = {self.p_value:.2g}"
+        both = f"{self.curriculum} and {self.called}"
         seeds = f"{self.seeds:,} seed{'s' if self.seeds > 1 else ''}"
         numbers = f"({by}{self.value:z.2f} against {self.other:z.2f} over {seeds}, {chance})"
         match self.verdict:
-            case "as much" if self.value == self.other == 0:
+            case "neither":
                 return f"neither {self.curriculum} nor {self.called} succeeds {numbers}"
-            case "as much":
-                return f"{self.curriculum} and {self.called} reach as much {numbers}"
+            case "equal":
+                return f"{both} are equally good {numbers}"
             case "undecided" if self.seeds < self.seeds_needed:
-                few = f"by so few seeds: it takes {self.seeds_needed}"
-                return f"{self.curriculum} and {self.called} cannot be told apart {few} {numbers}"
+                needed = f"at least {self.seeds_needed} seeds are needed"
+                return f"no difference between {both} can be significant: {needed} {numbers}"
             case "undecided":
-                return f"{self.curriculum} and {self.called} cannot be told apart {numbers}"
+                return f"no significant difference between {both} {numbers}"
             case verdict:
                 return f"{self.curriculum} is {verdict} than {self.called} {numbers}"
 
 
-def compare(experiment: Experiment) -> tuple[Comparison, ...]:
-    """The first curriculum of an experiment beside each control, and beside training on the target alone.
+@dataclass(frozen=True, slots=True)
+class BestWay:
+    """The best of several ways to train for a target, with as many steps.
 
-    Only what has as many steps as the curriculum is compared, and only with the seeds that all have.
+    Attributes:
+        target: name of the target.
+        called: the best way, in words.
+        comparisons: of the best way with each other way, the best of these first.
+        needs_curriculum: False if direct training is among the best and at least half of its agents succeed.
+    """
+
+    target: str
+    called: str
+    comparisons: tuple[Comparison, ...]
+    needs_curriculum: bool
+
+    @property
+    def best(self) -> list[str]:
+        """The best way, and those that tie with it, in words; see `Comparison.is_tie`."""
+        return [self.called, *(one.called for one in self.comparisons if one.is_tie)]
+
+    def __str__(self) -> str:
+        first, (*more, last) = self.comparisons[0], self.best
+        names = f"{', '.join(more)} and {last} tie, at best" if more else f"{last},"
+        agents = f"{first.seeds:,} agent{'s' if first.seeds > 1 else ''}"
+        ways = f"{len(self.comparisons) + 1} ways to train {self.target} with {first.steps:,} steps"
+        if first.verdict == "neither":
+            return f"None of {ways} succeeds with any of {agents}."
+        shown, of = ("{:.0%}".format, "of") if first.by == "success" else ("return {:z.2f}".format, "over")
+        text = f"Best of {ways}: {names} {shown(first.value)} {of} {agents}"
+        for one in [one for one in self.comparisons if not one.is_tie][:1]:
+            text += f"; next {one.called}, {shown(one.other)}"
+        if first.seeds < first.seeds_needed:
+            text += f"; a significant difference takes at least {first.seeds_needed} agents"
+        none = " The target needs no curriculum with so many steps." * (not self.needs_curriculum)
+        return f"{text.replace('%', ' %')}.{none}"
+
+
+def compare(experiment: Experiment, *, can_succeed: bool = True) -> tuple[Comparison, ...]:
+    """Compare the first curriculum of an experiment with each control, and with training on the target alone.
+
+    Only what has as many steps as the curriculum is compared. Of several "optimistic" controls it is the best one.
+
+    Args:
+        experiment: what was trained.
+        can_succeed: whether an episode on the target can end in success; else returns are compared.
 
     Raises:
         InvalidArgument: the runs of something have different seeds.
     """
-    taught = next((run for run in experiment.runs if run.kind == "curriculum"), None)
-    if taught is None:
-        return ()
-    groups: dict[str, dict[int, list[RunResult]]] = {}
-    given: dict[int, RunResult] = {}
-    for run in experiment.runs:
-        if (run.kind, run.label) == (taught.kind, taught.label):
-            given[run.seed] = run
-        elif run.steps == taught.steps and (run.kind == "control" or _direct(run)):
-            groups.setdefault(_group(run), {}).setdefault(run.seed, []).append(run)
-    return _compared(taught, given, groups)
+    ways = _ways(experiment, can_succeed)
+    return _comparisons(ways, can_succeed) if ways and ways[0].kind == "curriculum" else ()
+
+
+def best_way(experiment: Experiment, target: str, *, can_succeed: bool = True) -> BestWay | None:
+    """Return which of all ways with as many steps is the best for a target; None if there are fewer than two.
+
+    The other arguments, and what is raised, are those of `compare`.
+    """
+    ways = sorted(_ways(experiment, can_succeed), key=lambda way: -fmean(way.values))
+    if len(ways) < 2:
+        return None
+    found = _comparisons(ways, can_succeed)
+    best = [ways[0], *(way for way, one in zip(ways[1:], found, strict=True) if one.is_tie)]
+    direct = [way for way in best if way.kind == "baseline" or way.label.startswith(OPTIMISTIC)]
+    enough = can_succeed and any(fmean(way.values) >= THRESHOLD for way in direct)
+    return BestWay(target, _called(ways[0]), found, not enough)
 
 
 def findings(comparisons: Sequence[Comparison]) -> list[str]:
-    """What holds, in words: first of what it is said, then a sentence for each comparison; [] where there is none."""
+    """Return a line that says what the findings are about, then a sentence for each comparison; [] without any."""
     if not comparisons:
         return []
-    told = " nothing can be told apart" if all(one.verdict == "undecided" for one in comparisons) else ""
+    none = " no difference is significant" * all(one.verdict == "undecided" for one in comparisons)
     number = len(comparisons)
     corrected = f" (p-values are corrected for {number} comparisons)" if number > 1 else ""
-    return [f"With {comparisons[0].steps:,} steps in all{told}{corrected}:", *map(str, comparisons)]
+    return [f"With {comparisons[0].steps:,} steps in all{none}{corrected}:", *map(str, comparisons)]
 
 
-def _direct(run: RunResult) -> bool:
-    """Whether it is training on the target alone."""
-    return run.kind == "baseline" and run.steps_before == 0
+class _Way(NamedTuple):
+    """What agents of one kind and label reach, by seed."""
+
+    kind: Kind
+    label: str
+    steps: int
+    seeds: list[int]
+    values: list[float]
 
 
-def _group(run: RunResult) -> str:
-    head, _, tail = run.label.rpartition(" ")
-    return head if run.kind == "control" and tail.isdecimal() else run.label
+def _called(way: _Way) -> str:
+    """What a way is called in sentences."""
+    if way.kind != "control":
+        return f"the curriculum {way.label}" if way.kind == "curriculum" else f"training on {way.label} alone"
+    name, _, values = way.label.partition(" ")
+    if name == OPTIMISTIC:
+        return f"{_CALLED[name]} {values.replace(',', ' and')}"
+    return _CALLED.get(way.label, way.label.replace(",", " in"))
 
 
-def _compared(
-    taught: RunResult, given: dict[int, RunResult], groups: dict[str, dict[int, list[RunResult]]]
-) -> tuple[Comparison, ...]:
-    by: Literal["success", "return"] = "return"
-    everything = [
-        *given.values(),
-        *(run for group in groups.values() for runs in group.values() for run in runs),
+def _ways(experiment: Experiment, can_succeed: bool) -> list[_Way]:
+    """Return the first curriculum, if there is one, then all other ways with as many steps."""
+    runs = [
+        run for run in experiment.best_optimistic().runs if run.kind != "baseline" or not run.steps_before
     ]
-    if any(run.success_rate > 0 for run in everything):
-        by = "success"
-    found = []
-    for control, group in groups.items():
-        if group.keys() != given.keys() or len({len(runs) for runs in group.values()}) > 1:
-            raise InvalidArgument(f"the runs of `{taught.label}` and `{control}` have different seeds")
-        values = [_value(run, by) for run in given.values()]
-        others = [[_value(run, by) for run in group[seed]] for seed in given]
-        found.append((control, values, others))
-    chances = holm([permutation_test(values, others) for _, values, others in found])
-    return tuple(
-        _comparison(taught, control, by, values, others, p_value, len(found))
-        for (control, values, others), p_value in zip(found, chances, strict=True)
-    )
+    runs.sort(key=lambda run: run.kind != "curriculum")
+    ways: dict[tuple[Kind, str], _Way] = {}
+    for run in runs:
+        if run.steps == runs[0].steps and (run.kind != "curriculum" or run.label == runs[0].label):
+            way = ways.setdefault((run.kind, run.label), _Way(run.kind, run.label, run.steps, [], []))
+            way.seeds.append(run.seed)
+            way.values.append(run.success_rate if can_succeed else run.mean_return)
+    found = [*ways.values()]
+    for way in found:
+        if way.seeds != found[0].seeds:
+            raise InvalidArgument(f"the runs of `{found[0].label}` and `{way.label}` have different seeds")
+    return found
 
 
-def _value(run: RunResult, by: str) -> float:
-    return run.success_rate if by == "success" else run.mean_return
+def _comparisons(ways: Sequence[_Way], can_succeed: bool) -> tuple[Comparison, ...]:
+    """Compare the first way with each other one."""
+    (first, *others), seeds, found = ways, len(ways[0].seeds), []
+    chances = holm([permutation_test(first.values, way.values) for way in others])
+    by: Measure = "success" if can_succeed else "return"
+    about, needed = (first.steps, by, seeds), _seeds_needed(len(others))
+    for way, p_value in zip(others, chances, strict=True):
+        value, other = fmean(first.values), fmean(way.values)
+        if can_succeed:
+            difference: tuple[float, float] | None = newcombe_interval(value, seeds, other, seeds)
+        else:
+            difference = bootstrap_interval(np.subtract(first.values, way.values).tolist())
+        better = float(probability_of_improvement(first.values, way.values))
+        names = first.label, way.label, _called(way)
+        found.append(Comparison(*names, *about, needed, value, other, difference, better, p_value))
+    return tuple(found)
 
 
-def _comparison(
-    taught: RunResult,
-    control: str,
-    by: Literal["success", "return"],
-    values: Sequence[float],
-    others: Sequence[Sequence[float]],
-    p_value: float,
-    comparisons: int,
-) -> Comparison:
-    every = [value for row in others for value in row]
-    value, other = fmean(values), fmean(every)
-    if by == "success":
-        difference: tuple[float, float] | None = newcombe_interval(value, len(values), other, len(every))
-    else:
-        rows = [value - fmean(row) for value, row in zip(values, others, strict=True)]
-        difference = bootstrap_interval(rows)
-    return Comparison(
-        curriculum=taught.label,
-        control=control,
-        called=_CALLED.get(control, f"training on {control} alone"),
-        steps=taught.steps,
-        by=by,
-        seeds=len(values),
-        seeds_needed=_seeds_needed(comparisons, 1 + len(others[0])),
-        value=value,
-        other=other,
-        difference=difference,
-        improvement=float(probability_of_improvement(values, every)),
-        p_value=p_value,
-    )
+def _seeds_needed(comparisons: int) -> int:
+    """The fewest seeds at which the smallest p of one of several comparisons, corrected by `holm`, is significant.
 
+    It is that of the first value being the larger at each seed, or at each the smaller: 2 / 2 ** seeds.
 
-def _seeds_needed(comparisons: int, values: int) -> int:
-    """The fewest seeds at which the smallest p of so many values a seed, corrected by `holm`, is significant.
-
-    It is that of the first value being the largest at each seed, or at each the smallest: 2 / values ** seeds.
-
-    >>> [_seeds_needed(comparisons, 2) for comparisons in (1, 6)]
+    >>> [_seeds_needed(comparisons) for comparisons in (1, 6)]
     [6, 8]
     """
-    return next(seeds for seeds in count(1) if 2 * comparisons / values**seeds < SIGNIFICANT)
+    return next(seeds for seeds in count(1) if 2 * comparisons / 2**seeds < SIGNIFICANT)

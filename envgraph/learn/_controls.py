@@ -3,39 +3,49 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from fractions import Fraction
 from math import factorial
-from typing import Final, Literal, get_args
+from typing import Any, Final, Literal, get_args
 
 import numpy as np
 
 from envgraph.env import Tabular
-from envgraph.errors import InvalidArgument, did_you_mean
+from envgraph.errors import InvalidArgument, did_you_mean, plural
 from envgraph.learn._curricula import Curriculum, sequences
+from envgraph.learn._experiment import FamilyMember
+from envgraph.learn._results import OPTIMISTIC
 from envgraph.learn._teachers import TEACHERS
-from envgraph.solve import optimal_return
-from envgraph.solve.learning import TrainingSettings
+from envgraph.solve import optimal_episode, optimal_return, reachable_states
+from envgraph.solve.learning import Epsilon, TrainingSettings
 
-Control = Literal["direct", "optimistic", "reversed", "shuffled", "randomised"]
+Control = Literal["direct", "optimistic", "reversed", "shuffled", "randomised", "backplay", "exploring"]
 CONTROLS: Final[tuple[Control, ...]] = get_args(Control)
 
-ORDERS: Final = 4
-"""How many shuffled orders there are by default."""
+ORDERS: Final = 100
+"""The most orders of "shuffled"."""
+
+RARELY: Final = Epsilon(start=0.05, decay=1.0, minimum=0.05)
+"""How often an agent of "optimistic" explores that leaves exploration to its values."""
 
 
 def controls(
     names: Sequence[str],
     kinds: Sequence[str] = CONTROLS,
     *,
-    optimism: float | None = None,
-    orders: int = ORDERS,
+    optimism: Sequence[float] = (),
+    starts: Sequence[str] = (),
     seed: int = 0,
 ) -> tuple[Curriculum, ...]:
-    """Controls for the whole family as a curriculum; each has as many steps as that.
+    """Return the controls of the whole family as a curriculum; each has exactly as many steps.
 
-    "direct": the target alone. "optimistic": likewise, with higher values at first. "reversed" and "shuffled": other
-    orders; the target stays last, since it is what success is measured on. "randomised": domain randomisation (Tobin et
-    al. 2017), an environment of the family drawn for each episode, the target among them; once in one stage, with one
-    schedule of epsilon, and once with epsilon renewed as often as in the curriculum.
+    "direct": the target alone. "optimistic": likewise, with higher values at first: one control for each value, and one
+    that explores as `RARELY` says; `Experiment.best_optimistic` chooses. "reversed" and "shuffled": other orders; the
+    target stays last, since it is what success is measured on. Each seed has another shuffled order. "randomised":
+    domain randomisation (Tobin et al. 2017), an environment of the family drawn for each episode, the target among
+    them; once in one stage, with one schedule of epsilon, and once with epsilon renewed as often as in the curriculum.
+    "backplay" (Resnick et al. 2018; Florensa et al. 2017): the target begun in each state of an optimal episode, the
+    last one first; also with as many stages as the family has members. "exploring": the target begun in any state.
 
     Schedules (`TEACHERS`) stand in place of the order: they choose the environment of each turn among the earlier ones,
     by what came of the turns before; the target stays last. "uniform" is the one that chooses at random.
@@ -45,17 +55,19 @@ def controls(
     Args:
         names: the environments from the easiest to the target.
         kinds: some of those above; schedules only where they are named.
-        optimism: what every Q-value is at first in "optimistic", see `optimistic_value`; None leaves it out.
-        orders: how many shuffled orders at most; all different, and neither the given one nor its reverse.
+        optimism: what every Q-value is at first in "optimistic", see `optimistic_values`; without any it is left out.
+        starts: names of the environments of `other_starts`; without them "backplay" and "exploring" are left out.
         seed: of the shuffled orders.
 
     Raises:
         InvalidArgument: there are no names, one stands twice, or a kind is unknown.
 
-    >>> [one.label for one in controls(["E1", "E2", "E3", "E4"], optimism=5.0, orders=1)]
-    ['E4', 'optimistic', 'reversed', 'shuffled 1', 'randomised', 'randomised, renewed']
+    >>> [one.label for one in controls(["E1", "E2", "E3", "E4"], optimism=[5.0])]
+    ['E4', 'optimistic 5', 'optimistic 5, epsilon 0.05', 'reversed', 'shuffled', 'randomised', 'randomised, renewed']
     >>> [stage for stage in controls(["E1", "E2", "E3"], ["reversed"])[0].stages]
     ['E2', 'E1', 'E3']
+    >>> [one.stages for one in controls(["E1", "E2"], ["backplay"], starts=["any", "last", "middle"])]
+    [('last', 'middle', 'E2'), ('last', 'E2')]
     """
     for kind in kinds:
         if kind not in (*CONTROLS, *TEACHERS):
@@ -64,48 +76,76 @@ def controls(
             )
     direct, count = sequences(names, "direct"), len(names)
     found: list[Curriculum] = [*direct] if "direct" in kinds else []
-    if "optimistic" in kinds and optimism is not None:
-        found.append(Curriculum("control", "optimistic", direct[0].stages, direct[0].shares, optimism))
+
+    def add(label: str, *stages: str | tuple[str, ...], **options: Any) -> None:
+        """Add a control with stages of equal lengths."""
+        shares = (Fraction(count, len(stages)),) * len(stages)
+        found.append(Curriculum("control", label, stages, shares, **options))
+
     *earlier, target = names
-    backwards = tuple(reversed(earlier))
+    if "optimistic" in kinds:
+        for value in optimism:
+            add(f"{OPTIMISTIC} {value:.4g}", target, initial_value=value)
+            add(f"{OPTIMISTIC} {value:.4g}, epsilon 0.05", target, initial_value=value, epsilon=RARELY)
     if "reversed" in kinds and count > 2:
-        found.append(_order("reversed", (*backwards, target)))
-    if "shuffled" in kinds:
-        shuffled = _shuffled(tuple(earlier), orders, seed)
-        found += [_order(f"shuffled {place}", (*one, target)) for place, one in enumerate(shuffled, start=1)]
+        add("reversed", *reversed(earlier), target)
+    if "shuffled" in kinds and (orders := tuple((*one, target) for one in _shuffled(tuple(earlier), seed))):
+        add("shuffled", *orders[0], orders=orders)
     if "randomised" in kinds and count > 1:
-        every = tuple(names)
-        found.append(Curriculum("control", "randomised", (every,), (count,)))
-        found.append(Curriculum("control", "randomised, renewed", (every,) * count, (1,) * count))
+        add("randomised", tuple(names))
+        add("randomised, renewed", *[tuple(names)] * count)
+    if "backplay" in kinds and len(starts) > 1:
+        states = (*starts[1:], target)
+        add("backplay", *states)
+        if len(states) > count:
+            some = (states[len(states) * place // count - 1] for place in range(1, count + 1))
+            add(f"backplay, {plural(count, 'stage')}", *some)
+    if "exploring" in kinds and starts:
+        add("exploring", starts[0])
     if count > 2:
-        stages: list[str | tuple[str, ...]] = [tuple(earlier)] * (count - 1) + [target]
-        taught = [kind for kind in kinds if kind in TEACHERS]
-        found += [Curriculum("control", one, (*stages,), (1,) * count, schedule=one) for one in taught]
+        for kind in (kind for kind in kinds if kind in TEACHERS):
+            add(kind, *[tuple(earlier)] * (count - 1), target, schedule=kind)
     return tuple(found)
 
 
-def optimistic_value(target: Tabular, settings: TrainingSettings) -> float | None:
-    """Half the greatest discounted return within the limit: a value that is optimistic and soon found to be.
+def optimistic_values(target: Tabular, settings: TrainingSettings) -> tuple[float, ...]:
+    """Return half the greatest discounted return within the limit, all of it, and twice as much.
 
     An agent goes where its values have not yet fallen, so it visits everything systematically (Sutton and Barto 2018,
-    section 2.6). Values as high as the best return, or higher, keep it doing so after it has found that return, until
-    all others have fallen below; half of it leaves room on either side.
+    section 2.6). High values keep it doing so after it has found that return, until all others have fallen below; low
+    ones may fall before it is found. Which is best depends on the target and on the steps.
 
     Returns:
-        None where the settings begin with as much, as where no return is positive and 0 is optimistic already.
+        Those above the value that the settings begin with; () where no return is positive and 0 is optimistic already.
     """
-    value = optimal_return(target, settings.limit, discount=settings.discount) / 2
-    return value if value > settings.initial_value else None
+    most = optimal_return(target, settings.limit, discount=settings.discount)
+    return tuple(value for value in (most / 2, most, 2 * most) if value > settings.initial_value)
 
 
-def _order(label: str, stages: tuple[str, ...]) -> Curriculum:
-    return Curriculum("control", label, stages, (1,) * len(stages))
+def other_starts(name: str, target: Tabular, limit: int = 200) -> tuple[FamilyMember, ...]:
+    """Return a target, of this name, with other start states, for "exploring" and "backplay".
+
+    First it begins in any state from which an episode goes on, all equally likely. Then in each state of an optimal
+    episode within the limit, the last one first, but for its start; none where no such episode ends in success.
+    """
+    every = np.arange(target.n_states)
+    stays = (target.next_state == every[:, None, None]) & (target.terminated == 0) & (target.reward == 0)
+    ended = (stays | (target.probability == 0)).all(axis=(1, 2))
+    begun = {"any state": every[reachable_states(target) & ~ended]}
+    along = list(dict.fromkeys(reversed(optimal_episode(target, limit))))
+    begun |= {f"state {state}": np.array([state]) for state in along[:-1]}
+    found = []
+    for text, states in begun.items():
+        equal = np.full(len(states), 1 / len(states))
+        table = replace(target, start_states=states.astype(np.int32), start_probability=equal)
+        found.append(FamilyMember(f"{name} from {text}", table))
+    return tuple(found)
 
 
-def _shuffled(names: tuple[str, ...], orders: int, seed: int) -> Iterator[tuple[str, ...]]:
-    """So many orders, if there are as many beside the given one and its reverse."""
+def _shuffled(names: tuple[str, ...], seed: int) -> Iterator[tuple[str, ...]]:
+    """Yield all orders but the given one and its reverse, or `ORDERS` of them, as they are drawn."""
     seen = {names, names[::-1]}
-    wanted = min(len(seen) + orders, factorial(len(names)))
+    wanted = min(len(seen) + ORDERS, factorial(len(names)))
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(len(names),)))
     while len(seen) < wanted:
         one = tuple(names[place] for place in rng.permutation(len(names)))

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
+from fractions import Fraction
+from itertools import accumulate, pairwise
 from math import isfinite
-from typing import Literal, get_args
+from typing import Literal, Self, get_args
 
 from envgraph.code import dataclass
 from envgraph.errors import InvalidArgument, did_you_mean
+from envgraph.solve.learning import Epsilon
 
 Kind = Literal["curriculum", "baseline", "control"]
 Sequences = Literal["suffixes", "full", "baselines", "direct"]
@@ -23,8 +27,11 @@ class Curriculum:
         label: what it is called in tables, unique among its kind.
         stages: names of environments, in the order of training. Several names together are a stage in which each
             episode takes place in one of them, drawn uniformly.
-        shares: length of each stage, in units of `steps_per_environment`.
+        shares: length of each stage, in units of `steps_per_environment`; a fraction where that many stages share the
+            steps of a family.
         initial_value: what every Q-value is at first; None: as the settings say.
+        epsilon: how often the agent explores; None: as the settings say.
+        orders: orders of the stages for different seeds, `orders[k % len(orders)]` for seed k; (): `stages` for all.
         schedule: what chooses the environments of stages with several names, turn by turn, instead of drawing one for
             each episode: a name in `TEACHERS`. These stages all have the same names.
     """
@@ -32,12 +39,14 @@ class Curriculum:
     kind: Kind
     label: str
     stages: tuple[str | tuple[str, ...], ...]
-    shares: tuple[int, ...]
+    shares: tuple[int | Fraction, ...]
     initial_value: float | None = None
     schedule: str | None = None
+    epsilon: Epsilon | None = None
+    orders: tuple[tuple[str, ...], ...] = ()
 
     def __post_init__(self) -> None:
-        if not self.stages or len(self.stages) != len(self.shares) or min(self.shares) < 1:
+        if not self.stages or len(self.stages) != len(self.shares) or min(self.shares) <= 0:
             raise InvalidArgument(f"curriculum `{self.label}` needs a positive share for each of its stages")
         if any(not names or len(set(names)) != len(names) for names in self.members):
             raise InvalidArgument(
@@ -49,11 +58,22 @@ class Curriculum:
             )
         if self.initial_value is not None and not isfinite(self.initial_value):
             raise InvalidArgument(f"`initial_value` of curriculum `{self.label}` must be finite")
+        if any(sorted(order) != sorted(map(str, self.stages)) for order in self.orders):
+            raise InvalidArgument(f"each of the orders of curriculum `{self.label}` must have all its stages")
 
     @property
     def members(self) -> tuple[tuple[str, ...], ...]:
         """Names of the environments of each stage."""
         return tuple((stage,) if isinstance(stage, str) else stage for stage in self.stages)
+
+    def for_seed(self, seed: int) -> Self:
+        """Return the curriculum of the agent with a seed, which has a single order."""
+        return replace(self, stages=self.orders[seed % len(self.orders)], orders=()) if self.orders else self
+
+    def lengths(self, steps: int) -> list[int]:
+        """Return the steps of each stage, of so many for a share of 1; their sum is exact, so some may be 0."""
+        ends = [int(end * steps) for end in accumulate(map(Fraction, self.shares), initial=Fraction())]
+        return [end - start for start, end in pairwise(ends)]
 
 
 def kind_of(text: object) -> Kind:

@@ -29,6 +29,7 @@ from envgraph.solve.learning import (
     occurring,
     prepare,
     take_turns,
+    with_starts,
 )
 
 TRAINING, EVALUATION, BEFORE, CHOOSING = 0, 1, 2, 3
@@ -67,6 +68,7 @@ def run_experiment(
     progress: Callable[[int, int], None] | None = None,
     known: Iterable[RunResult] = (),
     found: Callable[[RunResult], None] | None = None,
+    begun: Sequence[FamilyMember] = (),
 ) -> Experiment:
     """Train on each curriculum with each seed, and evaluate each agent on the last environment of the family.
 
@@ -86,6 +88,7 @@ def run_experiment(
         known: results of this experiment from an earlier time that was interrupted; they are taken as they are, and
             those of other curricula and seeds left aside.
         found: called with each new result, as it ends.
+        begun: environments that controls alone use: the target with other start states (`other_starts`).
 
     Raises:
         InvalidArgument: the environments disagree, a curriculum names one that is not there, or a number is wrong.
@@ -95,12 +98,10 @@ def run_experiment(
     if curricula is None:
         curricula = (*sequences(names, "suffixes"), *sequences(names, "baselines"))
     seeds = range(settings.seeds) if seeds is None else seeds
-    _check(names, curricula, seeds, workers)
-    steps = (
-        settings.steps_per_environment * sum(sum(curriculum.shares) for curriculum in curricula) * len(seeds)
-    )
-    backend = choose_backend(backend, steps)
-    prepared = _prepare(family, curricula)
+    _check([*names, *(one.name for one in begun)], curricula, seeds, workers)
+    steps = sum(sum(curriculum.lengths(settings.steps_per_environment)) for curriculum in curricula)
+    backend = choose_backend(backend, steps * len(seeds))
+    prepared = _prepare(family, curricula, begun)
     wanted = {(one.kind, one.label, seed): (one, seed) for one in curricula for seed in seeds}
     results = {key: result for result in known if (key := _key(result)) in wanted}
     tasks = [
@@ -208,6 +209,7 @@ def train_run(
     seed: int,
     *,
     backend: Backend = "auto",
+    begun: Sequence[FamilyMember] = (),
 ) -> tuple[RunResult, Training | ProgramTraining]:
     """One run of an experiment, with the agent that it trained; the result is the one in the experiment.
 
@@ -217,21 +219,24 @@ def train_run(
     Raises:
         InvalidArgument: as for `run_experiment`.
     """
-    _check([member.name for member in family], [curriculum], [seed], workers=1)
-    steps = settings.steps_per_environment * sum(curriculum.shares)
-    return _run(_prepare(family, [curriculum]), curriculum, settings, seed, choose_backend(backend, steps))
+    _check([member.name for member in (*family, *begun)], [curriculum], [seed], workers=1)
+    steps = sum(curriculum.lengths(settings.steps_per_environment))
+    prepared = _prepare(family, [curriculum], begun)
+    return _run(prepared, curriculum, settings, seed, choose_backend(backend, steps))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Prepared:
-    """A family made ready once for all its runs, and a position for each name."""
+    """A family made ready once for all its runs, and a position for each name, which random streams depend on."""
 
     positions: dict[str, int]
     ready: Tables | Programs
 
 
-def _prepare(family: Sequence[FamilyMember], curricula: Iterable[Curriculum]) -> _Prepared:
-    positions = {member.name: position for position, member in enumerate(family)}
+def _prepare(
+    family: Sequence[FamilyMember], curricula: Iterable[Curriculum], begun: Sequence[FamilyMember] = ()
+) -> _Prepared:
+    positions = {member.name: position for position, member in enumerate((*family, *begun))}
     tables = [member.tabular for member in family if isinstance(member.tabular, Tabular)]
     placed = [member.tabular for member in family if isinstance(member.tabular, InProgram)]
     stages = [_places(curriculum, positions) for curriculum in curricula if curriculum.schedule is None]
@@ -241,12 +246,16 @@ def _prepare(family: Sequence[FamilyMember], curricula: Iterable[Curriculum]) ->
         ready: dict[Place, Table] = {(place,): one for place, one in enumerate(prepare(tables))}
         mixed = [mixture([tables[one] for one in place]) for place in drawn]
         ready |= zip(drawn, prepare(mixed) if mixed else (), strict=True)
-        return _Prepared(positions, Tables(ready, tables[: len(family)]))
+        for place, one in enumerate(begun, start=len(family)):
+            if not isinstance(one.tabular, Tabular) or one.tabular.n_states != tables[-1].n_states:
+                raise InvalidArgument(f"`{one.name}` must be the target with other start states")
+            ready[place,] = with_starts(ready[len(family) - 1,], one.tabular)
+        return _Prepared(positions, Tables(ready, tables))
     if tables or len({id(one.program) for one in placed}) > 1:
         raise InvalidArgument("a family is in one program, or has a table of each member")
-    if drawn:
+    if drawn or begun:
         raise InvalidArgument(
-            "episodes in environments that are drawn need tables: there are too many states for domain randomisation"
+            "environments that are drawn, and other start states, need tables: there are too many states for them"
         )
     program = placed[0].program
     program.functions("learn")  # compiled before threads ask for it
@@ -267,24 +276,28 @@ def _run_result(
 def _run(
     prepared: _Prepared, curriculum: Curriculum, settings: TrainingSettings, seed: int, backend: Backend
 ) -> tuple[RunResult, Training | ProgramTraining]:
+    curriculum = curriculum.for_seed(seed)
     stages = _places(curriculum, prepared.positions)
     if curriculum.initial_value is not None:
         settings = replace(settings, initial_value=curriculum.initial_value)
-    steps = [share * settings.steps_per_environment for share in curriculum.shares]
+    settings = replace(settings, epsilon=curriculum.epsilon or settings.epsilon)
+    steps = curriculum.lengths(settings.steps_per_environment)
     agent: TableAgent | ProgramAgent = prepared.ready.agent(settings, backend)
     before: list[Evaluation] = []
 
+    parts = [part for part in zip(steps, stages, strict=True) if part[0]]
+
     def begins(stage: int) -> None:
-        if stage == len(stages) - 1:
+        if stage == len(parts) - 1:
             before.append(agent.evaluated(_generator(seed, BEFORE, stages)))
 
     several = next((place for place in stages if len(place) > 1), ())
     schedule = agent.teacher(curriculum.schedule, several) if curriculum.schedule else None
     turn = partial(agent.turn, _generator(seed, TRAINING, stages))
-    parts, choosing = list(zip(steps, stages, strict=True)), _generator(seed, CHOOSING, stages)
+    choosing = _generator(seed, CHOOSING, stages)
     training = agent.trained(*take_turns(turn, settings, parts, begins, schedule, choosing))
     found = agent.evaluated(_generator(seed, EVALUATION, stages))
-    alone = stages[-1] == (len(prepared.positions) - 1,)
+    alone = stages[-1] == (len(prepared.ready.members) - 1,)
     result = RunResult(
         kind=curriculum.kind,
         label=curriculum.label,

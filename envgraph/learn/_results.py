@@ -50,6 +50,9 @@ SUMMARY_COLUMNS = (
 THRESHOLD = 0.5
 """Share of successes that counts as reached in `steps_to_threshold`."""
 
+OPTIMISTIC = "optimistic"
+"""How the labels of all controls begin that are one, with several first values and ways to explore."""
+
 _FORMULA = ("=", "+", "-", "@", "\t", "\r", "'")
 
 CURVE_COLUMNS = ("kind", "label", "seed", "step", "cumulative_reward", "episodes", "successes")
@@ -150,6 +153,16 @@ class Experiment:
         for run in self.runs:
             groups.setdefault((run.kind, run.label), []).append(run)
         return tuple(_summary(group, confidence) for group in groups.values())
+
+    def best_optimistic(self) -> Experiment:
+        """Return the experiment with one of its "optimistic" controls: by mean success, of equals by mean return."""
+        tried: dict[str, tuple[float, float]] = {}
+        for run in self.runs:
+            if run.kind == "control" and run.label.startswith(OPTIMISTIC):
+                success, total = tried.get(run.label, (0.0, 0.0))
+                tried[run.label] = success + run.success_rate, total + run.mean_return
+        lesser = {("control", label) for label in tried if label != max(tried, key=lambda one: tried[one])}
+        return Experiment(tuple(run for run in self.runs if (run.kind, run.label) not in lesser))
 
 
 def _summary(group: Sequence[RunResult], confidence: float) -> Summary:

@@ -42,9 +42,10 @@ def family_report(
         sections.append(_stages(family, trained))
     sections += [training_section(one, family.members[-1].name) for one in trained]
     count, classes = len(family.members), family.class_counts()
+    best = "".join(f" {way}" for one in trained if (way := one.best_way(family.members[-1].name)))
     return Report(
         title=f"{family.name}: a family of {count} environments",
-        summary=f"{_order(family)} The family has {outcome}.{_unverified(family)}",
+        summary=f"{_order(family)} The family has {outcome}.{_unverified(family)}{best}",
         cards=tuple(_card(family, place, classes) for place in range(count)),
         legend=legend(scene for member in family.members if (scene := family.scene(member))),
         sections=tuple(sections),

@@ -10,10 +10,12 @@ from typing import TypeVar
 from envgraph.code import dataclass
 from envgraph.errors import InvalidArgument
 from envgraph.learn import (
+    BestWay,
     Comparison,
     Experiment,
     RunResult,
     Summary,
+    best_way,
     compare,
     findings,
     performance_profile,
@@ -35,11 +37,17 @@ class Trained:
         steps: training steps an environment.
         experiment: curricula and baselines, evaluated on the target.
         stages: the curriculum up to each environment, evaluated there; None where no curriculum was trained on.
+        can_succeed: whether an episode on the target can end in success.
     """
 
     steps: int
     experiment: Experiment
     stages: Experiment | None = None
+    can_succeed: bool = True
+
+    def best_way(self, target: str) -> BestWay | None:
+        """Return the best way to train for the target; None if there are fewer than two."""
+        return best_way(self.experiment, target, can_succeed=self.can_succeed)
 
 
 def _panels(found: Iterable[tuple[str, str]], target: str) -> dict[str, list[tuple[str, str]]]:
@@ -74,8 +82,11 @@ def budget_charts(trained: Sequence[Trained], target: str) -> tuple[str, ...]:
     """Success on the target over the budget: it need not rise with it."""
     lines: dict[tuple[str, str], list[Summary]] = {}
     for budget in trained:
-        for one in budget.experiment.summaries():
-            lines.setdefault((one.kind, one.label), []).append(one)
+        for one in budget.experiment.best_optimistic().summaries():
+            label = (
+                "optimistic" if one.label.startswith("optimistic") else one.label
+            )  # not the same in each budget
+            lines.setdefault((one.kind, label), []).append(one)
     panels = _panels(lines, target)
     numbers = _numbers(panels)
     series = {
@@ -103,9 +114,9 @@ def budget_charts(trained: Sequence[Trained], target: str) -> tuple[str, ...]:
 
 
 def training_section(trained: Trained, target: str) -> Section:
-    experiment = trained.experiment
+    experiment = trained.experiment.best_optimistic()
     summaries = experiment.summaries()
-    comparisons = compare(experiment)
+    comparisons = compare(experiment, can_succeed=trained.can_succeed)
     tables = [_agents(summaries, target)]
     if comparisons:
         tables.append(_comparisons(comparisons))

@@ -12,8 +12,8 @@ from envgraph.solve._checker import recomputed
 from envgraph.solve._distance import steps_to_success
 from envgraph.solve._evaluation import Evaluation, accumulate, evaluate, evaluate_policy
 from envgraph.solve._mixture import mixture
-from envgraph.solve._transfer import chain_transfer, hit_probability, softened_policy
-from envgraph.solve._value_iteration import Optimum, optimal_return, value_iteration
+from envgraph.solve._transfer import chain_transfer, hit_probability, reachable_states, softened_policy
+from envgraph.solve._value_iteration import Optimum, optimal_episode, optimal_return, value_iteration
 
 __all__ = [
     "Certificates",
@@ -27,7 +27,9 @@ __all__ = [
     "evaluate_policy",
     "hit_probability",
     "mixture",
+    "optimal_episode",
     "optimal_return",
+    "reachable_states",
     "recomputed",
     "shortest_plan",
     "softened_policy",

@@ -42,7 +42,7 @@ def softened_policy(tabular: Tabular, epsilon: float = 0.5, discount: float = 0.
         raise InvalidArgument(f"`epsilon` is {epsilon!r}, it must be from 0 to 1")
     best = value_iteration(tabular, discount).best_actions.astype(np.float64)
     best /= best.sum(axis=1, keepdims=True)
-    reached = _reachable(tabular)
+    reached = reachable_states(tabular)
     seen = tabular.observation[reached]
     count = np.bincount(seen, minlength=tabular.n_observations)
     policy = np.full((tabular.n_observations, tabular.n_actions), 1.0 / tabular.n_actions)
@@ -69,8 +69,8 @@ def chain_transfer(
     return total
 
 
-def _reachable(tabular: Tabular) -> NDArray[np.bool_]:
-    """The states that an episode can come to, whatever the agent does."""
+def reachable_states(tabular: Tabular) -> NDArray[np.bool_]:
+    """Return the states that an episode can come to, whatever the agent does [states]."""
     reached = np.zeros(tabular.n_states, bool)
     frontier = tabular.start_states[tabular.start_probability > 0.0]
     while len(frontier):

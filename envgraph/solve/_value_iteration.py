@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from envgraph.code import dataclass
 from envgraph.env import Tabular
 from envgraph.errors import EvaluationError, InvalidArgument
+from envgraph.solve._evaluation import accumulate
 from envgraph.solve._running import flat, run
 
 MOST_ITERATIONS = 1_000_000
@@ -82,6 +83,30 @@ def optimal_return(tabular: Tabular, limit: int = 200, *, discount: float = 1.0)
         raise InvalidArgument("`limit` must be positive, and `discount` from 0 to 1")
     values, _, _ = _settled(tabular, discount, 0.0, limit)
     return float(tabular.start_probability @ values[tabular.start_states])
+
+
+def optimal_episode(tabular: Tabular, limit: int = 200, *, attempts: int = 100) -> list[int]:
+    """Return the states of an episode of the best policy that ends in success, without its end.
+
+    Chance is drawn with a fixed seed. [] where none of so many attempts, of at most `limit` steps, ends in success.
+
+    Raises:
+        EvaluationError: see `value_iteration`.
+    """
+    policy, rng = value_iteration(tabular).policy, np.random.default_rng(0)
+    chances = accumulate(tabular.probability[np.arange(tabular.n_states), policy])
+    starts = accumulate(tabular.start_probability)
+    for _ in range(attempts):
+        state, states = int(tabular.start_states[(starts <= rng.random()).sum()]), list[int]()
+        while len(states) < limit:
+            states.append(state)
+            at = state, policy[state], (chances[state] <= rng.random()).sum()
+            if tabular.terminated[at]:
+                break
+            state = int(tabular.next_state[at])
+        if tabular.terminated[at] == 1:
+            return states
+    return []
 
 
 def _settled(

@@ -22,7 +22,7 @@ from envgraph.learn import (
     FamilyMember,
     TrainingSettings,
     controls,
-    optimistic_value,
+    optimistic_values,
     run_experiment,
     sequences,
 )
@@ -170,7 +170,7 @@ def _trained(
 ) -> Budget:
     settings = TrainingSettings(steps_per_environment=steps, checkpoint=max(steps // POINTS, 1))
     names = [member.name for member in published]
-    optimism = optimistic_value(published[-1].tabular, settings)  # type: ignore[arg-type]
+    optimism = optimistic_values(published[-1].tabular, settings)  # type: ignore[arg-type]
     chosen: dict[tuple[str, str], Curriculum] = {}
     for one in (
         *sequences(names, "suffixes"),

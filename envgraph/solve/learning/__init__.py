@@ -17,7 +17,7 @@ from envgraph.solve.learning._programs import (
 )
 from envgraph.solve.learning._rollouts import play_program
 from envgraph.solve.learning._settings import Epsilon, TrainingSettings
-from envgraph.solve.learning._stage import Stage, StageOutcome, Table, flatten
+from envgraph.solve.learning._stage import Stage, StageOutcome, Table, flatten, with_starts
 from envgraph.solve.learning._training import (
     Backend,
     Curve,
@@ -70,4 +70,5 @@ __all__ = [
     "train_learner",
     "train_program",
     "train_stage",
+    "with_starts",
 ]

@@ -5,10 +5,12 @@ from __future__ import annotations
 import json
 import multiprocessing
 import os
+import re
 import signal
 import sys
 from collections.abc import Callable
 from dataclasses import replace
+from html import unescape
 from pathlib import Path
 
 import pytest
@@ -24,7 +26,7 @@ from envgraph.solve.learning import Curve
 AGENT = RunResult("curriculum", "E1-E2", 0, 100, 1, 1.0, 1.0, 5.0, 0, 0.0, Curve((100,), (0.0,), (1,), (0,)))
 TRAIN = ("train", "forest", "--steps", "200,300", "--seeds", "2")
 AGENTS = 2 * (
-    3 * 2 + 3 * 2 + 1 * 2
+    3 * 2 + 11 * 2 + 1 * 2
 )  # budgets x (a curriculum, baselines, controls, the first environment) x seeds
 
 
@@ -184,23 +186,59 @@ def test_results_are_replaced_only_by_force(
 
 def test_steps_are_all_that_an_agent_was_trained(run: Path, command: object) -> None:
     code, out, _ = command("train", "forest", "--steps", "200", "--seeds", "1")  # type: ignore[operator]
-    rows = [line.split("  ") for line in out.splitlines()[2:8]]
-    assert code == 0 and [[cell.strip() for cell in row if cell][:2] for row in rows] == [
+    rows = [[cell.strip() for cell in line.split("  ") if cell][:2] for line in out.splitlines()[3:12]]
+    best = rows.pop(3)
+    assert code == 0 and rows == [
         ["curriculum E1-E2", "400"],
         ["baseline E1", "400"],
         ["baseline E2", "400"],
-        ["control optimistic", "400"],
         ["control randomised", "400"],
         ["control randomised, renewed", "400"],
+        ["control backplay", "400"],
+        ["control backplay, 2 stages", "400"],
+        ["control exploring", "400"],
     ]
-    assert "With 400 steps in all " in out and "\n  E1-E2 and training on E2 alone " in out
+    assert best[0].startswith("control optimistic ") and best[1] == "400"
+    labels = {line.split(",")[1] for line in (run / "training/200/runs.csv").read_text().splitlines()}
+    assert len([label for label in labels if "optimistic" in label]) == 6
+    assert out.startswith("None of 8 ways to train E2 with 400 steps succeeds with any of 1 agent.\n")
+    assert "With 400 steps in all " in out and "\n  neither E1-E2 nor training on E2 alone succeeds " in out
+
+
+def test_the_best_way_is_said_first_with_every_budget(
+    run: Path, command: Callable[..., tuple[int, str, str]]
+) -> None:
+    short = ("train", "forest", "--steps", "2000,3000", "--seeds", "2", "--curricula", "full", "--force")
+    chosen = (*short, "--controls", "direct,backplay")
+    code, out, _ = command(*chosen)
+    lines = out.splitlines()
+    for line, steps in zip(lines, (4_000, 6_000), strict=False):
+        assert line.startswith(f"Best of 4 ways to train E2 with {steps:,} steps: ") and "backplay" in line
+    code, out, _ = command(*chosen, "--format", "json")
+    ways = json.loads(out)["ways"]
+    assert code == 0 and [one["text"] for one in ways] == lines[:2]
+    assert ways[0]["target"] == "E2" and "backplay" in ways[0]["best"] and ways[0]["needs_curriculum"]
+    assert command("report", "forest")[0] == 0
+    summary = re.search('<p class="summary">(.*?)</p>', (run / "report.html").read_text(encoding="utf-8"))
+    assert summary and " ".join(lines[:2]) in unescape(summary[1])
+
+
+def test_a_target_in_which_no_optimal_episode_succeeds_has_no_backplay(
+    run: Path, command: Callable[..., tuple[int, str, str]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("envgraph.learn._controls.optimal_episode", lambda target, limit: [])
+    code, out, told = command("train", "forest", "--steps", "50", "--seeds", "1", "--curricula", "full")
+    assert code == 0 and "control exploring" in out and "control backplay" not in out
+    why = "no optimal episode on E2 of two steps or more ends in success"
+    assert f"the control backplay is left out: {why}\n" in told
 
 
 def test_controls_are_chosen_or_left_out(run: Path, command: Callable[..., tuple[int, str, str]]) -> None:
     short = ("train", "forest", "--steps", "50", "--seeds", "1", "--curricula", "full", "--force")
     for chosen, expected in (
         ("none", ["curriculum E1-E2"]),
-        ("direct, optimistic", ["curriculum E1-E2", "baseline E2", "control optimistic"]),
+        ("direct, reversed", ["curriculum E1-E2", "baseline E2"]),
+        ("exploring", ["curriculum E1-E2", "control exploring"]),
         ("plr", ["curriculum E1-E2"]),  # there is no choice before the target
     ):
         code, out, _ = command(*short, "--controls", chosen, "--format", "json")
@@ -208,13 +246,14 @@ def test_controls_are_chosen_or_left_out(run: Path, command: Callable[..., tuple
         assert [f"{one['kind']} {one['label']}" for one in json.loads(out)["results"]] == expected
         told = json.loads(out)["comparisons"]
         assert [one["control"] for one in told] == [label.split()[1] for label in expected[1:]]
-        assert all(one["steps"] == 100 and one["text"].startswith("E1-E2 ") for one in told)
+        assert all(one["steps"] == 100 and " E1-E2 " in one["text"] for one in told)
     code, _, messages = command(*short, "--controls", "optimist")
     assert code == 1 and "unknown control `optimist`" in messages and "did you mean `optimistic`?" in messages
     code, _, messages = command(*short, "--controls", "nothing")
     assert (
         code == 1
-        and "there are direct, optimistic, reversed, shuffled, randomised, random, uniform, " in messages
+        and "there are direct, optimistic, reversed, shuffled, randomised, backplay, exploring, random, "
+        in messages
     )
     code, out, _ = command(*short[:-3], "--curricula", "direct", "--force", "--format", "json")
     assert [one["kind"] for one in json.loads(out)["results"]] == ["baseline"]
@@ -286,7 +325,7 @@ def test_environments_with_too_many_states_are_trained_in_a_program(
     code, out, told = command("train", "forest", "--steps", "300", "--seeds", "2", "--curricula", "full")  # type: ignore[operator]
     assert code == 0 and "curriculum E1-E2" in out
     assert "`BurningForest` has more than 1 states: agents learn in the compiled program" in told
-    assert "without tables these controls are left out: optimistic, randomised" in told
+    assert "without tables these controls are left out: optimistic, randomised, backplay, exploring" in told
     assert "control" not in out and "baseline E2" in out  # of two members there is no other order
     assert (run / "training" / "300" / "runs.csv").is_file()
     code, _, messages = command("train", "forest", "--steps", "400", "--controls", "direct,randomised")  # type: ignore[operator]

@@ -12,11 +12,11 @@ from envgraph.learn import (
     Curve,
     Experiment,
     RunResult,
+    best_way,
     bootstrap_interval,
     compare,
     findings,
     newcombe_interval,
-    permutation_test,
 )
 from envgraph.learn._curricula import Kind
 
@@ -53,42 +53,49 @@ def test_an_order_that_is_worse_than_its_reverse_is_said_to_be() -> None:
     assert one.improvement == pytest.approx(0.5 * 0.18 + 0.5 * (0.5 * 0.82 + 0.5 * 0.18))
 
 
-def test_as_much_needs_seeds_enough_and_else_nothing_is_told() -> None:
-    (much,) = compared(runs("E1-E6", [1.0] * 1_000, "curriculum"), runs("optimistic", [1.0] * 1_000))
-    expected = "reach as much (1.00 against 1.00 over 1,000 seeds, p = 1)"
-    assert str(much) == f"E1-E6 and direct training with optimistic values {expected}"
-    few = compared(runs("E1-E6", [1.0] * 30, "curriculum"), runs("optimistic", [1.0] * 30))
-    assert few[0].verdict == "undecided"
+def test_equal_needs_seeds_enough() -> None:
+    (much,) = compared(runs("E1-E6", [1.0] * 1_000, "curriculum"), runs("randomised", [1.0] * 1_000))
+    expected = "are equally good (1.00 against 1.00 over 1,000 seeds, p = 1)"
+    assert str(much) == f"E1-E6 and domain randomisation {expected}" and much.verdict == "equal"
+    few = compared(runs("E1-E6", [1.0] * 30, "curriculum"), runs("optimistic 4.4", [1.0] * 30))
+    assert few[0].verdict == "undecided" and few[0].is_tie
     assert findings(few) == [
-        "With 600 steps in all nothing can be told apart:",
-        "E1-E6 and direct training with optimistic values cannot be told apart "
+        "With 600 steps in all no difference is significant:",
+        "no significant difference between E1-E6 and direct training with optimistic values of 4.4 "
         "(1.00 against 1.00 over 30 seeds, p = 1)",
     ]
 
 
-def test_few_seeds_cannot_tell_anything() -> None:
-    found = compared(runs("E1-E6", [0.0] * 5, "curriculum"), runs("optimistic", [1.0] * 5))
-    assert "cannot be told apart by so few seeds: it takes 6 (0.00 against 1.00" in str(found[0])
-    found = compared(runs("E1-E6", [0.0] * 6, "curriculum"), runs("optimistic", [1.0] * 6))
+def test_few_seeds_show_no_difference() -> None:
+    found = compared(runs("E1-E6", [0.0] * 5, "curriculum"), runs("randomised", [1.0] * 5))
+    assert str(found[0]).startswith(
+        "no difference between E1-E6 and domain randomisation can be significant: at least 6 seeds are needed (0.00"
+    )
+    found = compared(runs("E1-E6", [0.0] * 6, "curriculum"), runs("randomised", [1.0] * 6))
     assert found[0].verdict == "worse"
 
 
 def test_more_comparisons_take_more_seeds() -> None:
     def beside_six(seeds: int) -> tuple[Comparison, ...]:
-        names = ["optimistic", "reversed", "randomised", "uniform", "plr", "band"]
+        names = ["optimistic 1", "reversed", "randomised", "uniform", "plr", "band"]
         return compared(
             runs("E1-E6", [0.0] * seeds, "curriculum"), *(runs(name, [1.0] * seeds) for name in names)
         )
 
     for seeds in (6, 7):
-        assert all("by so few seeds: it takes 8 (" in str(one) for one in beside_six(seeds))
+        assert all("at least 8 seeds are needed (" in str(one) for one in beside_six(seeds))
     assert {one.verdict for one in beside_six(8)} == {"worse"}
 
 
-def test_where_neither_succeeds_they_do_not_reach_as_much() -> None:
-    first, third = runs("E1-E6", [0.0] * 500, "curriculum"), runs("randomised", [1.0] * 500)
-    found = compared(first, runs("reversed", [0.0] * 500), third)
+def test_where_neither_succeeds_nothing_else_is_compared() -> None:
+    """Standing still may cost nothing, so that its return is better than that of a way to the goal."""
+    first = runs("E1-E6", [0.0] * 500, "curriculum", returns=[-1.0] * 500)
+    still = runs("reversed", [0.0] * 500, returns=[0.0] * 500)
+    found = compared(first, still, runs("randomised", [1.0] * 500))
+    assert [one.verdict for one in found] == ["neither", "worse"]
     assert str(found[0]) == "neither E1-E6 nor its reverse succeeds (0.00 against 0.00 over 500 seeds, p = 1)"
+    (alone,) = compared(first, still)
+    assert (alone.verdict, alone.by) == ("neither", "success")
 
 
 def test_p_values_are_corrected_for_all_comparisons() -> None:
@@ -99,14 +106,20 @@ def test_p_values_are_corrected_for_all_comparisons() -> None:
     assert [one.verdict for one in found] == ["better", "undecided"]
 
 
-def test_numbered_controls_are_one() -> None:
-    others = [[1.0, 0.0, 1.0], [0.0, 0.0, 1.0]]
-    (one,) = compared(
-        runs("E1-E6", [0.0, 0.0, 1.0], "curriculum"),
-        *(runs(f"shuffled {place}", row) for place, row in enumerate(others, start=1)),
+def test_of_several_optimistic_controls_the_best_is_compared() -> None:
+    """By mean success, then by mean return; what is not compared stays in the experiment."""
+    given = runs("E1-E6", [0.0, 0.0, 1.0], "curriculum")
+    half, full = (
+        runs("optimistic 1", [1.0, 0.0, 1.0]),
+        runs("optimistic 2", [1.0, 1.0, 0.0], returns=[9.0] * 3),
     )
-    assert (one.control, one.other) == ("shuffled", 0.5)
-    assert one.p_value == permutation_test([0, 0, 1], [[1, 0], [0, 0], [1, 1]])
+    none, other = runs("optimistic 4, epsilon 0.05", [0.0] * 3), runs("reversed", [0.0] * 3)
+    experiment = Experiment((*given, *half, *full, *none, *other))
+    assert experiment.best_optimistic().runs == (*given, *full, *other)
+    found = compare(experiment)
+    assert [one.control for one in found] == ["optimistic 2", "reversed"]
+    assert found[0].called == "direct training with optimistic values of 2"
+    assert Experiment((*given, *other)).best_optimistic().runs == (*given, *other)
 
 
 def test_only_training_on_the_target_and_controls_with_as_many_steps_are_compared() -> None:
@@ -121,14 +134,82 @@ def test_only_training_on_the_target_and_controls_with_as_many_steps_are_compare
     assert compared(runs("E6", HALF, "baseline")) == () and findings(()) == []
 
 
-def test_where_nobody_succeeds_returns_are_compared() -> None:
+def test_where_no_episode_can_end_in_success_returns_are_compared() -> None:
+    def beside(*groups: list[RunResult]) -> Comparison:
+        return compare(Experiment(tuple(run for group in groups for run in group)), can_succeed=False)[0]
+
     first = runs("E1-E6", [0.0] * 9, "curriculum", returns=[float(seed) for seed in range(9)])
-    (one,) = compared(first, runs("reversed", [0.0] * 9, returns=[seed - 2.5 for seed in range(9)]))
+    second = runs("reversed", [0.0] * 9, returns=[seed - 2.5 for seed in range(9)])
+    one = beside(first, second)
     assert (one.by, one.verdict, one.difference) == ("return", "better", (2.5, 2.5))
     assert "(return 4.00 against 1.50 over 9 seeds, p = 0.0039)" in str(one)
-    (single,) = compared(first[:1], runs("reversed", [0.0], returns=[1.0]))
+    single = beside(first[:1], runs("reversed", [0.0], returns=[1.0]))
     assert single.difference is None and "over 1 seed, p = 1" in str(single)
     assert bootstrap_interval([0.0]) is None
+    way = best_way(Experiment((*second, *first)), "E6", can_succeed=False)
+    assert str(way) == (
+        "Best of 2 ways to train E6 with 600 steps: the curriculum E1-E6, return 4.00 over 9 agents; "
+        "next its reverse, return 1.50."
+    )
+
+
+def best(*groups: list[RunResult]) -> str:
+    return str(best_way(Experiment(tuple(run for group in groups for run in group)), "E6"))
+
+
+def test_the_best_way_is_named_with_the_next() -> None:
+    others = runs("reversed", HALF), runs("backplay, 6 stages", [1.0] * 800 + [0.0] * 200)
+    first = runs("E1-E6", [1.0] * 970 + [0.0] * 30, "curriculum")
+    assert best(first, *others) == (
+        "Best of 3 ways to train E6 with 600 steps: the curriculum E1-E6, 97 % of 1,000 agents; "
+        "next backplay in 6 stages, 80 %."
+    )
+    assert best(*others, first) == best(first, *others)
+    assert best(*others) == (
+        "Best of 2 ways to train E6 with 600 steps: backplay in 6 stages, 80 % of 1,000 agents; next its reverse, 50 %."
+    )
+    assert (
+        best(first)
+        == "None"
+        == best(first, runs("E5-E6", HALF, "curriculum"), runs("E1", HALF, "baseline", before=600))
+    )
+
+
+def test_ways_that_are_as_good_tie() -> None:
+    first, other = runs("E1-E6", [1.0] * 100, "curriculum"), runs("reversed", [0.0] * 100)
+    found = best(runs("backplay", [1.0] * 99 + [0.0]), other, first)
+    assert found == (
+        "Best of 3 ways to train E6 with 600 steps: the curriculum E1-E6 and backplay tie, at best 100 % of "
+        "100 agents; "
+        "next its reverse, 0 %."
+    )
+    way = best_way(Experiment((*first, *runs("backplay", [1.0] * 100), *other)), "E6")
+    assert way is not None and way.best == ["the curriculum E1-E6", "backplay"] and way.needs_curriculum
+
+
+def test_a_target_that_is_learned_alone_needs_no_curriculum() -> None:
+    first = runs("E1-E6", [1.0] * 100, "curriculum")
+    for direct in (runs("E6", [1.0] * 100, "baseline"), runs("optimistic 4.4", [1.0] * 98 + [0.0] * 2)):
+        found = best(first, direct, runs("reversed", [0.0] * 100))
+        assert " tie, at best 100 % of 100 agents; " in found
+        assert found.endswith("next its reverse, 0 %. The target needs no curriculum with so many steps.")
+    rarely = [0.0] * 98 + [1.0] * 2
+    assert "needs no curriculum" not in best(
+        runs("E1-E6", rarely, "curriculum"), runs("E6", rarely, "baseline")
+    )
+
+
+def test_where_every_way_fails_the_first_line_says_so() -> None:
+    found = best(runs("E1-E6", [0.0] * 8, "curriculum"), runs("E6", [0.0] * 8, "baseline"))
+    assert found == "None of 2 ways to train E6 with 600 steps succeeds with any of 8 agents."
+
+
+def test_few_agents_tie_only_if_their_means_are_equal() -> None:
+    first, same = runs("E1-E6", [1.0] * 3, "curriculum"), runs("backplay", [1.0] * 3)
+    assert best(first, runs("reversed", [0.0, 1.0, 1.0]), same) == (
+        "Best of 3 ways to train E6 with 600 steps: the curriculum E1-E6 and backplay tie, at best 100 % of 3 agents; "
+        "next its reverse, 67 %; a significant difference takes at least 7 agents."
+    )
 
 
 def test_runs_of_different_seeds_are_not_compared() -> None:

@@ -1,6 +1,7 @@
 """What curricula are compared with."""
 
 from dataclasses import replace
+from hashlib import sha256
 from itertools import permutations
 from typing import get_args
 
@@ -22,14 +23,15 @@ from envgraph.learn import (
     evaluate_policy,
     mixture,
     optimal_return,
-    optimistic_value,
+    optimistic_values,
+    other_starts,
     run_experiment,
     run_families,
     sequences,
     train_run,
 )
 from envgraph.learn._teachers import ExactScore
-from envgraph.solve import certify
+from envgraph.solve import certify, optimal_episode
 from envgraph.solve.learning._training import Backend
 from tests.unit.learn.small_tables import random_table, table
 
@@ -38,73 +40,148 @@ FAMILY = [FamilyMember(name, random_table(seed, outcomes=seed)) for seed, name i
 SETTINGS = TrainingSettings(
     steps_per_environment=300, evaluation_episodes=20, limit=25, checkpoint=100, seeds=2
 )
-ALL = controls(NAMES, optimism=0.7)
+BEGUN = [
+    FamilyMember(
+        f"E4 from {states}",
+        replace(
+            FAMILY[-1].tabular,  # type: ignore[arg-type]
+            start_states=np.array(states, np.int32),
+            start_probability=np.full(len(states), 1 / len(states)),
+        ),
+    )
+    for states in ([0, 1, 2, 3, 4], [7], [5], [2], [6], [1], [3])
+]
+ALL = controls(NAMES, optimism=[0.7], starts=[one.name for one in BEGUN])
 
 
 def test_every_control_has_exactly_the_steps_of_the_whole_family() -> None:
     (whole,) = sequences(NAMES, "full")
-    found = run_experiment(FAMILY, SETTINGS, [whole, *ALL])
+    found = run_experiment(FAMILY, SETTINGS, [whole, *ALL], begun=BEGUN)
     assert {run.steps for run in found.runs} == {1_200}
     assert {run.curve.steps[-1] for run in found.runs} == {1_200}
-    assert len(found.runs) == 2 * (1 + 1 + 1 + 1 + 4 + 2)
+    assert [one.label for one in found.summaries()] == [
+        "E1-E4",
+        "E4",
+        "optimistic 0.7",
+        "optimistic 0.7, epsilon 0.05",
+        "reversed",
+        "shuffled",
+        "randomised",
+        "randomised, renewed",
+        "backplay",
+        "backplay, 4 stages",
+        "exploring",
+    ]
 
 
 @pytest.mark.parametrize("backend", available_backends())
 def test_results_do_not_depend_on_workers_or_loop(backend: Backend) -> None:
-    assert run_experiment(FAMILY, SETTINGS, ALL, workers=2, backend=backend) == run_experiment(
-        FAMILY, SETTINGS, ALL, backend="python"
+    assert run_experiment(FAMILY, SETTINGS, ALL, workers=2, backend=backend, begun=BEGUN) == run_experiment(
+        FAMILY, SETTINGS, ALL, backend="python", begun=BEGUN
     )
 
 
 @pytest.mark.parametrize("control", ALL, ids=lambda one: one.label)
 def test_a_control_does_not_depend_on_what_else_is_run(control: Curriculum) -> None:
-    together = run_experiment(FAMILY, SETTINGS, ALL).runs
-    (alone,) = run_experiment(FAMILY, SETTINGS, [control], seeds=[1]).runs
-    assert alone in together and alone == train_run(FAMILY, control, SETTINGS, 1)[0]
+    together = run_experiment(FAMILY, SETTINGS, ALL, begun=BEGUN).runs
+    (alone,) = run_experiment(FAMILY, SETTINGS, [control], seeds=[1], begun=BEGUN).runs
+    assert alone in together and alone == train_run(FAMILY, control, SETTINGS, 1, begun=BEGUN)[0]
 
 
-def test_every_order_ends_in_the_target_and_is_met_once() -> None:
-    orders = [one.stages for one in controls(NAMES, ["reversed", "shuffled"], orders=100)]
-    assert orders[0] == ("E3", "E2", "E1", "E4")
-    others = {(*order, "E4") for order in permutations(NAMES[:3])} - {tuple(NAMES)}
-    assert len(orders) == len(others) == 5 and set(orders) == others
+def test_curricula_and_controls_draw_the_same_numbers_as_before_others_were_added() -> None:
+    """The digest is that of version 0.1 before there were "backplay" and "exploring"."""
+    chosen = [*sequences(NAMES, "suffixes"), *sequences(NAMES, "baselines")]
+    chosen += controls(NAMES, ["reversed", "randomised", "uniform", "plr"])
+    found = run_experiment(FAMILY, SETTINGS, chosen, backend="python", begun=BEGUN)
+    digest = sha256(repr(found.runs).encode()).hexdigest()
+    assert digest == "45f5748dfc27a7a95a3505c8fb4fee5376d82f16f747a25f9940f5bac0b3a0d8"
 
 
-def test_shuffled_orders_depend_on_their_seed_alone_and_few_of_them_are_the_first_of_many() -> None:
-    names = [f"E{place}" for place in range(1, 7)]
-    four, two, other = (
-        [one.stages for one in controls(names, ["shuffled"], orders=orders, seed=seed)]
-        for orders, seed in ((4, 0), (2, 0), (4, 1))
-    )
-    assert four[:2] == two and len(set(four)) == 4 and four != other
+def test_every_seed_has_another_shuffled_order_that_ends_in_the_target() -> None:
+    (found,) = controls(NAMES, ["shuffled"])
+    others = {(*order, "E4") for order in permutations(NAMES[:3])} - {tuple(NAMES), ("E3", "E2", "E1", "E4")}
+    assert len(found.orders) == len(others) == 4 and set(found.orders) == others
+    assert [found.for_seed(seed).stages for seed in range(5)] == [*found.orders, found.orders[0]]
+    runs = run_experiment(FAMILY, SETTINGS, [found], seeds=range(3)).runs
+    for run in runs:
+        alone = Curriculum("control", "shuffled", found.orders[run.seed % 4], (1,) * 4)
+        assert run == train_run(FAMILY, alone, SETTINGS, run.seed)[0]
+
+
+def test_a_hundred_of_many_shuffled_orders_are_drawn() -> None:
+    names = [f"E{place}" for place in range(1, 9)]
+    first, again, other = (controls(names, ["shuffled"], seed=seed)[0].orders for seed in (0, 0, 1))
+    assert first == again != other and len(set(first)) == 100
+    assert not {tuple(names), (*names[-2::-1], "E8")} & {*first}
+
+
+def test_backplay_begins_in_the_states_of_an_optimal_episode_last_first() -> None:
+    """A corridor of six cells with the goal behind the last, and a cell beside the start that nothing leads to."""
+    rows = [[[(1.0, max(cell - 1, 0), 0.0, 0)], [(1.0, cell + 1, 0.0, 0)]] for cell in range(6)]
+    rows[5][1] = [(1.0, 6, 1.0, 1)]
+    corridor = table([*rows, [[(1.0, 6, 0.0, 0)]] * 2, [[(1.0, 0, 0.0, 0)]] * 2])
+    assert optimal_episode(corridor) == [0, 1, 2, 3, 4, 5] and optimal_episode(corridor, 5) == []
+    everywhere, *along = other_starts("E3", corridor)
+    assert [one.tabular.start_states.tolist() for one in along] == [[5], [4], [3], [2], [1]]  # type: ignore[union-attr]
+    assert everywhere.tabular.start_states.tolist() == [0, 1, 2, 3, 4, 5]  # type: ignore[union-attr]
+    assert everywhere.tabular.start_probability.tolist() == [1 / 6] * 6  # type: ignore[union-attr]
+    assert len(other_starts("E3", corridor, 5)) == 1
+    names, starts = ["E1", "E2", "E3"], [one.name for one in (everywhere, *along)]
+    whole, some, exploring = controls(names, ["backplay", "exploring"], starts=starts)
+    assert whole.stages == (*starts[1:], "E3") and some.stages == (starts[2], starts[4], "E3")
+    assert (some.label, exploring.stages) == ("backplay, 3 stages", (starts[0],))
+    assert whole.lengths(7) == [3, 4, 3, 4, 3, 4] and sum(some.lengths(7)) == 21
+    assert controls(names, ["backplay", "exploring"], starts=starts[:1]) == (exploring,)
+    assert [one.label for one in controls([*names, "E4", "E5", "E6"], ["backplay"], starts=starts)] == [
+        "backplay"
+    ]
+    family = [FamilyMember(name, corridor) for name in names]
+    short = TrainingSettings(steps_per_environment=1)  # fewer steps than stages
+    found = run_experiment(family, short, [whole], seeds=[0], begun=(everywhere, *along)).runs[0]
+    assert (found.steps, found.curve.steps, found.steps_before) == (3, (1, 2, 3), 2)
+    with pytest.raises(InvalidArgument, match="must be the target with other start states"):
+        run_experiment(family, short, sequences(names), begun=[FamilyMember("E4", random_table(1))])
+
+
+def test_an_episode_that_depends_on_chance_is_drawn_until_it_ends_in_success() -> None:
+    """A step succeeds once in ten times, and else fails or stays; where only failure is possible there is none."""
+    draw = [(0.1, 2, 1.0, 1), (0.5, 2, 0.0, 2), (0.4, 1, 0.0, 0)]
+    chance = table([[[(0.5, 1, 0.0, 0), (0.5, 0, 0.0, 0)]], [draw], [[(1.0, 2, 0.0, 0)]]])
+    states = optimal_episode(chance)
+    assert states == optimal_episode(chance) and states[0] == 0 and states[-1] == 1
+    assert [one.name for one in other_starts("E1", chance)] == ["E1 from any state", "E1 from state 1"]
+    assert optimal_episode(table([[[(1.0, 1, 1.0, 2)]], [[(1.0, 1, 0.0, 0)]]])) == []
 
 
 def test_small_families_have_the_controls_that_there_is_room_for() -> None:
-    labels = [[one.label for one in controls(NAMES[:count], optimism=1.0)] for count in (1, 2, 3)]
-    assert labels[0] == ["E1", "optimistic"]
-    assert labels[1] == ["E2", "optimistic", "randomised", "randomised, renewed"]
-    assert labels[2] == ["E3", "optimistic", "reversed", "randomised", "randomised, renewed"]
+    labels = [[one.label for one in controls(NAMES[:count])] for count in (1, 2, 3)]
+    assert labels[0] == ["E1"]
+    assert labels[1] == ["E2", "randomised", "randomised, renewed"]
+    assert labels[2] == ["E3", "reversed", "randomised", "randomised, renewed"]
     assert [one.label for one in controls(NAMES, ["optimistic"])] == []
 
 
 def test_direct_training_and_optimistic_training_differ_in_the_first_values_alone() -> None:
-    direct, optimistic = controls(NAMES, ["direct", "optimistic"], optimism=0.0)
+    direct, optimistic, rarely = controls(NAMES, ["direct", "optimistic"], optimism=[0.0])
+    assert train_run(FAMILY, rarely, SETTINGS, 1)[1].epsilon == 0.05
     plain, zero = (train_run(FAMILY, one, SETTINGS, 1)[0] for one in (direct, optimistic))
     assert plain.curve == zero.curve
-    (high,) = controls(NAMES, ["optimistic"], optimism=5.0)
+    high, _ = controls(NAMES, ["optimistic"], optimism=[5.0])
     first = TrainingSettings(steps_per_environment=1, limit=25)
     _, training = train_run(FAMILY, high, first, 1)
     q = training.q  # type: ignore[union-attr]
     assert np.count_nonzero(q == 5.0) >= q.size - 4
 
 
-def test_optimism_is_half_the_best_discounted_return() -> None:
+def test_optimism_is_half_the_best_discounted_return_all_of_it_and_twice_as_much() -> None:
     """Reward 8 after three steps, the second and third of them discounted."""
     chain = table([[[(1.0, 1, 0.0, 0)]], [[(1.0, 2, 0.0, 0)]], [[(1.0, 3, 8.0, 1)]], [[(1.0, 3, 0.0, 0)]]])
     settings = TrainingSettings(discount=0.5, limit=10)
-    assert optimistic_value(chain, settings) == pytest.approx(8 * 0.25 / 2)
-    assert optimistic_value(chain, TrainingSettings(discount=0.5, limit=2)) is None
-    assert optimistic_value(chain, TrainingSettings(discount=0.5, initial_value=1.0)) is None
+    assert optimistic_values(chain, settings) == pytest.approx((1.0, 2.0, 4.0))
+    assert optimistic_values(chain, TrainingSettings(discount=0.5, limit=2)) == ()
+    assert optimistic_values(chain, TrainingSettings(discount=0.5, initial_value=1.0)) == pytest.approx(
+        (2.0, 4.0)
+    )
 
 
 def test_an_episode_is_in_one_environment_drawn_uniformly() -> None:
@@ -164,6 +241,7 @@ def test_stages_of_several_draw_other_numbers_than_as_many_stages() -> None:
         (lambda: Curriculum("control", "mine", (("E1", "E1"),), (1,)), "different names"),
         (lambda: Curriculum("control", "mine", ((),), (1,)), "different names"),
         (lambda: Curriculum("control", "mine", ("E1",), (1,), float("inf")), "finite"),
+        (lambda: Curriculum("control", "mine", ("E1",), (1,), orders=(("E2",),)), "must have all its stages"),
         (lambda: mixture([]), "needs an environment"),
         (
             lambda: mixture([random_table(1), table([[[(1.0, 0, 0.0, 0)]]])]),

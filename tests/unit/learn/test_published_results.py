@@ -10,7 +10,8 @@ from envgraph.learn import (
     available_backends,
     controls,
     optimal_return,
-    optimistic_value,
+    optimistic_values,
+    other_starts,
     run_experiment,
     sequences,
 )
@@ -57,13 +58,28 @@ def test_optimism_solves_the_target_directly() -> None:
     assert found.summaries()[0].success_rate == 1.0
 
 
-def test_the_default_optimism_solves_the_target_with_the_steps_of_a_short_curriculum() -> None:
-    settings = TrainingSettings(steps_per_environment=2_000)
-    value = optimistic_value(PUBLISHED[-1].tabular, settings)
-    found = run_experiment(
-        PUBLISHED, settings, controls(NAMES, ["optimistic"], optimism=value), seeds=range(5)
-    )
-    assert found.summaries()[0].success_rate == 1.0
+def test_optimism_that_rarely_explores_solves_the_target_with_the_fewest_steps() -> None:
+    """Of 200 seeds at 6,000 steps .995 succeed, and .010 where exploration decays as in the settings."""
+    settings = TrainingSettings(steps_per_environment=1_000)
+    values = optimistic_values(PUBLISHED[-1].tabular, settings)
+    chosen = controls(NAMES, ["optimistic"], optimism=values)
+    assert len(chosen) == 6
+    found = run_experiment(PUBLISHED, settings, chosen, seeds=range(5))
+    rates = {one.label: one.success_rate for one in found.summaries()}
+    assert (rates["optimistic 4.394, epsilon 0.05"], rates["optimistic 4.394"]) == (1.0, 0.0)
+    assert {run.label for run in found.best_optimistic().runs} == {"optimistic 4.394, epsilon 0.05"}
+
+
+def test_backplay_solves_the_target_with_the_fewest_steps() -> None:
+    settings = TrainingSettings(steps_per_environment=1_000)
+    begun = other_starts("E6", PUBLISHED[-1].tabular, settings.limit)
+    chosen = controls(NAMES, ["backplay"], starts=[one.name for one in begun])
+    found = run_experiment(PUBLISHED, settings, chosen, seeds=range(5), begun=begun)
+    assert {one.label: one.success_rate for one in found.summaries()} == {
+        "backplay": 1.0,
+        "backplay, 6 stages": 1.0,
+    }
+    assert {run.steps for run in found.runs} == {6_000}
 
 
 @pytest.mark.skipif(BACKEND != "numba", reason="a minute on lists")

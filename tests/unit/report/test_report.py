@@ -248,7 +248,7 @@ def test_controls_are_drawn_beside_the_whole_family(
     chosen = (
         *sequences(names, curricula),
         *sequences(names, "baselines"),
-        *controls(names, optimism=1.0)[1:],
+        *controls(names, optimism=[1.0])[1:],
     )
     found = run_experiment(members, TrainingSettings(steps_per_environment=20, seeds=1), chosen)
     differing = replace(
@@ -261,7 +261,7 @@ def test_controls_are_drawn_beside_the_whole_family(
     )
     expected = [
         "curriculum E1-E3",
-        "optimistic",
+        "optimistic 1, epsilon 0.05",
         "reversed",
         "randomised",
         "randomised, renewed",
