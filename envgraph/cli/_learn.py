@@ -56,10 +56,7 @@ _OPTIONS = {"steps": str, "seeds": int, "seed_offset": int, "curricula": str, "c
 _RANDOM = "random"
 """The control that visits the states of as many other families as there are seeds: only where it is named."""
 
-_OF_STARTS = ("backplay", "exploring")
-"""Controls that begin in other states of the target."""
-
-_OF_TABLES = ("optimistic", "randomised", *_OF_STARTS, _RANDOM, *EXACT)
+_OF_TABLES = ("optimistic", "randomised", "backplay", "exploring", _RANDOM, *EXACT)
 """Controls that need tables of the environments."""
 
 UNFINISHED = "unfinished.jsonl"
@@ -182,7 +179,7 @@ def _train(
     members: list[FamilyMember],
     settings: TrainingSettings,
     chosen: list[Curriculum],
-    begun: Sequence[FamilyMember],
+    begun: dict[str, Tabular],
     seeds: Sequence[int],
     workers: int,
     journal: Journal,
@@ -373,33 +370,30 @@ def _with_controls(
     members: list[FamilyMember],
     settings: TrainingSettings,
     schedules: Sequence[str],
-) -> tuple[list[Curriculum], Sequence[FamilyMember]]:
+) -> tuple[list[Curriculum], dict[str, Tabular]]:
     """Return the curricula with their controls, and the environments that only controls use.
 
     By default the controls are all that there are for such environments, and the schedules of the family file.
     """
-    target = members[-1].tabular
-    optimism: tuple[float, ...] = ()
-    begun: tuple[FamilyMember, ...] = ()
+    target, begun, optimism = members[-1].tabular, dict[str, Tabular](), tuple[float, ...]()
     if kinds is None:
-        every = [*CONTROLS, *schedules]
-        kinds = every if any(curriculum.kind == "curriculum" for curriculum in chosen) else []
+        kinds = [*CONTROLS, *schedules] if any(one.kind == "curriculum" for one in chosen) else []
         if not isinstance(target, Tabular) and (missing := [kind for kind in kinds if kind in _OF_TABLES]):
             kinds = [kind for kind in kinds if kind not in missing]
             sys.stderr.write(f"without tables these controls are left out: {', '.join(missing)}\n")
-    if isinstance(target, Tabular):
-        optimism = optimistic_values(target, settings) if "optimistic" in kinds else ()
-        begun = other_starts(members[-1].name, target, settings.limit) if {*kinds} & {*_OF_STARTS} else ()
+    if isinstance(target, Tabular) and kinds:
+        optimism = optimistic_values(target, settings)
+        begun = other_starts(members[-1].name, target, settings.limit)
         if "backplay" in kinds and len(begun) == 1:
-            why = f"no optimal episode on {members[-1].name} of two steps or more ends in success"
-            sys.stderr.write(f"the control backplay is left out: {why}\n")
+            sys.stderr.write(
+                "backplay is left out: no optimal episode of two steps or more ends in success\n"
+            )
     elif needed := [kind for kind in kinds if kind in _OF_TABLES]:
         raise InvalidArgument(
-            f"`--controls {','.join(needed)}` needs tables of all states, of which there are too many"
+            f"`--controls {','.join(needed)}` needs tables of all states: there are too many"
         )
     other = [kind for kind in kinds if kind != _RANDOM]
-    starts = [one.name for one in begun]
-    found = controls([member.name for member in members], other, optimism=optimism, starts=starts)
+    found = controls([one.name for one in members], other, optimism=optimism, starts=[*begun])
     return list({(one.kind, one.label): one for one in (*chosen, *found)}.values()), begun
 
 
@@ -425,30 +419,15 @@ def _print_summary(family: Family, trained: list[Trained], directory: Path, form
     found = [(one.steps, each) for one in trained for each in one.experiment.best_optimistic().summaries()]
     best = [way for one in trained if (way := one.best_way(family.members[-1].name))]
     if format is OutputFormat.JSON:
-        results = [
-            {
-                "steps_per_environment": steps,
-                "steps": one.steps,
-                "kind": one.kind,
-                "label": one.label,
-                "seeds": one.runs,
-                "success_rate": one.success_rate,
-                "success_interval": list(one.success_interval),
-                "mean_return": one.mean_return,
-                "return_iqm": one.return_iqm,
-                "success_before": one.success_before,
-                "steps_to_threshold": one.steps_to_threshold,
-            }
-            for steps, one in found
-        ]
+        results = [{"steps_per_environment": steps, "seeds": one.runs, **asdict(one)} for steps, one in found]
         claims = [
             {"steps_per_environment": budget.steps, **asdict(one), "verdict": one.verdict, "text": str(one)}
             for budget in trained
             for one in compare(budget.experiment, can_succeed=budget.can_succeed)
         ]
+        ways = [{"best": one.best, **asdict(one), "text": str(one)} for one in best]
         about = {"name": family.name, "directory": str(directory)}
-        first = [{"best": one.best, **asdict(one), "text": str(one)} for one in best]
-        print_json({**about, "ways": first, "results": results, "comparisons": claims})
+        print_json({**about, "ways": ways, "results": results, "comparisons": claims})
         return
     for way in best:
         print_line(str(way))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import count
 from statistics import fmean
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from envgraph.code import dataclass
 from envgraph.errors import InvalidArgument
 from envgraph.learn._curricula import Kind
 from envgraph.learn._intervals import bootstrap_interval, newcombe_interval, probability_of_improvement
-from envgraph.learn._results import OPTIMISTIC, THRESHOLD, Experiment
+from envgraph.learn._results import OPTIMISTIC, THRESHOLD, Experiment, RunResult
 from envgraph.learn._significance import holm, permutation_test
 from envgraph.learn._teachers import TEACHERS
 
@@ -42,13 +42,11 @@ class Comparison:
     """A curriculum and a control, trained with the same seeds and as many steps, and evaluated on the target.
 
     Attributes:
-        curriculum: label of the curriculum.
-        control: label of the control.
+        curriculum, control: their labels.
         called: the control, in words.
         steps: training steps of an agent in all, the same for both.
         by: what is compared: "success", or "return" where the target cannot end in success.
-        seeds: how many.
-        seeds_needed: the fewest with which one of as many comparisons can be significant.
+        seeds, seeds_needed: how many, and the fewest with which one of as many comparisons can be significant.
         value, other: means of the curriculum and of the control.
         difference: interval at 95 % of their difference: of success that of Newcombe, of return that of the bootstrap,
             None for a single seed.
@@ -82,9 +80,12 @@ class Comparison:
 
     @property
     def is_tie(self) -> bool:
-        """Whether the means are equal, or there are seeds enough and no significant difference, or at most `MARGIN`."""
-        enough = self.seeds >= self.seeds_needed
-        return self.value == self.other or (enough and self.verdict in ("equal", "undecided"))
+        """Whether the means are equal, or the difference is not significant although there are seeds enough."""
+        return self.value == self.other or (self.p_value >= SIGNIFICANT and self.seeds >= self.seeds_needed)
+
+    def shown(self, value: float) -> str:
+        """Return a mean as text."""
+        return f"{100 * value:.3g} %" if self.by == "success" else f"a mean return of {value:z.2f}"
 
     def __str__(self) -> str:
         by = "return " if self.by == "return" else ""
@@ -96,10 +97,9 @@ class Comparison:
             case "neither":
                 return f"neither {self.curriculum} nor {self.called} succeeds {numbers}"
             case "equal":
-                return f"{both} are equally good {numbers}"
+                return f"{both} differ by at most {MARGIN} {numbers}"
             case "undecided" if self.seeds < self.seeds_needed:
-                needed = f"at least {self.seeds_needed} seeds are needed"
-                return f"no difference between {both} can be significant: {needed} {numbers}"
+                return f"{both}: a significant difference takes at least {self.seeds_needed} seeds {numbers}"
             case "undecided":
                 return f"no significant difference between {both} {numbers}"
             case verdict:
@@ -130,18 +130,19 @@ class BestWay:
     def __str__(self) -> str:
         first, (*more, last) = self.comparisons[0], self.best
         names = f"{', '.join(more)} and {last} tie, at best" if more else f"{last},"
-        agents = f"{first.seeds:,} agent{'s' if first.seeds > 1 else ''}"
         ways = f"{len(self.comparisons) + 1} ways to train {self.target} with {first.steps:,} steps"
+        agents = f"{first.seeds:,} agent{'s' if first.seeds > 1 else ''}"
         if first.verdict == "neither":
             return f"None of {ways} succeeds with any of {agents}."
-        shown, of = ("{:.0%}".format, "of") if first.by == "success" else ("return {:z.2f}".format, "over")
-        text = f"Best of {ways}: {names} {shown(first.value)} {of} {agents}"
-        for one in [one for one in self.comparisons if not one.is_tie][:1]:
-            text += f"; next {one.called}, {shown(one.other)}"
+        rest = [one for one in self.comparisons if not one.is_tie]
+        text = f"Best of {ways}: {names}" if rest else f"All {ways} tie, at best"
+        text += f" {first.shown(first.value)} of {agents}"
+        text += "".join(f"; next {one.called}, {one.shown(one.other)}" for one in rest[:1])
         if first.seeds < first.seeds_needed:
             text += f"; a significant difference takes at least {first.seeds_needed} agents"
-        none = " The target needs no curriculum with so many steps." * (not self.needs_curriculum)
-        return f"{text.replace('%', ' %')}.{none}"
+        return text + (
+            "." if self.needs_curriculum else ". The target needs no curriculum with so many steps."
+        )
 
 
 def compare(experiment: Experiment, *, can_succeed: bool = True) -> tuple[Comparison, ...]:
@@ -156,8 +157,8 @@ def compare(experiment: Experiment, *, can_succeed: bool = True) -> tuple[Compar
     Raises:
         InvalidArgument: the runs of something have different seeds.
     """
-    ways = _ways(experiment, can_succeed)
-    return _comparisons(ways, can_succeed) if ways and ways[0].kind == "curriculum" else ()
+    ways = _ways(experiment)
+    return _comparisons(ways, can_succeed) if ways and ways[0][0].kind == "curriculum" else ()
 
 
 def best_way(experiment: Experiment, target: str, *, can_succeed: bool = True) -> BestWay | None:
@@ -165,14 +166,14 @@ def best_way(experiment: Experiment, target: str, *, can_succeed: bool = True) -
 
     The other arguments, and what is raised, are those of `compare`.
     """
-    ways = sorted(_ways(experiment, can_succeed), key=lambda way: -fmean(way.values))
+    ways = sorted(_ways(experiment), key=lambda way: -fmean(_values(way, can_succeed)))
     if len(ways) < 2:
         return None
     found = _comparisons(ways, can_succeed)
     best = [ways[0], *(way for way, one in zip(ways[1:], found, strict=True) if one.is_tie)]
-    direct = [way for way in best if way.kind == "baseline" or way.label.startswith(OPTIMISTIC)]
-    enough = can_succeed and any(fmean(way.values) >= THRESHOLD for way in direct)
-    return BestWay(target, _called(ways[0]), found, not enough)
+    direct = [way for way in best if way[0].kind == "baseline" or way[0].label.startswith(OPTIMISTIC)]
+    enough = can_succeed and any(fmean(_values(way, True)) >= THRESHOLD for way in direct)
+    return BestWay(target, _called(ways[0][0]), found, not enough)
 
 
 def findings(comparisons: Sequence[Comparison]) -> list[str]:
@@ -185,60 +186,51 @@ def findings(comparisons: Sequence[Comparison]) -> list[str]:
     return [f"With {comparisons[0].steps:,} steps in all{none}{corrected}:", *map(str, comparisons)]
 
 
-class _Way(NamedTuple):
-    """What agents of one kind and label reach, by seed."""
-
-    kind: Kind
-    label: str
-    steps: int
-    seeds: list[int]
-    values: list[float]
-
-
-def _called(way: _Way) -> str:
-    """What a way is called in sentences."""
-    if way.kind != "control":
-        return f"the curriculum {way.label}" if way.kind == "curriculum" else f"training on {way.label} alone"
-    name, _, values = way.label.partition(" ")
+def _called(run: RunResult) -> str:
+    """What the way in which an agent was trained is called in sentences."""
+    if run.kind != "control":
+        return f"the curriculum {run.label}" if run.kind == "curriculum" else f"training on {run.label} alone"
+    name, _, values = run.label.partition(" ")
     if name == OPTIMISTIC:
         return f"{_CALLED[name]} {values.replace(',', ' and')}"
-    return _CALLED.get(way.label, way.label.replace(",", " in"))
+    return _CALLED.get(run.label, run.label.replace(",", " in"))
 
 
-def _ways(experiment: Experiment, can_succeed: bool) -> list[_Way]:
-    """Return the first curriculum, if there is one, then all other ways with as many steps."""
+def _ways(experiment: Experiment) -> list[list[RunResult]]:
+    """Return the runs of the first curriculum, if there is one, then of each other way with as many steps."""
     runs = [
         run for run in experiment.best_optimistic().runs if run.kind != "baseline" or not run.steps_before
     ]
     runs.sort(key=lambda run: run.kind != "curriculum")
-    ways: dict[tuple[Kind, str], _Way] = {}
+    ways: dict[tuple[Kind, str], list[RunResult]] = {}
     for run in runs:
         if run.steps == runs[0].steps and (run.kind != "curriculum" or run.label == runs[0].label):
-            way = ways.setdefault((run.kind, run.label), _Way(run.kind, run.label, run.steps, [], []))
-            way.seeds.append(run.seed)
-            way.values.append(run.success_rate if can_succeed else run.mean_return)
-    found = [*ways.values()]
-    for way in found:
-        if way.seeds != found[0].seeds:
-            raise InvalidArgument(f"the runs of `{found[0].label}` and `{way.label}` have different seeds")
-    return found
+            ways.setdefault((run.kind, run.label), []).append(run)
+    return [*ways.values()]
 
 
-def _comparisons(ways: Sequence[_Way], can_succeed: bool) -> tuple[Comparison, ...]:
+def _values(way: Sequence[RunResult], can_succeed: bool) -> list[float]:
+    return [run.success_rate if can_succeed else run.mean_return for run in way]
+
+
+def _comparisons(ways: Sequence[Sequence[RunResult]], can_succeed: bool) -> tuple[Comparison, ...]:
     """Compare the first way with each other one."""
-    (first, *others), seeds, found = ways, len(ways[0].seeds), []
-    chances = holm([permutation_test(first.values, way.values) for way in others])
+    one, seeds, found = ways[0][0], [run.seed for run in ways[0]], []
+    first, *others = (_values(way, can_succeed) for way in ways)
+    for way in ways:
+        if [run.seed for run in way] != seeds:
+            raise InvalidArgument(f"the runs of `{one.label}` and `{way[0].label}` have different seeds")
     by: Measure = "success" if can_succeed else "return"
-    about, needed = (first.steps, by, seeds), _seeds_needed(len(others))
-    for way, p_value in zip(others, chances, strict=True):
-        value, other = fmean(first.values), fmean(way.values)
+    about, needed = (one.steps, by, len(seeds)), _seeds_needed(len(others))
+    chances = holm([permutation_test(first, values) for values in others])
+    for way, values, p_value in zip(ways[1:], others, chances, strict=True):
+        value, other = fmean(first), fmean(values)
         if can_succeed:
-            difference: tuple[float, float] | None = newcombe_interval(value, seeds, other, seeds)
+            difference: tuple[float, float] | None = newcombe_interval(value, len(seeds), other, len(seeds))
         else:
-            difference = bootstrap_interval(np.subtract(first.values, way.values).tolist())
-        better = float(probability_of_improvement(first.values, way.values))
-        names = first.label, way.label, _called(way)
-        found.append(Comparison(*names, *about, needed, value, other, difference, better, p_value))
+            difference = bootstrap_interval(np.subtract(first, values).tolist())
+        names, better = (one.label, way[0].label, _called(way[0])), probability_of_improvement(first, values)
+        found.append(Comparison(*names, *about, needed, value, other, difference, float(better), p_value))
     return tuple(found)
 
 

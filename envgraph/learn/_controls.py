@@ -11,9 +11,8 @@ from typing import Any, Final, Literal, get_args
 import numpy as np
 
 from envgraph.env import Tabular
-from envgraph.errors import InvalidArgument, did_you_mean, plural
+from envgraph.errors import InvalidArgument, did_you_mean
 from envgraph.learn._curricula import Curriculum, sequences
-from envgraph.learn._experiment import FamilyMember
 from envgraph.learn._results import OPTIMISTIC
 from envgraph.learn._teachers import TEACHERS
 from envgraph.solve import optimal_episode, optimal_return, reachable_states
@@ -42,10 +41,9 @@ def controls(
     "direct": the target alone. "optimistic": likewise, with higher values at first: one control for each value, and one
     that explores as `RARELY` says; `Experiment.best_optimistic` chooses. "reversed" and "shuffled": other orders; the
     target stays last, since it is what success is measured on. Each seed has another shuffled order. "randomised":
-    domain randomisation (Tobin et al. 2017), an environment of the family drawn for each episode, the target among
-    them; once in one stage, with one schedule of epsilon, and once with epsilon renewed as often as in the curriculum.
-    "backplay" (Resnick et al. 2018; Florensa et al. 2017): the target begun in each state of an optimal episode, the
-    last one first; also with as many stages as the family has members. "exploring": the target begun in any state.
+    an environment drawn for each episode (Tobin et al. 2017), once in one stage, and once with epsilon renewed as often
+    as in the curriculum. "backplay" (Resnick et al. 2018; Florensa et al. 2017): the target begun in each state of an
+    optimal episode, the last one first; also with as many stages as the family has members. "exploring": in any state.
 
     Schedules (`TEACHERS`) stand in place of the order: they choose the environment of each turn among the earlier ones,
     by what came of the turns before; the target stays last. "uniform" is the one that chooses at random.
@@ -56,7 +54,7 @@ def controls(
         names: the environments from the easiest to the target.
         kinds: some of those above; schedules only where they are named.
         optimism: what every Q-value is at first in "optimistic", see `optimistic_values`; without any it is left out.
-        starts: names of the environments of `other_starts`; without them "backplay" and "exploring" are left out.
+        starts: names of what `other_starts` gives; without them "backplay" and "exploring" are left out.
         seed: of the shuffled orders.
 
     Raises:
@@ -69,11 +67,10 @@ def controls(
     >>> [one.stages for one in controls(["E1", "E2"], ["backplay"], starts=["any", "last", "middle"])]
     [('last', 'middle', 'E2'), ('last', 'E2')]
     """
+    known = (*CONTROLS, *TEACHERS)
     for kind in kinds:
-        if kind not in (*CONTROLS, *TEACHERS):
-            raise InvalidArgument(
-                f"unknown control {kind!r}", did_you_mean(str(kind), (*CONTROLS, *TEACHERS))
-            )
+        if kind not in known:
+            raise InvalidArgument(f"unknown control {kind!r}", did_you_mean(str(kind), known))
     direct, count = sequences(names, "direct"), len(names)
     found: list[Curriculum] = [*direct] if "direct" in kinds else []
 
@@ -97,9 +94,9 @@ def controls(
     if "backplay" in kinds and len(starts) > 1:
         states = (*starts[1:], target)
         add("backplay", *states)
-        if len(states) > count:
+        if len(states) > count > 1:
             some = (states[len(states) * place // count - 1] for place in range(1, count + 1))
-            add(f"backplay, {plural(count, 'stage')}", *some)
+            add(f"backplay, {count} stages", *some)
     if "exploring" in kinds and starts:
         add("exploring", starts[0])
     if count > 2:
@@ -122,24 +119,22 @@ def optimistic_values(target: Tabular, settings: TrainingSettings) -> tuple[floa
     return tuple(value for value in (most / 2, most, 2 * most) if value > settings.initial_value)
 
 
-def other_starts(name: str, target: Tabular, limit: int = 200) -> tuple[FamilyMember, ...]:
-    """Return a target, of this name, with other start states, for "exploring" and "backplay".
+def other_starts(name: str, target: Tabular, limit: int = 200) -> dict[str, Tabular]:
+    """Return a target, of this name, with other start states, for "exploring" and "backplay", by name.
 
     First it begins in any state from which an episode goes on, all equally likely. Then in each state of an optimal
     episode within the limit, the last one first, but for its start; none where no such episode ends in success.
     """
-    every = np.arange(target.n_states)
+    every = np.arange(target.n_states, dtype=np.int32)
     stays = (target.next_state == every[:, None, None]) & (target.terminated == 0) & (target.reward == 0)
     ended = (stays | (target.probability == 0)).all(axis=(1, 2))
-    begun = {"any state": every[reachable_states(target) & ~ended]}
-    along = list(dict.fromkeys(reversed(optimal_episode(target, limit))))
-    begun |= {f"state {state}": np.array([state]) for state in along[:-1]}
-    found = []
-    for text, states in begun.items():
-        equal = np.full(len(states), 1 / len(states))
-        table = replace(target, start_states=states.astype(np.int32), start_probability=equal)
-        found.append(FamilyMember(f"{name} from {text}", table))
-    return tuple(found)
+    begun = {f"{name} from any state": every[reachable_states(target) & ~ended]}
+    along = list(dict.fromkeys(reversed(optimal_episode(target, limit))))[:-1]
+    begun |= {f"{name} from state {state}": every[[state]] for state in along}
+    return {
+        text: replace(target, start_states=states, start_probability=np.full(len(states), 1 / len(states)))
+        for text, states in begun.items()
+    }
 
 
 def _shuffled(names: tuple[str, ...], seed: int) -> Iterator[tuple[str, ...]]:

@@ -27,8 +27,7 @@ class Curriculum:
         label: what it is called in tables, unique among its kind.
         stages: names of environments, in the order of training. Several names together are a stage in which each
             episode takes place in one of them, drawn uniformly.
-        shares: length of each stage, in units of `steps_per_environment`; a fraction where that many stages share the
-            steps of a family.
+        shares: length of each stage, in units of `steps_per_environment`, of which it may be a fraction.
         initial_value: what every Q-value is at first; None: as the settings say.
         epsilon: how often the agent explores; None: as the settings say.
         orders: orders of the stages for different seeds, `orders[k % len(orders)]` for seed k; (): `stages` for all.

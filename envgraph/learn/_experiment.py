@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from math import isfinite
+from types import MappingProxyType
 
 import numpy as np
 
@@ -68,7 +69,7 @@ def run_experiment(
     progress: Callable[[int, int], None] | None = None,
     known: Iterable[RunResult] = (),
     found: Callable[[RunResult], None] | None = None,
-    begun: Sequence[FamilyMember] = (),
+    begun: Mapping[str, Tabular] = MappingProxyType({}),
 ) -> Experiment:
     """Train on each curriculum with each seed, and evaluate each agent on the last environment of the family.
 
@@ -88,7 +89,7 @@ def run_experiment(
         known: results of this experiment from an earlier time that was interrupted; they are taken as they are, and
             those of other curricula and seeds left aside.
         found: called with each new result, as it ends.
-        begun: environments that controls alone use: the target with other start states (`other_starts`).
+        begun: the target with other start states, by name, which controls use (`other_starts`).
 
     Raises:
         InvalidArgument: the environments disagree, a curriculum names one that is not there, or a number is wrong.
@@ -98,7 +99,7 @@ def run_experiment(
     if curricula is None:
         curricula = (*sequences(names, "suffixes"), *sequences(names, "baselines"))
     seeds = range(settings.seeds) if seeds is None else seeds
-    _check([*names, *(one.name for one in begun)], curricula, seeds, workers)
+    _check([*names, *begun], curricula, seeds, workers)
     steps = sum(sum(curriculum.lengths(settings.steps_per_environment)) for curriculum in curricula)
     backend = choose_backend(backend, steps * len(seeds))
     prepared = _prepare(family, curricula, begun)
@@ -209,7 +210,7 @@ def train_run(
     seed: int,
     *,
     backend: Backend = "auto",
-    begun: Sequence[FamilyMember] = (),
+    begun: Mapping[str, Tabular] = MappingProxyType({}),
 ) -> tuple[RunResult, Training | ProgramTraining]:
     """One run of an experiment, with the agent that it trained; the result is the one in the experiment.
 
@@ -219,7 +220,7 @@ def train_run(
     Raises:
         InvalidArgument: as for `run_experiment`.
     """
-    _check([member.name for member in (*family, *begun)], [curriculum], [seed], workers=1)
+    _check([*(member.name for member in family), *begun], [curriculum], [seed], workers=1)
     steps = sum(curriculum.lengths(settings.steps_per_environment))
     prepared = _prepare(family, [curriculum], begun)
     return _run(prepared, curriculum, settings, seed, choose_backend(backend, steps))
@@ -234,9 +235,9 @@ class _Prepared:
 
 
 def _prepare(
-    family: Sequence[FamilyMember], curricula: Iterable[Curriculum], begun: Sequence[FamilyMember] = ()
+    family: Sequence[FamilyMember], curricula: Iterable[Curriculum], begun: Mapping[str, Tabular]
 ) -> _Prepared:
-    positions = {member.name: position for position, member in enumerate((*family, *begun))}
+    positions = {name: place for place, name in enumerate((*(one.name for one in family), *begun))}
     tables = [member.tabular for member in family if isinstance(member.tabular, Tabular)]
     placed = [member.tabular for member in family if isinstance(member.tabular, InProgram)]
     stages = [_places(curriculum, positions) for curriculum in curricula if curriculum.schedule is None]
@@ -246,17 +247,15 @@ def _prepare(
         ready: dict[Place, Table] = {(place,): one for place, one in enumerate(prepare(tables))}
         mixed = [mixture([tables[one] for one in place]) for place in drawn]
         ready |= zip(drawn, prepare(mixed) if mixed else (), strict=True)
-        for place, one in enumerate(begun, start=len(family)):
-            if not isinstance(one.tabular, Tabular) or one.tabular.n_states != tables[-1].n_states:
-                raise InvalidArgument(f"`{one.name}` must be the target with other start states")
-            ready[place,] = with_starts(ready[len(family) - 1,], one.tabular)
+        for place, (name, one) in enumerate(begun.items(), start=len(family)):
+            if one.n_states != tables[-1].n_states:
+                raise InvalidArgument(f"`{name}` must be the target with other start states")
+            ready[place,] = with_starts(ready[len(family) - 1,], one)
         return _Prepared(positions, Tables(ready, tables))
     if tables or len({id(one.program) for one in placed}) > 1:
         raise InvalidArgument("a family is in one program, or has a table of each member")
     if drawn or begun:
-        raise InvalidArgument(
-            "environments that are drawn, and other start states, need tables: there are too many states for them"
-        )
+        raise InvalidArgument("drawn environments and other starts need tables: there are too many states")
     program = placed[0].program
     program.functions("learn")  # compiled before threads ask for it
     return _Prepared(positions, Programs(program, tuple(one.member for one in placed)))
@@ -278,14 +277,12 @@ def _run(
 ) -> tuple[RunResult, Training | ProgramTraining]:
     curriculum = curriculum.for_seed(seed)
     stages = _places(curriculum, prepared.positions)
-    if curriculum.initial_value is not None:
-        settings = replace(settings, initial_value=curriculum.initial_value)
-    settings = replace(settings, epsilon=curriculum.epsilon or settings.epsilon)
+    value = settings.initial_value if curriculum.initial_value is None else curriculum.initial_value
+    settings = replace(settings, initial_value=value, epsilon=curriculum.epsilon or settings.epsilon)
     steps = curriculum.lengths(settings.steps_per_environment)
+    parts = [part for part in zip(steps, stages, strict=True) if part[0]]
     agent: TableAgent | ProgramAgent = prepared.ready.agent(settings, backend)
     before: list[Evaluation] = []
-
-    parts = [part for part in zip(steps, stages, strict=True) if part[0]]
 
     def begins(stage: int) -> None:
         if stage == len(parts) - 1:

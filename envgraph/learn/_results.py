@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import fields
 from io import TextIOWrapper
 from math import inf
 from pathlib import Path
@@ -19,18 +20,6 @@ from envgraph.solve.learning import Curve
 
 Parsed = TypeVar("Parsed")
 
-RUN_COLUMNS = (
-    "kind",
-    "label",
-    "seed",
-    "steps",
-    "episodes",
-    "success_rate",
-    "mean_return",
-    "mean_length",
-    "steps_before",
-    "success_before",
-)
 SUMMARY_COLUMNS = (
     "kind",
     "label",
@@ -106,6 +95,9 @@ class RunResult:
                 return steps
             ended, reached = episodes, successes
         return None
+
+
+RUN_COLUMNS = tuple(one.name for one in fields(RunResult))[:-1]
 
 
 @dataclass(frozen=True, slots=True)
@@ -194,7 +186,7 @@ def write_csv(experiment: Experiment, directory: Path) -> tuple[Path, Path, Path
     """
     directory.mkdir(parents=True, exist_ok=True)
     runs, summary, curves = (directory / name for name in ("runs.csv", "summary.csv", "curves.csv"))
-    _write(runs, RUN_COLUMNS, (_run_row(run) for run in experiment.runs))
+    _write(runs, RUN_COLUMNS, ([getattr(run, one) for one in RUN_COLUMNS] for run in experiment.runs))
     _write(summary, SUMMARY_COLUMNS, (_summary_row(one) for one in experiment.summaries()))
     _write(curves, CURVE_COLUMNS, (row for run in experiment.runs for row in _curve_rows(run)))
     return runs, summary, curves
@@ -250,10 +242,6 @@ def _float(text: str) -> float:
     return found
 
 
-def _run_row(run: RunResult) -> tuple[object, ...]:
-    return tuple(getattr(run, column) for column in RUN_COLUMNS)
-
-
 def _summary_row(one: Summary) -> tuple[object, ...]:
     nothing = (None, None)
     success = (one.kind, one.label, one.runs, one.success_rate, *one.success_interval)
@@ -272,7 +260,7 @@ def _curve_rows(run: RunResult) -> Iterable[tuple[object, ...]]:
         yield (run.kind, run.label, run.seed, *point)
 
 
-def _write(path: Path, columns: Sequence[str], rows: Iterable[tuple[object, ...]]) -> None:
+def _write(path: Path, columns: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
     with replacing(path) as draft, draft.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(columns)

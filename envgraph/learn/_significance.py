@@ -19,16 +19,15 @@ _GRID = 2.0**40
 
 
 def permutation_test(values: ArrayLike, others: ArrayLike, *, draws: int = DRAWS, seed: int = 0) -> float:
-    """Two-sided p-value of a permutation test paired by seeds; for one other value a seed, the sign-flip test.
+    """Two-sided p-value of a permutation test paired by seeds, the sign-flip test.
 
-    Were there no difference, of the values of one seed any might have been the first. So p is the probability that
-    their sum over the seeds, each drawn among those of its seed, is as far from its mean as the one that was found
-    (Good 2005). It is exact where the sum takes few values, as with successes or few seeds; else
-    (b + 1) / (draws + 1), where b draws are as far (Phipson and Smyth 2010).
+    Were there no difference, either value of a seed might have been the first. So p is the probability that the sum of
+    the differences, each with a sign that is drawn, is as far from 0 as the one that was found (Good 2005). It is exact
+    where the sum takes few values, as with successes or few seeds; else (b + 1) / (draws + 1), where b draws are as far
+    (Phipson and Smyth 2010).
 
     Args:
-        values: [seeds].
-        others: [seeds] or [seeds, several], of the same seeds.
+        values, others: [seeds], of the same seeds.
         draws: how many, where it is not exact.
         seed: of the draws.
 
@@ -42,40 +41,35 @@ def permutation_test(values: ArrayLike, others: ArrayLike, *, draws: int = DRAWS
     """
     first = np.asarray(values, np.float64)
     second = np.asarray(others, np.float64)
-    if first.ndim != 1 or not first.size or second.shape[:1] != first.shape or second.ndim > 2:
+    if first.ndim != 1 or not first.size or second.shape != first.shape:
         raise InvalidArgument(
             f"values of as many seeds are needed on both sides, not {first.shape} and {second.shape}"
         )
-    blocks = np.column_stack([first, second])
-    blocks = blocks[(blocks != blocks[:, :1]).any(axis=1)]  # where all are equal nothing can be exchanged
-    if not len(blocks):
+    pairs = np.column_stack([first, second])[first != second]
+    if not len(pairs):
         return 1.0
     # Values are whole multiples of a small unit: sums of the same numbers are equal in whatever order.
-    whole = np.rint((blocks - blocks.min()) * (_GRID / np.ptp(blocks))).astype(np.int64)
-    away = whole * whole.shape[1] - whole.sum(axis=1, keepdims=True)  # from the mean of the seed
-    least = abs(int(away[:, 0].sum())) - away.size
+    whole = np.rint((pairs - pairs.min()) * (_GRID / np.ptp(pairs))).astype(np.int64)
+    away = whole[:, 0] - whole[:, 1]
+    least = abs(int(away.sum())) - 2 * away.size
     exact = _exact(away, least)
-    return exact if exact is not None else _drawn(away, least, draws, seed)
+    if exact is not None:
+        return exact
+    rng = np.random.default_rng(seed)
+    far = (abs(int((away * rng.choice((1, -1), away.size)).sum())) >= least for _ in range(draws))
+    return (int(sum(far)) + 1) / (draws + 1)
 
 
 def _exact(away: NDArray[np.int64], least: int) -> float | None:
     """The probability that the sum is at least so far from 0; None where it takes too many values."""
     sums: NDArray[np.int64] = np.zeros(1, np.int64)
     chances: NDArray[np.float64] = np.ones(1)
-    for options in away:
-        if sums.size * options.size > _EXACT:
+    for value in away:
+        if sums.size * 2 > _EXACT:
             return None
-        sums, place = np.unique((sums[:, None] + options).ravel(), return_inverse=True)
-        chances = np.bincount(place, np.repeat(chances / options.size, options.size)).astype(np.float64)
+        sums, place = np.unique((sums[:, None] + [value, -value]).ravel(), return_inverse=True)
+        chances = np.bincount(place, np.repeat(chances / 2, 2)).astype(np.float64)
     return min(1.0, float(chances[np.abs(sums) >= least].sum()))
-
-
-def _drawn(away: NDArray[np.int64], least: int, draws: int, seed: int) -> float:
-    rng, far = np.random.default_rng(seed), 0
-    rows = np.arange(len(away))
-    for _ in range(draws):
-        far += abs(int(away[rows, rng.integers(away.shape[1], size=len(away))].sum())) >= least
-    return (far + 1) / (draws + 1)
 
 
 def holm(p_values: Sequence[float]) -> list[float]:

@@ -89,15 +89,12 @@ def optimal_episode(tabular: Tabular, limit: int = 200, *, attempts: int = 100) 
     """Return the states of an episode of the best policy that ends in success, without its end.
 
     Chance is drawn with a fixed seed. [] where none of so many attempts, of at most `limit` steps, ends in success.
-
-    Raises:
-        EvaluationError: see `value_iteration`.
     """
     policy, rng = value_iteration(tabular).policy, np.random.default_rng(0)
     chances = accumulate(tabular.probability[np.arange(tabular.n_states), policy])
-    starts = accumulate(tabular.start_probability)
     for _ in range(attempts):
-        state, states = int(tabular.start_states[(starts <= rng.random()).sum()]), list[int]()
+        start, states = (accumulate(tabular.start_probability) <= rng.random()).sum(), list[int]()
+        state = int(tabular.start_states[start])
         while len(states) < limit:
             states.append(state)
             at = state, policy[state], (chances[state] <= rng.random()).sum()

@@ -40,18 +40,15 @@ FAMILY = [FamilyMember(name, random_table(seed, outcomes=seed)) for seed, name i
 SETTINGS = TrainingSettings(
     steps_per_environment=300, evaluation_episodes=20, limit=25, checkpoint=100, seeds=2
 )
-BEGUN = [
-    FamilyMember(
-        f"E4 from {states}",
-        replace(
-            FAMILY[-1].tabular,  # type: ignore[arg-type]
-            start_states=np.array(states, np.int32),
-            start_probability=np.full(len(states), 1 / len(states)),
-        ),
+BEGUN = {
+    f"E4 from {states}": replace(
+        FAMILY[-1].tabular,  # type: ignore[arg-type]
+        start_states=np.array(states, np.int32),
+        start_probability=np.full(len(states), 1 / len(states)),
     )
     for states in ([0, 1, 2, 3, 4], [7], [5], [2], [6], [1], [3])
-]
-ALL = controls(NAMES, optimism=[0.7], starts=[one.name for one in BEGUN])
+}
+ALL = controls(NAMES, optimism=[0.7], starts=[*BEGUN])
 
 
 def test_every_control_has_exactly_the_steps_of_the_whole_family() -> None:
@@ -121,12 +118,13 @@ def test_backplay_begins_in_the_states_of_an_optimal_episode_last_first() -> Non
     rows[5][1] = [(1.0, 6, 1.0, 1)]
     corridor = table([*rows, [[(1.0, 6, 0.0, 0)]] * 2, [[(1.0, 0, 0.0, 0)]] * 2])
     assert optimal_episode(corridor) == [0, 1, 2, 3, 4, 5] and optimal_episode(corridor, 5) == []
-    everywhere, *along = other_starts("E3", corridor)
-    assert [one.tabular.start_states.tolist() for one in along] == [[5], [4], [3], [2], [1]]  # type: ignore[union-attr]
-    assert everywhere.tabular.start_states.tolist() == [0, 1, 2, 3, 4, 5]  # type: ignore[union-attr]
-    assert everywhere.tabular.start_probability.tolist() == [1 / 6] * 6  # type: ignore[union-attr]
+    begun = other_starts("E3", corridor)
+    everywhere, *along = begun.values()
+    assert [one.start_states.tolist() for one in along] == [[5], [4], [3], [2], [1]]
+    assert everywhere.start_states.tolist() == [0, 1, 2, 3, 4, 5]
+    assert everywhere.start_probability.tolist() == [1 / 6] * 6
     assert len(other_starts("E3", corridor, 5)) == 1
-    names, starts = ["E1", "E2", "E3"], [one.name for one in (everywhere, *along)]
+    names, starts = ["E1", "E2", "E3"], [*begun]
     whole, some, exploring = controls(names, ["backplay", "exploring"], starts=starts)
     assert whole.stages == (*starts[1:], "E3") and some.stages == (starts[2], starts[4], "E3")
     assert (some.label, exploring.stages) == ("backplay, 3 stages", (starts[0],))
@@ -137,10 +135,10 @@ def test_backplay_begins_in_the_states_of_an_optimal_episode_last_first() -> Non
     ]
     family = [FamilyMember(name, corridor) for name in names]
     short = TrainingSettings(steps_per_environment=1)  # fewer steps than stages
-    found = run_experiment(family, short, [whole], seeds=[0], begun=(everywhere, *along)).runs[0]
+    found = run_experiment(family, short, [whole], seeds=[0], begun=begun).runs[0]
     assert (found.steps, found.curve.steps, found.steps_before) == (3, (1, 2, 3), 2)
     with pytest.raises(InvalidArgument, match="must be the target with other start states"):
-        run_experiment(family, short, sequences(names), begun=[FamilyMember("E4", random_table(1))])
+        run_experiment(family, short, sequences(names), begun={"E4": random_table(1)})
 
 
 def test_an_episode_that_depends_on_chance_is_drawn_until_it_ends_in_success() -> None:
@@ -149,7 +147,7 @@ def test_an_episode_that_depends_on_chance_is_drawn_until_it_ends_in_success() -
     chance = table([[[(0.5, 1, 0.0, 0), (0.5, 0, 0.0, 0)]], [draw], [[(1.0, 2, 0.0, 0)]]])
     states = optimal_episode(chance)
     assert states == optimal_episode(chance) and states[0] == 0 and states[-1] == 1
-    assert [one.name for one in other_starts("E1", chance)] == ["E1 from any state", "E1 from state 1"]
+    assert [*other_starts("E1", chance)] == ["E1 from any state", "E1 from state 1"]
     assert optimal_episode(table([[[(1.0, 1, 1.0, 2)]], [[(1.0, 1, 0.0, 0)]]])) == []
 
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from envgraph.errors import InvalidArgument
 from envgraph.learn import _significance, holm, permutation_test
 
-ROW = st.tuples(*[st.sampled_from([0.0, 0.25, 1.0, 1 / 3, 10.2])] * 3)
+ROW = st.tuples(*[st.sampled_from([0.0, 0.25, 1.0, 1 / 3, 10.2])] * 2)
 
 
 def by_hand(blocks: list[tuple[float, ...]]) -> float:
@@ -24,10 +24,8 @@ def by_hand(blocks: list[tuple[float, ...]]) -> float:
 
 @given(st.lists(ROW, min_size=1, max_size=6))
 def test_p_is_the_share_of_all_permutations(blocks: list[tuple[float, ...]]) -> None:
-    values, others = [row[0] for row in blocks], [row[1:] for row in blocks]
+    values, others = zip(*blocks, strict=True)
     assert permutation_test(values, others) == pytest.approx(by_hand(blocks))
-    pairs = [row[:2] for row in blocks]
-    assert permutation_test(values, [row[1] for row in blocks]) == pytest.approx(by_hand(pairs))
 
 
 @pytest.mark.parametrize(("better", "worse"), [(7, 24 - 7), (12, 3), (1, 0), (40, 60)])
