@@ -86,7 +86,7 @@ def test_a_control_does_not_depend_on_what_else_is_run(control: Curriculum) -> N
 
 
 def test_curricula_and_controls_draw_the_same_numbers_as_before_others_were_added() -> None:
-    """The digest is that of version 0.1 before there were "backplay" and "exploring"."""
+    """The digest is that of the results before there were "backplay" and "exploring"."""
     chosen = [*sequences(NAMES, "suffixes"), *sequences(NAMES, "baselines")]
     chosen += controls(NAMES, ["reversed", "randomised", "uniform", "plr"])
     found = run_experiment(FAMILY, SETTINGS, chosen, backend="python", begun=BEGUN)
