@@ -52,8 +52,8 @@ from envgraph.search._selection import ExactSelection, SurvivorSelection
 from envgraph.search.curricula import Begin, CurriculumSettings, Judged, Levels, Measured
 from envgraph.search.optimising import Strategy
 
-EFFORT, MOST_LANES = 4_000_000_000, 1_000
-"""Of a search for a whole family: steps of learners, which take one to two minutes; families improved at once."""
+EFFORT, MOST_LANES = 1_000_000_000, 1_000
+"""Of a search for a whole family: steps of learners, which take up to half a minute; families improved at once."""
 
 Placed = TypeVar("Placed", ModelText, Behaviour)
 

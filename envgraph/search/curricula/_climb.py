@@ -48,8 +48,8 @@ ENOUGH_GOOD: Final = 4
 """Families for each lane that are as good as is wanted on the first seeds: no more are drawn."""
 FEWER: Final = 0.64
 """Share of the steps of a reverse curriculum that is good, with which a searched family has to be good as well."""
-IMPROVING: Final = 0.1
-"""Share of the effort for that."""
+IMPROVING: Final = 0.4
+"""Share of the effort for that; and the largest for the reverse curriculum."""
 ENOUGH: Final = 0.99
 """The search for a family that teaches ends at this value by default."""
 NEW: Final = 500
@@ -213,9 +213,8 @@ class CurriculumSearch:
         if not isinstance(self.objective, Learning) or self.measures or self._demanded is not None:
             return None
         sizes = SIZES if self.settings.population is None else (self.settings.population,)
-        return reverse_curriculum(
-            starts, self.objective, sizes, self._success, lambda: self._spent() > SCREENED
-        )
+        is_over = lambda: self._spent() > IMPROVING  # noqa: E731
+        return reverse_curriculum(starts, self.objective, sizes, self._success, is_over)
 
     def _searched(
         self, starts: Starts, first: Sequence[tuple[Origin, Family]], until: float
@@ -258,12 +257,15 @@ class CurriculumSearch:
         spent = min(1.0, self._spent())
         if isinstance(found, _Lane):
             return CurriculumProgress(found.best, found.value, spent, self.tried, found.origin)
-        steps = found.objective.steps[-1] * len(found.family)
-        alone = self._success((self.levels.target,), found.objective.at(steps), NEW)
-        learnt = {"steps": steps, "alone": alone}
+        learnt = {"steps": found.objective.steps[-1] * len(found.family), "alone": self._alone(found)}
         if unsearched is not None:
             learnt["unsearched"] = unsearched
         return CurriculumProgress(found.family, found.success, spent, self.tried, found.origin, learnt)
+
+    def _alone(self, found: Taught) -> float:
+        """The share of new learners that solve the target after as many steps on it alone."""
+        steps = found.objective.steps[-1] * len(found.family)
+        return self._success((self.levels.target,), found.objective.at(steps), NEW)
 
     def _success(self, family: Family, objective: Learning, seeds: int) -> float:
         """The share of so many new learners that solve the target; 0 where a member has too many states."""

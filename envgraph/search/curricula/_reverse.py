@@ -62,17 +62,16 @@ def reverse_curriculum(
     families = {size: list(starts.reversed_episodes(size)) for size in sizes}
     best: tuple[int, float, Taught] | None = None
     for size, steps in _tried(objective, [size for size in sizes if families[size]]):
+        learning = objective if steps is None else objective.at(steps)
         for origin, family in families[size]:
-            learning = objective if steps is None else objective.at(steps)
             for stage, seeds in enumerate(_SEEDS):
                 share = success(family, learning, seeds)
-                found = Taught(family, learning, share, origin)
                 if best is None or (stage, share) > best[:2]:
-                    best = stage, share, found
+                    best = stage, share, Taught(family, learning, share, origin)
                 if share < GOOD:
                     break
             else:
-                return found
+                return best[2]
             if is_over():
                 return best[2]
     return best[2] if best else None
