@@ -11,7 +11,7 @@ tables alone how well a family teaches.
 """
 
 from envgraph.errors import shorten
-from envgraph.learn._comparison import BestWay, Comparison, best_way, compare, findings
+from envgraph.learn._comparison import SIGNIFICANT, BestWay, Comparison, best_way, compare, findings
 from envgraph.learn._controls import CONTROLS, Control, controls, optimistic_values, other_starts
 from envgraph.learn._curricula import Curriculum, sequences
 from envgraph.learn._experiment import FamilyMember, run_experiment, run_families, run_stages, train_run
@@ -25,7 +25,7 @@ from envgraph.learn._intervals import (
 )
 from envgraph.learn._journal import Journal, fingerprint
 from envgraph.learn._results import Experiment, RunResult, Summary, read_csv, write_csv
-from envgraph.learn._significance import holm, permutation_test
+from envgraph.learn._significance import ENOUGH, holm, mean_test, permutation_test
 from envgraph.learn._teachers import EXACT, TEACHERS
 from envgraph.solve import (
     Evaluation,
@@ -54,7 +54,9 @@ from envgraph.solve.learning import (
 
 __all__ = [
     "CONTROLS",
+    "ENOUGH",
     "EXACT",
+    "SIGNIFICANT",
     "TEACHERS",
     "BestWay",
     "Comparison",
@@ -86,6 +88,7 @@ __all__ = [
     "hit_probability",
     "holm",
     "interquartile_mean",
+    "mean_test",
     "mixture",
     "newcombe_interval",
     "optimal_return",

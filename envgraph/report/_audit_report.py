@@ -75,10 +75,10 @@ def _claims(findings: Sequence[Finding]) -> Section:
     )
     text = (
         "A claim says that something is above 0: a difference of success between two ways to choose levels, paired by "
-        "seeds, or a rank correlation. It stands where it is, and the sign-flip test over seeds gives p < .05 after "
-        "Holm's correction for all claims of this page. It fails where it is below 0 likewise, or where, with ten "
-        "seeds or more, the whole interval lies below .01. Otherwise it is undecided. Intervals are at 95 %; those of "
-        "differences are over seeds and over levels."
+        "seeds, or a rank correlation. It stands where it is, with p < .05 after Holm's correction for all "
+        f"{len(findings)} claims of this page. It fails where it is below 0 likewise, or where the whole interval "
+        "lies below .01. Otherwise, and with fewer than ten seeds, it is undecided. Interval (95 %) and p-value are "
+        "those of one test, over seeds and over levels."
     )
     about = "Claims named before the runs, and the value of each; tables 1 and 2 have the intervals."
     return Section("Which claims stand", (text,), tables=(Table(about, ("claim", *domains), rows),))
@@ -305,8 +305,8 @@ def _ladder(study: Study, findings: Sequence[Finding]) -> Table:
         if one.domain == study.name and one.part in parts
     )
     return Table(
-        "Table 2: the ladder from domain randomisation to exact scores: what a gain is due to. p is that of the paired "
-        "sign-flip test after Holm, PoI the probability of improvement.",
+        "Table 2: the ladder from domain randomisation to exact scores: what a gain is due to. p is that of the "
+        "test over seeds and levels after Holm, PoI the probability of improvement.",
         ("part", "difference", "success", "interval", "p", "PoI", "seeds", "the claim"),
         rows,
         frozenset({2, 4, 5, 6}),

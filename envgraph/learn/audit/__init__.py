@@ -6,7 +6,7 @@ described in `docs/evidence.md`.
 """
 
 from envgraph.errors import shorten
-from envgraph.learn.audit._claims import POOLED, Finding, findings_of, rank_values, two_way_interval
+from envgraph.learn.audit._claims import POOLED, Finding, findings_of, rank_values, two_way_test
 from envgraph.learn.audit._editing import Editor
 from envgraph.learn.audit._levels import AuditLevels, make_levels
 from envgraph.learn.audit._methods import CONTRASTS, EDITING, METHODS, PROBED, Contrast, Method
@@ -50,7 +50,7 @@ __all__ = [
     "schedule_of",
     "score_levels",
     "summaries",
-    "two_way_interval",
+    "two_way_test",
     "write_audit",
 ]
 

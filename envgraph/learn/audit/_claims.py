@@ -7,14 +7,13 @@ from dataclasses import replace
 from typing import Final, Literal
 
 import numpy as np
-from numpy.random import default_rng
-from numpy.typing import NDArray
 
 from envgraph.code import dataclass
 from envgraph.learn._comparison import SIGNIFICANT
-from envgraph.learn._intervals import bootstrap_interval, probability_of_improvement
-from envgraph.learn._significance import holm, permutation_test
+from envgraph.learn._intervals import probability_of_improvement
+from envgraph.learn._significance import ENOUGH, holm, mean_test
 from envgraph.learn.audit._methods import CONTRASTS, PROBED, Contrast
+from envgraph.learn.audit._ranks import Floats
 from envgraph.learn.audit._run import SHOWN_ROLLOUTS
 from envgraph.learn.audit._study import Study
 
@@ -22,11 +21,6 @@ Verdict = Literal["stands", "fails", "undecided"]
 
 MARGIN: Final = 0.01
 """A gain in success that is smaller is none: where the whole interval lies below it, the claim fails."""
-
-ENOUGH: Final = 10
-"""Seeds from which an interval alone may say so; those of fewer are too narrow."""
-
-RESAMPLES: Final = 2_000
 
 POOLED: Final = "all domains"
 
@@ -41,9 +35,9 @@ class Finding:
         claim: in words; it is that `value` is above 0.
         method, other: what is compared; of a rank correlation the score, and "".
         value: mean difference of success on the held-out levels, paired by seeds; or a rank correlation.
-        low, high: interval at 95 %, over seeds and over levels; of a rank correlation over seeds.
+        low, high: interval at 95 %, over seeds and over levels.
         improvement: probability that a run of the first is better than one of the second.
-        p_value: of the sign-flip test over seeds, corrected for all claims together.
+        p_value: of the test over seeds and levels that the interval belongs to, corrected for all claims together.
         seeds: how many.
         margin: an interval below it says that there is nothing to speak of.
     """
@@ -64,13 +58,11 @@ class Finding:
     @property
     def verdict(self) -> Verdict:
         """Stands, if the value is above 0 beyond chance; fails, if it is below 0, or too small to speak of."""
-        if self.p_value < SIGNIFICANT and self.low > 0.0:
+        if self.seeds < ENOUGH:
+            return "undecided"
+        if self.p_value < SIGNIFICANT and self.value > 0.0:
             return "stands"
-        if self.high < 0.0 and self.p_value < SIGNIFICANT:
-            return "fails"
-        if self.high < self.margin and self.seeds >= ENOUGH:
-            return "fails"
-        return "undecided"
+        return "fails" if self.p_value < SIGNIFICANT or self.high < self.margin else "undecided"
 
     def __str__(self) -> str:
         chance = "p < 0.001" if self.p_value < 0.001 else f"p = {self.p_value:.2g}"
@@ -80,74 +72,66 @@ class Finding:
 
 def findings_of(studies: Sequence[Study], contrasts: Sequence[Contrast] = CONTRASTS) -> list[Finding]:
     """What holds of every claim whose methods were run, in each domain and in all together; p-values after Holm."""
-    found = [one for study in studies for one in (*_contrasted(study, contrasts), *_ranked(study))]
+    found = [one for study in studies for one in (*_contrasted([study], contrasts), *_ranked(study))]
     if len(studies) > 1:
-        found += _pooled(studies, contrasts)
+        found += _contrasted(studies, contrasts)
     adjusted = holm([one.p_value for one in found])
     return [replace(one, p_value=p_value) for one, p_value in zip(found, adjusted, strict=True)]
 
 
-def two_way_interval(
-    differences: NDArray[np.float64], *, resamples: int = RESAMPLES, seed: int = 0
-) -> tuple[float, float]:
-    """Percentile interval at 95 % of the mean of differences [seeds, levels]; both are drawn anew (Owen 2007).
+def two_way_test(differences: Floats) -> tuple[float, float, float]:
+    """Return the interval at 95 % and the p-value of the mean of differences [seeds, levels], see `mean_test`.
 
-    So it says what other seeds would have given on other levels of the same generator.
+    Both say what other seeds would have given on other levels of the same generator.
     """
-    low, high = np.quantile(two_way_means(differences, seed, resamples=resamples), [0.025, 0.975])
-    return float(low), float(high)
+    return mean_test(float(differences.mean()), *_units(differences))
 
 
-def two_way_means(
-    differences: NDArray[np.float64], seed: int, *, resamples: int = RESAMPLES
-) -> NDArray[np.float64]:
-    """Means of resampled differences [resamples], see `two_way_interval`."""
-    rng, (seeds, levels) = default_rng(seed), differences.shape
-    rows = rng.multinomial(seeds, np.full(seeds, 1.0 / seeds), resamples) / seeds
-    columns = rng.multinomial(levels, np.full(levels, 1.0 / levels), resamples) / levels
-    found: NDArray[np.float64] = ((rows @ differences) * columns).sum(axis=1)
-    return found
+def _units(differences: Floats) -> list[Floats]:
+    """Return the means of the seeds and those of the levels."""
+    return [differences.mean(axis=1), differences.mean(axis=0)]
 
 
-def paired(study: Study, method: str, other: str) -> NDArray[np.float64] | None:
+def paired(study: Study, method: str, other: str) -> Floats | None:
     """Differences of success on the held-out levels [seeds, levels], for the seeds that both have; None below two."""
     first, second = study.of(method), study.of(other)
     seeds = sorted(first.keys() & second.keys())
     if len(seeds) < 2:
         return None
-    found: NDArray[np.float64] = np.array([first[seed].success for seed in seeds]) - np.array(
+    found: Floats = np.array([first[seed].success for seed in seeds]) - np.array(
         [second[seed].success for seed in seeds]
     )
     return found
 
 
-def _contrasted(study: Study, contrasts: Sequence[Contrast]) -> list[Finding]:
+def _contrasted(studies: Sequence[Study], contrasts: Sequence[Contrast]) -> list[Finding]:
+    """Contrasts in a domain, or over several, each counting the same; these domains are no sample of others."""
     found = []
     for one in contrasts:
-        differences = paired(study, one.method, one.other)
-        if differences is None:
-            continue
-        by_seed = differences.mean(axis=1)
-        first, second = study.of(one.method), study.of(one.other)
-        seeds = sorted(first.keys() & second.keys())
-        improvement = probability_of_improvement(
-            [first[seed].final for seed in seeds], [second[seed].final for seed in seeds]
-        )
-        found.append(
-            Finding(
-                study.name,
-                one.part,
-                one.claim,
-                one.method,
-                one.other,
-                float(by_seed.mean()),
-                *two_way_interval(differences),
-                float(improvement),
-                permutation_test(by_seed, np.zeros(len(seeds))),
-                len(seeds),
-            )
-        )
+        every = [paired(study, one.method, one.other) for study in studies]
+        known = [differences for differences in every if differences is not None]
+        if len(known) == len(studies):
+            value = np.mean([differences.mean() for differences in known])
+            units = [means / len(known) for differences in known for means in _units(differences)]
+            improvement = float(np.mean([_improvement(study, one) for study in studies]))
+            name = studies[0].name if len(studies) == 1 else POOLED
+            found.append(_finding(name, one, value, units, improvement, min(map(len, known))))
     return found
+
+
+def _improvement(study: Study, claim: Contrast) -> float:
+    first, second = study.of(claim.method), study.of(claim.other)
+    seeds = sorted(first.keys() & second.keys())
+    values, others = ([runs[seed].final for seed in seeds] for runs in (first, second))
+    return float(probability_of_improvement(values, others))
+
+
+def _finding(
+    domain: str, claim: Contrast, mean: np.float64, units: Sequence[Floats], improvement: float, seeds: int
+) -> Finding:
+    low, high, p_value = mean_test(float(mean), *units)
+    about = domain, claim.part, claim.claim, claim.method, claim.other
+    return Finding(*about, float(mean), max(-1.0, low), min(1.0, high), improvement, p_value, seeds)
 
 
 def rank_values(study: Study, score: str, column: str, rollouts: int = SHOWN_ROLLOUTS) -> list[float]:
@@ -166,68 +150,10 @@ def _ranked(study: Study) -> list[Finding]:
     """Whether scores rank levels by their regret: the solvable ones alone, since an unsolvable level has none."""
     found = []
     for score in PROBED:
-        values = rank_values(study, score, "regret_solvable")
-        interval = bootstrap_interval(values) if len(values) > 1 else None
-        if interval is None:
-            continue
-        claim = f"{score} ranks solvable levels by their regret"
-        positive = float(np.mean([(value > 0.0) + (value == 0.0) / 2 for value in values]))
-        p_value = permutation_test(values, np.zeros(len(values)))
-        found.append(
-            Finding(
-                study.name,
-                "rank",
-                claim,
-                score,
-                "",
-                float(np.mean(values)),
-                *interval,
-                positive,
-                p_value,
-                len(values),
-            )
-        )
-    return found
-
-
-def _pooled(studies: Sequence[Study], contrasts: Sequence[Contrast]) -> list[Finding]:
-    """Contrasts over all domains, each counting the same."""
-    found = []
-    for one in contrasts:
-        every = [paired(study, one.method, one.other) for study in studies]
-        known = [differences for differences in every if differences is not None]
-        if len(known) < len(studies):
-            continue
-        seeds = min(map(len, known))
-        by_seed = np.mean([differences.mean(axis=1)[:seeds] for differences in known], axis=0)
-        spread = [two_way_means(differences, place) for place, differences in enumerate(known)]
-        low, high = np.quantile(np.mean(spread, axis=0), [0.025, 0.975])
-        improvement = float(
-            np.mean(
-                [
-                    probability_of_improvement(
-                        [run.final for run in study.of(one.method).values()],
-                        [run.final for run in study.of(one.other).values()],
-                    )
-                    for study in studies
-                ]
-            )
-        )
-        value = float(np.mean([differences.mean() for differences in known]))
-        p_value = permutation_test(by_seed, np.zeros(seeds))
-        found.append(
-            Finding(
-                POOLED,
-                one.part,
-                one.claim,
-                one.method,
-                one.other,
-                value,
-                float(low),
-                float(high),
-                improvement,
-                p_value,
-                seeds,
-            )
-        )
+        values = np.array(rank_values(study, score, "regret_solvable"))
+        if len(values) > 1:
+            claim = Contrast(f"{score} ranks solvable levels by their regret", "rank", score, "")
+            levels = np.mean([run.ranked_levels[score] for run in study.runs if run.ranked_levels], axis=0)
+            positive = float(np.mean((values > 0.0) + (values == 0.0) / 2))
+            found.append(_finding(study.name, claim, values.mean(), [values, levels], positive, len(values)))
     return found

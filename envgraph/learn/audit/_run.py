@@ -13,7 +13,7 @@ from envgraph.env.schedules import Buffer, Edit, Outcomes, Replay, Schedule, Shu
 from envgraph.learn.audit._editing import Editor
 from envgraph.learn.audit._levels import AuditLevels
 from envgraph.learn.audit._methods import METHODS, PROBED, Method
-from envgraph.learn.audit._ranks import ranking
+from envgraph.learn.audit._ranks import Floats, level_parts, ranking
 from envgraph.learn.audit._scores import Student, exact_scores, score_levels
 from envgraph.learn.audit._settings import AuditSettings
 from envgraph.search import Domain
@@ -27,8 +27,7 @@ ROLLOUTS: Final = (1, 4, 16, 64, 256)
 """Episodes from which scores are estimated."""
 
 PROBING_SEEDS: Final = 16
-"""Students that are probed; all learn by domain randomisation. With ten no claim on ranks could stand after Holm's
-correction for four domains, since a sign-flip test over n seeds gives no p below 2 ** (1 - n)."""
+"""Students that are probed; all learn by domain randomisation."""
 
 SHOWN_ROLLOUTS: Final = 16
 _SCHEDULER, _PROBE = 3, 4
@@ -52,6 +51,8 @@ class Run:
         rankings: what scores rank, for students that are probed: one for each point, number of rollouts and score.
         shown: at the middle of training, exact regret and success of the probed levels and what scores make of them
             from 16 rollouts; of the first student that is probed.
+        ranked_levels: for each score from 16 rollouts, the `level_parts` of its rank correlation with regret over
+            solvable levels, mean over the points; None for a student that is not probed.
     """
 
     method: str
@@ -66,6 +67,7 @@ class Run:
     learned_solvable: float
     rankings: tuple[dict[str, Any], ...] = ()
     shown: dict[str, list[float]] | None = None
+    ranked_levels: dict[str, list[float]] | None = None
 
     @property
     def final(self) -> float:
@@ -102,6 +104,7 @@ def run_method(
     curve: list[tuple[int, int, float]] = []
     rankings: list[dict[str, Any]] = []
     shown: dict[str, list[float]] | None = None
+    parts: list[list[Floats]] = []
     while len(curve) < POINTS:
         batch = schedule.ask(settings.policy.levels, rng)
         levels = editor.levels if editor else levels
@@ -124,6 +127,9 @@ def run_method(
             if method == METHODS[0] and seed < PROBING_SEEDS and len(curve) in PROBES:
                 found, values = probe(levels, student, seed, len(curve) / POINTS)
                 rankings += found
+                solved = np.array(values["solvable"], bool)
+                every = [np.array(values[name])[solved] for name in ("regret", *PROBED)]
+                parts.append([level_parts(scores, every[0]) for scores in every[1:]])
                 if seed == 0 and len(curve) == PROBES[2]:
                     shown = values
     success, value = student.evaluate(levels.held_out)
@@ -140,6 +146,7 @@ def run_method(
         learned_solvable=solvable / max(1, learned),
         rankings=tuple(rankings),
         shown=shown,
+        ranked_levels=dict(zip(PROBED, np.mean(parts, axis=0).tolist(), strict=True)) if parts else None,
     )
 
 

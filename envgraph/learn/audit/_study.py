@@ -21,7 +21,7 @@ from envgraph.learn.audit._run import Run, run_method
 from envgraph.learn.audit._settings import AuditSettings
 from envgraph.search import Domain
 
-FORMAT: Final = 2
+FORMAT: Final = 3
 """Raised when the same files give other results than before."""
 
 _Source = tuple[Bundle, tuple[str, ...]]

@@ -12,7 +12,7 @@ import numpy as np
 from envgraph.code import dataclass
 from envgraph.files import replacing
 from envgraph.learn._intervals import bootstrap_interval, probability_of_improvement
-from envgraph.learn.audit._claims import Finding, paired, two_way_interval
+from envgraph.learn.audit._claims import Finding, paired, two_way_test
 from envgraph.learn.audit._methods import METHODS
 from envgraph.learn.audit._study import Study
 from envgraph.solve import cvar
@@ -74,7 +74,7 @@ def summaries(study: Study) -> list[Summary]:
         gain, gain_low, gain_high, improvement = 0.0, 0.0, 0.0, 0.5
         if differences is not None:
             gain = float(differences.mean())
-            gain_low, gain_high = two_way_interval(differences)
+            gain_low, gain_high, _ = two_way_test(differences)
             others = [base[seed].final for seed in runs if seed in base]
             improvement = float(probability_of_improvement(finals, others))
         levels = np.mean([run.success for run in runs.values()], axis=0)

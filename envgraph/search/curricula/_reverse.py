@@ -65,13 +65,13 @@ def reverse_curriculum(
         learning = objective if steps is None else objective.at(steps)
         for origin, family in families[size]:
             for stage, seeds in enumerate(_SEEDS):
-                share = success(family, learning, seeds)
-                if best is None or (stage, share) > best[:2]:
-                    best = stage, share, Taught(family, learning, share, origin)
-                if share < GOOD:
+                found = Taught(family, learning, success(family, learning, seeds), origin)
+                if best is None or (stage, found.success) > best[:2]:
+                    best = stage, found.success, found
+                if found.success < GOOD:
                     break
             else:
-                return best[2]
+                return found
             if is_over():
                 return best[2]
     return best[2] if best else None

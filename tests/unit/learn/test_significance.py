@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from envgraph.errors import InvalidArgument
-from envgraph.learn import _significance, holm, permutation_test
+from envgraph.learn import _significance, holm, mean_test, permutation_test
 
 ROW = st.tuples(*[st.sampled_from([0.0, 0.25, 1.0, 1 / 3, 10.2])] * 2)
 
@@ -76,3 +76,50 @@ def test_holm_steps_down(p_values: list[float]) -> None:
 def test_both_sides_have_the_same_seeds(values: list[object], others: list[object]) -> None:
     with pytest.raises(InvalidArgument, match="as many seeds"):
         permutation_test(values, others)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("degrees", "factor"), [(1, 12.7062), (2, 4.3027), (9, 2.2622), (30, 2.0423), (1000, 1.9623)]
+)
+def test_the_interval_of_a_mean_is_that_of_students_t(degrees: int, factor: float) -> None:
+    values = np.random.default_rng(0).standard_normal(degrees + 1)
+    low, high, p_value = mean_test(float(values.mean()), values)
+    error = values.std(ddof=1) / np.sqrt(degrees + 1)
+    assert [low, high] == pytest.approx(values.mean() + np.array([-1, 1]) * factor * error, rel=1e-4)
+    assert mean_test(factor * error, values)[2] == pytest.approx(0.05, rel=1e-4)
+    assert mean_test(-factor * error, values)[2] == pytest.approx(0.05, rel=1e-4)
+    assert (p_value < 0.05) == (low > 0 or high < 0)
+
+
+def test_small_p_values_are_those_of_the_table() -> None:
+    values = np.random.default_rng(0).standard_normal(10)
+    error = values.std(ddof=1) / np.sqrt(10)
+    assert mean_test(4.7809 * error, values)[2] == pytest.approx(0.001, rel=1e-3)
+    assert mean_test(0.0, values)[2] == 1.0
+
+
+@given(
+    st.floats(-3, 3),
+    st.lists(st.floats(-1, 1), min_size=2, max_size=9),
+    st.lists(st.floats(-9, 9), min_size=2),
+)
+def test_p_is_below_5_percent_exactly_if_the_interval_excludes_0(
+    value: float, units: list[float], others: list[float]
+) -> None:
+    low, high, p_value = mean_test(value, units, others)
+    assert low <= value <= high
+    if abs(p_value - 0.05) > 1e-9:
+        assert (p_value < 0.05) == (low > 0 or high < 0)
+
+
+def test_two_samples_are_compared_as_welch_does() -> None:
+    """Welch 1947 by hand: variances 2.5 / 5 and 10 / 5 over 4 degrees each, t = 3 / sqrt(2.5), 5.88 degrees."""
+    low, high, p_value = mean_test(3.0, [1, 2, 3, 4, 5], [2, 4, 6, 8, 10])
+    assert p_value == pytest.approx(0.1075, abs=5e-4)
+    assert (high - low) / 2 == pytest.approx(2.4593 * np.sqrt(2.5), rel=1e-3)
+
+
+def test_a_mean_of_one_unit_says_nothing_and_one_without_variance_everything() -> None:
+    assert mean_test(0.5, [0.5], [1.0, 2.0]) == (-np.inf, np.inf, 1.0)
+    assert mean_test(0.5, [0.5, 0.5]) == (0.5, 0.5, 0.0)
+    assert mean_test(0.0, [0.0, 0.0]) == (0.0, 0.0, 1.0)

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from envgraph.learn.audit import rank_correlation, ranking, two_way_interval
+from envgraph.learn.audit import rank_correlation, ranking, two_way_test
+from envgraph.learn.audit._ranks import level_parts
 
 
 def test_rank_correlation_of_ties_is_that_of_midranks() -> None:
@@ -37,8 +38,23 @@ def test_unsolvable_levels_can_make_a_correlation_that_solvable_ones_do_not_have
 def test_an_interval_over_seeds_and_levels_is_wider_than_over_either() -> None:
     rng = np.random.default_rng(1)
     seeds, levels = rng.standard_normal((20, 1)), rng.standard_normal((1, 30))
-    low, high = two_way_interval(seeds + levels)
+    low, high, _ = two_way_test(seeds + levels)
     for one in (seeds + np.zeros((1, 30)), levels + np.zeros((20, 1))):
-        narrow = two_way_interval(one)
+        narrow = two_way_test(one)
         assert high - low > narrow[1] - narrow[0]
-    assert two_way_interval(np.full((3, 4), 0.25)) == pytest.approx((0.25, 0.25))
+    assert two_way_test(np.full((3, 4), 0.25)) == (0.25, 0.25, 0.0)
+
+
+@pytest.mark.parametrize("strength", [0.0, 1.0, 3.0])
+def test_parts_of_levels_say_how_a_rank_correlation_varies_over_samples_of_levels(strength: float) -> None:
+    rng, found, errors = np.random.default_rng(2), [], []
+    for _ in range(200):
+        values = rng.standard_normal(90)
+        others = strength * values + rng.standard_normal(90)
+        parts = level_parts(values, others)
+        assert parts.shape == (20,)
+        assert parts.mean() == pytest.approx(rank_correlation(values, others), abs=0.03)
+        found.append(parts.mean())
+        errors.append(parts.std(ddof=1) / np.sqrt(20))
+    assert np.mean(errors) == pytest.approx(np.std(found), rel=0.15)
+    assert level_parts(values[:3], others[:3]).shape == (3,)

@@ -11,6 +11,7 @@ from envgraph.env.schedules import Sifting
 from envgraph.errors import InvalidArgument
 from envgraph.learn.audit import (
     METHODS,
+    PROBED,
     SHOWN_ROLLOUTS,
     AuditLevels,
     AuditSettings,
@@ -69,7 +70,10 @@ def test_probing_leaves_no_trace_in_the_student(monkeypatch: pytest.MonkeyPatch)
     unprobed = run_method(levels, given, replace(METHODS[0], name="other"), 0, native=False)
     assert first.rankings
     assert first.shown is not None
-    assert not unprobed.rankings
+    assert not unprobed.rankings and unprobed.ranked_levels is None
+    assert first.ranked_levels is not None
+    assert list(first.ranked_levels) == list(PROBED)
+    assert first.ranked_levels["PVL"] != first.ranked_levels["MaxMC"]
     assert (first.success, first.curve) == (unprobed.success, unprobed.curve)
 
 
@@ -139,6 +143,7 @@ def study(gain: float, noise: float, seeds: int = 12) -> Study:
         (-0.1, 0.02, 12, "fails"),
         (0.0, 0.004, 12, "fails"),
         (0.02, 0.3, 12, "undecided"),
+        (0.1, 0.02, 9, "undecided"),
         (0.1, 0.02, 3, "undecided"),
         (-0.1, 0.02, 3, "undecided"),
     ],
@@ -147,6 +152,60 @@ def test_a_verdict_goes_by_interval_and_test(gain: float, noise: float, seeds: i
     (found,) = findings_of([study(gain, noise, seeds)])
     assert found.claim == "leaving unsolvable levels out helps"
     assert found.verdict == verdict
+
+
+def crossed(seed: int, gain: float = 0.0) -> Study:
+    """A null study, but for the gain: 14 seeds on 20 levels, which differ more in what a method gains than seeds do."""
+    rng, runs = np.random.default_rng(seed), []
+    levels = 0.1 * rng.standard_normal(20)
+    for one in range(14):
+        base = rng.random(20)
+        runs.append(run("DR", one, base))
+        noise = 0.03 * rng.standard_normal() + 0.1 * rng.standard_normal(20)
+        runs.append(run("DR, solvable only", one, base + gain + levels + noise))
+    return Study("Corridors", corridors(), settings(), tuple(runs))
+
+
+def test_p_is_valid_where_levels_differ_more_than_seeds() -> None:
+    found = [finding for seed in range(400) for finding in findings_of([crossed(seed)])]
+    assert 0.02 < np.mean([one.p_value < 0.05 for one in found]) < 0.08
+    assert all((one.p_value < 0.05) == (not one.low <= 0 <= one.high) for one in found)
+
+
+def test_no_claim_is_decided_that_its_interval_leaves_open() -> None:
+    found = [finding for seed in range(60) for finding in findings_of([crossed(seed, 0.04)])]
+    assert {one.verdict for one in found} >= {"stands", "undecided"}
+    for one in found:
+        assert one.verdict != "stands" or one.low > 0
+        assert one.verdict != "fails" or one.high < one.margin
+
+
+def test_p_values_are_corrected_for_the_claims_of_all_domains() -> None:
+    one = crossed(0, 0.08)
+    (alone,) = findings_of([one])
+    together = findings_of([one, replace_name(crossed(1), "A"), replace_name(crossed(2), "B")])
+    assert together[0].p_value == pytest.approx(4 * alone.p_value), "three domains and all of them"
+
+
+def ranked(correlations: list[float], parts: list[float]) -> Study:
+    """Students whose scores all rank levels alike."""
+    runs = []
+    for seed, one in enumerate(correlations):
+        rankings = tuple(
+            {"score": score, "rollouts": SHOWN_ROLLOUTS, "regret_solvable": one} for score in PROBED
+        )
+        levels = dict.fromkeys(PROBED, parts)
+        runs.append(replace(run("DR", seed, np.ones(8)), rankings=rankings, ranked_levels=levels))
+    return Study("Corridors", corridors(), settings(), tuple(runs))
+
+
+def test_a_claim_on_ranks_is_about_other_levels_too() -> None:
+    correlations = [0.1 + 0.001 * place for place in range(12)]
+    alike, apart = [0.1, 0.11] * 10, [0.9, -0.7] * 10
+    assert {one.verdict for one in findings_of([ranked(correlations, alike)])} == {"stands"}
+    found = findings_of([ranked(correlations, apart)])
+    assert {one.verdict for one in found} == {"undecided"}
+    assert all(one.low < 0 < one.high for one in found)
 
 
 def test_several_domains_are_also_judged_together() -> None:
