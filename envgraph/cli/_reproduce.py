@@ -70,8 +70,9 @@ def reproduce_paper(
     print_line(f"page: {page}")
 
 
-def _data(claim: Any) -> dict[str, str]:
-    return {"claim": claim.text, "paper": claim.paper, "here": claim.here, "verdict": claim.verdict}
+def _data(claim: Any) -> dict[str, Any]:
+    tested = {"over": claim.over, "p_value": claim.p_value}
+    return {"claim": claim.text, "paper": claim.paper, "here": claim.here, **tested, "verdict": claim.verdict}
 
 
 class _Bars(ExitStack):

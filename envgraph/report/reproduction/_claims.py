@@ -2,19 +2,49 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from statistics import fmean
-from typing import Literal
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from math import sqrt
+from statistics import NormalDist, fmean
+from typing import Final, Literal
+
+import numpy as np
 
 from envgraph.code import dataclass
-from envgraph.learn import Summary, bootstrap_interval, compare, wilson_interval
+from envgraph.learn import (
+    ENOUGH,
+    SIGNIFICANT,
+    Summary,
+    bootstrap_interval,
+    holm,
+    mean_test,
+    wilson_interval,
+)
 from envgraph.report.reproduction._published import AGENTS, NORMAL
 from envgraph.report.reproduction._runs import Budget, Reproduction, Sample
 
-Verdict = Literal["holds", "does not hold", "holds in part", "depends on the seed", "undecided"]
+Verdict = Literal["holds", "does not hold", "depends on the seed", "undecided"]
 
 NEARLY_ALL, NEARLY_NONE = 0.95, 0.05
 """An interval of success above the one, or below the other, is what the paper calls 100 % and 0 %."""
+
+_EASY, _AGENTS = "from easy to hard is the order that teaches", "agents of the published family"
+_DIFFERENCES: Final = (
+    ("Random families do not reach what the published one does", "10, 47, 63 %", "E1-E6", "random"),
+    ("Families that are searched for teach more than random ones", "one family", "own", "random"),
+    ("To order random families by complexity raises success", "+3, -4, 0 points", "ordered", "random"),
+    (f"In the published family {_EASY}", "not compared", "E1-E6", "reversed"),
+    (f"In families that are searched for {_EASY}", "not compared", "own", "own, reversed"),
+)
+"""Claims that something reaches more than another thing: the sentence, what was published, and the two."""
+
+_UNITS: Final = {
+    "random": "random families",
+    "ordered": "random families",
+    "own": "searches",
+    "own, reversed": "searches",
+}
+"""What is independent in a sample, each with the mean of its agents; of curricula of the published family, agents."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,26 +55,38 @@ class Claim:
         text: the sentence.
         paper: what was published.
         here: what was found.
-        verdict: whether it holds; "depends on the seed" where some agents do what the published one did, and some not.
+        likelier: what holds if the test is significant, or if there is none.
+        over: the units of the test, such as "200 searches".
+        p_value: of the two-sided test, after Holm for all claims that are tested; None: not tested.
+        otherwise: what holds if the test is not significant.
     """
 
     text: str
     paper: str
     here: str
-    verdict: Verdict
+    likelier: Verdict
+    over: str = ""
+    p_value: float | None = None
+    otherwise: Verdict = "undecided"
+
+    @property
+    def verdict(self) -> Verdict:
+        """Whether it holds; "depends on the seed" where some agents do what the published one did, and some not."""
+        return self.likelier if self.p_value is None or self.p_value < SIGNIFICANT else self.otherwise
+
+    @property
+    def test(self) -> str:
+        """The p-value and the units, in words; "" where nothing was tested."""
+        if self.p_value is None:
+            return ""
+        return f"p {'< 0.001' if self.p_value < 0.001 else f'= {self.p_value:.2g}'}, {self.over}"
 
 
 def claims(found: Reproduction) -> list[Claim]:
     """What of the paper holds, in the order of its text; without what was not trained or measured."""
-    return [
-        *_agents(found),
-        *_budgets(found),
-        *_random(found),
-        *_ordering(found),
-        *_reverse(found),
-        *_own(found),
-        *_times(found),
-    ]
+    stated = [*_rates(found), *_differences(found), *_times(found)]
+    corrected = iter(holm([one.p_value for one in stated if one.p_value is not None]))
+    return [one if one.p_value is None else replace(one, p_value=next(corrected)) for one in stated]
 
 
 def percent(rate: float, interval: tuple[float, float] | None = None) -> str:
@@ -60,7 +102,7 @@ def percent(rate: float, interval: tuple[float, float] | None = None) -> str:
 
 def summaries(budget: Budget) -> dict[str, Summary]:
     """What became of the published family, by label."""
-    return {one.label: one for one in budget.experiment.best_optimistic().summaries()}
+    return {one.label: one for one in budget.experiment.summaries()}
 
 
 def interval(sample: Sample) -> tuple[float, float]:
@@ -70,126 +112,90 @@ def interval(sample: Sample) -> tuple[float, float]:
     return bootstrap_interval(sample.success) or (0.0, 1.0)
 
 
-def _success(one: Summary) -> str:
-    return f"{one.label} {percent(one.success_rate, one.success_interval)}"
+def _reached_by(budget: Budget, name: str) -> Sequence[float]:
+    """Return the success of each family of a sample, or of each agent of a curriculum of the published family."""
+    if name in budget.samples:
+        return budget.samples[name].success
+    runs = budget.experiment.best_optimistic().runs
+    return [run.success_rate for run in runs if run.label == name or run.label.startswith(f"{name} ")]
 
 
-def _judged(rates: list[float], intervals: list[tuple[float, float]], wanted: list[float]) -> Verdict:
-    """Whether success is nearly all or nearly none, as it was published."""
-    pairs = [*zip(intervals, wanted, strict=True)]
-    if all(low >= NEARLY_ALL if rate else high <= NEARLY_NONE for (low, high), rate in pairs):
-        return "holds"
-    if any(high < 0.5 if rate else low > 0.5 for (low, high), rate in pairs):
-        return "does not hold"
-    return "depends on the seed" if any(NEARLY_NONE < rate < NEARLY_ALL for rate in rates) else "undecided"
-
-
-def _agents(found: Reproduction) -> Iterator[Claim]:
-    """Table 3."""
+def _rates(found: Reproduction) -> Iterator[Claim]:
+    """Yield the claims of tables 3 and 5 on what was published as 100 % or 0 %."""
     for budget in found.budgets:
-        if budget.steps != NORMAL:
-            continue
-        every = summaries(budget)
         for text, labels in (
             ("Agents that were trained on one environment alone do not succeed on E6", [*AGENTS][:6]),
             ("Agents of the curricula E1-E6 to E4-E6 succeed on E6", [*AGENTS][6:10]),
             ("Agents of E5-E6 do not", [*AGENTS][10:]),
+            ("Training on E6 alone cannot solve it, even from optimistic values", ["E6", "optimistic"]),
         ):
-            ones = [every[label] for label in labels]
-            wanted = [AGENTS[label][0] for label in labels]
-            verdict = _judged(
-                [one.success_rate for one in ones], [one.success_interval for one in ones], wanted
-            )
-            yield Claim(text, percent(wanted[0]), ", ".join(map(_success, ones)), verdict)
-        for optimistic in (one for label, one in every.items() if label.startswith("optimistic")):
-            yield Claim(
-                "Training on E6 alone cannot solve it",
-                "0 %",
-                f"values that begin at 0: {percent(every['E6'].success_rate)}; "
-                f"{optimistic.label}, the best of several, with as many steps: {percent(optimistic.success_rate)}",
-                "holds" if optimistic.success_interval[1] <= NEARLY_NONE else "holds in part",
-            )
-
-
-def _budgets(found: Reproduction) -> Iterator[Claim]:
-    """Table 5, the curriculum."""
-    ones = [(budget.steps, summaries(budget)["E1-E6"]) for budget in found.budgets]
-    here = ", ".join(f"{steps:,}: {percent(one.success_rate, one.success_interval)}" for steps, one in ones)
-    verdict = _judged(
-        [one.success_rate for _, one in ones], [one.success_interval for _, one in ones], [1.0] * len(ones)
-    )
-    yield Claim("The generated curriculum reaches 100 % with every budget", "100 %", here, verdict)
-
-
-def _random(found: Reproduction) -> Iterator[Claim]:
-    """Table 5, the others."""
-    parts, below = [], []
-    for budget in found.budgets:
-        one = summaries(budget)["E1-E6"]
-        sample = budget.samples["random"]
-        parts.append(
-            f"{budget.steps:,}: {percent(one.success_rate)} against {percent(fmean(sample.success), interval(sample))}"
-        )
-        below.append(interval(sample)[1] < one.success_interval[0])
-    text = "Random families never reach what the generated one does"
-    verdict: Verdict = "holds" if all(below) else "holds in part" if any(below) else "undecided"
-    yield Claim(text, "100 % against 10, 47 and 63 %", ", ".join(parts), verdict)
-
-
-def _ordering(found: Reproduction) -> Iterator[Claim]:
-    """The same random families in both orders: a difference for each of them."""
-    pairs = [
-        fmean(
-            ordered - drawn
-            for ordered, drawn in zip(
-                (budget.samples["ordered"].success[place] for budget in found.budgets),
-                (budget.samples["random"].success[place] for budget in found.budgets),
-                strict=True,
-            )
-        )
-        for place in range(len(found.budgets[0].samples["random"].success))
-    ]
-    low, high = bootstrap_interval(pairs) or (0.0, 0.0)
-    yield Claim(
-        "To order random families by complexity raises their success slightly",
-        "+3, -4 and 0 points",
-        f"{100 * fmean(pairs):+.1f} points ({100 * low:+.1f} to {100 * high:+.1f}), mean of the budgets",
-        "holds" if low > 0 else "does not hold" if high < 0 else "undecided",
-    )
-
-
-def _reverse(found: Reproduction) -> Iterator[Claim]:
-    """The order of the generated family."""
-    compared = {
-        budget.steps: next((one for one in compare(budget.experiment) if one.control == "reversed"), None)
-        for budget in found.budgets
-    }
-    ones = {steps: one for steps, one in compared.items() if one is not None}
-    verdicts = {one.verdict for one in ones.values()}
-    verdict: Verdict = (
-        "does not hold" if "worse" in verdicts else "holds" if "better" in verdicts else "undecided"
-    )
-    here = ", ".join(
-        f"{steps:,}: {percent(one.value)} against {percent(one.other)}" for steps, one in ones.items()
-    )
-    yield Claim("From easy to hard is the order that teaches", "not compared", f"{here} reversed", verdict)
-
-
-def _own(found: Reproduction) -> Iterator[Claim]:
-    """The method rather than the one family that it led to."""
-    samples = [(budget.steps, budget.samples["own"]) for budget in found.budgets]
-    here = ", ".join(f"{steps:,}: {percent(fmean(one.success), interval(one))}" for steps, one in samples)
+            if budget.steps == NORMAL:
+                parts = {label: _reached_by(budget, label) for label in labels}
+                yield _rate(text, AGENTS[labels[0]][0], parts, _AGENTS)
     most = max(found.diversity)
     diverse = sum(one >= most - 1e-9 for one in found.diversity) / len(found.diversity)
-    yield Claim(
-        "The approach generates families that teach",
-        "100 % (one family)",
-        f"{len(found.diversity)} families, {percent(diverse)} of them with {most:.3f} bits, one agent each: {here}",
-        _judged(
-            [fmean(one.success) for _, one in samples],
-            [interval(one) for _, one in samples],
-            [1.0] * len(samples),
-        ),
+    taught, own = (
+        {f"{one.steps:,}:": _reached_by(one, name) for one in found.budgets} for name in ("E1-E6", "own")
+    )
+    yield _rate("The published curriculum reaches 100 % with every budget", 1.0, taught, _AGENTS)
+    claim = _rate("Families that are searched for teach", 1.0, own, _UNITS["own"])
+    yield replace(
+        claim, here=f"{percent(diverse)} of them have {most:.3f} bits; one agent each, {claim.here}"
+    )
+
+
+def _rate(text: str, wanted: float, parts: Mapping[str, Sequence[float]], units: str) -> Claim:
+    """Test whether success is nearly all or nearly none in every part, or on the other side of a half in one.
+
+    Wilson's interval inverts these score tests. The claim needs all parts; one part is enough for its opposite.
+    """
+    number, rates = min(map(len, parts.values())), {name: fmean(part) for name, part in parts.items()}
+    alike = [rate if wanted else 1.0 - rate for rate in rates.values()]  # do as the published agent did
+    holds = max(_score(NEARLY_ALL - rate, NEARLY_ALL, number) for rate in alike)
+    fails = len(parts) * min(_score(rate - 0.5, 0.5, number) for rate in alike)
+    depends = any(NEARLY_NONE < rate < NEARLY_ALL for rate in alike)
+    every = [(name, percent(rate, wilson_interval(rate, len(parts[name])))) for name, rate in rates.items()]
+    otherwise: Verdict = "depends on the seed" if depends else "undecided"
+    here = ", ".join(map(" ".join, every))
+    return _tested(text, percent(wanted), here, (holds, fails), {units: number}, otherwise)
+
+
+def _score(difference: float, bound: float, number: int) -> float:
+    return NormalDist().cdf(difference / sqrt(bound * (1.0 - bound) / number))
+
+
+def _differences(found: Reproduction) -> Iterator[Claim]:
+    """Test `_DIFFERENCES`, means of the budgets, and over pairs where both have the same units."""
+    for text, paper, name, other in _DIFFERENCES:
+        pairs = [[_reached_by(budget, one) for budget in found.budgets] for one in (name, other)]
+        first, second = (np.mean(one, axis=0) for one in pairs)
+        mean = float(first.mean() - second.mean())
+        units = {_UNITS.get(one, _AGENTS): len(values) for one, values in ((name, first), (other, second))}
+        low, high, p_value = mean_test(mean, *([first - second] if len(units) == 1 else [first, second]))
+        here = (
+            f"{100 * mean:+z.1f} points ({100 * max(low, -1):+z.1f} to {100 * min(high, 1):+z.1f}): "
+            + ", ".join(
+                f"{budget.steps:,}: {percent(fmean(one))} against {percent(fmean(two))}"
+                for budget, one, two in zip(found.budgets, *pairs, strict=True)
+            )
+        )
+        one_sided = (p_value / 2, 1 - p_value / 2)
+        yield _tested(text, paper, here, one_sided if mean > 0 else one_sided[::-1], units)
+
+
+def _tested(
+    text: str,
+    paper: str,
+    here: str,
+    sides: tuple[float, float],
+    units: Mapping[str, int],
+    otherwise: Verdict = "undecided",
+) -> Claim:
+    """Return a claim tested by the one-sided p-values that it holds and that it does not; few units decide nothing."""
+    p_value = min(1.0, 2 * min(sides)) if min(units.values()) >= ENOUGH else 1.0
+    over = " and ".join(f"{number:,} {name}" for name, number in units.items())
+    return Claim(
+        text, paper, here, "holds" if sides[0] < sides[1] else "does not hold", over, p_value, otherwise
     )
 
 
@@ -202,6 +208,6 @@ def _times(found: Reproduction) -> Iterator[Claim]:
         yield Claim(
             "The time of generation scales well with the size of the map",
             "47 s at 8x8, 50 s at 12x12",
-            f"{sizes[small]:.1f} s at {small}x{small}, {sizes[large]:.1f} s at {large}x{large}",
+            f"{sizes[small]:.1f} s of CPU at {small}x{small}, {sizes[large]:.1f} s at {large}x{large}",
             "holds" if growth < (large / small) ** 2 else "does not hold",
         )

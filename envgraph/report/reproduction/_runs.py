@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 from statistics import fmean, pstdev
 from tempfile import TemporaryDirectory
-from time import perf_counter
+from time import process_time
 from typing import Final
 
 from envgraph.code import dataclass
@@ -83,7 +83,7 @@ class Reproduction:
         seeds: training seeds of the published family, and how many families of our own there are.
         budgets: the smallest first.
         diversity: entropy of each family of our own, in bits.
-        times: seconds of `generation_times`; {} where they were not measured.
+        times: CPU seconds of `generation_times`; {} where they were not measured.
     """
 
     family: Family
@@ -107,7 +107,7 @@ def reproduce(
     the times.
 
     Args:
-        seeds: how many agents for each curriculum, and how many families of our own.
+        seeds: how many agents for each curriculum, and how many searches for families of our own.
         budgets: training steps an environment.
         times: whether to measure how long families take to generate.
         workers: how many agents learn at a time; changes no result.
@@ -231,7 +231,7 @@ def generation_times(
     populations: Sequence[int] = tuple(TIMES),
     generations: int = 1_000,
 ) -> dict[int, dict[int, float]]:
-    """Seconds of wall time that so many generations take, with the paper's configuration, by population and size.
+    """CPU seconds of all threads that so many generations take, with the paper's configuration, by population and size.
 
     The paper's larger maps were not published: E6 is put into the upper left corner of roads with the goal in the other
     corner. The run goes on after the family is as diverse as can be, as in the paper.
@@ -241,7 +241,7 @@ def generation_times(
         for place, (population, size) in enumerate((one, other) for one in populations for other in sizes):
             progress("time of generation", place, len(sizes) * len(populations))
             _write_forest(Path(folder), size)
-            started = perf_counter()
+            started = process_time()
             generate(
                 f"{folder}/paper.toml",
                 Path(folder) / "run.sqlite",
@@ -249,7 +249,7 @@ def generation_times(
                 generations=generations,
                 overrides=["search.target=false", 'constraints.require=["solvable", "truckOnStart"]'],
             ).diversity()
-            found[population][size] = perf_counter() - started
+            found[population][size] = process_time() - started
             (Path(folder) / "run.sqlite").unlink()
     return found
 
