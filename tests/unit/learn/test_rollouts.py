@@ -67,7 +67,11 @@ def test_the_best_actions_are_those_of_a_loop_through_the_environment(
 ) -> None:
     """The first draws nothing, so that one episode is all of them."""
     env: Any = envgraph.make(
-        domain=name, observation="flat", engine="compiled", max_episode_steps=LIMIT, disable_env_checker=True
+        domain=f"{name}/diverse.toml",
+        observation="flat",
+        engine="compiled",
+        max_episode_steps=LIMIT,
+        disable_env_checker=True,
     )
     layers = network(env.observation_space.shape[0], *hidden, env.action_space.n)
     count = 1 if name == "keydoor" else 12
