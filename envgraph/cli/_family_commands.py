@@ -345,6 +345,11 @@ def import_(
     "commas; or all, or none. By name also schedules, which choose the earlier environments by what comes of them: "
     "uniform, learning_progress, band, learnability, plr, robust_plr, exact_regret, exact_learnability.",
 )
+@click.option(
+    "--student",
+    show_default="tabular",
+    help="Who learns: tabular, or sb3:ppo or sb3:dqn, networks of Stable-Baselines3, with results of their own.",
+)
 @count_option("--workers", default=1, help="How many agents learn at a time; changes no result.")
 @click.option("--resume", is_flag=True, help="Go on with a training that was interrupted.")
 @click.option(

@@ -22,6 +22,7 @@ from envgraph.files import replace_file
 from envgraph.learn import (
     CONTROLS,
     EXACT,
+    STUDENTS,
     TEACHERS,
     Curriculum,
     Experiment,
@@ -50,7 +51,7 @@ STAGES = "stages"
 
 _KINDS = ("suffixes", "full", "baselines", "direct")
 
-_OPTIONS = {"steps": str, "seeds": int, "seed_offset": int, "curricula": str, "controls": str}
+_OPTIONS = {"steps": str, "seeds": int, "seed_offset": int, "curricula": str, "controls": str, "student": str}
 """What a training is begun with, and `--resume` goes on with."""
 
 _RANDOM = "random"
@@ -58,6 +59,9 @@ _RANDOM = "random"
 
 _OF_TABLES = ("optimistic", "randomised", "backplay", "exploring", _RANDOM, *EXACT)
 """Controls that need tables of the environments."""
+
+_FOLDERS = {student: student.removeprefix("tabular").replace(":", "-") for student in STUDENTS}
+"""Names of the directories in which students have their results; those of the tabular one are not in one."""
 
 UNFINISHED = "unfinished.jsonl"
 """Name of the file of a training under way, among the results: its agents so far, for `--resume`."""
@@ -76,6 +80,7 @@ def train_agents(
     seed_offset: int | None,
     curricula: str | None,
     controls: str | None,
+    student: str | None,
     workers: int,
     resume: bool,
     force: bool,
@@ -95,7 +100,7 @@ def train_agents(
     base = run_directory(run, directory) / TRAINING
     again = f"envgraph train {run} --directory {directory} --resume"
     wanted: dict[str, Any] = dict(
-        zip(_OPTIONS, (steps, seeds, seed_offset, curricula, controls), strict=True)
+        zip(_OPTIONS, (steps, seeds, seed_offset, curricula, controls, student), strict=True)
     )
     journal = None
     if resume:
@@ -120,9 +125,10 @@ def train_agents(
     chosen = _curricula(family, wanted["curricula"])
     compared = _named(wanted["controls"])
     wanted_steps = [None] if wanted["steps"] is None else budgets_of(wanted["steps"])
-    budgets = [_settings(family, budget, wanted["seeds"]) for budget in wanted_steps]
+    budgets = [_settings(family, budget, wanted["seeds"], wanted["student"]) for budget in wanted_steps]
+    results = base / _FOLDERS[budgets[0].student]
     if not resume and not force:
-        _refuse_results(base, budgets)
+        _refuse_results(results, budgets)
     members = _members(family)
     schedules = [one.text for one in family.domain.spec.curriculum.schedules]
     chosen, started = _with_controls(chosen, compared, members, budgets[0], schedules)
@@ -138,7 +144,7 @@ def train_agents(
         )
     try:
         trained = [
-            _train(family, members, settings, chosen, started, numbers, workers, journal, base, random)
+            _train(family, members, settings, chosen, started, numbers, workers, journal, results, random)
             for settings in budgets
         ]
     except BaseException as error:
@@ -148,7 +154,7 @@ def train_agents(
             journal.path.unlink()  # there is nothing to go on with
         raise
     journal.path.unlink()
-    _print_summary(family, trained, base, format)
+    _print_summary(family, trained, results, format)
 
 
 def _refuse_results(base: Path, budgets: list[TrainingSettings]) -> None:
@@ -225,7 +231,7 @@ def _train(
                 known=partial(journal.known, part),
                 found=partial(journal.add, part),
             )
-    trained = Trained(steps, experiment, stages, family.behaviour.can_succeed)
+    trained = Trained(steps, experiment, stages, family.behaviour.can_succeed, settings.student)
     _write(trained, base)
     return trained
 
@@ -244,7 +250,9 @@ def write_report(run: str, directory: Path, output: Path | None, format: OutputF
     """Write the page, and print the short table."""
     family = open_family(run, directory)
     base = run_directory(run, directory)
-    trained = _read(base / TRAINING, family)
+    trained = [
+        one for student in STUDENTS for one in _read(base / TRAINING / _FOLDERS[student], family, student)
+    ]
     history: list[tuple[int, float, int, int]] = []
     if Path(run).suffix != ".json":
         with RunStore.open(run_file(run, directory)) as store:
@@ -263,8 +271,8 @@ def write_report(run: str, directory: Path, output: Path | None, format: OutputF
     print_line(f"report: {path}")
 
 
-def _read(directory: Path, family: Family) -> list[Trained]:
-    """The results of every budget, the smallest first."""
+def _read(directory: Path, family: Family, student: str) -> list[Trained]:
+    """The results of a student with every budget, the smallest first."""
     budgets = sorted(int(path.name) for path in directory.glob("*") if path.name.isdecimal())
     return [
         Trained(
@@ -272,6 +280,7 @@ def _read(directory: Path, family: Family) -> list[Trained]:
             read_csv(directory / str(steps)),
             read_csv(stages) if (stages := directory / str(steps) / STAGES).is_dir() else None,
             family.behaviour.can_succeed,
+            student,
         )
         for steps in budgets
     ]
@@ -328,12 +337,13 @@ def _in_program(family: Family, order: str, error: TooManyStates) -> list[Family
     ]
 
 
-def _settings(family: Family, steps: int | None, seeds: int | None) -> TrainingSettings:
+def _settings(family: Family, steps: int | None, seeds: int | None, student: Any) -> TrainingSettings:
     settings = TrainingSettings.from_spec(family.domain.spec.training, limit=family.limit)
     return replace(
         settings,
         steps_per_environment=steps or settings.steps_per_environment,
         seeds=seeds or settings.seeds,
+        student=student or settings.student,
     )
 
 
@@ -381,6 +391,9 @@ def _with_controls(
         if not isinstance(target, Tabular) and (missing := [kind for kind in kinds if kind in _OF_TABLES]):
             kinds = [kind for kind in kinds if kind not in missing]
             sys.stderr.write(f"without tables these controls are left out: {', '.join(missing)}\n")
+    if settings.student != "tabular" and "optimistic" in kinds:
+        kinds = [kind for kind in kinds if kind != "optimistic"]
+        sys.stderr.write(f"`{settings.student}` has no table of values: `optimistic` is left out\n")
     if isinstance(target, Tabular) and kinds:
         optimism = optimistic_values(target, settings)
         begun = other_starts(members[-1].name, target, settings.limit)
@@ -426,7 +439,7 @@ def _print_summary(family: Family, trained: list[Trained], directory: Path, form
             for one in compare(budget.experiment, can_succeed=budget.can_succeed)
         ]
         ways = [{"best": one.best, **asdict(one), "text": str(one)} for one in best]
-        about = {"name": family.name, "directory": str(directory)}
+        about = {"name": family.name, "student": trained[0].student, "directory": str(directory)}
         print_json({**about, "ways": ways, "results": results, "comparisons": claims})
         return
     for way in best:
@@ -443,7 +456,8 @@ def _print_summary(family: Family, trained: list[Trained], directory: Path, form
         for _, one in found
     ]
     columns = ("trained on", "steps", "seeds", "success", "95 % interval", "return")
-    print_table(f"{family.name}: agents on {family.members[-1].name}", columns, rows, (1, 2, 3, 4, 5))
+    title = f"{family.name}: agents on {family.members[-1].name}{trained[0].of}"
+    print_table(title, columns, rows, (1, 2, 3, 4, 5))
     for budget in trained:
         comparisons = compare(budget.experiment, can_succeed=budget.can_succeed)
         for place, line in enumerate(findings(comparisons)):
@@ -461,8 +475,8 @@ def _facts(family: Family, trained: list[Trained], *, searched: bool) -> dict[st
             f"{mutation.rate:g}, parents {search.parents.kind}, survivors {search.survivors.kind} "
             + " ".join(f"{name} {value}" for name, value in search.survivors.options.items())
         )
-    if trained:
-        agent = _settings(family, None, None)
+    if any(budget.student == "tabular" for budget in trained):
+        agent = _settings(family, None, None, None)
         facts["agent"] = (
             f"tabular Q-learning, learning rate {agent.learning_rate:g}, discount {agent.discount:g}, epsilon "
             f"{agent.epsilon.start:g} to {agent.epsilon.minimum:g} by {agent.epsilon.decay:g} per "
@@ -471,7 +485,7 @@ def _facts(family: Family, trained: list[Trained], *, searched: bool) -> dict[st
         )
     for budget in trained:
         seeds = sorted({run.seed for run in budget.experiment.runs})
-        facts[f"training at {budget.steps} steps"] = f"seeds {seeds[0]} to {seeds[-1]}"
+        facts[f"training at {budget.steps} steps{budget.of}"] = f"seeds {seeds[0]} to {seeds[-1]}"
     facts["versions"] = (
         f"envgraph {__version__}, Python {platform.python_version()}, NumPy {version('numpy')}"
     )

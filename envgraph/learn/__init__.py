@@ -40,6 +40,7 @@ from envgraph.solve import (
     value_iteration,
 )
 from envgraph.solve.learning import (
+    STUDENTS,
     Curve,
     Epsilon,
     InProgram,
@@ -57,6 +58,7 @@ __all__ = [
     "ENOUGH",
     "EXACT",
     "SIGNIFICANT",
+    "STUDENTS",
     "TEACHERS",
     "BestWay",
     "Comparison",

@@ -33,10 +33,11 @@ from envgraph.solve.learning import (
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Tables:
-    """The table of each stage, made ready once for all runs, and the members of the family."""
+    """The table of each stage and the members, perhaps with observations numbered anew; the stages as they were."""
 
     tables: dict[Place, Table]
     members: Sequence[Tabular]
+    stages: dict[Place, Tabular]
 
     def agent(self, settings: TrainingSettings, backend: Backend) -> TableAgent:
         """One that has learned nothing."""

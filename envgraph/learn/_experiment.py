@@ -15,6 +15,7 @@ from envgraph.env import Tabular
 from envgraph.errors import InvalidArgument, did_you_mean
 from envgraph.learn._agents import ProgramAgent, Programs, TableAgent, Tables
 from envgraph.learn._curricula import Curriculum, Kind, sequences
+from envgraph.learn._deep import DeepAgent
 from envgraph.learn._results import Experiment, RunResult
 from envgraph.learn._workers import run_in_workers
 from envgraph.solve import Evaluation, mixture
@@ -23,7 +24,6 @@ from envgraph.solve.learning import (
     InProgram,
     Place,
     ProgramTraining,
-    Table,
     Training,
     TrainingSettings,
     choose_backend,
@@ -110,7 +110,7 @@ def run_experiment(
         for key, (curriculum, seed) in wanted.items()
         if key not in results
     ]
-    threads = backend == "numba" or isinstance(prepared.ready, Programs)
+    threads = settings.student == "tabular" and (backend == "numba" or isinstance(prepared.ready, Programs))
     for result in run_in_workers(_run_result, tasks, workers, threads=threads):
         results[_key(result)] = result
         if found:
@@ -243,15 +243,15 @@ def _prepare(
     stages = [_places(curriculum, positions) for curriculum in curricula if curriculum.schedule is None]
     drawn = {place: None for one in stages for place in one if len(place) > 1}
     if not placed:
-        tables = [*occurring(tables)]
-        ready: dict[Place, Table] = {(place,): one for place, one in enumerate(prepare(tables))}
-        mixed = [mixture([tables[one] for one in place]) for place in drawn]
-        ready |= zip(drawn, prepare(mixed) if mixed else (), strict=True)
+        parts: dict[Place, Tabular] = {(place,): one for place, one in enumerate(tables)}
+        parts |= {place: mixture([tables[one] for one in place]) for place in drawn}
+        numbered = occurring([*parts.values()])
+        ready = dict(zip(parts, prepare(numbered), strict=True))
         for place, (name, one) in enumerate(begun.items(), start=len(family)):
             if one.n_states != tables[-1].n_states:
                 raise InvalidArgument(f"`{name}` must be the target with other start states")
-            ready[place,] = with_starts(ready[len(family) - 1,], one)
-        return _Prepared(positions, Tables(ready, tables))
+            parts[place,], ready[place,] = one, with_starts(ready[len(family) - 1,], one)
+        return _Prepared(positions, Tables(ready, numbered[: len(family)], parts))
     if tables or len({id(one.program) for one in placed}) > 1:
         raise InvalidArgument("a family is in one program, or has a table of each member")
     if drawn or begun:
@@ -281,7 +281,9 @@ def _run(
     settings = replace(settings, initial_value=value, epsilon=curriculum.epsilon or settings.epsilon)
     steps = curriculum.lengths(settings.steps_per_environment)
     parts = [part for part in zip(steps, stages, strict=True) if part[0]]
-    agent: TableAgent | ProgramAgent = prepared.ready.agent(settings, backend)
+    tabular, ready, rng = settings.student == "tabular", prepared.ready, _generator(seed, TRAINING, stages)
+    agent: TableAgent | ProgramAgent
+    agent = ready.agent(settings, backend) if tabular else DeepAgent(ready, settings, rng)
     before: list[Evaluation] = []
 
     def begins(stage: int) -> None:
@@ -290,7 +292,7 @@ def _run(
 
     several = next((place for place in stages if len(place) > 1), ())
     schedule = agent.teacher(curriculum.schedule, several) if curriculum.schedule else None
-    turn = partial(agent.turn, _generator(seed, TRAINING, stages))
+    turn = partial(agent.turn, rng)
     choosing = _generator(seed, CHOOSING, stages)
     training = agent.trained(*take_turns(turn, settings, parts, begins, schedule, choosing))
     found = agent.evaluated(_generator(seed, EVALUATION, stages))

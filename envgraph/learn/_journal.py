@@ -18,8 +18,7 @@ import numpy as np
 from envgraph.env import Tabular
 from envgraph.errors import InvalidArgument, spelling
 from envgraph.files import open_input, replace_file
-from envgraph.learn._curricula import kind_of
-from envgraph.learn._results import RunResult
+from envgraph.learn._results import RunResult, result_of
 from envgraph.solve.learning import Curve, InProgram
 
 FORMAT = "envgraph-training-2"
@@ -125,16 +124,4 @@ def _result(data: Mapping[str, Any]) -> RunResult:
     curve = Curve(reward=tuple(map(float, points["reward"])), **whole)
     if any(len(column) != len(curve.reward) for column in whole.values()):
         raise ValueError("the columns of a curve have different lengths")
-    return RunResult(
-        kind=kind_of(data["kind"]),
-        label=str(data["label"]),
-        seed=int(data["seed"]),
-        steps=int(data["steps"]),
-        episodes=int(data["episodes"]),
-        success_rate=float(data["success_rate"]),
-        mean_return=float(data["mean_return"]),
-        mean_length=float(data["mean_length"]),
-        steps_before=int(data["steps_before"]),
-        success_before=float(data["success_before"]),
-        curve=curve,
-    )
+    return result_of(data, curve)

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import fields
 from io import TextIOWrapper
 from math import inf
 from pathlib import Path
 from statistics import fmean
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from envgraph.code import dataclass
 from envgraph.errors import EnvgraphError, InvalidArgument, parse_float, parse_int
@@ -97,7 +97,23 @@ class RunResult:
         return None
 
 
-RUN_COLUMNS = tuple(one.name for one in fields(RunResult))[:-1]
+RUN_COLUMNS = tuple(field.name for field in fields(RunResult) if field.name != "curve")
+
+
+def result_of(
+    values: Mapping[str, Any],
+    curve: Curve,
+    parse_whole: Callable[[Any], int] = int,
+    parse_real: Callable[[Any], float] = float,
+) -> RunResult:
+    """Return the run that has these values, by the names of `RUN_COLUMNS`.
+
+    Raises:
+        ValueError, TypeError, LookupError: a value is missing or is not parsed.
+    """
+    parse: dict[Any, Any] = {"Kind": kind_of, "str": str, "int": parse_whole, "float": parse_real}
+    types = {field.name: field.type for field in fields(RunResult)}
+    return RunResult(**{name: parse[types[name]](values[name]) for name in RUN_COLUMNS}, curve=curve)
 
 
 @dataclass(frozen=True, slots=True)
@@ -207,22 +223,9 @@ def read_csv(directory: Path) -> Experiment:
         )
 
     def run(row: list[str]) -> RunResult:
-        kind, label, seed, steps, episodes, *numbers = row
-        success_rate, mean_return, mean_length, before, success_before = numbers
+        kind, label, seed, *_ = row
         curve = Curve(*zip(*points[kind, label, seed], strict=True))
-        return RunResult(
-            kind_of(kind),
-            label,
-            _int(seed),
-            _int(steps),
-            _int(episodes),
-            _float(success_rate),
-            _float(mean_return),
-            _float(mean_length),
-            _int(before),
-            _float(success_before),
-            curve,
-        )
+        return result_of(dict(zip(RUN_COLUMNS, row, strict=True)), curve, _int, _float)
 
     _read(directory / "curves.csv", CURVE_COLUMNS, point)
     return Experiment(tuple(_read(directory / "runs.csv", RUN_COLUMNS, run)))
@@ -245,13 +248,8 @@ def _float(text: str) -> float:
 def _summary_row(one: Summary) -> tuple[object, ...]:
     nothing = (None, None)
     success = (one.kind, one.label, one.runs, one.success_rate, *one.success_interval)
-    returns = (
-        one.mean_return,
-        *(one.return_interval or nothing),
-        one.return_iqm,
-        *(one.iqm_interval or nothing),
-    )
-    return (*success, *returns, one.success_before, one.steps_to_threshold)
+    returns = (one.mean_return, *(one.return_interval or nothing), one.return_iqm)
+    return (*success, *returns, *(one.iqm_interval or nothing), one.success_before, one.steps_to_threshold)
 
 
 def _curve_rows(run: RunResult) -> Iterable[tuple[object, ...]]:

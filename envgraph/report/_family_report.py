@@ -42,7 +42,10 @@ def family_report(
         sections.append(_stages(family, trained))
     sections += [training_section(one, family.members[-1].name) for one in trained]
     count, classes = len(family.members), family.class_counts()
-    best = "".join(f" {way}" for one in trained if (way := one.best_way(family.members[-1].name)))
+    target = family.members[-1].name
+    best = "".join(
+        f"{one.of and f' {one.student}:'} {way}" for one in trained if (way := one.best_way(target))
+    )
     return Report(
         title=f"{family.name}: a family of {count} environments",
         summary=f"{_order(family)} The family has {outcome}.{_unverified(family)}{best}",
@@ -122,7 +125,7 @@ def _stage_cells(
     columns = [("environment", ""), *((name, "") for name in measures)]
     columns += [(name, "") for name in varying]
     for budget in trained:
-        at = f" at {thousands(budget.steps)}" if len(trained) > 1 else ""
+        at = f" at {thousands(budget.steps)}{budget.of}" if len(trained) > 1 else budget.of
         columns += [(f"success{at}", ".0%"), (f"return{at}", "z.2f")]
     return columns, rows
 
@@ -163,5 +166,9 @@ def _search(family: Family, outcome: Outcome, history: History) -> Section:
 
 
 def _stages(family: Family, trained: Sequence[Trained]) -> Section:
-    charts = budget_charts(trained, family.members[-1].name) if len(trained) > 1 else ()
-    return Section("Learning along the curriculum", charts=charts, tables=(stage_table(family, trained),))
+    students = dict.fromkeys(one.student for one in trained)
+    alike = [[one for one in trained if one.student == student] for student in students]
+    charts = [budget_charts(ones, family.members[-1].name) for ones in alike if len(ones) > 1]
+    return Section(
+        "Learning along the curriculum", charts=sum(charts, ()), tables=(stage_table(family, trained),)
+    )

@@ -38,12 +38,19 @@ class Trained:
         experiment: curricula and baselines, evaluated on the target.
         stages: the curriculum up to each environment, evaluated there; None where no curriculum was trained on.
         can_succeed: whether an episode on the target can end in success.
+        student: who learned, one of `STUDENTS`.
     """
 
     steps: int
     experiment: Experiment
     stages: Experiment | None = None
     can_succeed: bool = True
+    student: str = "tabular"
+
+    @property
+    def of(self) -> str:
+        """Return what a title says of students that are not tabular."""
+        return "" if self.student == "tabular" else f", {self.student}"
 
     def best_way(self, target: str) -> BestWay | None:
         """Return the best way to train for the target; None if there are fewer than two."""
@@ -107,7 +114,7 @@ def budget_charts(trained: Sequence[Trained], target: str) -> tuple[str, ...]:
             [series[one] for one in panel],
             x_label="training steps in all",
             y_label=f"success on {target}",
-            title=f"Success on {target} over the training budget, with Wilson intervals at 95 %",
+            title=f"Success on {target} over the training budget{trained[0].of}, with Wilson intervals at 95 %",
         )
         for panel in panels.values()
     )
@@ -141,7 +148,7 @@ def training_section(trained: Trained, target: str) -> Section:
         text += f" Drawn together are {'; '.join(panels)}."
     if any("controls" in name for name in panels):
         text += " At the end performance profiles: the share of the agents with more than a return."
-    title = f"Training for {target}, {thousands(trained.steps)} steps an environment"
+    title = f"Training for {target}, {thousands(trained.steps)} steps an environment{trained.of}"
     return Section(
         title, (*findings(comparisons), text), (*charts, *_profiles(experiment, panels)), tuple(tables)
     )
@@ -172,18 +179,8 @@ def _agents(summaries: Sequence[Summary], target: str) -> Table:
         f"{target} first succeed, in the median over the seeds; in training, where agents explore, so that success may "
         "be lower: chance leads on where a greedy policy repeats itself."
     )
-    columns = (
-        "trained on",
-        "steps",
-        "seeds",
-        "success",
-        "interval",
-        "return",
-        "IQM",
-        "interval",
-        "before",
-        "to half",
-    )
+    first = ("trained on", "steps", "seeds", "success", "interval")
+    columns = (*first, "return", "IQM", "interval", "before", "to half")
     return Table(caption, columns, rows, frozenset(range(1, len(columns))))
 
 

@@ -16,7 +16,7 @@ from envgraph.solve.learning._programs import (
     train_stage,
 )
 from envgraph.solve.learning._rollouts import play_program
-from envgraph.solve.learning._settings import Epsilon, TrainingSettings
+from envgraph.solve.learning._settings import STUDENTS, Epsilon, TrainingSettings
 from envgraph.solve.learning._stage import Stage, StageOutcome, Table, flatten, with_starts
 from envgraph.solve.learning._training import (
     Backend,
@@ -36,6 +36,7 @@ from envgraph.solve.learning._training import (
 from envgraph.solve.learning._turns import Place, take_turns
 
 __all__ = [
+    "STUDENTS",
     "Backend",
     "Curve",
     "Epsilon",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import field, fields
+from importlib.util import find_spec
 from math import isfinite
 from typing import Any, Final, Literal, get_args
 
@@ -12,6 +13,8 @@ from envgraph.errors import InvalidArgument, did_you_mean
 
 Agent = Literal["q_learning", "sarsa", "expected_sarsa", "double_q_learning"]
 AGENTS: Final[tuple[Agent, ...]] = get_args(Agent)
+Student = Literal["tabular", "sb3:ppo", "sb3:dqn"]
+STUDENTS: Final[tuple[Student, ...]] = get_args(Student)
 
 Ties = Literal["lowest", "random"]
 Per = Literal["episode", "step"]
@@ -69,6 +72,8 @@ class TrainingSettings:
             worth at the end is that of the lowest.
         limit: steps after which an episode is truncated (the Q-value of the last step still bootstraps).
         checkpoint: steps between two points of a learning curve.
+        student: what `run_experiment` trains: "tabular", as said above; or PPO or DQN of Stable-Baselines3, "sb3:ppo"
+            and "sb3:dqn", which use of these settings the discount, the lengths, the limit and, for DQN, epsilon.
 
     Raises:
         InvalidArgument: a value is outside its range.
@@ -89,9 +94,15 @@ class TrainingSettings:
     ties: Ties = "lowest"
     limit: int = 200
     checkpoint: int = 1_000
+    student: Student = "tabular"
 
     def __post_init__(self) -> None:
         _one_of("agent", self.agent, AGENTS)
+        _one_of("student", self.student, STUDENTS)
+        if self.student != "tabular" and not find_spec("stable_baselines3"):
+            raise InvalidArgument(
+                f"`{self.student}` needs Stable-Baselines3: pip install 'envgraph[integrations]'"
+            )
         _within("learning_rate", self.learning_rate, 0.0, 1.0)
         if self.learning_rate == 0:
             raise InvalidArgument("`learning_rate` must be positive")

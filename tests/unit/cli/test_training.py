@@ -6,6 +6,7 @@ import json
 import multiprocessing
 import os
 import re
+import shutil
 import signal
 import sys
 from collections.abc import Callable
@@ -351,3 +352,34 @@ def test_an_agent_is_on_the_disk_when_it_is_added(tmp_path: Path, monkeypatch: p
     with pytest.raises(FileNotFoundError):
         journal.add("100", "E2", AGENT)
     assert not journal.path.exists()
+
+
+def test_students_are_named_and_need_their_package(
+    run: Path, command: Callable[..., tuple[int, str, str]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("envgraph.solve.learning._settings.find_spec", lambda name: None)
+    code, _, messages = command(*TRAIN, "--student", "sb3:ppo")
+    wanted = "error: `sb3:ppo` needs Stable-Baselines3: pip install 'envgraph[integrations]'\n"
+    assert (code, messages) == (1, wanted)
+    code, _, messages = command(*TRAIN, "--student", "sb3:pppo")
+    assert code == 1 and "`student` is 'sb3:pppo', it must be 'tabular' or 'sb3:ppo' or 'sb3:dqn'" in messages
+    assert "did you mean `sb3:ppo`" in messages
+    assert not (run / "training").exists()
+
+
+def test_the_report_tells_students_apart(run: Path, command: Callable[..., tuple[int, str, str]]) -> None:
+    assert command("train", "forest", "--steps", "200", "--seeds", "2", "--student", "tabular")[0] == 0
+    shutil.copytree(run / "training" / "200", run / "training" / "sb3-dqn" / "200")
+    code, found, _ = command("report", "forest", "--format", "json")
+    assert code == 0
+    columns = ("success at 200", "return at 200", "success at 200, sb3:dqn", "return at 200, sb3:dqn")
+    for row in json.loads(found)["environments"]:
+        assert [*row][-4:] == [*columns] and row[columns[0]] == row[columns[2]]
+    page = (run / "report.html").read_text(encoding="utf-8")
+    assert "Training for E2, 200 steps an environment<" in page
+    assert "Training for E2, 200 steps an environment, sb3:dqn<" in page
+    assert "training at 200 steps, sb3:dqn" in page
+    assert re.search(r" sb3:dqn: (Best|None) of \d+ ways to train E2", page)
+    shutil.rmtree(run / "training" / "200")
+    rows = json.loads(command("report", "forest", "--format", "json")[1])["environments"]
+    assert "success, sb3:dqn" in rows[0]

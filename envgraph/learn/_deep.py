@@ -1,0 +1,98 @@
+"""Agents of an experiment that are networks: PPO and DQN of Stable-Baselines3, trained on the tables of a family."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+from numpy.random import Generator
+from numpy.typing import NDArray
+
+from envgraph.env import EnvgraphEnv, Tabular
+from envgraph.errors import InvalidArgument
+from envgraph.learn._agents import Programs, TableAgent, Tables
+from envgraph.solve.learning import Place, Stage, StageOutcome, TrainingSettings
+
+ROLLOUT: Final = 256
+"""The most steps between two updates of PPO: with the 2,048 of SB3 a short stage would have a single update."""
+
+OPTIONS: Final[dict[str, dict[str, Any]]] = {
+    "sb3:ppo": {"n_steps": ROLLOUT},
+    "sb3:dqn": {"learning_rate": 1e-3, "buffer_size": 100_000, "tau": 0.01, "target_update_interval": 1},
+}
+"""The options that differ from those of Stable-Baselines3, for budgets of some thousand steps."""
+
+
+class DeepAgent(TableAgent):
+    """Learns with a network.
+
+    Stable-Baselines3 draws from the global generators of NumPy and PyTorch. A new agent seeds them, so agents of one
+    process learn one after the other. PyTorch uses one thread, since sums in another order have other results.
+    """
+
+    def __init__(self, family: Tables | Programs, settings: TrainingSettings, rng: Generator) -> None:
+        if isinstance(family, Programs):
+            raise InvalidArgument(
+                f"`{settings.student}` needs tables, and there are too many states for them"
+            )
+        super().__init__(family, settings, "python")
+        import stable_baselines3
+        import torch
+
+        torch.set_num_threads(1)
+        self._epsilon, self._on_policy = settings.epsilon.start, settings.student == "sb3:ppo"
+        algorithm = stable_baselines3.PPO if self._on_policy else stable_baselines3.DQN
+        self._env, seed = _Episodes(family.stages[(0,)], settings.limit), int(rng.integers(2**31))
+        options = {"gamma": settings.discount, "seed": seed, "device": "cpu", **OPTIONS[settings.student]}
+        self._model: Any = algorithm("MlpPolicy", self._env, **options)
+
+    def turn(self, rng: Generator, place: Place, stage: Stage) -> StageOutcome:
+        """Learn in a place for exactly the steps of a stage: PPO in rollouts of equal length, DQN in one go."""
+        model, keeps, self._epsilon = self._model, self._on_policy and stage.learn, stage.epsilon
+        _, _, per_step, per_episode, minimum = stage.factors
+        log: list[tuple[float, bool, bool]] = []
+
+        def watch(found: dict[str, Any], _: dict[str, Any]) -> bool:
+            """Count the episodes, let epsilon decay, and stop at the end of the stage."""
+            ended = bool(found["dones"][0])
+            log.append((found["rewards"][0], ended, ended and found["infos"][0]["is_success"]))
+            self._epsilon = max(self._epsilon * per_step * (per_episode if ended else 1.0), minimum)
+            return keeps or len(log) < stage.steps
+
+        model.set_env(_Episodes(self._family.stages[place], self._settings.limit))
+        model.env.seed(int(rng.integers(2**31)))
+        model.exploration_rate, model.exploration_schedule = stage.epsilon, lambda _: self._epsilon  # of DQN
+        model.gradient_steps = int(stage.learn)  # likewise
+        for part in np.array_split(range(stage.steps), -(-stage.steps // ROLLOUT) if keeps else 1):
+            if self._on_policy:
+                model.n_steps = model.rollout_buffer.buffer_size = len(part)
+            model.learn(len(part), watch, log_interval=None, reset_num_timesteps=False)
+        totals = np.cumsum(log, axis=0, dtype=np.float64)[np.array(stage.points) - 1].tolist()
+        return StageOutcome(self._epsilon, [(reward, int(ends), int(wins)) for reward, ends, wins in totals])
+
+    def _values(self) -> NDArray[np.float64]:
+        """Return 1 for the action that the network prefers, 0 for others [observations, actions]."""
+        members, view = self._family.members, self._env.view
+        observed = [self._family.stages[(place,)].observation for place in range(len(members))]
+        seen, first = np.unique(np.concatenate(observed), return_index=True)
+        actions, _ = self._model.predict(
+            np.stack([view.of_index(int(one)) for one in seen]), deterministic=True
+        )
+        values = np.zeros((members[0].n_observations, members[0].n_actions))
+        values[np.concatenate([one.observation for one in members])[first], actions] = 1.0
+        return values
+
+
+class _Episodes(EnvgraphEnv):
+    """An environment over a table whose episodes are truncated after `limit` steps."""
+
+    view: Any
+
+    def __init__(self, tabular: Tabular, limit: int) -> None:
+        super().__init__(tabular, observation="flat")
+        self._limit = limit
+
+    def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+        """Do one action."""
+        observed, reward, terminated, truncated, info = super().step(int(action))
+        return observed, reward, terminated, truncated or info["step"] >= self._limit, info
