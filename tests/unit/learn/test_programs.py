@@ -123,6 +123,15 @@ def test_experiments_run_in_programs_and_do_not_depend_on_workers() -> None:
         run_experiment(tables, settings, curricula)
 
 
+def test_networks_are_not_trained_in_programs(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("envgraph.solve.learning._settings.find_spec", lambda name: True)
+    engine, behaviour = opened(*keydoor_files())  # type: ignore[arg-type]
+    program = program_of(engine, behaviour, [engine], family_keys([engine], behaviour), native=False)
+    settings = TrainingSettings(student="sb3:dqn", steps_per_environment=10, seeds=1)
+    with pytest.raises(InvalidArgument, match="`sb3:dqn` needs tables, and there are too many states"):
+        run_experiment([FamilyMember("E1", InProgram(program, 0))], settings, sequences(["E1"], "direct"))
+
+
 @pytest.mark.parametrize("native", [False, *([True] if NIGHTLY else [])])
 def test_a_learner_goes_from_program_to_program_as_from_member_to_member(native: bool) -> None:
     """Also to a program with another text, which assumes less of its members."""
