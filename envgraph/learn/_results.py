@@ -100,18 +100,13 @@ class RunResult:
 RUN_COLUMNS = tuple(field.name for field in fields(RunResult) if field.name != "curve")
 
 
-def result_of(
-    values: Mapping[str, Any],
-    curve: Curve,
-    parse_whole: Callable[[Any], int] = int,
-    parse_real: Callable[[Any], float] = float,
-) -> RunResult:
-    """Return the run that has these values, by the names of `RUN_COLUMNS`.
+def result_of(values: Mapping[str, Any], curve: Curve, whole: Any = int, real: Any = float) -> RunResult:
+    """Return the run with values by the names of `RUN_COLUMNS`; `whole` and `real` parse the numbers among them.
 
     Raises:
         ValueError, TypeError, LookupError: a value is missing or is not parsed.
     """
-    parse: dict[Any, Any] = {"Kind": kind_of, "str": str, "int": parse_whole, "float": parse_real}
+    parse: dict[Any, Any] = {"Kind": kind_of, "str": str, "int": whole, "float": real}
     types = {field.name: field.type for field in fields(RunResult)}
     return RunResult(**{name: parse[types[name]](values[name]) for name in RUN_COLUMNS}, curve=curve)
 
