@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from contextlib import suppress
 from math import isfinite
 from typing import TYPE_CHECKING
 
 from envgraph.code import dataclass
 from envgraph.env import Behaviour, KeyIndex, can_end, indexed_classes, unbound
-from envgraph.env.compiled import NotCompiled
+from envgraph.env.compiled import MOST, NotCompiled
 from envgraph.errors import has_errors
 from envgraph.files import counting
 from envgraph.pattern import conformance_patterns, key_patterns
@@ -44,6 +45,13 @@ class Reachable:
             behaviour = self.plan.behaviour
             with counting(f"states of {behaviour.name}") as progress:
                 return can_end(engine, behaviour, self.end, progress=progress)
+
+    def why_not(self, engine: Engine) -> str:
+        """Return why the outcome counts as out of reach: there is no plan, or the search for one was given up."""
+        with suppress(NotCompiled):
+            if not self.plan.plan(engine, self.end).exact:
+                return f"no plan to {self.outcome} was found within {MOST:,} states"
+        return f"`{self}` is violated"
 
     def __str__(self) -> str:
         return f"reachable {self.outcome}"
@@ -121,7 +129,8 @@ def constraints_of(
         if behaviour.together:
             agents = dict.fromkeys(agent.cls for agent in behaviour.agents)
             constraints.append(SameAgents(KeyIndex.of(domain.initial(), agents)))
-        plans = [*(one for one in measures if isinstance(one, ShortestPlan)), ShortestPlan(behaviour)]
+        any_plan = ShortestPlan(behaviour, shortest=False)
+        plans = [*(one for one in measures if isinstance(one, ShortestPlan)), any_plan]
         constraints += [Reachable(str(outcome), plans[0]) for outcome in spec.reachable]
     return tuple(constraints)
 

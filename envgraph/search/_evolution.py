@@ -31,7 +31,6 @@ from envgraph.search.curricula import Level, Levels
 _SELECTION = 1 << 32
 """Spawn key of the survivor selection of a generation; larger than any number of a child."""
 
-
 _SAME = 1e-12
 """Diversities closer than this are the same: they are sums of floating-point terms."""
 

@@ -142,10 +142,12 @@ class ShortestPlan:
 
     Attributes:
         guide: a pattern that a beam keeps the states with the fewest matches of; None: those of the behaviour.
+        shortest: False where any plan will do: see `Plans`.
     """
 
     behaviour: Behaviour
     guide: str | None = None
+    shortest: bool = True
     whole: ClassVar = True
     _plans: dict[int, Plans] = field(default_factory=dict, init=False, repr=False, compare=False)
     _last: tuple[int, dict[int, Plan]] = field(default=(0, {}), init=False, repr=False, compare=False)
@@ -174,7 +176,7 @@ class ShortestPlan:
             self._last = state, {}
         known = self._last[1]
         if outcome not in known:
-            plans = self._plans.setdefault(outcome, Plans(self.behaviour, outcome, self.guide))
+            plans = self._plans.setdefault(outcome, Plans(self.behaviour, outcome, self.guide, self.shortest))
             with counting(f"states of {self.behaviour.name}") as progress:
                 known[outcome] = plans.plan(engine, progress)
         return known[outcome]

@@ -6,7 +6,7 @@ from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import field
 from math import inf, isfinite, isnan
 from numbers import Real
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Final, Protocol
 
 from envgraph.code import dataclass
 from envgraph.env.compiled import unaffected
@@ -33,8 +33,12 @@ if TYPE_CHECKING:
     from envgraph.search._objective import Objective
 
 
+KEPT: Final = 20_000
+"""Judgements that are kept, half a kilobyte each; the oldest one goes first."""
+
+
 class Constraint(Protocol):
-    """A condition on the model at which the engine stands."""
+    """A condition on the model at which the engine stands. It may have `why_not(engine)`, the reason of a rejection."""
 
     def holds(self, engine: Engine) -> bool:
         """Whether the model satisfies it."""
@@ -197,6 +201,9 @@ class Problem:
     target_last: bool = True
     _checks: Sequence[Constraint] = field(init=False, repr=False, compare=False)
     _open: Sequence[Constraint] = field(init=False, repr=False, compare=False)
+    _judged: dict[int, dict[str, float] | str] = field(
+        default_factory=dict, init=False, repr=False, compare=False
+    )
 
     def __post_init__(self) -> None:
         fixed = () if self.engine.events.active else unaffected(self.engine, self.mutations)
@@ -219,9 +226,27 @@ class Problem:
         """Whether the model at which the engine stands satisfies every constraint."""
         return all(check.holds(self.engine) for check in self._checks)
 
-    def remains_valid(self) -> bool:
-        """The same of a model that mutations have made of a valid one: what they cannot violate is not looked at."""
-        return all(check.holds(self.engine) for check in self._open)
+    def judged(self, *, mutated: bool = False) -> dict[str, float] | str:
+        """Return the measures of a valid model, or why it is rejected; each state is judged once. Raises as `measure`.
+
+        Of a `mutated` model, made of a valid one, constraints that mutations cannot violate are skipped.
+        """
+        state = self.engine.model.state_hash()
+        if state not in self._judged:
+            if len(self._judged) >= KEPT:
+                del self._judged[next(iter(self._judged))]
+            self._judged[state] = self._judge(self._open if mutated else self._checks)
+        return self._judged[state]
+
+    def _judge(self, checks: Sequence[Constraint]) -> dict[str, float] | str:
+        if not all(check.holds(self.engine) for check in checks):
+            first = next(self.violations())
+            why_not = getattr(first, "why_not", None)
+            return f"`{first}` is violated" if why_not is None else str(why_not(self.engine))
+        try:
+            return self.measure()
+        except NoValue as error:
+            return error.message
 
     def violations(self) -> Iterator[Constraint]:
         """The constraints that the model violates, in their order, each looked at when it is asked for."""

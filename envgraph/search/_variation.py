@@ -15,7 +15,7 @@ from numpy.random import Generator
 
 from envgraph.errors import RuleError
 from envgraph.lang import Strength
-from envgraph.search._problem import NoValue, Problem
+from envgraph.search._problem import Problem
 from envgraph.search._store import Trace
 
 Step = tuple[str, tuple[int | float | bool | str, ...]]
@@ -37,7 +37,7 @@ class Variation:
         self._problem = problem
         self._max_attempts = max_attempts
         # From the first question on patterns are kept current, unless a version is held by then.
-        self._valid = problem.remains_valid if problem.valid() else problem.valid
+        self._begins_valid = problem.valid()
         self._most = 2 * len(problem.engine.model) if strength == "heavy_tailed" else 1
         self.reasons: Counter[str] = Counter()
 
@@ -49,19 +49,13 @@ class Variation:
         for _ in range(self._max_attempts):
             savepoint = engine.model.savepoint()
             trace = vary(rng)
-            if trace is None:
-                reason = "no rule could be applied"
-            elif not self._valid():
-                reason = f"`{next(problem.violations())}` is violated"
-            else:
-                try:
-                    measures = problem.measure()
-                except NoValue as error:
-                    reason = error.message
-                else:
-                    engine.model.release(savepoint)
-                    return trace, measures
-            self.reasons[reason] += 1
+            judged = (
+                "no rule could be applied" if trace is None else problem.judged(mutated=self._begins_valid)
+            )
+            if trace is not None and not isinstance(judged, str):
+                engine.model.release(savepoint)
+                return trace, judged
+            self.reasons[str(judged)] += 1
             engine.model.rollback(savepoint)
         return None
 

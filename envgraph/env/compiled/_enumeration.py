@@ -117,7 +117,7 @@ class Tables:
     def __init__(self, behaviour: Behaviour, limit: int = DEFAULT_LIMIT) -> None:
         self._behaviour, self._limit = behaviour, limit
         self._visited = 0
-        self._program: Program | None = None
+        self._programs: dict[Any, Program] = {}
 
     def table(self, engine: Engine, keys: KeyIndex, progress: Progress | None = None) -> Tabular:
         """The table of the present model of an engine: that of `explore`; once it pays, a program makes it.
@@ -127,8 +127,8 @@ class Tables:
         """
         if self._visited > LIVE_OUTCOMES and has_numba():
             with suppress(NotCompiled):
-                self._program = program_over(self._program, engine, self._behaviour, keys)
-                return enumerated(self._program, limit=self._limit, progress=progress)
+                program = program_over(self._programs, engine, self._behaviour, keys)
+                return enumerated(program, limit=self._limit, progress=progress)
         found = explored(engine, self._behaviour, keys, limit=self._limit, progress=progress).tabular
         self._visited += found.next_state.size
         return found

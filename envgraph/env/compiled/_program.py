@@ -38,6 +38,9 @@ PURPOSES: Final[Mapping[Purpose, tuple[tuple[ModuleType, ...], tuple[str, ...]]]
 }
 """The texts that a program has besides its own, and the functions that are called from outside."""
 
+MOST_PROGRAMS: Final = 16
+"""Programs that are kept for models of different objects; to write one takes as long as a hundred small searches."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Program:
@@ -169,23 +172,27 @@ def program_of(
         return _compiled(text, arrays, native, data, behaviour, keys, spare)
 
 
-def program_over(last: Program | None, engine: Engine, behaviour: Behaviour, keys: KeyIndex) -> Program:
-    """A program whose only member is the present model of an engine: the last one's text, if it fits.
+def program_over(known: dict[Any, Program], engine: Engine, behaviour: Behaviour, keys: KeyIndex) -> Program:
+    """Return a program whose only member is the present model of an engine, with the text of a known one if that fits.
 
     Args:
-        last: what this gave for the model before, if there was one; of the same behaviour.
+        known: programs of the same behaviour by the indices of objects, in the order of their use; it is put there.
         engine, behaviour, keys: see `program_of`.
 
     Raises:
         NotCompiled: something in it only the live engine has.
     """
-    if last is None:
-        return program_of(engine, behaviour, keys=keys)
+    indices = tuple(keys.keys.items())
+    last = known.pop(indices, None) or next(reversed(known.values()), None)
+    broken: Iterable[Hashable] = () if last is None else last.layout.broken
     try:
-        return last.over(engine, keys)
+        made = last and last.over(engine, keys)
     except Misfit as misfit:
-        broken = {*last.layout.broken, misfit.assumption}
-        return program_of(engine, behaviour, keys=keys, broken=broken)
+        made, broken = None, {*broken, misfit.assumption}
+    known[indices] = made or program_of(engine, behaviour, keys=keys, broken=broken)
+    if len(known) > MOST_PROGRAMS:
+        del known[next(iter(known))]
+    return known[indices]
 
 
 def _numbered(texts: Iterable[str], layout: Layout) -> dict[str, int]:

@@ -14,7 +14,7 @@ from envgraph.env.compiled import Program, Tables, program_over
 from envgraph.errors import EvaluationError, InvalidArgument, RuleError
 from envgraph.graph import Model, Version
 from envgraph.rewrite import Row
-from envgraph.search._problem import NoValue, Problem
+from envgraph.search._problem import Problem
 from envgraph.search._store import Trace
 from envgraph.solve.learning import InProgram, Table, flatten
 
@@ -98,7 +98,7 @@ class Levels:
         self.exempted: dict[str, None] = {}
         self.made = 0
         self._behaviour = behaviour
-        self._program: Program | None = None
+        self._programs: dict[Any, Program] = {}
         problem.valid()  # from the first question on patterns are kept current, unless a version is held by then
         self.origin = self.engine.commit()
 
@@ -162,14 +162,11 @@ class Levels:
 
     def measured(self) -> dict[str, float] | None:
         """The measures of the present model; None, and a reason is counted, if it is no member."""
-        if not self.problem.valid():
-            self.rejected[f"`{next(self.problem.violations())}` is violated"] += 1
-            return None
-        try:
-            return self.problem.measure()
-        except NoValue as error:
-            self.rejected[error.message] += 1
-            return None
+        judged = self.problem.judged()
+        if not isinstance(judged, str):
+            return judged
+        self.rejected[judged] += 1
+        return None
 
     def tabular_of(self, level: Level) -> Tabular:
         """The table of a level.
@@ -191,9 +188,9 @@ class Levels:
         self.made += 1
         keys = self.keys
         self.go_to(level.version)
-        self._program = program_over(self._program, self.engine, self.behaviour, keys)
-        self._program.functions("learn")  # compiled before threads ask for it
-        return InProgram(self._program, 0)
+        program = program_over(self._programs, self.engine, self.behaviour, keys)
+        program.functions("learn")  # compiled before threads ask for it
+        return InProgram(program, 0)
 
     def value(self, measures: Mapping[str, float]) -> float:
         """What the diversity reads."""

@@ -253,10 +253,46 @@ def test_a_guide_is_a_pattern_of_the_domain(monkeypatch: pytest.MonkeyPatch) -> 
     assert Plans(behaviour, guide="stored").plan(engine).steps == 14.0
 
 
-def test_no_more_states_are_met_than_there_may_be() -> None:
+@pytest.mark.parametrize("shortest", [True, False])
+def test_a_search_is_given_up_after_so_many_states(monkeypatch: pytest.MonkeyPatch, shortest: bool) -> None:
+    monkeypatch.setattr(_planning, "MOST", 100)
+    monkeypatch.setattr(_planning, "FEW", 10)
+    monkeypatch.setattr(_program, "has_numba", lambda: False)
     engine, behaviour = opened(SOKOBAN / "small.model", SOKOBAN / "sokoban.environment")
-    with pytest.raises(TooManyStates, match="more than 100 states"):
-        find_plan(program_of(engine, behaviour, native=False), most=100)
+    plan = Plans(behaviour, shortest=shortest).plan(engine)
+    assert (plan.steps, plan.exact) == (inf, False)
+    assert 100 < plan.states < 200
+
+
+@pytest.mark.parametrize("narrow", [(50, 20), (1, 1)])
+def test_where_any_plan_will_do_a_narrow_beam_comes_first(
+    monkeypatch: pytest.MonkeyPatch, narrow: tuple[int, int]
+) -> None:
+    """And where that finds none, the answer is that of the whole search."""
+    monkeypatch.setattr(_planning, "NARROW", narrow)
+    monkeypatch.setattr(_program, "has_numba", lambda: False)
+    engine, behaviour = opened(SOKOBAN / "small.model", SOKOBAN / "sokoban.environment")
+    plan = Plans(behaviour, shortest=False).plan(engine)
+    beam = found(engine, behaviour, limit=narrow[0], width=narrow[1])
+    assert plan == (beam if isfinite(beam.steps) else found(engine, behaviour))
+    assert ends_after(engine, behaviour, plan) == plan.steps >= 14
+
+
+def test_models_of_other_objects_have_programs_of_their_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each is written once, whichever model comes next."""
+    written, program_of = [], _program.program_of
+
+    def counted(*arguments: Any, **options: Any) -> Program:
+        written.append(options["keys"])
+        return program_of(*arguments, **options)
+
+    monkeypatch.setattr(_program, "program_of", counted)
+    halls = [test_agents.Hall(["..d"], [(0, 0)], 9, [(0, 0), (1, 0)][:count]) for count in (1, 2)]
+    engines = [test_agents.opened(hall.text()) for hall in halls]
+    plans = Plans(engines[0][1])
+    steps = [plans.plan(engine).steps for engine, _ in (*engines, *engines)]
+    assert steps[:2] == steps[2:] and steps[0] < steps[1]
+    assert len(written) == 2 and written[0] != written[1]
 
 
 def test_actions_of_other_blocks_are_tried_once_and_the_plan_is_the_same(

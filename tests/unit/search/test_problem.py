@@ -38,6 +38,10 @@ CONSTRAINTS = [
 ]
 
 
+def remains_valid(problem: Problem) -> bool:
+    return not isinstance(problem.judged(mutated=True), str)
+
+
 @pytest.mark.parametrize("name", ["burning_forest/paper.toml", "network/diverse.toml"])
 def test_what_mutations_cannot_violate_is_asked_once(name: str) -> None:
     family = Domain.load(name)
@@ -51,7 +55,7 @@ def test_what_mutations_cannot_violate_is_asked_once(name: str) -> None:
             with suppress(RuleError):
                 engine.fire(*chosen)
         found.append(problem.valid())
-        assert problem.remains_valid() == found[-1]
+        assert remains_valid(problem) == found[-1]
         if found[-1]:
             engine.model.release(savepoint)
         else:
@@ -66,12 +70,12 @@ def shift(engine: Engine) -> None:
 def test_what_no_mutation_changes_is_asked_of_other_changes(domain: Domain) -> None:
     problem = problem_with(domain, [Require("startTileFixedLocation")])
     problem.engine.model.node(next(iter(problem.engine.model.extent("StartTile")))).x = 1
-    assert (problem.valid(), problem.remains_valid()) == (False, True)
+    assert (problem.valid(), remains_valid(problem)) == (False, True)
     written = replace(problem, mutations=("collect", "burnDown"))
-    assert (written.valid(), written.remains_valid()) == (False, True)
+    assert (written.valid(), remains_valid(written)) == (False, True)
     problem.engine.unit(shift)
     unknown = replace(problem, mutations=("shift",))
-    assert (unknown.valid(), unknown.remains_valid()) == (False, False)
+    assert (unknown.valid(), remains_valid(unknown)) == (False, False)
 
 
 @pytest.mark.parametrize("constraints", CONSTRAINTS, ids=lambda found: ", ".join(map(str, found)))
@@ -143,6 +147,38 @@ def test_a_constraint_and_a_measure_search_the_states_of_a_model_once(
     engine.model.rollback(savepoint)
     assert problem.valid() and problem.measure()["plan"] == plan == 9.0
     assert searches == [9.0, inf, 9.0]
+
+
+@pytest.mark.parametrize("kept", [1, 20])
+def test_a_state_is_judged_once(monkeypatch: pytest.MonkeyPatch, kept: int) -> None:
+    monkeypatch.setattr("envgraph.search._problem.KEPT", kept)
+    searches: list[float] = []
+    monkeypatch.setattr(
+        Plans, "plan", lambda plans, engine, progress: Plan(searches.append(1) or 9.0, (), 1, 1, None)
+    )
+    domain = Domain.load("keydoor")
+    problem = domain.problem(domain.engine())
+    model, judged = problem.engine.model, []
+    for _ in range(3):
+        judged.append(problem.judged())
+        savepoint = model.savepoint()
+        model.nodes("Door")[0].open = True
+        judged.append(problem.judged(mutated=True))
+        model.rollback(savepoint)
+    assert judged == [{"plan": 9.0}] * 6
+    assert len(searches) == (2 if kept == 20 else 6)
+
+
+@pytest.mark.parametrize(
+    ("width", "reason"),
+    [(None, "`reachable success` is violated"), (7, "no plan to success was found within 200,000 states")],
+)
+def test_a_search_that_is_given_up_says_after_how_many_states(
+    monkeypatch: pytest.MonkeyPatch, width: int | None, reason: str
+) -> None:
+    monkeypatch.setattr(Plans, "plan", lambda *arguments: Plan(inf, (), 3, 2, width))
+    domain = Domain.load("keydoor")
+    assert domain.problem(domain.engine()).judged() == reason
 
 
 def test_what_is_not_compiled_is_answered_by_the_live_engine(monkeypatch: pytest.MonkeyPatch) -> None:
