@@ -163,10 +163,9 @@ class Levels:
     def measured(self) -> dict[str, float] | None:
         """The measures of the present model; None, and a reason is counted, if it is no member."""
         judged = self.problem.judged()
-        if not isinstance(judged, str):
-            return judged
-        self.rejected[judged] += 1
-        return None
+        if isinstance(judged, str):
+            self.rejected[judged] += 1
+        return None if isinstance(judged, str) else judged
 
     def tabular_of(self, level: Level) -> Tabular:
         """The table of a level.
