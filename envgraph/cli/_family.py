@@ -92,6 +92,9 @@ def generate_family(
     elif path.exists() and not force:
         hint = "go on with --resume, replace it with --force, or choose another --name"
         raise InvalidArgument(f"{path} exists already: {hint}")
+    elif generations is not None and domain.spec.climbs:
+        hint = "leave it out; a `diverse.toml`, or a file without `[objective]`, has generations"
+        raise InvalidArgument(f"`--generations`: `{domain.spec.path}` is searched for as a whole", hint)
     is_old = path.exists() and not resume
     whole = not (kept if resume else domain).spec.evolves
     try:

@@ -344,10 +344,6 @@ class Domain:
             bins = options.integer("bins", 10, 1, MOST_BINS)
             problems += _finished(options)
             cover.append((one.name, BinnedEntropy(bins, low, high, whole=getattr(measure, "whole", False))))
-        if self.spec.objective is not None:
-            message = "samples are drawn, and an objective searches: a file has one of them"
-            hint = "leave `[samples]` or `[objective]` out"
-            problems.append(Diagnostic("bad-objective", message, self.spec.objective.span(), hint))
         if has_errors(problems):
             raise LoadError(problems)
         best, attempts = spec.maximise or spec.minimise, spec.attempts or 10 * spec.count
@@ -466,8 +462,6 @@ def _climb(options: Options, spec: FamilySpec) -> CurriculumSettings:
         lanes=options.integer("lanes", 4, 1, MOST_LANES),
         enough=options.number("enough", 1.0, -LARGEST, LARGEST) if options.given("enough") else None,
         demanded=inf if isinstance(demanded, str) else demanded,
-        crossover=options.number("crossover", 0.0, 0.0, 1.0),
-        exchange=options.number("exchange", 0.0, 0.0, 1.0),
         begin=cast(Begin, options.word("begin", "auto", get_args(Begin))),
     )
 

@@ -73,9 +73,10 @@ class Outcome:
         parts = [f"{name} {value:.3f}" for name, value in self.objective.items()]
         if "steps" in self.objective:
             success, *_ = self.objective.values()
-            steps, alone = self.objective["steps"], self.objective["alone"]
+            steps, fewest, alone = (self.objective[name] for name in ("steps", "fewest", "alone"))
+            several = f"{fewest:,.0f} to " if fewest < steps else ""
             parts = [
-                f"{success:.1%} of new learners solve {self.target} after {steps:,.0f} steps in all",
+                f"{success:.1%} of new learners solve {self.target} after {several}{steps:,.0f} steps in all",
                 f"{alone:.1%} with as many on {self.target} alone",
             ]
         if self.demanded:
@@ -155,7 +156,7 @@ def _few(family: Family) -> Diagnostic:
     """A family on which less than half of the learners come to solve the target."""
     spec = family.domain.spec.objective
     message = f"the family teaches little: {family.value:.1%} of new learners solve {family.members[-1].name}"
-    hint = "more `steps_per_environment`, a larger `population`, or more `effort`"
+    hint = "leave `steps_per_environment` and `population` out, then the search chooses them; or give more `effort`"
     return Diagnostic("teaches-little", message, spec.span() if spec else None, hint, Severity.WARNING)
 
 

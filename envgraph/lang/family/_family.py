@@ -251,9 +251,10 @@ class FamilySpec:
 
     @property
     def climbs(self) -> bool:
-        """Whether the family is searched for as a whole, and not selected from a population of models."""
+        """Whether the family is searched for as a whole, and not selected from a population of models or sampled."""
         found = self.objective
-        return found is not None and (found.kind != EXPRESSIONS or found.options.get("search") == "climb")
+        whole = found is not None and (found.kind != EXPRESSIONS or found.options.get("search") == "climb")
+        return whole and self.samples is None
 
     @property
     def size(self) -> int:

@@ -68,7 +68,6 @@ class CurriculumSettings:
         lanes: families that are improved side by side, until the better half of them goes on.
         enough: the search ends at this value; None: at the most that the objective can be.
         demanded: the least diversity of a family; infinity: the largest there is; or None.
-        crossover, exchange: shares of these moves, see `Moves`.
         begin: what the members of the first families are made from, see `Starts`.
     """
 
@@ -77,8 +76,6 @@ class CurriculumSettings:
     lanes: int = 4
     enough: float | None = None
     demanded: float | None = None
-    crossover: float = 0.0
-    exchange: float = 0.0
     begin: Begin = "auto"
 
     def __post_init__(self) -> None:
@@ -118,8 +115,9 @@ class CurriculumProgress:
         spent: share of the effort.
         tried: families that were judged.
         origin: what its members are made from; None before the end.
-        learnt: where learners judge, at the end: "steps" in all; the success of as many learners with as many steps on
-            the target "alone"; and that of the best reverse curriculum "unsearched", if it is not the family.
+        learnt: where learners judge, at the end: the largest number of "steps" in all, and the "fewest"; the success of
+            as many learners with as many steps on the target "alone"; and that of the best reverse curriculum
+            "unsearched", if it is not the family.
     """
 
     family: Family
@@ -182,9 +180,7 @@ class CurriculumSearch:
             raise InvalidArgument("nobody knows how diverse a family can be at most: demand a number")
         demanded = self.settings.demanded
         self._demanded = None if demanded is None else min(demanded, most) - _SAME
-        self._moves = Moves(
-            self.levels, self._demanded, crossover=self.settings.crossover, exchange=self.settings.exchange
-        )
+        self._moves = Moves(self.levels, self._demanded)
 
     def run(self) -> CurriculumProgress:
         """The best family that was found.
@@ -257,15 +253,12 @@ class CurriculumSearch:
         spent = min(1.0, self._spent())
         if isinstance(found, _Lane):
             return CurriculumProgress(found.best, found.value, spent, self.tried, found.origin)
-        learnt = {"steps": found.objective.steps[-1] * len(found.family), "alone": self._alone(found)}
+        totals = [steps * len(found.family) for steps in found.objective.steps]
+        alone = self._success((self.levels.target,), found.objective.at(max(totals)), NEW)
+        learnt = {"fewest": min(totals), "steps": max(totals), "alone": alone}
         if unsearched is not None:
             learnt["unsearched"] = unsearched
         return CurriculumProgress(found.family, found.success, spent, self.tried, found.origin, learnt)
-
-    def _alone(self, found: Taught) -> float:
-        """The share of new learners that solve the target after as many steps on it alone."""
-        steps = found.objective.steps[-1] * len(found.family)
-        return self._success((self.levels.target,), found.objective.at(steps), NEW)
 
     def _success(self, family: Family, objective: Learning, seeds: int) -> float:
         """The share of so many new learners that solve the target; 0 where a member has too many states."""

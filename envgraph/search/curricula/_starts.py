@@ -193,7 +193,7 @@ class Starts:
     ) -> list[Trace] | None:
         """Which states on the way are members: any, or those that together are the most diverse."""
         if len(steps) < wanted:
-            self._levels.rejected[f"mutations lead to {len(steps)} states, of which {wanted} are wanted"] += 1
+            self._levels.rejected[f"too few states come of the target for {wanted} members"] += 1
             return None
         order: list[int] = rng.permutation(len(steps)).tolist()
         places, values = order[:wanted], [self._levels.value(self._levels.target.measures)]

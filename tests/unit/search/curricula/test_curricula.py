@@ -194,34 +194,6 @@ def test_moves_make_families_of_valid_members_and_leave_versions_as_they_are(nam
     assert [text(levels, level) for level in family] == before
 
 
-@pytest.mark.parametrize("name", ["burning_forest/paper.toml", "keydoor/diverse.toml"])
-def test_a_crossover_takes_from_another_member_what_only_that_one_has(name: str) -> None:
-    levels, rng = levels_of(name), np.random.default_rng(4)
-    family, found = started(levels, 4, None)[0], 0
-    steps = {step for level in family for step in level.trace}
-    before = [(level.state, text(levels, level)) for level in family]
-    for _ in range(120):
-        child = Moves(levels, crossover=1.0).draw(family, rng)
-        for one, other in zip(child or (), family, strict=False):
-            if one is not other:
-                found += 1
-                added = one.trace[len(other.trace) :]
-                assert added and one.trace[: len(other.trace)] == other.trace
-                assert set(added) <= steps, "nothing new is drawn"
-                levels.go_to(other.version)
-                assert levels.replayed(added) and levels.engine.model.state_hash() == one.state
-    assert found > 3
-    assert [(level.state, text(levels, level)) for level in family] == before, "undone, all is as before"
-
-
-def test_an_exchange_changes_the_order_alone() -> None:
-    levels, rng = levels_of("burning_forest/paper.toml"), np.random.default_rng(5)
-    family = started(levels, 4, None)[0]
-    child = Moves(levels, exchange=1.0).draw(family, rng)
-    assert child is not None and child != family and child[-1] is levels.target
-    assert {id(one) for one in child} == {id(one) for one in family}
-
-
 def test_a_move_keeps_the_diversity_that_is_demanded() -> None:
     levels, rng = levels_of("burning_forest/paper.toml"), np.random.default_rng(2)
     demanded = levels.problem.maximum(6) - 1e-9

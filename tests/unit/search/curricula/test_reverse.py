@@ -112,3 +112,17 @@ def test_a_family_that_teaches_little_is_told(
     assert "the family teaches little: 0.0% of new learners solve E3" in error
     assert "the family is worth 0.000, and `--require` asks for 0.9" in error
     assert (tmp_path / "little" / "run.sqlite").exists()
+
+
+def test_samples_are_drawn_from_a_file_that_asks_for_a_family_that_teaches(tmp_path: Path) -> None:
+    family = generate(small(tmp_path), tmp_path / "run.sqlite", samples=5)
+    assert len(family.members) == 5 and family.value is None
+
+
+def test_generations_are_refused_where_there_are_none(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ("generate", small(tmp_path), "--directory", str(tmp_path), "--generations", "3")
+    monkeypatch.setattr("sys.argv", ["envgraph", *words])
+    assert main() == 1
+    assert "small.toml` is searched for as a whole" in capsys.readouterr().err
