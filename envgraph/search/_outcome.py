@@ -147,7 +147,7 @@ def about_search(family: Family, store: RunStore) -> list[str]:
         where += ", as they are: the search found nothing better"
     exempted = [f"`{text}`" for text in _texts(found.get("exempted", []))]
     only = [f"these hold for {family.members[-1].name} alone: {', '.join(exempted)}"] if exempted else []
-    needless = (family.value or 0.0) - known["alone"] < _NEEDLESS
+    needless = known["alone"] > max(_FEW, (family.value or 0.0) - _NEEDLESS)
     alone = [f"{family.members[-1].name} needs no other environments: it is learned alone in as many steps"]
     return [where, *only, *(alone if needless else [])]
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import json
 import os
+import re
 import signal
 import sqlite3
 import subprocess
@@ -102,13 +103,33 @@ def test_version_is_printed(envgraph: Envgraph) -> None:
 def test_a_new_domain_checks_generates_trains_and_reports(envgraph: Envgraph, tmp_path: Path) -> None:
     ok(envgraph("new", "maze"))
     assert "no problems" in ok(envgraph("check", "maze")).out
-    ok(envgraph("generate", "maze", "--generations", 60, "--name", "m"))
-    ok(envgraph("train", "m", "--steps", 300, "--seeds", 2))
+    quick = ("--set", "objective.effort=30_000_000", "--require", 0.95)
+    found = ok(envgraph("generate", "maze", *quick, "--name", "m")).out
+    assert "of new learners solve E6" in found and " 0.0% with as many on E6 alone" in found
+    ok(envgraph("train", "m", "--seeds", 2))
     shown = ok(envgraph("report", "m")).out
-    assert "E5" in shown and "report.html" in shown
+    assert "E6" in shown and "report.html" in shown
     told = ok(envgraph("report", "m", "--format", "json")).json
-    assert [one["environment"] for one in told["environments"]] == ["E1", "E2", "E3", "E4", "E5", "E5 alone"]  # type: ignore[index]
+    names = [*(f"E{place}" for place in range(1, 7)), "E6 alone"]
+    assert [one["environment"] for one in told["environments"]] == names  # type: ignore[index]
     assert "<svg" in (tmp_path / "runs" / "m" / "report.html").read_text()
+
+
+def test_a_target_that_nobody_learns_is_not_said_to_need_no_family(envgraph: Envgraph) -> None:
+    ok(envgraph("new", "maze"))
+    done = ok(envgraph("generate", "maze", "--set", "objective.effort=1"))
+    assert "0.0% of new learners solve E3" in done.out and "needs no other" not in done.out
+    assert "[teaches-little]" in done.err
+
+
+def test_a_new_domain_without_its_objective_is_diverse(envgraph: Envgraph, tmp_path: Path) -> None:
+    ok(envgraph("new", "maze"))
+    file = tmp_path / "maze" / "family.toml"
+    file.write_text(re.sub(r"\[objective\].*?(?=\[diversity\])", "", file.read_text(), flags=re.DOTALL))
+    assert "no problems" in ok(envgraph("check", "maze")).out
+    found = ok(envgraph("generate", "maze", "--generations", 30, "--format", "json")).json
+    plans = {one["measures"]["plan"] for one in found["members"]}  # type: ignore[index]
+    assert len(plans) >= 3 and min(plans) == 14
 
 
 @pytest.mark.parametrize(
@@ -180,7 +201,7 @@ def test_match_prints_matches_for_people_and_programs(envgraph: Envgraph) -> Non
     assert "1 match of solvable" in text and "Start cell[0, 0]" in text
     matches = ok(envgraph("match", "maze/maze.model", "maze/maze.query", "solvable", "--format", "json")).json
     assert matches[0]["goal"]["class"] == "Goal"  # type: ignore[index]
-    assert matches[0]["goal"]["attributes"] == {"x": 4, "y": 4}  # type: ignore[index]
+    assert matches[0]["goal"]["attributes"] == {"x": 7, "y": 7}  # type: ignore[index]
     assert "no match" in ok(envgraph("match", "maze/maze.model", "maze/maze.query", "onGoal")).out
 
 
@@ -189,7 +210,7 @@ def test_match_can_fix_a_parameter(envgraph: Envgraph) -> None:
     arguments = ("match", "maze/maze.model", "maze/maze.query", "neighbour", "--format", "json")
     every = ok(envgraph(*arguments)).json
     some = ok(envgraph(*arguments, "--where", "from=1")).json
-    assert len(every) == 80 and 2 <= len(some) <= 3  # type: ignore[arg-type]
+    assert len(every) == 224 and 2 <= len(some) <= 3  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
@@ -273,7 +294,7 @@ def test_a_model_that_apply_wrote_can_be_matched_and_rewritten_again(envgraph: E
     at_once = ok(envgraph("apply", "maze/maze.model", *files, "--times", 2, "--format", "json")).json
     assert json.loads(Path("two.json").read_text()) == at_once["model"]  # type: ignore[index]
     moved = ok(envgraph("match", "two.json", "maze/maze.query", "neighbour", "--format", "json")).json
-    assert len(moved) == 80  # type: ignore[arg-type]
+    assert len(moved) == 224  # type: ignore[arg-type]
 
 
 def test_a_broken_model_as_json_is_a_diagnostic(envgraph: Envgraph, tmp_path: Path) -> None:
@@ -306,8 +327,8 @@ def test_a_private_pattern_is_named_as_private(envgraph: Envgraph, tmp_path: Pat
 def test_training_follows_the_sequences_of_the_family_file(envgraph: Envgraph, tmp_path: Path) -> None:
     ok(envgraph("new", "maze"))
     file = tmp_path / "maze" / "family.toml"
-    file.write_text(file.read_text().replace('sequences = "suffixes"', 'sequences = "full"'))
-    ok(envgraph("generate", "maze", "--generations", 30, "--name", "m"))
+    file.write_text(file.read_text() + '[curriculum]\nsequences = "full"\n')
+    ok(envgraph("generate", "maze", "--set", "objective.effort=1", "--population", 5, "--name", "m"))
 
     def labels(*options: object) -> list[str]:
         train = ("train", "m", "--steps", 50, "--seeds", 1, *options)
@@ -757,7 +778,7 @@ def test_a_full_disk_costs_nobody_the_file_that_was_there(
 ) -> None:
     ok(envgraph("new", "maze"))
     if "m" in command:
-        ok(envgraph("generate", "maze", "--generations", 0, "--name", "m"))
+        ok(envgraph("generate", "maze", "--set", "objective.effort=1", "--name", "m"))
     file = Path(target)
     file.parent.mkdir(parents=True, exist_ok=True)
     before = "\n\n" + file.read_text() if file.exists() else "old"
@@ -792,7 +813,7 @@ def test_apply_fails_where_nothing_matches_or_a_unit_fails(envgraph: Envgraph) -
         assert envgraph("apply", *files, "stops", "--format", format).code == 1
         ok(envgraph("apply", *files, "never", "--format", format, "--allow-none"))
     done = ok(envgraph("apply", *files, "clear", "--times", 100))
-    assert "no match of clear after 7 applications" in done.out
+    assert "no match of clear after 18 applications" in done.out
     assert "failure" in envgraph("apply", *files, "stops", "--format", "json").out
 
 
