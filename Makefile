@@ -14,16 +14,16 @@ unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: demo test test-cluster test-integrations bench nightly campaign clean venv
 
-# --- demo: one environment becomes a family, an agent learns on it, a report shows it ---
+# --- demo: a family for one target, agents that learn on it and on controls, a report of both ---
 
 DEMO_RUN := demo
 
 demo: $(VENV)/.demo
 	@rm -rf runs/$(DEMO_RUN)
-	@echo "1. generate: evolve the model, keep the most diverse family"
-	@$(BIN)/envgraph generate burning_forest --name $(DEMO_RUN)
-	@echo "2. train: agents on the curriculum, and on controls with as many steps"
-	@$(BIN)/envgraph train $(DEMO_RUN) --steps 10000,50000 --curricula full,direct
+	@echo "1. generate: search for environments on which agents come to solve the target"
+	@$(BIN)/envgraph generate burning_forest --name $(DEMO_RUN) --require 0.95
+	@echo "2. train: 200 agents on these environments, and 200 on each control with as many steps"
+	@$(BIN)/envgraph train $(DEMO_RUN) --curricula full,direct
 	@echo "3. report: everything on one page"
 	@$(BIN)/envgraph report $(DEMO_RUN)
 

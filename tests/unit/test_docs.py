@@ -43,6 +43,7 @@ REFERENCE = [
     ROOT / "docs" / "languages" / f"{name}.md"
     for name in ("metamodel", "model", "query", "rules", "environment", "family")
 ]
+COMMANDS = ROOT / "docs" / "commands.md"
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 
 FENCE = re.compile(r"^( *)```(\w+)([^\n`]*)\n(.*?)^ *```$", re.MULTILINE | re.DOTALL)
@@ -322,13 +323,24 @@ def test_code_of_a_page_runs_and_prints_what_it_shows(
             assert printed == after.text, f"{after}: it prints\n{printed}"
 
 
-def test_mistake_in_the_readme_is_reported_as_shown(tmp_path: Path) -> None:
-    shown = next(block.text for block in blocks(ROOT / "README.md") if "maze.rules" in block.words)
+def test_mistake_in_a_new_domain_is_reported_as_shown(tmp_path: Path) -> None:
+    shown = next(block.text for block in blocks(COMMANDS) if "maze.rules" in block.words)
     write_domain(tmp_path, "maze")
     texts = {path.name: path.read_text(encoding="utf-8") for path in tmp_path.iterdir()}
     texts["maze.rules"] = texts["maze.rules"].replace("-at->", "-att->", 1)
     found = load_workspace(["maze.rules"], files=TextFiles(texts)).diagnostics
     assert [str(one) for one in found] == [shown.rstrip("\n")]
+
+
+def test_every_command_is_explained(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["envgraph", "--help"])
+    with contextlib.suppress(SystemExit):
+        main()
+    there = set(re.findall(r"^  ([a-z][a-z-]*) +[A-Z]", capsys.readouterr().out, re.MULTILINE))
+    rows = set(re.findall(r"^\| `envgraph ([a-z-]+)", COMMANDS.read_text(encoding="utf-8"), re.MULTILINE))
+    assert len(there) > 20 and rows == there
 
 
 # --- what the pages say exists
