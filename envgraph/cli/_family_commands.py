@@ -71,7 +71,7 @@ def generate(
     directory: Path,
     format: OutputFormat,
 ) -> None:
-    """Evolve a family of environments from one model."""
+    """Make a family of environments out of one model."""
     from envgraph.cli._family import generate_family
 
     given = {

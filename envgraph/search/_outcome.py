@@ -140,16 +140,18 @@ def about_search(family: Family, store: RunStore) -> list[str]:
     found, known = store.objective, family.objective
     if "steps" not in known:
         return []
-    where = f"environments before {family.members[-1].name} are {found['origin']}"
-    if "unsearched" in known:
-        where += f", improved by search: without search {known['unsearched']:.1%} of learners succeed"
-    elif "eased" not in where:
-        where += ", as they are: the search found nothing better"
-    exempted = [f"`{text}`" for text in _texts(found.get("exempted", []))]
-    only = [f"these hold for {family.members[-1].name} alone: {', '.join(exempted)}"] if exempted else []
-    needless = known["alone"] > max(_FEW, (family.value or 0.0) - _NEEDLESS)
-    alone = [f"{family.members[-1].name} needs no other environments: it is learned alone in as many steps"]
-    return [where, *only, *(alone if needless else [])]
+    target = family.members[-1].name
+    sentences = [f"environments before {target} are {found['origin']}"]
+    exempted = ", ".join(f"`{text}`" for text in _texts(found.get("exempted", [])))
+    if exempted:
+        sentences.append(f"these constraints hold for {target} alone: {exempted}")
+    if known["alone"] > max(_FEW, (family.value or 0.0) - _NEEDLESS):
+        sentences.append(f"{target} needs no other environments: it is learned alone in as many steps")
+    elif "unsearched" in known:
+        sentences[0] += f", improved by search: without search {known['unsearched']:.1%} of learners succeed"
+    elif "eased" not in sentences[0]:
+        sentences[0] += ", as they are: the search found nothing better"
+    return sentences
 
 
 def _few(family: Family) -> Diagnostic:

@@ -69,7 +69,7 @@ def test_constraints_that_the_agent_violates_on_its_way_hold_for_the_target_alon
         sentences = about_search(family, store)
         assert why_low(family, store) is None
     target = family.members[-1].name
-    assert f"these hold for {target} alone: `require truckOnStart`" in sentences
+    assert f"these constraints hold for {target} alone: `require truckOnStart`" in sentences
     assert sentences[0].startswith(f"environments before {target} are states of an optimal episode")
     domain = family.domain
     first = domain.problem(domain.engine(family.model(family.members[0])))
