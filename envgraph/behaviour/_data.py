@@ -264,6 +264,6 @@ class Behaviour:
 
     @property
     def can_succeed(self) -> bool:
-        """Whether a clause ends episodes in success."""
+        """True if a clause, also one of an agent, ends episodes in success."""
         effects = [*self.effects, *(effect for agent in self.agents for effect in agent.effects)]
         return any(isinstance(effect, OnFind) and effect.end == "success" for effect in effects)

@@ -30,9 +30,9 @@ from envgraph.search import (
     Outcome,
     RunStore,
     SampleProgress,
-    about_search,
     caption,
     certificate_texts,
+    describe_search,
     domain_of,
     evolve,
     import_ga4cl,
@@ -77,10 +77,10 @@ def generate_family(
         directory: where runs are kept.
         format: what to print.
         workers: threads for learners of an objective.
-        require: the least value of the objective, or the least diversity, with which the command succeeds.
+        require: the least value of the objective, or without an objective the least diversity; None: no condition.
 
     Raises:
-        EnvgraphError: the family is worth less than required. The run is kept.
+        EnvgraphError: the value is below `require`. The run is kept.
     """
     domain = Domain.load(location, overrides=overrides)
     path = _run_path(directory, name or domain.spec.name)
@@ -93,7 +93,7 @@ def generate_family(
         hint = "go on with --resume, replace it with --force, or choose another --name"
         raise InvalidArgument(f"{path} exists already: {hint}")
     elif generations is not None and domain.spec.climbs:
-        hint = "leave it out; a `diverse.toml`, or a file without `[objective]`, has generations"
+        hint = "leave `--generations` out: only a family file without `[objective]` has generations"
         raise InvalidArgument(f"`--generations`: `{domain.spec.path}` is searched for as a whole", hint)
     is_old = path.exists() and not resume
     whole = not (kept if resume else domain).spec.evolves
@@ -131,14 +131,14 @@ def generate_family(
             sys.stderr.write(f"`{words}` {'begins anew' if whole else 'goes on'}\n")
         raise
     with RunStore.open(path) as store:
-        low, about = why_low(family, store), about_search(family, store)
+        low, about = why_low(family, store), describe_search(family, store)
     _print_family(family, format, path, low)
     for line in about if format is OutputFormat.TEXT else ():
         print_line(line)
     print_diagnostics([low] if low else [])
     value = Outcome.of(family).diversity if family.value is None else family.value
     if require is not None and value < require:
-        raise EnvgraphError(f"the family is worth {value:.3f}, and `--require` asks for {require:g}")
+        raise EnvgraphError(f"the family has a value of {value:.3f}, but `--require` is {require:g}")
 
 
 def _run_path(directory: Path, name: str) -> Path:

@@ -51,7 +51,7 @@ from envgraph.errors import InvalidArgument
     "--require",
     type=float,
     metavar="VALUE",
-    help="Exit with code 1 if the family is worth less: share of learners that solve the target, or diversity.",
+    help="Exit with code 1 if the family has a lower value: share of learners that solve the target, or diversity.",
 )
 @force_option
 @directory_option
@@ -274,7 +274,7 @@ def templates_(folder: Path) -> None:
 )
 @click.option(
     "--domain",
-    show_default="burning_forest/paper.toml; for levels that in the directory, or sokoban",
+    show_default="burning_forest/paper.toml; for levels the family.toml of the directory, or sokoban",
     help="What else an environment is: a family.toml, its directory, or a bundled domain.",
 )
 @click.option("--name", show_default="that of the file", help="Name of the run that a family becomes.")
@@ -338,17 +338,17 @@ def import_(
 @click.option(
     "--controls",
     show_default="all but random, where there is a curriculum",
-    help="What the curriculum is compared with, each with as many steps: some of direct (the target alone), optimistic "
-    "(likewise, with higher values at first), reversed, shuffled (other orders, the target last), randomised (an "
-    "environment drawn for each episode), backplay (the target begun in the states of an optimal episode, the last "
-    "first), exploring (begun in any state) and random (families that nothing has selected, one a seed), separated by "
-    "commas; or all, or none. By name also schedules, which choose the earlier environments by what comes of them: "
+    help="Other ways to train, with as many steps, separated by commas; or all, or none: direct (the target alone), "
+    "optimistic (direct, with higher values at first), reversed, shuffled (other orders, the target last), randomised "
+    "(an environment drawn for each episode), backplay (the target begun in the states of an optimal episode, the last "
+    "state first), exploring (the target begun in any state), random (families without selection, one for each seed). "
+    "By name also schedules, which choose earlier environments by the results so far: "
     "uniform, learning_progress, band, learnability, plr, robust_plr, exact_regret, exact_learnability.",
 )
 @click.option(
     "--student",
     show_default="tabular",
-    help="Who learns: tabular, or sb3:ppo or sb3:dqn, networks of Stable-Baselines3, with results of their own.",
+    help="Who learns: tabular, or a network of Stable-Baselines3 (sb3:ppo, sb3:dqn). Each has its own results.",
 )
 @count_option("--workers", default=1, help="How many agents learn at a time; changes no result.")
 @click.option("--resume", is_flag=True, help="Go on with a training that was interrupted.")

@@ -52,7 +52,7 @@ STAGES = "stages"
 _KINDS = ("suffixes", "full", "baselines", "direct")
 
 _OPTIONS = {"steps": str, "seeds": int, "seed_offset": int, "curricula": str, "controls": str, "student": str}
-"""What a training is begun with, and `--resume` goes on with."""
+"""Options of a training, with their types: `--resume` uses those of the interrupted training."""
 
 _RANDOM = "random"
 """The control that visits the states of as many other families as there are seeds: only where it is named."""
@@ -61,7 +61,7 @@ _OF_TABLES = ("optimistic", "randomised", "backplay", "exploring", _RANDOM, *EXA
 """Controls that need tables of the environments."""
 
 _FOLDERS = {student: student.removeprefix("tabular").replace(":", "-") for student in STUDENTS}
-"""Names of the directories in which students have their results; those of the tabular one are not in one."""
+"""Directory of each student below `training`; "" for the tabular student, whose results are there directly."""
 
 UNFINISHED = "unfinished.jsonl"
 """Name of the file of a training under way, among the results: its agents so far, for `--resume`."""
@@ -131,7 +131,7 @@ def train_agents(
         _refuse_results(results, budgets)
     members = _members(family)
     schedules = [one.text for one in family.domain.spec.curriculum.schedules]
-    chosen, started = _with_controls(chosen, compared, members, budgets[0], schedules)
+    chosen, starts = _with_controls(chosen, compared, members, budgets[0], schedules)
     first = wanted["seed_offset"] or 0
     numbers = range(first, first + budgets[0].seeds)
     random = _random(family, run, directory, len(numbers)) if compared and _RANDOM in compared else []
@@ -144,7 +144,7 @@ def train_agents(
         )
     try:
         trained = [
-            _train(family, members, settings, chosen, started, numbers, workers, journal, results, random)
+            _train(family, members, settings, chosen, starts, numbers, workers, journal, results, random)
             for settings in budgets
         ]
     except BaseException as error:
@@ -185,7 +185,7 @@ def _train(
     members: list[FamilyMember],
     settings: TrainingSettings,
     chosen: list[Curriculum],
-    begun: dict[str, Tabular],
+    starts: dict[str, Tabular],
     seeds: Sequence[int],
     workers: int,
     journal: Journal,
@@ -205,7 +205,7 @@ def _train(
             progress=lambda done, _: advance(done),
             known=journal.known(part, target),
             found=partial(journal.add, part, target),
-            begun=begun,
+            starts=starts,
         )
     if random:
         with progress_bar(f"{label}, random families", len(random)) as advance:
@@ -272,7 +272,7 @@ def write_report(run: str, directory: Path, output: Path | None, format: OutputF
 
 
 def _read(directory: Path, family: Family, student: str) -> list[Trained]:
-    """The results of a student with every budget, the smallest first."""
+    """Return the results of a student with every budget, the smallest budget first."""
     budgets = sorted(int(path.name) for path in directory.glob("*") if path.name.isdecimal())
     return [
         Trained(
@@ -383,9 +383,9 @@ def _with_controls(
 ) -> tuple[list[Curriculum], dict[str, Tabular]]:
     """Return the curricula with their controls, and the environments that only controls use.
 
-    By default the controls are all that there are for such environments, and the schedules of the family file.
+    By default these are all controls that the environments allow, and the schedules of the family file.
     """
-    target, begun, optimism = members[-1].tabular, dict[str, Tabular](), tuple[float, ...]()
+    target, starts, optimism = members[-1].tabular, dict[str, Tabular](), tuple[float, ...]()
     if kinds is None:
         kinds = [*CONTROLS, *schedules] if any(one.kind == "curriculum" for one in chosen) else []
         if not isinstance(target, Tabular) and (missing := [kind for kind in kinds if kind in _OF_TABLES]):
@@ -396,8 +396,8 @@ def _with_controls(
         sys.stderr.write(f"`{settings.student}` has no table of values: `optimistic` is left out\n")
     if isinstance(target, Tabular) and kinds:
         optimism = optimistic_values(target, settings)
-        begun = other_starts(members[-1].name, target, settings.limit)
-        if "backplay" in kinds and len(begun) == 1:
+        starts = other_starts(members[-1].name, target, settings.limit)
+        if "backplay" in kinds and len(starts) == 1:
             sys.stderr.write(
                 "backplay is left out: no optimal episode of two steps or more ends in success\n"
             )
@@ -406,8 +406,8 @@ def _with_controls(
             f"`--controls {','.join(needed)}` needs tables of all states: there are too many"
         )
     other = [kind for kind in kinds if kind != _RANDOM]
-    found = controls([one.name for one in members], other, optimism=optimism, starts=[*begun])
-    return list({(one.kind, one.label): one for one in (*chosen, *found)}.values()), begun
+    found = controls([one.name for one in members], other, optimism=optimism, starts=[*starts])
+    return list({(one.kind, one.label): one for one in (*chosen, *found)}.values()), starts
 
 
 def _random(family: Family, run: str, directory: Path, count: int) -> list[list[FamilyMember]]:
@@ -456,7 +456,7 @@ def _print_summary(family: Family, trained: list[Trained], directory: Path, form
         for _, one in found
     ]
     columns = ("trained on", "steps", "seeds", "success", "95 % interval", "return")
-    title = f"{family.name}: agents on {family.members[-1].name}{trained[0].of}"
+    title = f"{family.name}: agents on {family.members[-1].name}{trained[0].suffix}"
     print_table(title, columns, rows, (1, 2, 3, 4, 5))
     for budget in trained:
         comparisons = compare(budget.experiment, can_succeed=budget.can_succeed)
@@ -485,7 +485,7 @@ def _facts(family: Family, trained: list[Trained], *, searched: bool) -> dict[st
         )
     for budget in trained:
         seeds = sorted({run.seed for run in budget.experiment.runs})
-        facts[f"training at {budget.steps} steps{budget.of}"] = f"seeds {seeds[0]} to {seeds[-1]}"
+        facts[f"training at {budget.steps} steps{budget.suffix}"] = f"seeds {seeds[0]} to {seeds[-1]}"
     facts["versions"] = (
         f"envgraph {__version__}, Python {platform.python_version()}, NumPy {version('numpy')}"
     )

@@ -40,7 +40,7 @@ BUNDLED: Final[tuple[tuple[str, str, int, dict[str, str]], ...]] = (
     ("Triage", "triage", 60, {}),
     ("Warehouse", "warehouse", 300, {"engine": "compiled"}),
 )
-"""Name, domain or family file, time limit, and what steps it where there are too many states for a table."""
+"""Name, domain or family file, time limit, and options of environments with too many states for a table."""
 
 
 def environment_spec(

@@ -25,7 +25,7 @@ from envgraph.learn._intervals import (
 )
 from envgraph.learn._journal import Journal, fingerprint
 from envgraph.learn._results import Experiment, RunResult, Summary, read_csv, write_csv
-from envgraph.learn._significance import ENOUGH, holm, mean_test, permutation_test
+from envgraph.learn._significance import FEWEST_UNITS, holm, mean_test, permutation_test
 from envgraph.learn._teachers import EXACT, TEACHERS
 from envgraph.solve import (
     Evaluation,
@@ -55,8 +55,8 @@ from envgraph.solve.learning import (
 
 __all__ = [
     "CONTROLS",
-    "ENOUGH",
     "EXACT",
+    "FEWEST_UNITS",
     "SIGNIFICANT",
     "STUDENTS",
     "TEACHERS",

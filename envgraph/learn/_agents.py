@@ -33,7 +33,7 @@ from envgraph.solve.learning import (
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Tables:
-    """The table of each stage and the members, perhaps with observations numbered anew; the stages as they were."""
+    """Prepared tables of stages, and the members, with renumbered observations; `stages`: with their own numbers."""
 
     tables: dict[Place, Table]
     members: Sequence[Tabular]

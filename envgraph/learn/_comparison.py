@@ -1,4 +1,4 @@
-"""What can be said of a curriculum and of other ways to train, in numbers and in words."""
+"""Compare a curriculum with other ways to train, in numbers and in sentences."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ SIGNIFICANT = 0.05
 """A p-value below it is significant."""
 
 MARGIN = 0.05
-"""Success rates are equal if the interval of their difference lies within so much."""
+"""Success rates are "equal" if the whole interval of their difference is within -MARGIN and MARGIN."""
 
 _CALLED = {
     OPTIMISTIC: "direct training with optimistic values of",
@@ -42,11 +42,11 @@ class Comparison:
     """A curriculum and a control, trained with the same seeds and as many steps, and evaluated on the target.
 
     Attributes:
-        curriculum, control: their labels.
+        curriculum, control: the labels of both.
         called: the control, in words.
         steps: training steps of an agent in all, the same for both.
-        by: what is compared: "success", or "return" where the target cannot end in success.
-        seeds, seeds_needed: how many, and the fewest with which one of as many comparisons can be significant.
+        by: the measure that is compared: "success", or "return" if the target cannot end in success.
+        seeds, seeds_needed: number of seeds, and the fewest with which the difference can be significant.
         value, other: means of the curriculum and of the control.
         difference: interval at 95 % of their difference: of success that of Newcombe, of return that of the bootstrap,
             None for a single seed.
@@ -69,7 +69,7 @@ class Comparison:
 
     @property
     def verdict(self) -> Verdict:
-        """What holds of the curriculum: "neither" succeeds; "equal" is success within `MARGIN` of the control's."""
+        """The curriculum beside the control. "neither": no agent succeeds; "equal": success within `MARGIN`."""
         if self.by == "success" and self.value == self.other == 0:
             return "neither"
         if self.p_value < SIGNIFICANT:
@@ -80,11 +80,11 @@ class Comparison:
 
     @property
     def is_tie(self) -> bool:
-        """Whether the means are equal, or the difference is not significant although there are seeds enough."""
+        """True if the means are equal, or the difference is not significant although there are enough seeds."""
         return self.value == self.other or (self.p_value >= SIGNIFICANT and self.seeds >= self.seeds_needed)
 
-    def shown(self, value: float) -> str:
-        """Return a mean as text."""
+    def format_mean(self, value: float) -> str:
+        """Return a mean of the measure as text."""
         return f"{100 * value:.3g} %" if self.by == "success" else f"a mean return of {value:z.2f}"
 
     def __str__(self) -> str:
@@ -108,12 +108,12 @@ class Comparison:
 
 @dataclass(frozen=True, slots=True)
 class BestWay:
-    """The best of several ways to train for a target, with as many steps.
+    """The best of several ways to train for a target, all with the same number of steps.
 
     Attributes:
         target: name of the target.
         called: the best way, in words.
-        comparisons: of the best way with each other way, the best of these first.
+        comparisons: the best way with each other way, the second best first.
         needs_curriculum: False if direct training is among the best and at least half of its agents succeed.
     """
 
@@ -124,7 +124,7 @@ class BestWay:
 
     @property
     def best(self) -> list[str]:
-        """The best way, and those that tie with it, in words; see `Comparison.is_tie`."""
+        """The best way and the ways that tie with it, in words; see `Comparison.is_tie`."""
         return [self.called, *(one.called for one in self.comparisons if one.is_tie)]
 
     def __str__(self) -> str:
@@ -136,8 +136,8 @@ class BestWay:
             return f"None of {ways} succeeds with any of {agents}."
         rest = [one for one in self.comparisons if not one.is_tie]
         text = f"Best of {ways}: {names}" if rest else f"All {ways} tie, at best"
-        text += f" {first.shown(first.value)} of {agents}"
-        text += "".join(f"; next {one.called}, {one.shown(one.other)}" for one in rest[:1])
+        text += f" {first.format_mean(first.value)} of {agents}"
+        text += "".join(f"; next {one.called}, {one.format_mean(one.other)}" for one in rest[:1])
         if first.seeds < first.seeds_needed:
             text += f"; a significant difference takes at least {first.seeds_needed} agents"
         return text + (
@@ -148,11 +148,11 @@ class BestWay:
 def compare(experiment: Experiment, *, can_succeed: bool = True) -> tuple[Comparison, ...]:
     """Compare the first curriculum of an experiment with each control, and with training on the target alone.
 
-    Only what has as many steps as the curriculum is compared. Of several "optimistic" controls it is the best one.
+    Runs with another number of steps are left out, and all "optimistic" controls but the best.
 
     Args:
-        experiment: what was trained.
-        can_succeed: whether an episode on the target can end in success; else returns are compared.
+        experiment: the runs of all ways.
+        can_succeed: whether an episode on the target can end in success; if False, returns are compared.
 
     Raises:
         InvalidArgument: the runs of something have different seeds.
@@ -162,9 +162,9 @@ def compare(experiment: Experiment, *, can_succeed: bool = True) -> tuple[Compar
 
 
 def best_way(experiment: Experiment, target: str, *, can_succeed: bool = True) -> BestWay | None:
-    """Return which of all ways with as many steps is the best for a target; None if there are fewer than two.
+    """Return the best of all ways with the same number of steps; None if there are fewer than two.
 
-    The other arguments, and what is raised, are those of `compare`.
+    Arguments and errors are those of `compare`; `target` is only named.
     """
     ways = sorted(_ways(experiment), key=lambda way: -fmean(_values(way, can_succeed)))
     if len(ways) < 2:
@@ -177,7 +177,7 @@ def best_way(experiment: Experiment, target: str, *, can_succeed: bool = True) -
 
 
 def findings(comparisons: Sequence[Comparison]) -> list[str]:
-    """Return a line that says what the findings are about, then a sentence for each comparison; [] without any."""
+    """Return a first line with the steps, then a sentence for each comparison; [] without comparisons."""
     if not comparisons:
         return []
     none = " no difference is significant" * all(one.verdict == "undecided" for one in comparisons)
@@ -187,7 +187,7 @@ def findings(comparisons: Sequence[Comparison]) -> list[str]:
 
 
 def _called(run: RunResult) -> str:
-    """What the way in which an agent was trained is called in sentences."""
+    """Return the name in sentences of the way in which an agent was trained."""
     if run.kind != "control":
         return f"the curriculum {run.label}" if run.kind == "curriculum" else f"training on {run.label} alone"
     name, _, values = run.label.partition(" ")
@@ -197,7 +197,7 @@ def _called(run: RunResult) -> str:
 
 
 def _ways(experiment: Experiment) -> list[list[RunResult]]:
-    """Return the runs of the first curriculum, if there is one, then of each other way with as many steps."""
+    """Return lists of runs: of the first curriculum, if any, then of each other way with the same number of steps."""
     runs = [
         run for run in experiment.best_optimistic().runs if run.kind != "baseline" or not run.steps_before
     ]
@@ -214,7 +214,7 @@ def _values(way: Sequence[RunResult], can_succeed: bool) -> list[float]:
 
 
 def _comparisons(ways: Sequence[Sequence[RunResult]], can_succeed: bool) -> tuple[Comparison, ...]:
-    """Compare the first way with each other one."""
+    """Compare the first way with each other way."""
     one, seeds, found = ways[0][0], [run.seed for run in ways[0]], []
     first, *others = (_values(way, can_succeed) for way in ways)
     for way in ways:
@@ -235,9 +235,9 @@ def _comparisons(ways: Sequence[Sequence[RunResult]], can_succeed: bool) -> tupl
 
 
 def _seeds_needed(comparisons: int) -> int:
-    """The fewest seeds at which the smallest p of one of several comparisons, corrected by `holm`, is significant.
+    """Return the fewest seeds with which one of so many comparisons, corrected by `holm`, can be significant.
 
-    It is that of the first value being the larger at each seed, or at each the smaller: 2 / 2 ** seeds.
+    The smallest p, if one way is better at every seed, is 2 / 2 ** seeds before the correction.
 
     >>> [_seeds_needed(comparisons) for comparisons in (1, 6)]
     [6, 8]

@@ -22,10 +22,10 @@ Control = Literal["direct", "optimistic", "reversed", "shuffled", "randomised", 
 CONTROLS: Final[tuple[Control, ...]] = get_args(Control)
 
 ORDERS: Final = 100
-"""The most orders of "shuffled"."""
+"""Most orders of "shuffled"."""
 
-RARELY: Final = Epsilon(start=0.05, decay=1.0, minimum=0.05)
-"""How often an agent of "optimistic" explores that leaves exploration to its values."""
+LOW_EPSILON: Final = Epsilon(start=0.05, decay=1.0, minimum=0.05)
+"""The exploration of "optimistic" agents that explore mostly by their high values."""
 
 
 def controls(
@@ -38,12 +38,12 @@ def controls(
 ) -> tuple[Curriculum, ...]:
     """Return the controls of the whole family as a curriculum; each has exactly as many steps.
 
-    "direct": the target alone. "optimistic": likewise, with higher values at first: one control for each value, and one
-    that explores as `RARELY` says; `Experiment.best_optimistic` chooses. "reversed" and "shuffled": other orders; the
-    target stays last, since it is what success is measured on. Each seed has another shuffled order. "randomised":
-    an environment drawn for each episode (Tobin et al. 2017), once in one stage, and once with epsilon renewed as often
-    as in the curriculum. "backplay" (Resnick et al. 2018; Florensa et al. 2017): the target begun in each state of an
-    optimal episode, the last one first; also with as many stages as the family has members. "exploring": in any state.
+    "direct": the target alone. "optimistic": likewise, with higher values at first: two controls for each value, the
+    second with `LOW_EPSILON`; `Experiment.best_optimistic` chooses. "reversed" and "shuffled": other orders; the target
+    stays last, since success is measured on it. The shuffled order depends on the seed. "randomised": an environment
+    drawn for each episode (Tobin et al. 2017), once in one stage, and once with epsilon renewed as often as in the
+    curriculum. "backplay" (Resnick et al. 2018; Florensa et al. 2017): the target begun in each state of an optimal
+    episode, the last state first; also with a stage per member of the family. "exploring": the target from any state.
 
     Schedules (`TEACHERS`) stand in place of the order: they choose the environment of each turn among the earlier ones,
     by what came of the turns before; the target stays last. "uniform" is the one that chooses at random.
@@ -53,8 +53,8 @@ def controls(
     Args:
         names: the environments from the easiest to the target.
         kinds: some of those above; schedules only where they are named.
-        optimism: what every Q-value is at first in "optimistic", see `optimistic_values`; without any it is left out.
-        starts: names of what `other_starts` gives; without them "backplay" and "exploring" are left out.
+        optimism: initial Q-values of "optimistic", see `optimistic_values`; if empty, "optimistic" is left out.
+        starts: names of `other_starts`, in its order; if empty, "backplay" and "exploring" are left out.
         seed: of the shuffled orders.
 
     Raises:
@@ -83,7 +83,7 @@ def controls(
     if "optimistic" in kinds:
         for value in optimism:
             add(f"{OPTIMISTIC} {value:.4g}", target, initial_value=value)
-            add(f"{OPTIMISTIC} {value:.4g}, epsilon 0.05", target, initial_value=value, epsilon=RARELY)
+            add(f"{OPTIMISTIC} {value:.4g}, epsilon 0.05", target, initial_value=value, epsilon=LOW_EPSILON)
     if "reversed" in kinds and count > 2:
         add("reversed", *reversed(earlier), target)
     if "shuffled" in kinds and (orders := tuple((*one, target) for one in _shuffled(tuple(earlier), seed))):
@@ -106,39 +106,39 @@ def controls(
 
 
 def optimistic_values(target: Tabular, settings: TrainingSettings) -> tuple[float, ...]:
-    """Return half the greatest discounted return within the limit, all of it, and twice as much.
+    """Return half the greatest discounted return within the limit, this return, and twice this return.
 
     An agent goes where its values have not yet fallen, so it visits everything systematically (Sutton and Barto 2018,
-    section 2.6). High values keep it doing so after it has found that return, until all others have fallen below; low
-    ones may fall before it is found. Which is best depends on the target and on the steps.
+    section 2.6). With high values it goes on doing so after it has found the best return; low values may fall before
+    it finds this return. Which value is best depends on the target and on the steps.
 
     Returns:
-        Those above the value that the settings begin with; () where no return is positive and 0 is optimistic already.
+        Those above `settings.initial_value`; () if no return is positive, where 0 is optimistic already.
     """
     most = optimal_return(target, settings.limit, discount=settings.discount)
     return tuple(value for value in (most / 2, most, 2 * most) if value > settings.initial_value)
 
 
 def other_starts(name: str, target: Tabular, limit: int = 200) -> dict[str, Tabular]:
-    """Return a target, of this name, with other start states, for "exploring" and "backplay", by name.
+    """Return copies of the target `name` with other start states, by their own names, for "exploring" and "backplay".
 
-    First it begins in any state from which an episode goes on, all equally likely. Then in each state of an optimal
-    episode within the limit, the last one first, but for its start; none where no such episode ends in success.
+    The first copy begins in any state that does not end the episode, all equally likely. The others begin in each state
+    of an optimal episode but its start, the last state first; there are none if no such episode ends in success.
     """
     every = np.arange(target.n_states, dtype=np.int32)
     stays = (target.next_state == every[:, None, None]) & (target.terminated == 0) & (target.reward == 0)
     ended = (stays | (target.probability == 0)).all(axis=(1, 2))
-    begun = {f"{name} from any state": every[reachable_states(target) & ~ended]}
+    found = {f"{name} from any state": every[reachable_states(target) & ~ended]}
     along = list(dict.fromkeys(reversed(optimal_episode(target, limit))))[:-1]
-    begun |= {f"{name} from state {state}": every[[state]] for state in along}
+    found |= {f"{name} from state {state}": every[[state]] for state in along}
     return {
         text: replace(target, start_states=states, start_probability=np.full(len(states), 1 / len(states)))
-        for text, states in begun.items()
+        for text, states in found.items()
     }
 
 
 def _shuffled(names: tuple[str, ...], seed: int) -> Iterator[tuple[str, ...]]:
-    """Yield all orders but the given one and its reverse, or `ORDERS` of them, as they are drawn."""
+    """Yield all orders but the given one and its reverse, in random sequence, `ORDERS` of them at most."""
     seen = {names, names[::-1]}
     wanted = min(len(seen) + ORDERS, factorial(len(names)))
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(len(names),)))

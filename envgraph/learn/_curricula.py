@@ -27,10 +27,10 @@ class Curriculum:
         label: what it is called in tables, unique among its kind.
         stages: names of environments, in the order of training. Several names together are a stage in which each
             episode takes place in one of them, drawn uniformly.
-        shares: length of each stage, in units of `steps_per_environment`, of which it may be a fraction.
+        shares: length of each stage, > 0, in units of `steps_per_environment`; may be a fraction.
         initial_value: what every Q-value is at first; None: as the settings say.
-        epsilon: how often the agent explores; None: as the settings say.
-        orders: orders of the stages for different seeds, `orders[k % len(orders)]` for seed k; (): `stages` for all.
+        epsilon: how often the agent explores; None: that of the settings.
+        orders: orders of the stages, `orders[k % len(orders)]` for seed k; (): `stages` for every seed.
         schedule: what chooses the environments of stages with several names, turn by turn, instead of drawing one for
             each episode: a name in `TEACHERS`. These stages all have the same names.
     """
@@ -66,11 +66,11 @@ class Curriculum:
         return tuple((stage,) if isinstance(stage, str) else stage for stage in self.stages)
 
     def for_seed(self, seed: int) -> Self:
-        """Return the curriculum of the agent with a seed, which has a single order."""
+        """Return the curriculum for a seed: its stages in the order of this seed."""
         return replace(self, stages=self.orders[seed % len(self.orders)], orders=()) if self.orders else self
 
     def lengths(self, steps: int) -> list[int]:
-        """Return the steps of each stage, of so many for a share of 1; their sum is exact, so some may be 0."""
+        """Return the steps of each stage, if a share of 1 has `steps`; their sum is exact, a stage may have 0."""
         ends = [int(end * steps) for end in accumulate(map(Fraction, self.shares), initial=Fraction())]
         return [end - start for start, end in pairwise(ends)]
 

@@ -20,14 +20,14 @@ OPTIONS: Final[dict[str, dict[str, Any]]] = {
     "sb3:ppo": {"n_steps": ROLLOUT},
     "sb3:dqn": {"learning_rate": 1e-3, "buffer_size": 100_000, "tau": 0.01, "target_update_interval": 1},
 }
-"""The options that differ from those of Stable-Baselines3, for budgets of some thousand steps."""
+"""Options that differ from the defaults of Stable-Baselines3, for budgets of some thousand steps."""
 
 
 class DeepAgent(TableAgent):
-    """Learns with a network.
+    """An agent that learns with a network of Stable-Baselines3.
 
-    Stable-Baselines3 draws from the global generators of NumPy and PyTorch. A new agent seeds them, so agents of one
-    process learn one after the other. PyTorch uses one thread, since sums in another order have other results.
+    Stable-Baselines3 draws from the global generators of NumPy and PyTorch. Each new agent seeds them, so a process may
+    train only one agent at a time. PyTorch uses one thread: with more, sums in another order give other results.
     """
 
     def __init__(self, family: Tables | Programs, settings: TrainingSettings, rng: Generator) -> None:
@@ -47,7 +47,7 @@ class DeepAgent(TableAgent):
         self._model: Any = algorithm("MlpPolicy", self._env, **options)
 
     def turn(self, rng: Generator, place: Place, stage: Stage) -> StageOutcome:
-        """Learn in a place for exactly the steps of a stage: PPO in rollouts of equal length, DQN in one go."""
+        """Learn in a place for exactly the steps of a stage: PPO in rollouts of equal length, DQN in one call."""
         model, keeps, self._epsilon = self._model, self._on_policy and stage.learn, stage.epsilon
         _, _, per_step, per_episode, minimum = stage.factors
         log: list[tuple[float, bool, bool]] = []
@@ -61,8 +61,8 @@ class DeepAgent(TableAgent):
 
         model.set_env(_Episodes(self._family.stages[place], self._settings.limit))
         model.env.seed(int(rng.integers(2**31)))
-        model.exploration_rate, model.exploration_schedule = stage.epsilon, lambda _: self._epsilon  # of DQN
-        model.gradient_steps = int(stage.learn)  # likewise
+        model.exploration_rate, model.exploration_schedule = stage.epsilon, lambda _: self._epsilon  # DQN
+        model.gradient_steps = int(stage.learn)  # DQN
         for part in np.array_split(range(stage.steps), -(-stage.steps // ROLLOUT) if keeps else 1):
             if self._on_policy:
                 model.n_steps = model.rollout_buffer.buffer_size = len(part)
@@ -71,7 +71,7 @@ class DeepAgent(TableAgent):
         return StageOutcome(self._epsilon, [(reward, int(ends), int(wins)) for reward, ends, wins in totals])
 
     def _values(self) -> NDArray[np.float64]:
-        """Return 1 for the action that the network prefers, 0 for others [observations, actions]."""
+        """Return 1 for the action that the network prefers, 0 for other actions [observations, actions]."""
         members, view = self._family.members, self._env.view
         observed = [self._family.stages[(place,)].observation for place in range(len(members))]
         seen, first = np.unique(np.concatenate(observed), return_index=True)

@@ -69,7 +69,7 @@ def run_experiment(
     progress: Callable[[int, int], None] | None = None,
     known: Iterable[RunResult] = (),
     found: Callable[[RunResult], None] | None = None,
-    begun: Mapping[str, Tabular] = MappingProxyType({}),
+    starts: Mapping[str, Tabular] = MappingProxyType({}),
 ) -> Experiment:
     """Train on each curriculum with each seed, and evaluate each agent on the last environment of the family.
 
@@ -89,7 +89,7 @@ def run_experiment(
         known: results of this experiment from an earlier time that was interrupted; they are taken as they are, and
             those of other curricula and seeds left aside.
         found: called with each new result, as it ends.
-        begun: the target with other start states, by name, which controls use (`other_starts`).
+        starts: the target with other start states, by the names that controls use for them: see `other_starts`.
 
     Raises:
         InvalidArgument: the environments disagree, a curriculum names one that is not there, or a number is wrong.
@@ -99,10 +99,10 @@ def run_experiment(
     if curricula is None:
         curricula = (*sequences(names, "suffixes"), *sequences(names, "baselines"))
     seeds = range(settings.seeds) if seeds is None else seeds
-    _check([*names, *begun], curricula, seeds, workers)
+    _check([*names, *starts], curricula, seeds, workers)
     steps = sum(sum(curriculum.lengths(settings.steps_per_environment)) for curriculum in curricula)
     backend = choose_backend(backend, steps * len(seeds))
-    prepared = _prepare(family, curricula, begun)
+    prepared = _prepare(family, curricula, starts)
     wanted = {(one.kind, one.label, seed): (one, seed) for one in curricula for seed in seeds}
     results = {key: result for result in known if (key := _key(result)) in wanted}
     tasks = [
@@ -210,7 +210,7 @@ def train_run(
     seed: int,
     *,
     backend: Backend = "auto",
-    begun: Mapping[str, Tabular] = MappingProxyType({}),
+    starts: Mapping[str, Tabular] = MappingProxyType({}),
 ) -> tuple[RunResult, Training | ProgramTraining]:
     """One run of an experiment, with the agent that it trained; the result is the one in the experiment.
 
@@ -220,24 +220,24 @@ def train_run(
     Raises:
         InvalidArgument: as for `run_experiment`.
     """
-    _check([*(member.name for member in family), *begun], [curriculum], [seed], workers=1)
+    _check([*(member.name for member in family), *starts], [curriculum], [seed], workers=1)
     steps = sum(curriculum.lengths(settings.steps_per_environment))
-    prepared = _prepare(family, [curriculum], begun)
+    prepared = _prepare(family, [curriculum], starts)
     return _run(prepared, curriculum, settings, seed, choose_backend(backend, steps))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Prepared:
-    """A family made ready once for all its runs, and a position for each name, which random streams depend on."""
+    """A family prepared once for all its runs, and the position of each name; random streams depend on positions."""
 
     positions: dict[str, int]
     ready: Tables | Programs
 
 
 def _prepare(
-    family: Sequence[FamilyMember], curricula: Iterable[Curriculum], begun: Mapping[str, Tabular]
+    family: Sequence[FamilyMember], curricula: Iterable[Curriculum], starts: Mapping[str, Tabular]
 ) -> _Prepared:
-    positions = {name: place for place, name in enumerate((*(one.name for one in family), *begun))}
+    positions = {name: place for place, name in enumerate((*(one.name for one in family), *starts))}
     tables = [member.tabular for member in family if isinstance(member.tabular, Tabular)]
     placed = [member.tabular for member in family if isinstance(member.tabular, InProgram)]
     stages = [_places(curriculum, positions) for curriculum in curricula if curriculum.schedule is None]
@@ -247,14 +247,14 @@ def _prepare(
         parts |= {place: mixture([tables[one] for one in place]) for place in drawn}
         numbered = occurring([*parts.values()])
         ready = dict(zip(parts, prepare(numbered), strict=True))
-        for place, (name, one) in enumerate(begun.items(), start=len(family)):
+        for place, (name, one) in enumerate(starts.items(), start=len(family)):
             if one.n_states != tables[-1].n_states:
                 raise InvalidArgument(f"`{name}` must be the target with other start states")
             parts[place,], ready[place,] = one, with_starts(ready[len(family) - 1,], one)
         return _Prepared(positions, Tables(ready, numbered[: len(family)], parts))
     if tables or len({id(one.program) for one in placed}) > 1:
         raise InvalidArgument("a family is in one program, or has a table of each member")
-    if drawn or begun:
+    if drawn or starts:
         raise InvalidArgument("drawn environments and other starts need tables: there are too many states")
     program = placed[0].program
     program.functions("learn")  # compiled before threads ask for it

@@ -40,7 +40,7 @@ THRESHOLD = 0.5
 """Share of successes that counts as reached in `steps_to_threshold`."""
 
 OPTIMISTIC = "optimistic"
-"""How the labels of all controls begin that are one, with several first values and ways to explore."""
+"""Prefix of the labels of "optimistic" controls, which differ in initial value and epsilon; see `best_optimistic`."""
 
 _FORMULA = ("=", "+", "-", "@", "\t", "\r", "'")
 
@@ -101,10 +101,10 @@ RUN_COLUMNS = tuple(field.name for field in fields(RunResult) if field.name != "
 
 
 def result_of(values: Mapping[str, Any], curve: Curve, whole: Any = int, real: Any = float) -> RunResult:
-    """Return the run with values by the names of `RUN_COLUMNS`; `whole` and `real` parse the numbers among them.
+    """Return a run made of values by the names of `RUN_COLUMNS`; `whole` parses ints, `real` floats.
 
     Raises:
-        ValueError, TypeError, LookupError: a value is missing or is not parsed.
+        ValueError, TypeError, LookupError: a value is missing or cannot be parsed.
     """
     parse: dict[Any, Any] = {"Kind": kind_of, "str": str, "int": whole, "float": real}
     types = {field.name: field.type for field in fields(RunResult)}
@@ -158,7 +158,7 @@ class Experiment:
         return tuple(_summary(group, confidence) for group in groups.values())
 
     def best_optimistic(self) -> Experiment:
-        """Return the experiment with one of its "optimistic" controls: by mean success, of equals by mean return."""
+        """Return the experiment with only the best "optimistic" control: by mean success, then by mean return."""
         tried: dict[str, tuple[float, float]] = {}
         for run in self.runs:
             if run.kind == "control" and run.label.startswith(OPTIMISTIC):

@@ -19,19 +19,19 @@ _EXACT = 2**16
 _GRID = 2.0**40
 
 _ANGLES = 2**14
-"""Equal parts of a right angle over which the density of Student's t is summed."""
+"""Parts of a right angle in the numerical integral of Student's t; see `mean_test`."""
 
-ENOUGH = 10
+FEWEST_UNITS = 10
 """Fewer units, such as seeds, decide no claim: if a few agree by chance, their variance is far too small."""
 
 
 def permutation_test(values: ArrayLike, others: ArrayLike, *, draws: int = DRAWS, seed: int = 0) -> float:
     """Two-sided p-value of a permutation test paired by seeds, the sign-flip test.
 
-    Were there no difference, either value of a seed might have been the first. So p is the probability that the sum of
-    the differences, each with a sign that is drawn, is as far from 0 as the one that was found (Good 2005). It is exact
-    where the sum takes few values, as with successes or few seeds; else (b + 1) / (draws + 1), where b draws are as far
-    (Phipson and Smyth 2010).
+    If there is no difference, the two values of a seed can be exchanged. So p is the probability that the sum of the
+    differences, each with a random sign, is at least as far from 0 as the observed sum (Good 2005). It is exact if the
+    sum takes few values, as with successes or few seeds; else (b + 1) / (draws + 1), where b draws are at least as far
+    from 0 (Phipson and Smyth 2010).
 
     Args:
         values, others: [seeds], of the same seeds.
@@ -80,16 +80,16 @@ def _exact(away: NDArray[np.int64], least: int) -> float | None:
 
 
 def mean_test(value: float, *units: ArrayLike) -> tuple[float, float, float]:
-    """Return the interval at 95 % of a mean, and the two-sided p-value of its being 0: p < .05 exactly if 0 is outside.
+    """Return low and high of the 95 % interval of a mean, and the two-sided p-value; p < .05 exactly if 0 is outside.
 
     The mean varies with each kind of unit that is sampled. Its variance v is the sum of v_k = variance / number over
     the kinds; value / sqrt(v) is compared with Student's t of v^2 / sum(v_k^2 / (number - 1)) degrees (Satterthwaite
-    1946; Welch 1947). Where seeds and levels are crossed, the part of the variance that belongs to single pairs of them
-    is counted twice, so the test is a little too cautious (Cameron, Gelbach and Miller 2011; Owen 2007).
+    1946; Welch 1947). If each seed is run on each level, the variance of single pairs of seed and level is counted
+    twice, so the test is a little too cautious (Cameron, Gelbach and Miller 2011; Owen 2007).
 
     Args:
         value: the mean, or a difference of means.
-        units: for each kind, the mean of each of its units, two or more; of fewer nothing is known.
+        units: for each kind, the means of its units; if a kind has fewer than two, the result is -inf, inf, 1.
 
     >>> low, high, p_value = mean_test(2.0, [1.0, 2.0, 3.0])
     >>> round(low, 3), round(high, 3), round(p_value, 4)

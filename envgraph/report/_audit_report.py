@@ -74,11 +74,11 @@ def _claims(findings: Sequence[Finding]) -> Section:
         for claim in dict.fromkeys(one.claim for one in findings)
     )
     text = (
-        "A claim says that something is above 0: a difference of success between two ways to choose levels, paired by "
-        "seeds, or a rank correlation. It stands where it is, with p < .05 after Holm's correction for all "
-        f"{len(findings)} claims of this page. It fails where it is below 0 likewise, or where the whole interval "
-        "lies below .01. Otherwise, and with fewer than ten seeds, it is undecided. Interval (95 %) and p-value are "
-        "those of one test, over seeds and over levels."
+        "A claim says that a value is above 0: a difference of success between two ways to choose levels, paired by "
+        "seeds, or a rank correlation. It stands if the value is above 0 with p < .05 after Holm's correction for all "
+        f"{len(findings)} claims of this page. It fails if the value is below 0 with p < .05, or if the whole interval "
+        "lies below .01. Otherwise, or with fewer than ten seeds, it is undecided. The interval (95 %) and the "
+        "p-value come from one test, over seeds and over levels."
     )
     about = "Claims named before the runs, and the value of each; tables 1 and 2 have the intervals."
     return Section("Which claims stand", (text,), tables=(Table(about, ("claim", *domains), rows),))

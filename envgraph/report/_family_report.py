@@ -44,7 +44,7 @@ def family_report(
     count, classes = len(family.members), family.class_counts()
     target = family.members[-1].name
     best = "".join(
-        f"{one.of and f' {one.student}:'} {way}" for one in trained if (way := one.best_way(target))
+        f"{one.suffix and f' {one.student}:'} {way}" for one in trained if (way := one.best_way(target))
     )
     return Report(
         title=f"{family.name}: a family of {count} environments",
@@ -125,7 +125,7 @@ def _stage_cells(
     columns = [("environment", ""), *((name, "") for name in measures)]
     columns += [(name, "") for name in varying]
     for budget in trained:
-        at = f" at {thousands(budget.steps)}{budget.of}" if len(trained) > 1 else budget.of
+        at = f" at {thousands(budget.steps)}{budget.suffix}" if len(trained) > 1 else budget.suffix
         columns += [(f"success{at}", ".0%"), (f"return{at}", "z.2f")]
     return columns, rows
 

@@ -38,7 +38,7 @@ class Trained:
         experiment: curricula and baselines, evaluated on the target.
         stages: the curriculum up to each environment, evaluated there; None where no curriculum was trained on.
         can_succeed: whether an episode on the target can end in success.
-        student: who learned, one of `STUDENTS`.
+        student: the kind of agent that learned, one of `STUDENTS`.
     """
 
     steps: int
@@ -48,12 +48,12 @@ class Trained:
     student: str = "tabular"
 
     @property
-    def of(self) -> str:
-        """Return what a title says of students that are not tabular."""
+    def suffix(self) -> str:
+        """Return ", " and the student, for titles; "" for tabular agents."""
         return "" if self.student == "tabular" else f", {self.student}"
 
     def best_way(self, target: str) -> BestWay | None:
-        """Return the best way to train for the target; None if there are fewer than two."""
+        """Return the best way to train for the target; None if there are fewer than two ways."""
         return best_way(self.experiment, target, can_succeed=self.can_succeed)
 
 
@@ -90,9 +90,7 @@ def budget_charts(trained: Sequence[Trained], target: str) -> tuple[str, ...]:
     lines: dict[tuple[str, str], list[Summary]] = {}
     for budget in trained:
         for one in budget.experiment.best_optimistic().summaries():
-            label = (
-                "optimistic" if one.label.startswith("optimistic") else one.label
-            )  # not the same in each budget
+            label = "optimistic" if one.label.startswith("optimistic") else one.label  # its values differ
             lines.setdefault((one.kind, label), []).append(one)
     panels = _panels(lines, target)
     numbers = _numbers(panels)
@@ -114,7 +112,7 @@ def budget_charts(trained: Sequence[Trained], target: str) -> tuple[str, ...]:
             [series[one] for one in panel],
             x_label="training steps in all",
             y_label=f"success on {target}",
-            title=f"Success on {target} over the training budget{trained[0].of}, with Wilson intervals at 95 %",
+            title=f"Success on {target} by training budget{trained[0].suffix}, with Wilson intervals at 95 %",
         )
         for panel in panels.values()
     )
@@ -148,7 +146,7 @@ def training_section(trained: Trained, target: str) -> Section:
         text += f" Drawn together are {'; '.join(panels)}."
     if any("controls" in name for name in panels):
         text += " At the end performance profiles: the share of the agents with more than a return."
-    title = f"Training for {target}, {thousands(trained.steps)} steps an environment{trained.of}"
+    title = f"Training for {target}, {thousands(trained.steps)} steps an environment{trained.suffix}"
     return Section(
         title, (*findings(comparisons), text), (*charts, *_profiles(experiment, panels)), tuple(tables)
     )

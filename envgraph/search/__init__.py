@@ -40,7 +40,7 @@ from envgraph.search._measures import MatchCount, PatternValue, ShortestPath, Sh
 from envgraph.search._objective import Condition, Objective, Term
 from envgraph.search._objective_text import FamilyCall, WrongCall
 from envgraph.search._optimise_file import optimise_domain
-from envgraph.search._outcome import Outcome, about_search, why_low
+from envgraph.search._outcome import Outcome, describe_search, why_low
 from envgraph.search._paths import PathComplexity, count_paths
 from envgraph.search._problem import (
     Constraint,
@@ -153,13 +153,13 @@ __all__ = [
     "Verification",
     "Walk",
     "WrongCall",
-    "about_search",
     "acceptance",
     "apart",
     "caption",
     "certificate_texts",
     "certificates",
     "count_paths",
+    "describe_search",
     "domain_of",
     "domain_problems",
     "evolve",

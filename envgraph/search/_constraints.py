@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from envgraph.code import dataclass
 from envgraph.env import Behaviour, KeyIndex, can_end, indexed_classes, unbound
-from envgraph.env.compiled import MOST, NotCompiled
+from envgraph.env.compiled import MOST_STATES, NotCompiled
 from envgraph.errors import has_errors
 from envgraph.files import counting
 from envgraph.pattern import conformance_patterns, key_patterns
@@ -47,10 +47,10 @@ class Reachable:
                 return can_end(engine, behaviour, self.end, progress=progress)
 
     def why_not(self, engine: Engine) -> str:
-        """Return why the outcome counts as out of reach: there is no plan, or the search for one was given up."""
+        """Return why a model is rejected: no plan to the outcome exists, or the search for a plan was given up."""
         with suppress(NotCompiled):
             if not self.plan.plan(engine, self.end).exact:
-                return f"no plan to {self.outcome} was found within {MOST:,} states"
+                return f"no plan to {self.outcome} was found within {MOST_STATES:,} states"
         return f"`{self}` is violated"
 
     def __str__(self) -> str:

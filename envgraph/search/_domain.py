@@ -53,7 +53,7 @@ from envgraph.search.curricula import Begin, CurriculumSettings, Judged, Levels,
 from envgraph.search.optimising import Strategy
 
 EFFORT, MOST_LANES = 1_000_000_000, 1_000
-"""Of a search for a whole family: steps of learners, which take up to half a minute; families improved at once."""
+"""Defaults of a search for a whole family: steps of learners, up to half a minute; families improved at once."""
 
 Placed = TypeVar("Placed", ModelText, Behaviour)
 
@@ -455,7 +455,7 @@ def _expressions(spec: ComponentSpec) -> Options:
 
 def _climb(options: Options, spec: FamilySpec) -> CurriculumSettings:
     """How a whole family is searched for: the options that every objective has."""
-    demanded, written = options.number_or("diversity", "maximum"), spec.says("search", "population")
+    demanded, written = options.number_or("diversity", "maximum"), spec.has_key("search", "population")
     return CurriculumSettings(
         population=max(2, spec.search.population) if written or demanded is not None else None,
         effort=int(options.number("effort", EFFORT, 1, 1e15)),

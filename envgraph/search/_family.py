@@ -71,8 +71,8 @@ class Family:
         members: from the easiest to the hardest by the measure that orders the curriculum, then the initial model.
         domain: what the texts say, with the overrides.
         overrides: what held instead of what the family file says, such as "seed=5".
-        objective: what a run with an objective has made of it: value by what is written in `[objective]`, and what is
-            known of learners, see `CurriculumProgress`.
+        objective: values of the family by the terms of `[objective]`, and `learnt` of `CurriculumProgress`; {} for a
+            run without an objective.
         lacking: conditions of the objective that do not hold, by what is written there, and by how much.
         tables: where the states of the members are kept once they have been enumerated.
     """

@@ -116,7 +116,7 @@ def evolve(
 
 
 def _found(store: RunStore, domain: Domain) -> Family:
-    """The family of a run, with what the search has chosen."""
+    """Return the family of a run, with the numbers of members and steps that the search chose."""
     if domain.overrides != store.overrides:
         domain = domain_of(store.bundle(), store.overrides, str(store.path), domain.components)
     return family_of(store, domain)
@@ -204,9 +204,9 @@ def _evolved(evolution: Evolution, progress: Progress) -> None:
 def _store(
     store: RunStore, levels: Levels, found: CurriculumProgress, objective: Objective, spec: FamilySpec
 ) -> None:
-    """Write a family that was searched for as a whole: the target, and what leads from it to each other member.
+    """Write a family that was searched for as a whole: the target, and for each other member its trace from the target.
 
-    Numbers of members and of steps that the search chose hold in the run instead of what the family file says.
+    If the search chose the number of members or steps, write these numbers as overrides of the family file.
     """
     born = []
     for id_, level in enumerate([found.family[-1], *found.family[:-1]]):
@@ -218,7 +218,7 @@ def _store(
     members = (*range(1, len(born)), 0)
     rejected = dict(sorted(levels.rejected.items()))
     diversity = levels.diversity(found.family)
-    # A run with a generation has ended: all of this is written at once.
+    # A stored generation marks the run as ended, so everything is written in one transaction.
     worth = {"values": objective.values(found.family)} if objective.terms else {"value": found.value}
     about = {
         **worth,

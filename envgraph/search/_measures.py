@@ -142,7 +142,7 @@ class ShortestPlan:
 
     Attributes:
         guide: a pattern that a beam keeps the states with the fewest matches of; None: those of the behaviour.
-        shortest: False where any plan will do: see `Plans`.
+        shortest: False if any plan will do, even a longer one: see `Plans`.
     """
 
     behaviour: Behaviour

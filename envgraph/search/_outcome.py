@@ -19,10 +19,10 @@ from envgraph.search._store import RunStore, _texts
 _SAME = 1e-9
 
 _FEW = 0.5
-"""A smaller share of learners that solve the target is worth a warning."""
+"""Warn if a smaller share of learners solves the target."""
 
 _NEEDLESS = 0.05
-"""A target that is learned alone by nearly as many needs no family."""
+"""The target needs no family if training on it alone succeeds less often by at most this share."""
 
 _MOST_REPORTED = 100
 """Members whose bins are listed one by one."""
@@ -39,7 +39,7 @@ class Outcome:
         bins: number of each member's bin, from 1, in the order of the curriculum; empty where there are no bins.
         objective: what the family was searched for by, and its value; {} without an objective. See `Family.objective`.
         target: name of the last member.
-        demanded: whether the search was for families that are diverse.
+        wants_diversity: whether the search asked for diverse families.
     """
 
     diversity: float
@@ -48,7 +48,7 @@ class Outcome:
     bins: tuple[int, ...] = ()
     objective: Mapping[str, float] = field(default_factory=dict)
     target: str = ""
-    demanded: bool = True
+    wants_diversity: bool = True
 
     @classmethod
     def of(cls, family: Family) -> Outcome:
@@ -60,8 +60,8 @@ class Outcome:
         if isinstance(measure, BinnedEntropy):
             bins = tuple(measure.bin(value) + 1 for value in values)
         unit, target, spec = "bits" if bins else "", family.members[-1].name, family.domain.spec.objective
-        demanded = "steps" not in family.objective or (spec is not None and "diversity" in spec.options)
-        return cls(measure.score(values), maximum, unit, bins, family.objective, target, demanded)
+        diverse = "steps" not in family.objective or (spec is not None and "diversity" in spec.options)
+        return cls(measure.score(values), maximum, unit, bins, family.objective, target, diverse)
 
     def __str__(self) -> str:
         limit = f" of {self.maximum:.3f}" if self.maximum < inf else ""
@@ -77,9 +77,9 @@ class Outcome:
             several = f"{fewest:,.0f} to " if fewest < steps else ""
             parts = [
                 f"{success:.1%} of new learners solve {self.target} after {several}{steps:,.0f} steps in all",
-                f"{alone:.1%} with as many on {self.target} alone",
+                f"{alone:.1%} after as many steps on {self.target} alone",
             ]
-        if self.demanded:
+        if self.wants_diversity:
             parts.append(f"diversity {self.diversity:.3f}{limit}{unit}{bins}")
         return ", ".join(parts)
 
@@ -135,8 +135,8 @@ def why_low(family: Family, store: RunStore) -> Diagnostic | None:
     )
 
 
-def about_search(family: Family, store: RunStore) -> list[str]:
-    """Return sentences on how a family that was searched for as a whole came about; [] where nothing is known."""
+def describe_search(family: Family, store: RunStore) -> list[str]:
+    """Return sentences on how the search found a family that teaches; [] for other families."""
     found, known = store.objective, family.objective
     if "steps" not in known:
         return []
@@ -146,19 +146,21 @@ def about_search(family: Family, store: RunStore) -> list[str]:
     if exempted:
         sentences.append(f"these constraints hold for {target} alone: {exempted}")
     if known["alone"] > max(_FEW, (family.value or 0.0) - _NEEDLESS):
-        sentences.append(f"{target} needs no other environments: it is learned alone in as many steps")
+        sentences.append(f"{target} needs no other environments: learners solve {target} with as many steps on {target} alone")
     elif "unsearched" in known:
         sentences[0] += f", improved by search: without search {known['unsearched']:.1%} of learners succeed"
     elif "eased" not in sentences[0]:
-        sentences[0] += ", as they are: the search found nothing better"
+        sentences[0] += ", unchanged: the search found nothing better"
     return sentences
 
 
 def _few(family: Family) -> Diagnostic:
-    """A family on which less than half of the learners come to solve the target."""
+    """Return the warning that less than half of the learners solve the target."""
     spec = family.domain.spec.objective
     message = f"the family teaches little: {family.value:.1%} of new learners solve {family.members[-1].name}"
-    hint = "leave `steps_per_environment` and `population` out, then the search chooses them; or give more `effort`"
+    hint = (
+        "leave out `steps_per_environment` and `population`, which the search then chooses; or raise `effort`"
+    )
     return Diagnostic("teaches-little", message, spec.span() if spec else None, hint, Severity.WARNING)
 
 

@@ -33,12 +33,12 @@ if TYPE_CHECKING:
     from envgraph.search._objective import Objective
 
 
-KEPT: Final = 20_000
-"""Judgements that are kept, half a kilobyte each; the oldest one goes first."""
+MOST_JUDGED: Final = 20_000
+"""Judgements that are cached, half a kilobyte each; the oldest is removed first."""
 
 
 class Constraint(Protocol):
-    """A condition on the model at which the engine stands. It may have `why_not(engine)`, the reason of a rejection."""
+    """A condition on the engine's present model. An optional `why_not(engine)` returns why a model is rejected."""
 
     def holds(self, engine: Engine) -> bool:
         """Whether the model satisfies it."""
@@ -227,13 +227,13 @@ class Problem:
         return all(check.holds(self.engine) for check in self._checks)
 
     def judged(self, *, mutated: bool = False) -> dict[str, float] | str:
-        """Return the measures of a valid model, or why it is rejected; each state is judged once. Raises as `measure`.
+        """Return the measures of the present model, or why it is rejected. Judge each state once. Raises as `measure`.
 
-        Of a `mutated` model, made of a valid one, constraints that mutations cannot violate are skipped.
+        If mutations made the model of a valid one (`mutated`), skip constraints that no mutation can violate.
         """
         state = self.engine.model.state_hash()
         if state not in self._judged:
-            if len(self._judged) >= KEPT:
+            if len(self._judged) >= MOST_JUDGED:
                 del self._judged[next(iter(self._judged))]
             self._judged[state] = self._judge(self._open if mutated else self._checks)
         return self._judged[state]

@@ -273,10 +273,9 @@ class RunStore:
     def objective(self) -> dict[str, object]:
         """What is known of the objective of a run that has ended; {} where there is none.
 
-        Either its "value", of a family that was searched for as a whole, and what is "learnt" of it (see
-        `CurriculumProgress`), or the "values" of what was to be large or small, by their texts; how much is "lacking"
-        by which condition, what members are made from ("origin"), and constraints that hold for the target alone
-        ("exempted").
+        Of a family that was searched for as a whole: its "value", "learnt" and "origin" (see `CurriculumProgress`),
+        and "exempted", the constraints of the target alone. Else "values" by the texts of what was to be large or
+        small. In both cases "lacking": by how much each violated condition is missed.
         """
         with self._reading("setting `objective`"):
             return dict(_object(self.settings().get("objective", {})))

@@ -70,7 +70,7 @@ def chain_transfer(
 
 
 def reachable_states(tabular: Tabular) -> NDArray[np.bool_]:
-    """Return the states that an episode can come to, whatever the agent does [states]."""
+    """Return True for each state that some episode can reach [states]."""
     reached = np.zeros(tabular.n_states, bool)
     frontier = tabular.start_states[tabular.start_probability > 0.0]
     while len(frontier):

@@ -86,9 +86,9 @@ def optimal_return(tabular: Tabular, limit: int = 200, *, discount: float = 1.0)
 
 
 def optimal_episode(tabular: Tabular, limit: int = 200, *, attempts: int = 100) -> list[int]:
-    """Return the states of an episode of the best policy that ends in success, without its end.
+    """Return the states of an episode of the best policy that ends in success, without the last state.
 
-    Chance is drawn with a fixed seed. [] where none of so many attempts, of at most `limit` steps, ends in success.
+    Chance is drawn with a fixed seed. Return [] if none of the attempts, of at most `limit` steps, ends in success.
     """
     policy, rng = value_iteration(tabular).policy, np.random.default_rng(0)
     chances = accumulate(tabular.probability[np.arange(tabular.n_states), policy])

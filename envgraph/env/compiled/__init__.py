@@ -15,14 +15,14 @@ from envgraph.env.compiled._export import check_package, export, program_files
 from envgraph.env.compiled._learner import Learner, Rates
 from envgraph.env.compiled._member import Borrowed
 from envgraph.env.compiled._native import functions, has_numba
-from envgraph.env.compiled._planning import MOST, Plan, Plans, find_plan, guided
+from envgraph.env.compiled._planning import MOST_STATES, Plan, Plans, find_plan, guided
 from envgraph.env.compiled._player import Player
 from envgraph.env.compiled._program import Program, program_of, program_over, set_stream
 from envgraph.env.compiled._refused import NotCompiled
 from envgraph.env.compiled._world import streams
 
 __all__ = [
-    "MOST",
+    "MOST_STATES",
     "Batch",
     "Borrowed",
     "CompiledEnv",

@@ -30,9 +30,9 @@ BREADTH: Final = 20_000
 WIDTH: Final = 500
 """States that are met breadth first; and how many a beam then keeps at each step."""
 NARROW: Final = 1_000, 100
-"""The same of a first search where any plan will do: in `warehouse` it finds 6 of 7, in a quarter of the time."""
-MOST: Final = 200_000
-"""States after which `Plans` gives a search up: 80 ms with numba, 20 s in Python."""
+"""Limit and width of the first search where any plan will do: in `warehouse` 6 of 7 plans in a quarter of the time."""
+MOST_STATES: Final = 200_000
+"""States after which `Plans` gives up a search: 80 ms with numba, 20 s in Python."""
 SEARCHES_OF_PYTHON: Final = 20
 """Small searches that take Python as long as that."""
 MOST_MATCHES: Final = 255
@@ -150,7 +150,7 @@ class Plans:
         behaviour: free of errors.
         outcome: 1 for success, 2 for failure.
         guide: a pattern: a beam keeps the states with the fewest matches; None: see `guided`.
-        shortest: look for a shortest plan; otherwise a narrow beam comes first, and its plan may be longer.
+        shortest: search for a shortest plan; False: try a narrow beam first, whose plan may be longer.
     """
 
     def __init__(
@@ -188,14 +188,14 @@ class Plans:
             slow.outcomes = FEW_OUTCOMES
             searches.append(slow)
         if not self._shortest:
-            searches.append(_Search(program, self._outcome, 0, *NARROW, MOST, progress))
+            searches.append(_Search(program, self._outcome, 0, *NARROW, MOST_STATES, progress))
         for search in searches:
             with suppress(TooManyStates):
                 plan = search.plan(guides)
                 if isfinite(plan.steps) or plan.exact:
                     return search, plan
-            self._searches = SEARCHES_OF_PYTHON  # what comes next is compiled, and stays so
-        search = _Search(program, self._outcome, 0, BREADTH, WIDTH, MOST, progress)
+            self._searches = SEARCHES_OF_PYTHON  # later searches are compiled
+        search = _Search(program, self._outcome, 0, BREADTH, WIDTH, MOST_STATES, progress)
         return search, search.plan(guides)
 
     def _guided(self, engine: Engine) -> tuple[Program, int]:

@@ -39,7 +39,7 @@ PURPOSES: Final[Mapping[Purpose, tuple[tuple[ModuleType, ...], tuple[str, ...]]]
 """The texts that a program has besides its own, and the functions that are called from outside."""
 
 MOST_PROGRAMS: Final = 16
-"""Programs that are kept for models of different objects; to write one takes as long as a hundred small searches."""
+"""Programs cached for models with different objects; writing a program takes as long as a hundred small searches."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -173,10 +173,10 @@ def program_of(
 
 
 def program_over(known: dict[Any, Program], engine: Engine, behaviour: Behaviour, keys: KeyIndex) -> Program:
-    """Return a program whose only member is the present model of an engine, with the text of a known one if that fits.
+    """Return a program whose only member is the present model of an engine; reuse the text of a known one if it fits.
 
     Args:
-        known: programs of the same behaviour by the indices of objects, in the order of their use; it is put there.
+        known: programs of the same behaviour by the indices of objects, the last used last; the result is added.
         engine, behaviour, keys: see `program_of`.
 
     Raises:

@@ -227,16 +227,16 @@ class FamilySpec:
     path: str = "family.toml"
     source: Source | None = field(default=None, compare=False, repr=False)
 
-    def says(self, *key: str) -> bool:
-        """Return True if the file has an objective and a key such as "search", "population"."""
+    def has_key(self, *key: str) -> bool:
+        """Return True if the file has an objective, and this key, such as "search", "population"."""
         text = self.objective.text if self.objective else None
         return text is not None and key in text.values
 
     @property
     def steps_are_free(self) -> bool:
-        """Whether the search for a family that teaches chooses the steps on each member."""
+        """True if the file names no steps on each member, so that a search with an objective chooses them."""
         steps = ("training", "steps_per_environment"), ("objective", "steps")
-        return not any(self.says(*key) for key in steps)
+        return not any(self.has_key(*key) for key in steps)
 
     @property
     def files(self) -> tuple[str, ...]:
@@ -251,7 +251,7 @@ class FamilySpec:
 
     @property
     def climbs(self) -> bool:
-        """Whether the family is searched for as a whole, and not selected from a population of models or sampled."""
+        """True if whole families are searched for; False if members are selected from a population, or sampled."""
         found = self.objective
         whole = found is not None and (found.kind != EXPRESSIONS or found.options.get("search") == "climb")
         return whole and self.samples is None

@@ -11,7 +11,7 @@ import numpy as np
 from envgraph.code import dataclass
 from envgraph.learn._comparison import SIGNIFICANT
 from envgraph.learn._intervals import probability_of_improvement
-from envgraph.learn._significance import ENOUGH, holm, mean_test
+from envgraph.learn._significance import FEWEST_UNITS, holm, mean_test
 from envgraph.learn.audit._methods import CONTRASTS, PROBED, Contrast
 from envgraph.learn.audit._ranks import Floats
 from envgraph.learn.audit._run import SHOWN_ROLLOUTS
@@ -35,9 +35,9 @@ class Finding:
         claim: in words; it is that `value` is above 0.
         method, other: what is compared; of a rank correlation the score, and "".
         value: mean difference of success on the held-out levels, paired by seeds; or a rank correlation.
-        low, high: interval at 95 %, over seeds and over levels.
+        low, high: 95 % interval, over seeds and over levels.
         improvement: probability that a run of the first is better than one of the second.
-        p_value: of the test over seeds and levels that the interval belongs to, corrected for all claims together.
+        p_value: of `mean_test` over seeds and levels, as the interval, corrected for all claims together.
         seeds: how many.
         margin: an interval below it says that there is nothing to speak of.
     """
@@ -58,7 +58,7 @@ class Finding:
     @property
     def verdict(self) -> Verdict:
         """Stands, if the value is above 0 beyond chance; fails, if it is below 0, or too small to speak of."""
-        if self.seeds < ENOUGH:
+        if self.seeds < FEWEST_UNITS:
             return "undecided"
         if self.p_value < SIGNIFICANT and self.value > 0.0:
             return "stands"
@@ -80,15 +80,15 @@ def findings_of(studies: Sequence[Study], contrasts: Sequence[Contrast] = CONTRA
 
 
 def two_way_test(differences: Floats) -> tuple[float, float, float]:
-    """Return the interval at 95 % and the p-value of the mean of differences [seeds, levels], see `mean_test`.
+    """Return low and high of the 95 % interval of the mean of differences [seeds, levels], and its p-value.
 
-    Both say what other seeds would have given on other levels of the same generator.
+    Both are about other seeds on other levels of the same generator; see `mean_test`.
     """
     return mean_test(float(differences.mean()), *_units(differences))
 
 
 def _units(differences: Floats) -> list[Floats]:
-    """Return the means of the seeds and those of the levels."""
+    """Return the mean of each seed [seeds], and the mean of each level [levels]."""
     return [differences.mean(axis=1), differences.mean(axis=0)]
 
 
@@ -105,7 +105,7 @@ def paired(study: Study, method: str, other: str) -> Floats | None:
 
 
 def _contrasted(studies: Sequence[Study], contrasts: Sequence[Contrast]) -> list[Finding]:
-    """Contrasts in a domain, or over several, each counting the same; these domains are no sample of others."""
+    """Test contrasts in a domain, or in several of equal weight; claims are about these domains, not others."""
     found = []
     for one in contrasts:
         every = [paired(study, one.method, one.other) for study in studies]

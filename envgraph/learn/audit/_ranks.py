@@ -40,10 +40,10 @@ def rank_correlation(values: Floats, others: Floats) -> float:
 
 
 def level_parts(values: Floats, others: Floats) -> Floats:
-    """Return what each twentieth of the levels makes of their rank correlation: float64 [20], fewer of fewer levels.
+    """Return the jackknife pseudo-values of a rank correlation over groups of levels, 20 or as many as levels [groups].
 
-    These are the pseudo-values of the jackknife (Tukey 1958): with g groups, g times the correlation minus g - 1 times
-    the one without the group. So the variance of their mean is that of the correlation over samples of levels.
+    With g groups, the value of a group is g times the correlation minus g - 1 times the correlation without the group
+    (Tukey 1958). The variance of their mean estimates that of the correlation over samples of levels.
     """
     groups = np.arange(len(values)) % min(20, len(values))
     whole, number = rank_correlation(values, others), groups.max() + 1

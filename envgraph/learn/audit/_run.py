@@ -27,7 +27,7 @@ ROLLOUTS: Final = (1, 4, 16, 64, 256)
 """Episodes from which scores are estimated."""
 
 PROBING_SEEDS: Final = 16
-"""Students that are probed; all learn by domain randomisation."""
+"""Number of students that are probed; all learn by domain randomisation."""
 
 SHOWN_ROLLOUTS: Final = 16
 _SCHEDULER, _PROBE = 3, 4
@@ -52,7 +52,7 @@ class Run:
         shown: at the middle of training, exact regret and success of the probed levels and what scores make of them
             from 16 rollouts; of the first student that is probed.
         ranked_levels: for each score from 16 rollouts, the `level_parts` of its rank correlation with regret over
-            solvable levels, mean over the points; None for a student that is not probed.
+            solvable levels, averaged over the points of the curve; None for a student that is not probed.
     """
 
     method: str

@@ -12,7 +12,7 @@ import numpy as np
 
 from envgraph.code import dataclass
 from envgraph.learn import (
-    ENOUGH,
+    FEWEST_UNITS,
     SIGNIFICANT,
     Summary,
     bootstrap_interval,
@@ -36,7 +36,7 @@ _DIFFERENCES: Final = (
     (f"In the published family {_EASY}", "not compared", "E1-E6", "reversed"),
     (f"In families that are searched for {_EASY}", "not compared", "own", "own, reversed"),
 )
-"""Claims that something reaches more than another thing: the sentence, what was published, and the two."""
+"""Claims that one way to train reaches more than another: sentence, published numbers, first way, second way."""
 
 _UNITS: Final = {
     "random": "random families",
@@ -44,7 +44,7 @@ _UNITS: Final = {
     "own": "searches",
     "own, reversed": "searches",
 }
-"""What is independent in a sample, each with the mean of its agents; of curricula of the published family, agents."""
+"""Independent units of each sample, each with the mean of its agents. Of the published family the units are agents."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,28 +55,29 @@ class Claim:
         text: the sentence.
         paper: what was published.
         here: what was found.
-        likelier: what holds if the test is significant, or if there is none.
+        if_significant: the verdict if the test is significant, or if nothing is tested.
         over: the units of the test, such as "200 searches".
         p_value: of the two-sided test, after Holm for all claims that are tested; None: not tested.
-        otherwise: what holds if the test is not significant.
+        if_not_significant: the verdict if the test is not significant.
     """
 
     text: str
     paper: str
     here: str
-    likelier: Verdict
+    if_significant: Verdict
     over: str = ""
     p_value: float | None = None
-    otherwise: Verdict = "undecided"
+    if_not_significant: Verdict = "undecided"
 
     @property
     def verdict(self) -> Verdict:
-        """Whether it holds; "depends on the seed" where some agents do what the published one did, and some not."""
-        return self.likelier if self.p_value is None or self.p_value < SIGNIFICANT else self.otherwise
+        """The verdict; "depends on the seed" if some agents do as the published agent did, and some not."""
+        is_clear = self.p_value is None or self.p_value < SIGNIFICANT
+        return self.if_significant if is_clear else self.if_not_significant
 
     @property
     def test(self) -> str:
-        """The p-value and the units, in words; "" where nothing was tested."""
+        """The p-value and the units, in words; "" if nothing was tested."""
         if self.p_value is None:
             return ""
         return f"p {'< 0.001' if self.p_value < 0.001 else f'= {self.p_value:.2g}'}, {self.over}"
@@ -113,7 +114,7 @@ def interval(sample: Sample) -> tuple[float, float]:
 
 
 def _reached_by(budget: Budget, name: str) -> Sequence[float]:
-    """Return the success of each family of a sample, or of each agent of a curriculum of the published family."""
+    """Return a success per family of the sample `name`, or per agent of this curriculum of the published family."""
     if name in budget.samples:
         return budget.samples[name].success
     runs = budget.experiment.best_optimistic().runs
@@ -121,7 +122,7 @@ def _reached_by(budget: Budget, name: str) -> Sequence[float]:
 
 
 def _rates(found: Reproduction) -> Iterator[Claim]:
-    """Yield the claims of tables 3 and 5 on what was published as 100 % or 0 %."""
+    """Yield the claims of tables 3 and 5 whose published success is 100 % or 0 %."""
     for budget in found.budgets:
         for text, labels in (
             ("Agents that were trained on one environment alone do not succeed on E6", [*AGENTS][:6]),
@@ -145,9 +146,9 @@ def _rates(found: Reproduction) -> Iterator[Claim]:
 
 
 def _rate(text: str, wanted: float, parts: Mapping[str, Sequence[float]], units: str) -> Claim:
-    """Test whether success is nearly all or nearly none in every part, or on the other side of a half in one.
+    """Test that success is near the published 100 % or 0 % in every part; or beyond a half of it in at least one.
 
-    Wilson's interval inverts these score tests. The claim needs all parts; one part is enough for its opposite.
+    The first must be significant in all parts, the second in one. Wilson's interval inverts these score tests.
     """
     number, rates = min(map(len, parts.values())), {name: fmean(part) for name, part in parts.items()}
     alike = [rate if wanted else 1.0 - rate for rate in rates.values()]  # do as the published agent did
@@ -165,7 +166,7 @@ def _score(difference: float, bound: float, number: int) -> float:
 
 
 def _differences(found: Reproduction) -> Iterator[Claim]:
-    """Test `_DIFFERENCES`, means of the budgets, and over pairs where both have the same units."""
+    """Test `_DIFFERENCES` on the means of the budgets; by pairs, if both ways have the same units."""
     for text, paper, name, other in _DIFFERENCES:
         pairs = [[_reached_by(budget, one) for budget in found.budgets] for one in (name, other)]
         first, second = (np.mean(one, axis=0) for one in pairs)
@@ -191,8 +192,8 @@ def _tested(
     units: Mapping[str, int],
     otherwise: Verdict = "undecided",
 ) -> Claim:
-    """Return a claim tested by the one-sided p-values that it holds and that it does not; few units decide nothing."""
-    p_value = min(1.0, 2 * min(sides)) if min(units.values()) >= ENOUGH else 1.0
+    """Return a claim, tested by one-sided p-values: that it holds, and that it does not; few units decide nothing."""
+    p_value = min(1.0, 2 * min(sides)) if min(units.values()) >= FEWEST_UNITS else 1.0
     over = " and ".join(f"{number:,} {name}" for name, number in units.items())
     return Claim(
         text, paper, here, "holds" if sides[0] < sides[1] else "does not hold", over, p_value, otherwise

@@ -61,18 +61,18 @@ def _sentence(claim: Claim) -> str:
 _SUMMARY = (
     "Success is the share of the agents whose greedy policy reaches the goal of E6; in brackets its interval at 95 % "
     "(Wilson's, or of differences Student's). A claim holds where success is above 95 % or below 5 %, as the paper has "
-    "it, or a difference, mean of the budgets, above 0. Its p-value is that of the score test or of Student's t, "
+    "it, or a difference (mean of the budgets) above 0. Its p-value is that of the score test or of Student's t, "
     "corrected after Holm for all {} claims that are tested; comparisons further below are corrected by budget. Claims "
-    "about families that are searched for are tested over searches, each with the mean of its agents; those about the "
-    "published family over its agents, and say nothing of other families. A claim depends on the seed where agents of "
-    "some seeds do as the published one did. Fewer than ten units decide nothing."
+    "about families that are searched for are tested over searches, each with the mean of its agents. Claims about the "
+    "published family are tested over its agents, and say nothing of other families. A claim depends on the seed where "
+    "agents of some seeds do as the published agent did. Fewer than ten units decide nothing."
 )
 
 
 def claims_table(found: Reproduction) -> Table:
     """A row a claim."""
     rows = tuple((one.text, one.paper, one.here, one.test, one.verdict) for one in claims(found))
-    columns = ("claim", "paper", "here", "after Holm", "verdict")
+    columns = ("claim", "paper", "here", "p after Holm", "verdict")
     return Table("Claims of the paper, and what follows from them.", columns, rows)
 
 

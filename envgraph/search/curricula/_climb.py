@@ -1,4 +1,4 @@
-"""The search: the reverse curriculum, and many other families to begin with, few of which are improved by moves."""
+"""The search: try the reverse curriculum, draw many other families, and improve the best of these by moves."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from envgraph.search._family_measures import LEAST
 from envgraph.search.curricula._levels import Level, Levels
 from envgraph.search.curricula._moves import Family, Moves
 from envgraph.search.curricula._objectives import Judged, Learning, value_of
-from envgraph.search.curricula._reverse import GOOD, SIZES, Taught, reverse_curriculum
+from envgraph.search.curricula._reverse import GOOD, SIZES, TrainedFamily, reverse_curriculum
 from envgraph.search.curricula._starts import Begin, Origin, Starts
 
 Scores = NDArray[np.float64]
 Screened = tuple[tuple[tuple[float, ...], float], Family, Origin]
-"""The value of a family by the measures before the objective and by the objective, the family, and its origin."""
+"""Values by the measures that count before the objective, the value by the objective, the family, its origin."""
 
 LEVEL: Final = 50_000
 """Steps of learners that take as long as to make a table of a small model; no judgement of a family counts as fewer."""
@@ -45,15 +45,15 @@ _SAME: Final = 1e-9
 BIRTHS: Final = 1_000
 """Families that are drawn until one is a family at all."""
 ENOUGH_GOOD: Final = 4
-"""Families for each lane that are as good as is wanted on the first seeds: no more are drawn."""
-FEWER: Final = 0.64
-"""Share of the steps of a reverse curriculum that is good, with which a searched family has to be good as well."""
+"""Good families for each lane, judged on the first seeds, after which no more families are drawn."""
+FEWER_STEPS: Final = 0.64
+"""If a reverse curriculum is good, a family is searched for that is good with this share of its steps."""
 IMPROVING: Final = 0.4
-"""Share of the effort for that; and the largest for the reverse curriculum."""
+"""Share of the effort for this search; the reverse curriculum takes at most the same share."""
 ENOUGH: Final = 0.99
 """The search for a family that teaches ends at this value by default."""
-NEW: Final = 500
-"""Learners that the family which was found is trained with at the end."""
+NEW_LEARNERS: Final = 500
+"""Learners that are trained on the final family, on seeds that the search has not used."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,8 +61,8 @@ class CurriculumSettings:
     """How a family is searched for.
 
     Attributes:
-        population: members of a family, the target included; at least 2. None: as many as it takes, where a reverse
-            curriculum is judged by learners, else 6.
+        population: members of a family, the target included; at least 2. None: the search chooses if it tries a reverse
+            curriculum, else 6.
         effort: how long: steps that learners make, where a table that is made counts as 50,000, and so does what an
             objective that needs fewer makes of some seeds.
         lanes: families that are improved side by side, until the better half of them goes on.
@@ -90,7 +90,7 @@ class _Lane:
     Attributes:
         current: the family that moves are tried on.
         best: the best one so far.
-        origin: what its members were made from at first.
+        origin: what the members of the lane's first family were made from.
         before: what the best one is worth by the measures that count before the objective.
         value: of the best one, estimated on seeds of its own; minus infinity before it is known.
         rng: draws moves.
@@ -110,14 +110,14 @@ class CurriculumProgress:
 
     Attributes:
         family: the best one; while families to begin with are drawn, the last one.
-        value: of it; minus infinity before it is known. At the end, where learners judge: the share of 500 new ones
-            that solve the target.
+        value: of the family; minus infinity before it is known. At the end, if learners judge: the share of 500 new
+            learners that solve the target.
         spent: share of the effort.
         tried: families that were judged.
-        origin: what its members are made from; None before the end.
-        learnt: where learners judge, at the end: the largest number of "steps" in all, and the "fewest"; the success of
-            as many learners with as many steps on the target "alone"; and that of the best reverse curriculum
-            "unsearched", if it is not the family.
+        origin: what the members are made from; None before the end.
+        learnt: at the end, if learners judge: the most "steps" in all, and the "fewest"; "alone", the success of 500
+            learners with the most steps on the target alone; and if the search improved on the reverse curriculum,
+            "unsearched", the success of the reverse curriculum with the steps of the family.
     """
 
     family: Family
@@ -132,14 +132,14 @@ class CurriculumProgress:
 class CurriculumSearch:
     """Searches for a family of which an objective is as large as can be.
 
-    Where learners judge, the reverse curriculum comes first: see `reverse_curriculum`. If it is good, and the steps
-    are free, a family is searched for that is good with fewer; else one that is better. Only on new seeds does such a
-    family take the place of the reverse curriculum.
+    If learners judge, `reverse_curriculum` is tried first. If it is good and the file names steps, it is the result.
+    If it is good and the steps are free, the search looks for a family that is good with fewer steps; if it is not
+    good, for a better family. The found family replaces the reverse curriculum only if new seeds confirm it.
 
-    Screening: families are drawn by `Starts` and judged on few seeds; half of them are eased as one of the best quarter
-    so far was. The best quarter is compared on more seeds, the best third of these on twice as many, and so on, until
-    as many are left as there are lanes. Climbing: in each lane moves are tried in epochs. In an epoch family and child
-    meet the same seeds, which no epoch before had. A child is dropped as soon as it is clearly worse (a race), and
+    Screening: families are drawn by `Starts` and judged on few seeds; half of them have the origin of one of the best
+    quarter so far. The best quarter is compared on more seeds, the best third of these on twice as many, and so on,
+    until as many are left as there are lanes. Climbing: in each lane moves are tried in epochs. In an epoch family and
+    child meet the same new seeds. A child is dropped as soon as it is clearly worse (a race), and
     takes the place of the family if it is not worse at the end. Families are compared on seeds of their own.
 
     Measures that count before the objective are asked first: a family that is worse in them is not judged, and one that
@@ -171,10 +171,8 @@ class CurriculumSearch:
     _rng: Generator = field(init=False)
 
     def __post_init__(self) -> None:
-        self._size, self._rng = (
-            self.settings.population or 6,
-            default_rng(SeedSequence(self.seed, spawn_key=(0,))),
-        )
+        self._size = self.settings.population or 6
+        self._rng = default_rng(SeedSequence(self.seed, spawn_key=(0,)))
         most = self.levels.problem.maximum(self._size)
         if self.settings.demanded == inf == most:
             raise InvalidArgument("nobody knows how diverse a family can be at most: demand a number")
@@ -198,14 +196,14 @@ class CurriculumSearch:
             return self._ended(plain)
         if good:
             until = min(1.0, self._spent() + IMPROVING)
-            self.objective = plain.objective.at(max(1, int(FEWER * plain.objective.steps[0])))
+            self.objective = plain.objective.at(max(1, int(FEWER_STEPS * plain.objective.steps[0])))
         found = self._searched(starts, [*starts.reversed_episodes(self._size)], until)
-        if isinstance(found, Taught) and found.success >= (GOOD if good else plain.success + _SAME):
-            return self._ended(found, self._success(plain.family, found.objective, NEW))
+        if isinstance(found, TrainedFamily) and found.success >= (GOOD if good else plain.success + _SAME):
+            return self._ended(found, self._success(plain.family, found.objective, NEW_LEARNERS))
         return self._ended(plain)
 
-    def _reverse_curriculum(self, starts: Starts) -> Taught | None:
-        """The best one without any search, where learners judge and nothing else is asked of a family."""
+    def _reverse_curriculum(self, starts: Starts) -> TrainedFamily | None:
+        """Return the best reverse curriculum; None if not only learners judge, or no episode has enough states."""
         if not isinstance(self.objective, Learning) or self.measures or self._demanded is not None:
             return None
         sizes = SIZES if self.settings.population is None else (self.settings.population,)
@@ -214,8 +212,8 @@ class CurriculumSearch:
 
     def _searched(
         self, starts: Starts, first: Sequence[tuple[Origin, Family]], until: float
-    ) -> Taught | _Lane:
-        """The best family that is found until so much of the effort is spent."""
+    ) -> TrainedFamily | _Lane:
+        """Return the best family that is found until the share `until` of the effort is spent."""
         start = self._spent()
         lanes = [
             _Lane(
@@ -243,25 +241,25 @@ class CurriculumSearch:
                 break
         best = lanes[0]
         if isinstance(self.objective, Learning):
-            share = self._success(best.best, self.objective, NEW)
-            return Taught(best.best, self.objective, share, best.origin)
+            share = self._success(best.best, self.objective, NEW_LEARNERS)
+            return TrainedFamily(best.best, self.objective, share, best.origin)
         if best.value == -inf:  # the effort was over before
             best.value = value_of(self._judged(best.best, JUDGE))
         return best
 
-    def _ended(self, found: Taught | _Lane, unsearched: float | None = None) -> CurriculumProgress:
+    def _ended(self, found: TrainedFamily | _Lane, unsearched: float | None = None) -> CurriculumProgress:
         spent = min(1.0, self._spent())
         if isinstance(found, _Lane):
             return CurriculumProgress(found.best, found.value, spent, self.tried, found.origin)
         totals = [steps * len(found.family) for steps in found.objective.steps]
-        alone = self._success((self.levels.target,), found.objective.at(max(totals)), NEW)
+        alone = self._success((self.levels.target,), found.objective.at(max(totals)), NEW_LEARNERS)
         learnt = {"fewest": min(totals), "steps": max(totals), "alone": alone}
         if unsearched is not None:
             learnt["unsearched"] = unsearched
         return CurriculumProgress(found.family, found.success, spent, self.tried, found.origin, learnt)
 
     def _success(self, family: Family, objective: Learning, seeds: int) -> float:
-        """The share of so many new learners that solve the target; 0 where a member has too many states."""
+        """Train so many new learners; return the share that solves the target, 0 if a member has too many states."""
         self._steps += max(LEVEL, objective.effort * len(family) * seeds)
         self.tried += 1
         try:
@@ -296,7 +294,7 @@ class CurriculumSearch:
     def _screened(
         self, starts: Starts, first: Sequence[tuple[Origin, Family]], until: float
     ) -> list[Screened]:
-        """As many families as there are lanes, the best first: of the first ones, and others that are drawn."""
+        """Return a family for each lane, the best first, of the families `first` and of drawn ones."""
         settings, rng, pool = self.settings, self._rng, list[Screened]()
         births = good = 0
         most_births = BIRTHS + settings.effort // LEVEL

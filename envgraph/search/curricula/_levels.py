@@ -87,7 +87,7 @@ class Levels:
 
     Attributes:
         rejected: how many models were no members, by what was wrong with them.
-        exempted: constraints that hold for the target alone.
+        exempted: texts of the constraints that only the target must satisfy.
         origin: the version of the target.
         made: how many tables and programs were made.
     """
@@ -153,7 +153,7 @@ class Levels:
         return True
 
     def exempt(self) -> None:
-        """Ask nothing of members that the present state of an optimal episode violates."""
+        """Drop the constraints that the present model violates, for all members but the target; see `exempted`."""
         violated = list(map(str, self.problem.violations()))
         self.exempted.update(dict.fromkeys(violated))
         if violated:

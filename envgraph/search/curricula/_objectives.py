@@ -63,7 +63,7 @@ class Learning:
     Args:
         settings: how learners learn.
         target: the last member of each family.
-        steps: lengths of training, on each member; empty: free, the search chooses one.
+        steps: lengths of training, on each member; empty: the search chooses a length (`free`).
         seed: of the search.
         workers: threads; they change no number.
 
@@ -86,7 +86,7 @@ class Learning:
         self._pool = ThreadPoolExecutor(workers) if workers > 1 else None
 
     def at(self, steps: int) -> Learning:
-        """The same with other steps on each member."""
+        """Return this objective with another number of steps on each member."""
         found = copy(self)
         found.steps = (steps,)
         return found
@@ -109,13 +109,13 @@ class Learning:
         return self._judgements(family, seeds, "scores")
 
     def success(self, family: Sequence[Level], seeds: range) -> float:
-        """The share of learners that solve the target, after the length of training with which the fewest do."""
+        """Return the share of learners that solve the target; of several lengths of training the smallest share."""
         return float(self._judgements(family, seeds, "successes").mean(axis=1).min())
 
     def _judgements(
         self, family: Sequence[Level], seeds: range, kind: Literal["scores", "successes"]
     ) -> NDArray[np.float64]:
-        """One kind of what `Judgement` has: [lengths of training, seeds]."""
+        """Return the `kind` of numbers of `Judgement` [lengths of training, seeds]."""
         judge = self._judge(family)
         sequences = (np.random.SeedSequence(self._seed, spawn_key=(SEARCHING, seed)) for seed in seeds)
         rows = streams([np.random.Generator(np.random.PCG64(one)) for one in sequences])

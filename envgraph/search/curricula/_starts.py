@@ -1,4 +1,4 @@
-"""Families to begin with: the target, and what becomes of it as it is eased step by step.
+"""Families to begin with: the target, and states made of the target by easing or by an optimal episode.
 
 Nobody says what makes an environment easy: regions of the model and rules are drawn, and the objective tells which of
 the families that come of it are good.
@@ -25,10 +25,10 @@ from envgraph.search.curricula._levels import Level, Levels
 from envgraph.search.curricula._moves import Family, Moves
 
 Begin = Literal["auto", "easing", "episode"]
-"""What the members of the first families are: the target eased by mutations, states of an optimal episode, or all."""
+"""What members of first families are made from: the target eased by mutations, an optimal episode, or both ("auto")."""
 
 _Step = tuple[Trace, float]
-"""What leads from the target to a state, and the value there that the diversity reads, if one is demanded."""
+"""The trace from the target to a state, and the value of the state for the diversity; 0 if none is demanded."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,8 +49,8 @@ class Origin:
     """What the members of a family are made from.
 
     Attributes:
-        episode: they are states of this optimal episode of the target; None: they are the target itself.
-        easing: how these are eased by mutations; None: not at all.
+        episode: the optimal episode whose states are used; None: the target itself is used.
+        easing: how mutations ease these states, or the target; None: not at all.
     """
 
     episode: Episode | None
@@ -86,10 +86,10 @@ class Starts:
     "episode": the candidates are the states of an optimal episode, those near its end the easiest (reverse curriculum
     generation, Florensa et al. 2017, with known episodes). Chosen are states that lie about equally far apart.
 
-    "auto": both, and states of an optimal episode that are eased.
+    "auto": families of either kind, and families whose members are states of an optimal episode, then eased.
 
-    Constraints that an optimal episode violates on its way, such as "the truck is on the start tile", hold for the
-    target alone from then on.
+    If a state of an optimal episode violates a constraint, such as "the truck is on the start tile", the constraint
+    is dropped for all members but the target; see `Levels.exempt`.
 
     Args:
         levels: of the members.
@@ -126,7 +126,7 @@ class Starts:
         levels.go_to(levels.target.version)
 
     def origin(self, rng: Generator) -> Origin:
-        """Any of them, each as likely."""
+        """Draw an origin, each kind as likely."""
         episode = easing = None
         if self._episodes and (self._begin == "episode" or rng.random() < 2 / 3):
             episode = self._episodes[int(rng.integers(len(self._episodes)))]
@@ -136,16 +136,16 @@ class Starts:
         return Origin(episode, easing)
 
     def reversed_episodes(self, size: int) -> Iterator[tuple[Origin, Family]]:
-        """Yield, of each optimal episode, the family of states that lie equally far apart and the target."""
+        """Yield a family for each optimal episode: evenly spaced states of the episode, and the target."""
         for episode in self._episodes:
             ways = list(accumulate(episode.states))
-            places = _apart(len(ways), size - 1, np.full(size - 1, 0.5))
+            places = _evenly_spaced(len(ways), size - 1, np.full(size - 1, 0.5))
             family = self._family([ways[place] for place in places]) if len(ways) >= size - 1 else None
             if family is not None:
                 yield Origin(episode, None), family
 
     def draw(self, origin: Origin, size: int, rng: Generator) -> Family | None:
-        """A family of so many members, the easiest first, or None if what was drawn gives none."""
+        """Draw a family of so many members, the easiest first; None if too few states are valid."""
         easing, wanted = origin.easing, size - 1
         parts: list[Trace] = []
         if easing is not None:
@@ -154,15 +154,15 @@ class Starts:
             ways = list(accumulate(origin.episode.states))
             if len(ways) < wanted:
                 return None
-            starts = [ways[place] for place in _apart(len(ways), wanted, rng.random(wanted))]
-            chosen = self._one_of_each([self._walked(start, parts) for start in starts], rng)
+            starts = [ways[place] for place in _evenly_spaced(len(ways), wanted, rng.random(wanted))]
+            chosen = self._one_of_each([self._states_after(start, parts) for start in starts], rng)
         else:
             states = parts if origin.episode is None else origin.episode.states
-            chosen = self._chosen(self._walked((), states)[1:], wanted, origin, rng)
+            chosen = self._chosen(self._states_after((), states)[1:], wanted, origin, rng)
         return None if chosen is None else self._family(chosen)
 
-    def _walked(self, start: Trace, parts: Sequence[Trace]) -> list[_Step]:
-        """Where the target comes to by a trace, and then by each part; states that are no members are left out."""
+    def _states_after(self, start: Trace, parts: Sequence[Trace]) -> list[_Step]:
+        """Return the states after the trace `start` and after each part, without states that are no members."""
         levels = self._levels
         levels.go_to(levels.target.version)
         levels.replayed(start)
@@ -176,7 +176,7 @@ class Starts:
         return steps
 
     def _family(self, traces: Sequence[Trace]) -> Family | None:
-        """The members that come of the target by traces, the last of which is the easiest."""
+        """Return the target and a member for each trace from it, the easiest first; None if they are no family."""
         levels, found = self._levels, [self._levels.target]
         for trace in traces:
             if trace not in self._found:
@@ -191,9 +191,9 @@ class Starts:
     def _chosen(
         self, steps: Sequence[_Step], wanted: int, origin: Origin, rng: Generator
     ) -> list[Trace] | None:
-        """Which states on the way are members: any, or those that together are the most diverse."""
+        """Choose the states that become members: random ones, or if diversity is demanded, the most diverse."""
         if len(steps) < wanted:
-            self._levels.rejected[f"too few states come of the target for {wanted} members"] += 1
+            self._levels.rejected[f"too few states lead from the target for {wanted} members"] += 1
             return None
         order: list[int] = rng.permutation(len(steps)).tolist()
         places, values = order[:wanted], [self._levels.value(self._levels.target.measures)]
@@ -202,11 +202,11 @@ class Starts:
             for _ in range(wanted):
                 places.append(self._most_diverse(steps, [one for one in order if one not in places], values))
         elif origin.episode is not None:
-            places = _apart(len(steps), wanted, rng.random(wanted))
+            places = _evenly_spaced(len(steps), wanted, rng.random(wanted))
         return [steps[place][0] for place in sorted(places)]
 
     def _one_of_each(self, ways: Sequence[Sequence[_Step]], rng: Generator) -> list[Trace] | None:
-        """One state on each way: any, or those that together are the most diverse."""
+        """Choose a state on each way: a random one, or if diversity is demanded, the most diverse together."""
         if not all(ways):
             return None
         values, found = [self._levels.value(self._levels.target.measures)], dict[int, Trace]()
@@ -217,7 +217,7 @@ class Starts:
         return [found[way] for way in sorted(found)]
 
     def _most_diverse(self, steps: Sequence[_Step], places: Sequence[int], values: list[float]) -> int:
-        """The place whose value makes the values that there are the most diverse; it is added to them."""
+        """Return the place whose value makes `values` the most diverse, and append its value to them."""
         score = self._levels.problem.diversity.score
         best = max(places, key=lambda place: round(score([*values, steps[place][1]]), 12))
         values.append(steps[best][1])
@@ -266,8 +266,8 @@ class Starts:
         return [one for *_, one in sorted(keyed, key=lambda entry: entry[:3])]
 
 
-def _apart(count: int, wanted: int, within: NDArray[np.float64]) -> list[int]:
-    """One place in each of as many equal parts of a row: where in its part, from 0 to 1."""
+def _evenly_spaced(count: int, wanted: int, within: NDArray[np.float64]) -> list[int]:
+    """Return a place in each of `wanted` equal parts of `count` places; `within`: where in its part, 0 to 1."""
     places: list[int] = ((np.arange(wanted) + within) * count / max(1, wanted)).astype(int).tolist()
     return places
 

@@ -72,8 +72,8 @@ class TrainingSettings:
             worth at the end is that of the lowest.
         limit: steps after which an episode is truncated (the Q-value of the last step still bootstraps).
         checkpoint: steps between two points of a learning curve.
-        student: what `run_experiment` trains: "tabular", as said above; or PPO or DQN of Stable-Baselines3, "sb3:ppo"
-            and "sb3:dqn", which use of these settings the discount, the lengths, the limit and, for DQN, epsilon.
+        student: what `run_experiment` trains: "tabular", an `agent`; or "sb3:ppo" or "sb3:dqn", networks of
+            Stable-Baselines3, which use only the discount, the lengths, the limit and, for DQN, epsilon.
 
     Raises:
         InvalidArgument: a value is outside its range.

@@ -167,7 +167,7 @@ def flatten(tabular: Tabular) -> Table:
 
 
 def with_starts(table: Table, tabular: Tabular) -> Table:
-    """Return a table with the start states of an environment that has the same states."""
+    """Return the table with the start states of another environment, which must have the same states."""
     starts = tabular.start_states.astype(np.int64)
     seen, cumulative = table.seen[table.place[starts]], accumulate(tabular.start_probability)
     return replace(table, start_states=starts, start_observations=seen, start_cumulative=cumulative)

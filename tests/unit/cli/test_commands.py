@@ -105,7 +105,7 @@ def test_a_new_domain_checks_generates_trains_and_reports(envgraph: Envgraph, tm
     assert "no problems" in ok(envgraph("check", "maze")).out
     quick = ("--set", "objective.effort=30_000_000", "--require", 0.95)
     found = ok(envgraph("generate", "maze", *quick, "--name", "m")).out
-    assert "of new learners solve E6" in found and " 0.0% with as many on E6 alone" in found
+    assert "of new learners solve E6" in found and " 0.0% after as many steps on E6 alone" in found
     ok(envgraph("train", "m", "--seeds", 2))
     shown = ok(envgraph("report", "m")).out
     assert "E6" in shown and "report.html" in shown

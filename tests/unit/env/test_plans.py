@@ -255,7 +255,7 @@ def test_a_guide_is_a_pattern_of_the_domain(monkeypatch: pytest.MonkeyPatch) -> 
 
 @pytest.mark.parametrize("shortest", [True, False])
 def test_a_search_is_given_up_after_so_many_states(monkeypatch: pytest.MonkeyPatch, shortest: bool) -> None:
-    monkeypatch.setattr(_planning, "MOST", 100)
+    monkeypatch.setattr(_planning, "MOST_STATES", 100)
     monkeypatch.setattr(_planning, "FEW", 10)
     monkeypatch.setattr(_program, "has_numba", lambda: False)
     engine, behaviour = opened(SOKOBAN / "small.model", SOKOBAN / "sokoban.environment")

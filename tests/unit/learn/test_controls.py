@@ -53,7 +53,7 @@ ALL = controls(NAMES, optimism=[0.7], starts=[*BEGUN])
 
 def test_every_control_has_exactly_the_steps_of_the_whole_family() -> None:
     (whole,) = sequences(NAMES, "full")
-    found = run_experiment(FAMILY, SETTINGS, [whole, *ALL], begun=BEGUN)
+    found = run_experiment(FAMILY, SETTINGS, [whole, *ALL], starts=BEGUN)
     assert {run.steps for run in found.runs} == {1_200}
     assert {run.curve.steps[-1] for run in found.runs} == {1_200}
     assert [one.label for one in found.summaries()] == [
@@ -73,23 +73,23 @@ def test_every_control_has_exactly_the_steps_of_the_whole_family() -> None:
 
 @pytest.mark.parametrize("backend", available_backends())
 def test_results_do_not_depend_on_workers_or_loop(backend: Backend) -> None:
-    assert run_experiment(FAMILY, SETTINGS, ALL, workers=2, backend=backend, begun=BEGUN) == run_experiment(
-        FAMILY, SETTINGS, ALL, backend="python", begun=BEGUN
+    assert run_experiment(FAMILY, SETTINGS, ALL, workers=2, backend=backend, starts=BEGUN) == run_experiment(
+        FAMILY, SETTINGS, ALL, backend="python", starts=BEGUN
     )
 
 
 @pytest.mark.parametrize("control", ALL, ids=lambda one: one.label)
 def test_a_control_does_not_depend_on_what_else_is_run(control: Curriculum) -> None:
-    together = run_experiment(FAMILY, SETTINGS, ALL, begun=BEGUN).runs
-    (alone,) = run_experiment(FAMILY, SETTINGS, [control], seeds=[1], begun=BEGUN).runs
-    assert alone in together and alone == train_run(FAMILY, control, SETTINGS, 1, begun=BEGUN)[0]
+    together = run_experiment(FAMILY, SETTINGS, ALL, starts=BEGUN).runs
+    (alone,) = run_experiment(FAMILY, SETTINGS, [control], seeds=[1], starts=BEGUN).runs
+    assert alone in together and alone == train_run(FAMILY, control, SETTINGS, 1, starts=BEGUN)[0]
 
 
 def test_curricula_and_controls_draw_the_same_numbers_as_before_others_were_added() -> None:
     """The digest is that of the results before there were "backplay" and "exploring"."""
     chosen = [*sequences(NAMES, "suffixes"), *sequences(NAMES, "baselines")]
     chosen += controls(NAMES, ["reversed", "randomised", "uniform", "plr"])
-    found = run_experiment(FAMILY, SETTINGS, chosen, backend="python", begun=BEGUN)
+    found = run_experiment(FAMILY, SETTINGS, chosen, backend="python", starts=BEGUN)
     digest = sha256(repr(found.runs).encode()).hexdigest()
     assert digest == "45f5748dfc27a7a95a3505c8fb4fee5376d82f16f747a25f9940f5bac0b3a0d8"
 
@@ -135,10 +135,10 @@ def test_backplay_begins_in_the_states_of_an_optimal_episode_last_first() -> Non
     ]
     family = [FamilyMember(name, corridor) for name in names]
     short = TrainingSettings(steps_per_environment=1)  # fewer steps than stages
-    found = run_experiment(family, short, [whole], seeds=[0], begun=begun).runs[0]
+    found = run_experiment(family, short, [whole], seeds=[0], starts=begun).runs[0]
     assert (found.steps, found.curve.steps, found.steps_before) == (3, (1, 2, 3), 2)
     with pytest.raises(InvalidArgument, match="must be the target with other start states"):
-        run_experiment(family, short, sequences(names), begun={"E4": random_table(1)})
+        run_experiment(family, short, sequences(names), starts={"E4": random_table(1)})
 
 
 def test_an_episode_that_depends_on_chance_is_drawn_until_it_ends_in_success() -> None:

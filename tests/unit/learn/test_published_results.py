@@ -74,7 +74,7 @@ def test_backplay_solves_the_target_with_the_fewest_steps() -> None:
     settings = TrainingSettings(steps_per_environment=1_000)
     begun = other_starts("E6", PUBLISHED[-1].tabular, settings.limit)
     chosen = controls(NAMES, ["backplay"], starts=[*begun])
-    found = run_experiment(PUBLISHED, settings, chosen, seeds=range(5), begun=begun)
+    found = run_experiment(PUBLISHED, settings, chosen, seeds=range(5), starts=begun)
     assert {one.label: one.success_rate for one in found.summaries()} == {
         "backplay": 1.0,
         "backplay, 6 stages": 1.0,

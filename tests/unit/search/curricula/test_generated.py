@@ -47,7 +47,7 @@ def test_a_run_keeps_the_members_in_the_order_that_was_searched_for(tmp_path: Pa
     assert [member.initial for member in family.members] == [False] * 5 + [True]
     outcome = Outcome.of(family)
     assert outcome.diversity == pytest.approx(outcome.maximum)
-    sentence = "0.0% of new learners solve E6 after 1,800 steps in all, 0.0% with as many on E6 alone"
+    sentence = "0.0% of new learners solve E6 after 1,800 steps in all, 0.0% after as many steps on E6 alone"
     assert str(outcome).startswith(f"{sentence}, diversity 2.585 of 2.585 bits")
     again = open_family(str(tmp_path))
     assert (again.members, again.value) == (family.members, family.value)

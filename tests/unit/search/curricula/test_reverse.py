@@ -8,7 +8,7 @@ import pytest
 
 from envgraph.cli import main
 from envgraph.lang import data_path
-from envgraph.search import Domain, Outcome, RunStore, about_search, generate, why_low
+from envgraph.search import Domain, Outcome, RunStore, describe_search, generate, why_low
 from envgraph.search.curricula import Learning, Levels, Moves, Starts
 from envgraph.search.curricula._reverse import GOOD, reverse_curriculum
 from envgraph.solve import evaluate
@@ -48,7 +48,7 @@ def test_steps_and_members_that_no_file_names_are_chosen(tmp_path: Path) -> None
     assert family.value is not None and family.value >= GOOD
     assert training.steps_per_environment * len(family.members) == family.objective["steps"] < 5_000
     assert family.domain.spec.search.population == len(family.members)
-    assert f"with as many on {family.members[-1].name} alone" in str(outcome)
+    assert f"after as many steps on {family.members[-1].name} alone" in str(outcome)
     # Learners that the search has not seen do as well.
     tables = [family.explored(member).tabular for member in family.members]
     settings = TrainingSettings.from_spec(training, limit=family.limit)
@@ -66,7 +66,7 @@ def test_constraints_that_the_agent_violates_on_its_way_hold_for_the_target_alon
     trucks = [family.text(member) for member in family.members]
     assert len(set(trucks)) == len(trucks)
     with RunStore.open(tmp_path / "run.sqlite") as store:
-        sentences = about_search(family, store)
+        sentences = describe_search(family, store)
         assert why_low(family, store) is None
     target = family.members[-1].name
     assert f"these constraints hold for {target} alone: `require truckOnStart`" in sentences
@@ -110,7 +110,7 @@ def test_a_family_that_teaches_little_is_told(
     out, error = capsys.readouterr()
     assert "0.0% of new learners solve E3 after 6 steps in all" in out
     assert "the family teaches little: 0.0% of new learners solve E3" in error
-    assert "the family is worth 0.000, and `--require` asks for 0.9" in error
+    assert "the family has a value of 0.000, but `--require` is 0.9" in error
     assert (tmp_path / "little" / "run.sqlite").exists()
 
 
