@@ -146,7 +146,7 @@ def describe_search(family: Family, store: RunStore) -> list[str]:
     if exempted:
         sentences.append(f"these constraints hold for {target} alone: {exempted}")
     if known["alone"] > max(_FEW, (family.value or 0.0) - _NEEDLESS):
-        sentences.append(f"{target} needs no other environments: learners solve {target} with as many steps on {target} alone")
+        sentences.append(f"{target} needs no other environments: as many steps on {target} alone do as well")
     elif "unsearched" in known:
         sentences[0] += f", improved by search: without search {known['unsearched']:.1%} of learners succeed"
     elif "eased" not in sentences[0]:
