@@ -126,7 +126,7 @@ def print_phases(generations: int) -> None:
 
 _PHASES: list[tuple[str, object, tuple[str, ...]]] = [
     ("choose and apply", Engine, ("choose", "fire")),
-    ("validate", Problem, ("remains_valid",)),
+    ("validate and measure", Problem, ("judged",)),
     ("measure", Problem, ("measure",)),
     ("commit and check out", Engine, ("commit", "checkout")),
     ("savepoints", Model, ("savepoint", "release", "rollback")),

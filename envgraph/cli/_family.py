@@ -137,7 +137,7 @@ def generate_family(
         print_line(line)
     print_diagnostics([low] if low else [])
     value = Outcome.of(family).diversity if family.value is None else family.value
-    if require is not None and value < require:
+    if require is not None and not value >= require:
         raise EnvgraphError(f"the family has a value of {value:.3f}, but `--require` is {require:g}")
 
 

@@ -88,7 +88,9 @@ def test_every_option_that_takes_a_number_has_a_range() -> None:
         (name, option.opts[0])
         for name, command in app.commands.items()
         for option in command.params
-        if not isinstance(option.type, click.Choice | click.Path | type(click.STRING) | type(click.BOOL))
+        if not isinstance(
+            option.type, click.Choice | click.Path | type(click.STRING) | type(click.BOOL) | type(click.FLOAT)
+        )
     }
     assert numbers == {(command.partition(" ")[0], option) for command, option, _, _ in RANGES}
 
@@ -168,6 +170,7 @@ def test_whether_an_end_is_reached_is_not_asked_of_a_model_that_is_wrong(refused
 def test_a_way_that_a_beam_may_have_missed(refused: Call, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(_planning, "BREADTH", 3)
     monkeypatch.setattr(_planning, "WIDTH", 1)
+    monkeypatch.setattr(_planning, "NARROW", (3, 1))
     path = Path("forest/family.toml")
     path.write_text(path.read_text().replace("forbid = []", 'forbid = []\nreachable = ["failure"]'))
     environment = Path("forest/burning_forest.environment")

@@ -186,7 +186,7 @@ n = { deep.er = true, last = '' }
 
 def test_a_directory_stands_for_the_family_file_in_it(tmp_path: Path) -> None:
     shutil.copytree(bundled_domain("burning_forest"), tmp_path / "mine")
-    assert load_family(str(tmp_path / "mine")).name == "BurningForestEpisode"
+    assert load_family(str(tmp_path / "mine")).name == "BurningForestTeaching"
     assert load_family(str(tmp_path / "mine" / "family.toml")) == load_family(str(tmp_path / "mine"))
 
 

@@ -329,7 +329,7 @@ def test_texts_never_reach_for_the_disk() -> None:
 def test_family_files_are_part_of_a_workspace() -> None:
     found = load_workspace(["burning_forest"])
     assert not found.errors
-    assert [spec.name for spec in found.families] == ["BurningForestEpisode"]
+    assert [spec.name for spec in found.families] == ["BurningForestTeaching"]
     assert sorted(text.name for text in found.models) == ["running_4x4", "target_8x8"]
     assert found.behaviour().name == "BurningForest"
 

@@ -301,6 +301,7 @@ def test_a_measure_of_ones_own_that_is_no_number_is_named(tmp_path: Path) -> Non
 
 CLIMBING = [
     'objective={ search = "climb", effort = 6e6, lanes = 2, maximise = ["entropy(complexity)", "mean_distance"] }',
+    'objective.begin="easing"',
     "search.population=4",
 ]
 

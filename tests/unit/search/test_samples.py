@@ -198,11 +198,6 @@ def test_mistakes_are_told_where_they_are(garden: Path, given: str, message: str
     assert message in str(caught.value) and not (garden / "run.sqlite").exists()
 
 
-def test_samples_and_an_objective_exclude_each_other(tmp_path: Path) -> None:
-    with pytest.raises(LoadError, match="a file has one of them"):
-        generate("burning_forest/teaching.toml", tmp_path / "run.sqlite", samples=20)
-
-
 def test_a_run_of_samples_has_no_generations_to_go_on_to(run: Path, family: Family) -> None:
     assert resume(run).members == family.members
     with pytest.raises(InvalidArgument, match="has samples, and no generations"):

@@ -89,7 +89,7 @@ def test_an_objective_of_ones_own_is_registered(tmp_path: Path) -> None:
 
 def test_a_file_of_a_bundled_domain_has_a_short_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    assert Domain.load("burning_forest/teaching.toml").spec.name == "BurningForestTeaching"
+    assert Domain.load("burning_forest/teaching.toml").spec.name == "BurningForestDiverseTeaching"
     assert Domain.load("burning_forest/budgets.toml").spec.name == "BurningForestBudgets"
     assert Domain.load("burning_forest/paper.toml").spec.name == "BurningForest"
     assert Domain.load("keydoor/diverse.toml").spec.name == "KeyDoor"
