@@ -1,180 +1,226 @@
-"""Search for families that teach, and judge them on new seeds, beside other ways to train.
+"""Search for families that teach, and judge them with new agents, beside controls with as many steps.
 
     python -m benchmarks teaching
 
-The search asks how often learners solve the target. Of random targets a quarter to two fifths of the tiles burn (a
-quarter on 12x12), and a random walk of 200 steps finds the goal once in 100,000 episodes or less (500,000 on 12x12).
-Beside each family stand controls with as many steps: direct training from values of 0 and from optimistic ones, the
-order reversed, and domain randomisation. Seconds are those of all threads.
+Targets are drawn at random by `benchmarks/_targets.py`; nobody has chosen a setting of the search on them. A line for
+each search names the target, the seed of the search, the CPU seconds of the search (all threads), members, steps in
+all, and the success of new agents: of the family, and of the best control of each kind. Then follow tables: the least
+success, and the mean difference between the family and each control. The interval of that mean has targets as units;
+the searches of a target are averaged first, and the agents of a search before that. The full form takes hours; the
+tables of docs/evidence.md say which part of it they are.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from shutil import copy
+from statistics import fmean
 from tempfile import TemporaryDirectory
 from time import process_time
 from typing import NamedTuple
 
-import numpy as np
-
 from benchmarks._peers import peer
-from envgraph.env.compiled import explored
-from envgraph.errors import LoadError
+from benchmarks._targets import DRAWN, Target, forest, known, written
 from envgraph.lang import data_path
 from envgraph.learn import (
     FamilyMember,
     TrainingSettings,
     controls,
+    mean_test,
     optimistic_values,
+    other_starts,
     run_experiment,
     sequences,
-    wilson_interval,
 )
-from envgraph.search import Domain, Family, generate
-from envgraph.solve import hit_probability
+from envgraph.search import Family, generate
 
 PEERS = ("numba",)
-COMPARED = "direct", "optimistic", "reversed", "randomised"
+KINDS = "direct", "optimistic", "reversed", "randomised", "backplay", "exploring"
+WAYS = "the order", *KINDS[:4], "backplay", "backplay, stages", "exploring"
 BUNDLED = data_path("rules", "burning_forest")
-FIXED = '"startTileFixedLocation", "goalTileFixedLocation", "waterTileFixedLocation", '
+FIRST = 1_000
+"""The first seed of agents; the searches draw what their learners do from other streams."""
 
 
-class Sizes(NamedTuple):
-    """How much is searched and judged.
+class Part(NamedTuple):
+    """Searches that are reported together.
 
     Attributes:
-        seeds: on which each order is judged.
-        bundled: for each family a name, its file and the lengths of training that it is judged at.
-        random: for each random target the arguments of `target` and a length of training.
-        effort: settings that limit every search.
+        name: of the part.
+        targets: a family file, or a target that is drawn.
+        searches: seeds of the search.
+        lengths: steps on each member that agents are trained for; (): as many as the search has chosen.
+        overrides: settings of the search.
+        agents: new agents of each way to train.
     """
 
-    seeds: int
-    bundled: tuple[tuple[str, Path, tuple[int, ...]], ...]
-    random: tuple[tuple[int, int, tuple[float, float], float, int], ...]
-    effort: tuple[str, ...]
+    name: str
+    targets: tuple[Path | Target, ...]
+    searches: tuple[int, ...]
+    lengths: tuple[int, ...] = ()
+    overrides: tuple[str, ...] = ()
+    agents: int = 100
 
 
-FULL = Sizes(
-    1_000,
-    (
-        ("paper's E6, 2k", BUNDLED / "teaching.toml", (1_500, 2_000)),
-        ("paper's E6, each of five", BUNDLED / "budgets.toml", (3_000, 5_000, 10_000, 20_000, 50_000)),
-        ("keydoor", data_path("rules", "keydoor") / "family.toml", (200, 600)),
-        ("network", data_path("rules", "network") / "family.toml", (500,)),
-        ("sokoban", data_path("rules", "sokoban") / "family.toml", (3_000,)),
+class Row(NamedTuple):
+    """What came of a search at a length of training.
+
+    Attributes:
+        part: its name.
+        target: its name.
+        search: the seed of the search.
+        seconds: CPU seconds of the search.
+        members: of the family, the target included.
+        steps: in all.
+        searched: whether the search found something better than the reverse curriculum.
+        success: of each of `WAYS` that there is; of several controls of a kind that of the best.
+    """
+
+    part: str
+    target: str
+    search: int
+    seconds: float
+    members: int
+    steps: int
+    searched: bool
+    success: Mapping[str, float]
+
+
+FIVE, TWO = tuple(range(1, 6)), (1, 2)
+SHORT = ("objective.effort=300_000_000",)
+
+FULL = (
+    Part("E6, 2,000 steps", (BUNDLED / "teaching.toml",), tuple(range(1, 11)), (2_000,), agents=200),
+    Part(
+        "E6, three budgets",
+        (BUNDLED / "budgets.toml",),
+        tuple(range(1, 11)),
+        (3_000, 5_000, 10_000),
+        agents=200,
     ),
-    (
-        (8, 0, (0.25, 0.4), 1e-5, 10_000),
-        (8, 1, (0.25, 0.4), 1e-5, 10_000),
-        (12, 100, (0.25, 0.25), 2e-6, 20_000),
+    Part("forest 8x8", tuple(forest(8, 0.3, seed) for seed in range(2001, 2011)), FIVE),
+    Part("forest 12x12", tuple(forest(12, 0.25, seed) for seed in range(2001, 2006)), FIVE),
+    Part("forest 16x16", tuple(forest(16, 0.25, seed) for seed in (2001, 2002)), FIVE),
+    Part("forest 20x20", (forest(20, 0.25, 2001),), FIVE),
+    *(
+        Part(f"{name}, short search", tuple(drawn(seed) for seed in range(2001, 2011)), TWO, (), SHORT)
+        for name, drawn in DRAWN.items()
     ),
-    (),
+    Part("others", tuple(known()), TWO),
 )
-QUICK = Sizes(2, FULL.bundled[:1], FULL.random[:1], ("objective.effort=1e6",))
+QUICK = (
+    Part("E6", FULL[0].targets, (1,), (50,), ("objective.effort=1e6",), 2),
+    Part("forest 6x6", (forest(6, 0.3, 1), forest(6, 0.3, 2)), (1,), (), ("objective.effort=1e6",), 2),
+)
 
 
-def main(sizes: Sizes) -> None:
-    """Print a line for each family and each length of training that it is judged at."""
+def main(parts: Sequence[Part]) -> None:
+    """Print a line for each search and length of training, and a table for each part."""
     if peer("numba") is None:
         return
     print(
-        f"{'target':26}{'entropy':>8}{'search s':>9}{'steps':>7}  success  95 % interval"
-        + "".join(f"{name:>12}" for name in COMPARED)
+        f"{'target':22}{'search':>7}{'CPU s':>7}{'members':>8}{'steps':>8}"
+        + "".join(map("{:>17}".format, WAYS))
     )
-    for name, path, lengths in sizes.bundled:
-        show(name, path, (), lengths, sizes)
-    for size, seed, fire, hit, steps in sizes.random:
-        settings = ("objective.lanes=2", "objective.effort=2e9", f"objective.steps=[{steps}]")
-        with target(size, seed, fire, hit) as path:
-            show(f"random {size}x{size}, {seed}", path, settings, (steps,), sizes)
+    for part in parts:
+        found = []
+        for target in part.targets:
+            for search in part.searches:
+                rows = measured(part, target, search)
+                found += rows
+                for row in rows:
+                    print(line(row), flush=True)
+        show(found)
 
 
-def show(name: str, path: Path, overrides: tuple[str, ...], lengths: tuple[int, ...], sizes: Sizes) -> None:
-    """Search for a family, and judge it at some lengths of training."""
+def measured(part: Part, target: Path | Target, search: int) -> list[Row]:
+    """Search for a family and train new agents; return a row for each length of training."""
     with TemporaryDirectory() as folder:
+        path = target if isinstance(target, Path) else written(target, Path(folder))
+        name = target.stem if isinstance(target, Path) else target.name
         started = process_time()
-        family = generate(
-            str(path), Path(folder) / "run.sqlite", overrides=(*overrides, *sizes.effort), workers=2
-        )
+        family = generate(str(path), Path(folder) / "run.sqlite", seed=search, overrides=part.overrides)
         spent = process_time() - started
-        for steps in lengths:
-            order, *others = successes(family, steps, sizes.seeds)
-            low, high = wilson_interval(order, sizes.seeds)
-            print(
-                f"{name:26}{family.diversity():8.3f}{spent:9.0f}{steps:7,}{order:9.3f}   {low:.3f} to {high:.3f}"
-                + "".join(f"{rate:12.3f}" for rate in others)
+        searched, count = "unsearched" in family.objective, len(family.members)
+        chosen = family.domain.spec.training.steps_per_environment
+        agents = range(FIRST + search * part.agents, FIRST + (search + 1) * part.agents)
+        return [
+            Row(
+                part.name,
+                name,
+                search,
+                spent,
+                count,
+                steps * count,
+                searched,
+                successes(family, steps, agents),
             )
+            for steps in part.lengths or (chosen,)
+        ]
 
 
-def successes(family: Family, steps: int, seeds: int) -> list[float]:
-    """Success of the order, and of what it is compared with, which has as many steps."""
+def successes(family: Family, steps: int, agents: Sequence[int]) -> dict[str, float]:
+    """Return the success on the target of each way to train, with so many steps for each member."""
     members = [FamilyMember(one.name, family.explored(one).tabular) for one in family.members]
-    names = [one.name for one in members]
+    names, target = [one.name for one in members], family.explored(family.members[-1]).tabular
     own = TrainingSettings.from_spec(family.domain.spec.training, limit=family.limit)
     settings = replace(own, steps_per_environment=steps)
-    optimism = optimistic_values(family.explored(family.members[-1]).tabular, settings)
-    compared = *sequences(names, "full"), *controls(names, COMPARED, optimism=optimism)
-    found = run_experiment(members, settings, compared, seeds=range(seeds), backend="numba")
-    return [
-        one.success_rate
-        for one in found.best_optimistic().summaries()
-        if one.label.split()[0] in (compared[0].label, names[-1], *COMPARED)
+    begun = other_starts(names[-1], target, settings.limit)
+    compared = controls(names, KINDS, optimism=optimistic_values(target, settings), starts=[*begun])
+    curricula = *sequences(names, "full"), *compared
+    found = run_experiment(members, settings, curricula, seeds=agents, backend="numba", begun=begun)
+    success = {way: list[float]() for way in WAYS}
+    for one in found.summaries():
+        success[_way(one.kind, one.label)].append(one.success_rate)
+    return {way: max(rates) for way, rates in success.items() if rates}
+
+
+def _way(kind: str, label: str) -> str:
+    """Return the one of `WAYS` that a curriculum belongs to."""
+    if kind != "control":
+        return {"curriculum": "the order", "baseline": "direct"}[kind]
+    first, *more = label.replace(",", "").split()
+    return "backplay, stages" if first == "backplay" and more else first
+
+
+def line(row: Row) -> str:
+    """Return a row as text; `*` marks a family that is better than the reverse curriculum it began with."""
+    rates = "".join(f"{row.success[way]:17.2f}" if way in row.success else f"{'':17}" for way in WAYS)
+    mark = "*" if row.searched else " "
+    return f"{row.target:22}{row.search:7}{row.seconds:7.1f}{row.members:7}{mark}{row.steps:8,}{rates}"
+
+
+def show(rows: Sequence[Row]) -> None:
+    """Print what the rows of a part say together."""
+    orders = [row.success["the order"] for row in rows]
+    steps, seconds = sorted(row.steps for row in rows), [row.seconds for row in rows]
+    print(f"\n{rows[0].part}: {len(rows)} rows on {len(_targets(rows))} targets")
+    print(
+        f"  success {min(orders):.2f} to {max(orders):.2f}, at least .95 in {sum(one >= 0.95 for one in orders)}"
+    )
+    print(f"  steps {steps[0]:,} to {steps[-1]:,}, median {steps[len(steps) // 2]:,}", end="; ")
+    print(f"CPU s {min(seconds):.1f} to {max(seconds):.1f}; searched {sum(row.searched for row in rows)}")
+    for way in WAYS[1:]:
+        of = [row for row in rows if way in row.success]
+        if of:
+            mean, low, high = difference(of, way)
+            spread = f"{low:+.2f} to {high:+.2f}" if len(_targets(of)) > 1 else "one target"
+            success = fmean(row.success[way] for row in of)
+            print(f"  {way:17} {success:.2f}, the order is better by {mean:+.2f} ({spread})")
+    print()
+
+
+def difference(rows: Iterable[Row], way: str) -> tuple[float, float, float]:
+    """Return by how much the order is better than a way on average, with a 95 % interval, over targets as units."""
+    means = [
+        fmean(row.success["the order"] - row.success[way] for row in of) for of in _targets(rows).values()
     ]
+    return (fmean(means), *mean_test(fmean(means), means)[:2])
 
 
-@contextmanager
-def target(size: int, seed: int, fire: tuple[float, float], hit: float) -> Iterator[Path]:
-    """Give a family file whose target is random and hard.
-
-    Args:
-        size: tiles on a side.
-        seed: of the random numbers.
-        fire: the least and the greatest share of tiles that burn.
-        hit: the greatest probability that a random walk finds the goal.
-    """
-    rng = np.random.default_rng(seed)
-    with TemporaryDirectory() as folder:
-        for file in BUNDLED.glob("burning_forest.*"):
-            copy(file, folder)
-        path = Path(folder) / "teaching.toml"
-        text = (BUNDLED / "teaching.toml").read_text().replace("target_8x8", "target").replace(FIXED, "")
-        path.write_text(text.replace('diversity = "maximum"', ""))
-        while True:
-            (Path(folder) / "target.model").write_text(model(size, rng, rng.uniform(*fire)))
-            try:
-                domain = Domain.load(str(path))
-                domain.check_initial()
-            except LoadError:  # no way to the goal
-                continue
-            behaviour = domain.behaviour
-            assert behaviour is not None
-            table = explored(domain.engine(), behaviour, domain.keys()).tabular
-            if hit_probability(table) <= hit:
-                yield path
-                return
-
-
-def model(size: int, rng: np.random.Generator, fire: float) -> str:
-    """A grid, of which a share burns, and some of the rest is vegetation."""
-    vegetation, (x, y) = rng.uniform(0.2, 0.5), rng.integers(1, size - 1, 2)
-    rows = [
-        ["B" if rng.random() < fire else "V" if rng.random() < vegetation else "R" for _ in range(size)]
-        for _ in range(size)
-    ]
-    rows[0][0], rows[-1][-1], rows[y][x] = "S", "G", "W"
-    grid = "\n".join("".join(row) for row in rows)
-    return f"""import "burning_forest.metamodel"
-model target : burning_forest {{
-    forest : Forest {{
-        states = grid tile {{ column x next right row y next down rows \"\"\"
-{grid}
-\"\"\" }}
-        agent = truck : FireTruck {{ currentState = tile[0, 0] }}
-    }}
-}}
-"""
+def _targets(rows: Iterable[Row]) -> dict[str, list[Row]]:
+    found: dict[str, list[Row]] = {}
+    for row in rows:
+        found.setdefault(row.target, []).append(row)
+    return found
