@@ -22,6 +22,7 @@ from typing import NamedTuple
 
 from benchmarks._peers import peer
 from benchmarks._targets import DRAWN, Target, forest, known, written
+from envgraph.env import Tabular
 from envgraph.lang import data_path
 from envgraph.learn import (
     FamilyMember,
@@ -39,6 +40,8 @@ PEERS = ("numba",)
 KINDS = "direct", "optimistic", "reversed", "randomised", "backplay", "exploring"
 WAYS = "the order", *KINDS[:4], "backplay", "backplay, stages", "exploring"
 BUNDLED = data_path("rules", "burning_forest")
+GOOD = 0.95
+TOTALS = tuple(round(300 * 1.25**step) for step in range(30))
 FIRST = 1_000
 """The first seed of agents; the searches draw what their learners do from other streams."""
 
@@ -75,6 +78,7 @@ class Row(NamedTuple):
         steps: in all.
         searched: whether the search found something better than the reverse curriculum.
         success: of each of `WAYS` that there is; of several controls of a kind that of the best.
+        backplay_steps: the fewest steps in all of `TOTALS` with which backplay has `GOOD`; 0 where none has.
     """
 
     part: str
@@ -85,6 +89,7 @@ class Row(NamedTuple):
     steps: int
     searched: bool
     success: Mapping[str, float]
+    backplay_steps: int = 0
 
 
 FIVE, TWO = tuple(range(1, 6)), (1, 2)
@@ -120,7 +125,7 @@ def main(parts: Sequence[Part]) -> None:
     if peer("numba") is None:
         return
     print(
-        f"{'target':22}{'search':>7}{'CPU s':>7}{'members':>8}{'steps':>8}"
+        f"{'target':22}{'search':>7}{'CPU s':>7}{'members':>8}{'steps':>8}{'backplay needs':>15}"
         + "".join(map("{:>17}".format, WAYS))
     )
     for part in parts:
@@ -145,18 +150,12 @@ def measured(part: Part, target: Path | Target, search: int) -> list[Row]:
         searched, count = "unsearched" in family.objective, len(family.members)
         chosen = family.domain.spec.training.steps_per_environment
         agents = range(FIRST + search * part.agents, FIRST + (search + 1) * part.agents)
+        own = TrainingSettings.from_spec(family.domain.spec.training, limit=family.limit)
+        needed = backplay_needs(family.explored(family.members[-1]).tabular, own, agents)
         return [
-            Row(
-                part.name,
-                name,
-                search,
-                spent,
-                count,
-                steps * count,
-                searched,
-                successes(family, steps, agents),
-            )
+            Row(part.name, name, search, spent, count, steps * count, searched, success, needed)
             for steps in part.lengths or (chosen,)
+            for success in [successes(family, steps, agents)]
         ]
 
 
@@ -173,7 +172,22 @@ def successes(family: Family, steps: int, agents: Sequence[int]) -> dict[str, fl
     success = {way: list[float]() for way in WAYS}
     for one in found.summaries():
         success[_way(one.kind, one.label)].append(one.success_rate)
+    if not success["backplay, stages"]:  # as many stages as the family has members
+        success["backplay, stages"] = success["backplay"]
     return {way: max(rates) for way, rates in success.items() if rates}
+
+
+def backplay_needs(target: Tabular, own: TrainingSettings, agents: Sequence[int]) -> int:
+    """Return the fewest steps of `TOTALS` with which backplay on a target has a success of `GOOD`, or 0."""
+    members = [FamilyMember("target", target)]
+    begun = other_starts("target", target, own.limit)
+    for total in TOTALS if len(begun) > 1 else ():
+        settings = replace(own, steps_per_environment=total)
+        curricula = controls(["target"], ["backplay"], starts=[*begun])
+        found = run_experiment(members, settings, curricula, seeds=agents, backend="numba", begun=begun)
+        if found.summaries()[0].success_rate >= GOOD:
+            return total
+    return 0
 
 
 def _way(kind: str, label: str) -> str:
@@ -188,7 +202,8 @@ def line(row: Row) -> str:
     """Return a row as text; `*` marks a family that is better than the reverse curriculum it began with."""
     rates = "".join(f"{row.success[way]:17.2f}" if way in row.success else f"{'':17}" for way in WAYS)
     mark = "*" if row.searched else " "
-    return f"{row.target:22}{row.search:7}{row.seconds:7.1f}{row.members:7}{mark}{row.steps:8,}{rates}"
+    steps = f"{row.steps:8,}{row.backplay_steps:15,}"
+    return f"{row.target:22}{row.search:7}{row.seconds:7.1f}{row.members:7}{mark}{steps}{rates}"
 
 
 def show(rows: Sequence[Row]) -> None:
@@ -201,6 +216,11 @@ def show(rows: Sequence[Row]) -> None:
     )
     print(f"  steps {steps[0]:,} to {steps[-1]:,}, median {steps[len(steps) // 2]:,}", end="; ")
     print(f"CPU s {min(seconds):.1f} to {max(seconds):.1f}; searched {sum(row.searched for row in rows)}")
+    ratios = sorted(row.backplay_steps / row.steps for row in rows if row.backplay_steps)
+    if ratios:
+        middle, found = ratios[len(ratios) // 2], len(ratios)
+        ends = f"{ratios[0]:.2f} to {ratios[-1]:.2f}"
+        print(f"  for {GOOD} backplay needs {middle:.2f} times the steps (median of {found}), {ends}")
     for way in WAYS[1:]:
         of = [row for row in rows if way in row.success]
         if of:
