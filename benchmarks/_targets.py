@@ -225,7 +225,6 @@ def _drawn(domain: str, drawn: Callable[[Generator], str]) -> Callable[[int], Ta
 
 
 DRAWN: Final[dict[str, Callable[[int], Target]]] = {
-    "forest": partial(forest, 8, 0.3),
     "network": _drawn("network", _network),
     "lava": _drawn("lava", _lava),
     "keydoor": _drawn("keydoor", _keydoor),
