@@ -140,7 +140,7 @@ def train_agents(
         journal = Journal.create(base / UNFINISHED, {**wanted, "made_of": made_of})
     elif journal.about.get("made_of") != made_of:
         raise InvalidArgument(
-            f"the environments or settings are not those with which {journal.path} was begun: train anew with --force"
+            f"{journal.path} was begun with other environments, settings or another envgraph: train anew with --force"
         )
     try:
         trained = [

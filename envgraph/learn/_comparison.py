@@ -27,7 +27,7 @@ MARGIN = 0.05
 """Success rates are "equal" if the whole interval of their difference is within -MARGIN and MARGIN."""
 
 _CALLED = {
-    OPTIMISTIC: "direct training with optimistic values of",
+    OPTIMISTIC: "direct training with optimistic values",
     "reversed": "its reverse",
     "shuffled": "shuffled orders",
     "randomised": "domain randomisation",
@@ -192,7 +192,7 @@ def _called(run: RunResult) -> str:
         return f"the curriculum {run.label}" if run.kind == "curriculum" else f"training on {run.label} alone"
     name, _, values = run.label.partition(" ")
     if name == OPTIMISTIC:
-        return f"{_CALLED[name]} {values.replace(',', ' and')}"
+        return _CALLED[name] + (f" of {values.replace(',', ' and')}" if values else "")
     return _CALLED.get(run.label, run.label.replace(",", " in"))
 
 

@@ -120,6 +120,9 @@ def test_of_several_optimistic_controls_the_best_is_compared() -> None:
     assert [one.control for one in found] == ["optimistic 2", "reversed"]
     assert found[0].called == "direct training with optimistic values of 2"
     assert Experiment((*given, *other)).best_optimistic().runs == (*given, *other)
+    assert (
+        compared(given, runs("optimistic", [0.0] * 3))[0].called == "direct training with optimistic values"
+    )
 
 
 def test_only_training_on_the_target_and_controls_with_as_many_steps_are_compared() -> None:
