@@ -125,7 +125,7 @@ class Domain:
                 make()
             except LoadError as error:
                 problems += error.diagnostics
-        return sort_diagnostics(problems)
+        return sort_diagnostics(dict.fromkeys(problems))  # two components may read one option
 
     def __reduce__(self) -> tuple[Callable[..., Domain], tuple[Bundle, Components, tuple[str, ...]]]:
         """Return the data to rebuild a domain: its texts."""

@@ -373,3 +373,10 @@ def test_all_mistakes_of_an_objective_are_told_at_once() -> None:
     with pytest.raises(LoadError) as error:
         Domain.load(FAMILY, overrides=['objective.maximise=["foo", "bar", "distinct"]'])
     assert len(error.value.diagnostics) == 2
+
+
+def test_a_mistake_in_a_condition_on_a_family_that_teaches_is_told_once(tmp_path: Path) -> None:
+    with pytest.raises(LoadError) as error:
+        wanted = 'objective={ kind = "learning", subject_to = ["foo >= 2"] }'
+        generate(FAMILY, tmp_path / "a.sqlite", overrides=[wanted])
+    assert [one.message for one in error.value.diagnostics] == ["unknown measure of families `foo`"]
