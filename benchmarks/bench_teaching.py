@@ -165,10 +165,10 @@ def successes(family: Family, steps: int, agents: Sequence[int]) -> dict[str, fl
     names, target = [one.name for one in members], family.explored(family.members[-1]).tabular
     own = TrainingSettings.from_spec(family.domain.spec.training, limit=family.limit)
     settings = replace(own, steps_per_environment=steps)
-    begun = other_starts(names[-1], target, settings.limit)
-    compared = controls(names, KINDS, optimism=optimistic_values(target, settings), starts=[*begun])
+    starts = other_starts(names[-1], target, settings.limit)
+    compared = controls(names, KINDS, optimism=optimistic_values(target, settings), starts=[*starts])
     curricula = *sequences(names, "full"), *compared
-    found = run_experiment(members, settings, curricula, seeds=agents, backend="numba", begun=begun)
+    found = run_experiment(members, settings, curricula, seeds=agents, backend="numba", starts=starts)
     success = {way: list[float]() for way in WAYS}
     for one in found.summaries():
         success[_way(one.kind, one.label)].append(one.success_rate)
@@ -180,11 +180,11 @@ def successes(family: Family, steps: int, agents: Sequence[int]) -> dict[str, fl
 def backplay_needs(target: Tabular, own: TrainingSettings, agents: Sequence[int]) -> int:
     """Return the fewest steps of `TOTALS` with which backplay on a target has a success of `GOOD`, or 0."""
     members = [FamilyMember("target", target)]
-    begun = other_starts("target", target, own.limit)
-    for total in TOTALS if len(begun) > 1 else ():
+    starts = other_starts("target", target, own.limit)
+    for total in TOTALS if len(starts) > 1 else ():
         settings = replace(own, steps_per_environment=total)
-        curricula = controls(["target"], ["backplay"], starts=[*begun])
-        found = run_experiment(members, settings, curricula, seeds=agents, backend="numba", begun=begun)
+        curricula = controls(["target"], ["backplay"], starts=[*starts])
+        found = run_experiment(members, settings, curricula, seeds=agents, backend="numba", starts=starts)
         if found.summaries()[0].success_rate >= GOOD:
             return total
     return 0

@@ -229,8 +229,8 @@ def _store(
         "exempted": [*levels.exempted] if found.origin and found.origin.episode else [],
     }
     chosen = [] if len(born) == spec.search.population else [f"search.population={len(born)}"]
-    if "steps" in found.learnt and spec.steps_are_free:
-        chosen.append(f"training.steps_per_environment={round(found.learnt['steps'] / len(born))}")
+    if "steps" in found.learnt and not spec.has_key("training", "steps_per_environment"):
+        chosen.append(f"training.steps_per_environment={round(found.learnt['fewest'] / len(born))}")
     settings = {"objective": about, "overrides": [*store.overrides, *chosen]}
     store.write_generation(Generation(0, members, diversity, len(born), rejected), born, settings)
 

@@ -158,9 +158,7 @@ def _few(family: Family) -> Diagnostic:
     """Return the warning that less than half of the learners solve the target."""
     spec = family.domain.spec.objective
     message = f"the family teaches little: {family.value:.1%} of new learners solve {family.members[-1].name}"
-    hint = (
-        "leave out `steps_per_environment` and `population`, which the search then chooses; or raise `effort`"
-    )
+    hint = "raise `effort`, or let the search choose: a file without `steps_per_environment` and `population`"
     return Diagnostic("teaches-little", message, spec.span() if spec else None, hint, Severity.WARNING)
 
 
@@ -171,7 +169,7 @@ def _lacking(family: Family) -> Diagnostic:
     texts = spec.options.get("subject_to", []) if spec else []
     place = f"subject_to[{texts.index(text)}]" if isinstance(texts, list) and text in texts else "subject_to"
     message = f"the family does not satisfy `{text}`: {excess:.3g} is lacking"
-    hint = "more generations, mutations that change more, or a condition that is easier to satisfy"
+    hint = "more generations or effort, mutations that change more, or a condition that is easier to satisfy"
     return Diagnostic("unsatisfied", message, spec.span(place) if spec else None, hint, Severity.WARNING)
 
 
