@@ -14,7 +14,7 @@ from envgraph.env.compiled import Program, Tables, program_over
 from envgraph.errors import EvaluationError, InvalidArgument, RuleError
 from envgraph.graph import Model, Version
 from envgraph.rewrite import Row
-from envgraph.search._problem import Problem
+from envgraph.search._problem import CountWithin, Forbid, Problem, Require
 from envgraph.search._store import Trace
 from envgraph.solve.learning import InProgram, Table, flatten
 
@@ -153,11 +153,12 @@ class Levels:
         return True
 
     def exempt(self) -> None:
-        """Drop the constraints that the present model violates, for all members but the target; see `exempted`."""
-        violated = list(map(str, self.problem.violations()))
-        self.exempted.update(dict.fromkeys(violated))
+        """Drop the queries that the present model violates, for all members but the target; see `exempted`."""
+        queries = (one for one in self.problem.constraints if isinstance(one, Require | Forbid | CountWithin))
+        violated = [one for one in queries if not one.holds(self.engine)]
         if violated:
-            kept = [one for one in self.problem.constraints if str(one) not in violated]
+            self.exempted.update(dict.fromkeys(map(str, violated)))
+            kept = [one for one in self.problem.constraints if one not in violated]
             self.problem = replace(self.problem, constraints=kept)
 
     def measured(self) -> dict[str, float] | None:

@@ -357,7 +357,7 @@ def test_a_family_that_is_searched_for_teaches_more_than_those_it_began_with() -
     levels = levels_of("burning_forest/paper.toml")
     training = TrainingSettings(limit=200)
     search = Learning(training, levels.target, [2_000], 1, 2)
-    size, effort, least = 6, 200_000_000 if NIGHTLY else 60_000_000, 0.9
+    size, effort, least = 6, 200_000_000 if NIGHTLY else 30_000_000, 0.9
     settings = CurriculumSettings(population=size, effort=effort, lanes=4, demanded=inf)
     found = CurriculumSearch(levels, search, settings, 1).run()
     unseen = Learning(training, levels.target, [2_000], 2, 2)
