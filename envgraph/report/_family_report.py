@@ -48,7 +48,7 @@ def family_report(
     )
     return Report(
         title=f"{family.name}: a family of {count} environments",
-        summary=f"{_order(family)} The family has {outcome}.{_unverified(family)}{best}",
+        summary=f"{_order(family)} Result: {outcome}.{_unverified(family)}{best}",
         cards=tuple(_card(family, place, classes) for place in range(count)),
         legend=legend(scene for member in family.members if (scene := family.scene(member))),
         sections=tuple(sections),
