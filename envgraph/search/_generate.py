@@ -226,7 +226,7 @@ def _store(
         "lacking": objective.lacking(found.family),
         "families": found.tried,
         "origin": str(found.origin),
-        "exempted": [*levels.exempted] if found.origin and found.origin.episode else [],
+        "exempted": [*levels.exempted],
     }
     chosen = [] if len(born) == spec.search.population else [f"search.population={len(born)}"]
     if "steps" in found.learnt and not spec.has_key("training", "steps_per_environment"):

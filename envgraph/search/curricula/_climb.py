@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import field
+from dataclasses import field, replace
 from math import inf, sqrt
 from typing import Final
 
@@ -197,6 +197,9 @@ class CurriculumSearch:
         if good:
             until = min(1.0, self._spent() + IMPROVING)
             self.objective = plain.objective.at(max(1, int(FEWER_STEPS * plain.objective.steps[0])))
+        else:  # it was the best of many on few seeds
+            share = self._success(plain.family, plain.objective, NEW_LEARNERS)
+            plain = replace(plain, success=share)
         found = self._searched(starts, [*starts.reversed_episodes(self._size)], until)
         if isinstance(found, TrainedFamily) and found.success >= (GOOD if good else plain.success + _SAME):
             return self._ended(found, self._success(plain.family, found.objective, NEW_LEARNERS))

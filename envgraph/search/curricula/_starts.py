@@ -25,7 +25,7 @@ from envgraph.search.curricula._levels import Level, Levels
 from envgraph.search.curricula._moves import Family, Moves
 
 Begin = Literal["auto", "easing", "episode"]
-"""What members of first families are made from: the target eased by mutations, an optimal episode, or both ("auto")."""
+"""Names what members of first families are made from: the eased target, an optimal episode, or both ("auto")."""
 
 _Step = tuple[Trace, float]
 """The trace from the target to a state, and the value of the state for the diversity; 0 if none is demanded."""

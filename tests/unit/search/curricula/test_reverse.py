@@ -11,6 +11,7 @@ from envgraph.lang import data_path
 from envgraph.search import Domain, Outcome, RunStore, describe_search, generate, why_low
 from envgraph.search.curricula import Learning, Levels, Moves, Starts
 from envgraph.search.curricula._reverse import GOOD, reverse_curriculum
+from envgraph.search.curricula._starts import Easing, Origin
 from envgraph.solve import evaluate
 from envgraph.solve.learning import TrainingSettings, train_curriculum
 
@@ -126,3 +127,27 @@ def test_generations_are_refused_where_there_are_none(
     monkeypatch.setattr("sys.argv", ["envgraph", *words])
     assert main() == 1
     assert "small.toml` is searched for as a whole" in capsys.readouterr().err
+
+
+def test_a_family_that_is_not_good_has_the_success_of_new_learners(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The success by which it was chosen is that of the luckiest of many families on few seeds."""
+    monkeypatch.setattr(Learning, "success", lambda self, family, seeds: 0.5 if len(seeds) == 8 else 0.25)
+    few = ("training.steps_per_environment = 2", "search.population = 3")
+    family = generate(small(tmp_path, *few), tmp_path / "run.sqlite")
+    assert family.value == 0.25
+
+
+def test_constraints_of_the_target_are_named_whatever_the_members_are_made_from(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    eased = Origin(None, Easing("retype RoadTile", "retype RoadTile"))
+    monkeypatch.setattr(Starts, "reversed_episodes", lambda self, size: iter(()))
+    monkeypatch.setattr(Starts, "origin", lambda self, rng: eased)
+    steps = ("training.steps_per_environment = 300", "search.population = 3")
+    family = generate(small(tmp_path, *steps), tmp_path / "run.sqlite")
+    with RunStore.open(tmp_path / "run.sqlite") as store:
+        sentences = describe_search(family, store)
+    assert sentences[0].startswith("environments before E3 are the target, eased by mutations")
+    assert "these constraints hold for E3 alone: `require truckOnStart`" in sentences
