@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 from envgraph.metamodel._features import Class, Feature
+from envgraph.metamodel._walks import components
 
 _Shared = Mapping[str, tuple[str, Feature]]
 
@@ -22,45 +23,10 @@ def linearise(name: str, classes: Mapping[str, Class]) -> tuple[str, ...]:
     return tuple(order)
 
 
-def components(classes: Mapping[str, Class]) -> list[list[str]]:
-    """Classes that are each other's supertypes, in one list each, and supertypes before subtypes.
-
-    This is Tarjan's algorithm with a stack of its own, since chains of supertypes may be long.
-    """
-    found: list[list[str]] = []
-    number: dict[str, int] = {}
-    low: dict[str, int] = {}
-    path: list[str] = []
-    done: set[str] = set()
-    for root in classes:
-        if root in number:
-            continue
-        number[root] = low[root] = len(number)
-        path.append(root)
-        work = [(root, _known(classes, root))]
-        while work:
-            name, waiting = work[-1]
-            above = next(waiting, None)
-            if above is None:
-                work.pop()
-                if work:
-                    low[work[-1][0]] = min(low[work[-1][0]], low[name])
-                if low[name] == number[name]:
-                    start = path.index(name) if path[-1] != name else len(path) - 1
-                    found.append(path[start:])
-                    done.update(path[start:])
-                    del path[start:]
-            elif above not in number:
-                number[above] = low[above] = len(number)
-                path.append(above)
-                work.append((above, _known(classes, above)))
-            elif above not in done:
-                low[name] = min(low[name], number[above])
-    return found
-
-
-def _known(classes: Mapping[str, Class], name: str) -> Iterator[str]:
-    return (above for above in classes[name].supertypes if above in classes)
+def supertypes_first(classes: Mapping[str, Class]) -> list[list[str]]:
+    """Classes that are each other's supertypes, in one list each, and supertypes before subtypes."""
+    known = {name: [above for above in cls.supertypes if above in classes] for name, cls in classes.items()}
+    return [names[::-1] for names, _ in components(list(classes), known.__getitem__)]
 
 
 class Above:
@@ -81,7 +47,7 @@ class Above:
         # Only names that several classes declare can be inherited twice: all others are left out.
         counts = Counter(name for cls in classes for name in {f.name: None for f in cls.features})
         self._shared: dict[str, _Shared] = {}
-        for index, members in enumerate(components(table)):
+        for index, members in enumerate(supertypes_first(table)):
             self._component.update(dict.fromkeys(members, index))
             found: dict[str, tuple[str, Feature]] = {}
             for name in members:

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
-from itertools import count
+from itertools import compress, count
 from typing import TYPE_CHECKING, Final
 
 from envgraph.errors import ResolutionError, has_errors, name_hint
-from envgraph.metamodel._above import components, linearise
+from envgraph.metamodel._above import linearise, supertypes_first
 from envgraph.metamodel._check import check_classes
 from envgraph.metamodel._diagram import class_diagram
 from envgraph.metamodel._features import Attribute, Class, EnumType, Feature, Package, Reference, simple_name
@@ -35,6 +35,11 @@ def _numbered(classes: Iterable[Class]) -> tuple[Class, ...]:
         )
         for cls in classes
     )
+
+
+def _bits(number: int) -> bytes:
+    """Return 0 or 1 for each bit of a number, the lowest first."""
+    return format(number, "b")[::-1].encode().translate(_DIGITS)
 
 
 class Metamodel:
@@ -79,10 +84,6 @@ class Metamodel:
         self._features: dict[str, Mapping[str, Feature]] = {}
         self._concrete: dict[str, tuple[str, ...]] = {}
         self._instances: dict[str, Sequence[int]] = {}
-        self._below: dict[str, list[str]] = {cls.name: [] for cls in declared}
-        for cls in declared:
-            for above in cls.supertypes:
-                self._below[above].append(cls.name)
         self.attributes: tuple[Attribute, ...] = tuple(
             f for cls in declared for f in cls.features if isinstance(f, Attribute)
         )
@@ -93,7 +94,7 @@ class Metamodel:
     def _masks(self) -> dict[str, int]:
         """For each class the places of itself and its subclasses, as bits."""
         found = {name: 1 << place for name, place in self._order.items()}
-        for (name,) in reversed(components(self.classes)):
+        for (name,) in reversed(supertypes_first(self.classes)):
             for above in self.classes[name].supertypes:
                 found[above] |= found[name]
         return found
@@ -133,14 +134,8 @@ class Metamodel:
         """The instantiable classes among a class and its subclasses, in the order of declaration."""
         found = self._concrete.get(name)
         if found is None:
-            reached = dict.fromkeys([name])
-            waiting = [name]
-            for one in waiting:
-                new = [below for below in self._below[one] if below not in reached]
-                reached.update(dict.fromkeys(new))
-                waiting.extend(dict.fromkeys(new))
-            ordered = sorted(reached, key=self._order.__getitem__)
-            found = self._concrete[name] = tuple(one for one in ordered if not self.classes[one].abstract)
+            found = tuple(compress(self.classes, _bits(self._kinds[name] & self._instantiable)))
+            self._concrete[name] = found
         return found
 
     def is_a(self, name: str, above: str) -> bool:
@@ -152,8 +147,7 @@ class Metamodel:
         """For each class, in the order of declaration, 1 if its objects are instances of this one; 0 at the end."""
         found = self._instances.get(name)
         if found is None:
-            digits = format(self._kinds[name], f"0{len(self.class_list)}b")
-            table = digits[::-1].encode().translate(_DIGITS) + b"\0"
+            table = _bits(self._kinds[name]).ljust(len(self.class_list) + 1, b"\0")
             # A tuple is read faster, and takes eight times the memory.
             found = tuple(table) if len(table) <= _FEW else table
             self._instances[name] = found

@@ -6,7 +6,10 @@ plan was made. So the planner works with what classes and multiplicities tell.
 
 from __future__ import annotations
 
-from envgraph.metamodel import Attribute, Metamodel, Reference
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Mapping
+
+from envgraph.metamodel import Attribute, Metamodel, Reference, components
 
 MANY = 10.0
 """Links of a many-valued reference."""
@@ -14,8 +17,8 @@ PARTS = 50.0
 """Objects in a many-valued containment reference."""
 UNKNOWN = 100.0
 """Objects of a class that nothing contains and that contains nothing."""
-DEEPEST = 4
-"""Levels of containment that are followed upward."""
+MOST = 10_000.0
+"""Objects of a class that something contains."""
 
 
 class Sizes:
@@ -38,25 +41,9 @@ class Sizes:
 
     def exact_extent(self, cls: str) -> float:
         """Objects of exactly this class."""
-        if cls not in self._exact:
-            self._exact[cls] = self._estimate(cls, ())
+        if not self._exact:
+            self._exact = _Populations(self._metamodel).sizes
         return self._exact[cls]
-
-    def _estimate(self, cls: str, inside: tuple[str, ...]) -> float:
-        metamodel = self._metamodel
-        if cls in inside or len(inside) > DEEPEST:
-            return 0.0  # a containment cycle: count what enters it from outside
-        owners = [r for r in metamodel.references if r.containment and metamodel.is_a(cls, r.target)]
-        if not owners:
-            features = metamodel.features(cls).values()
-            return 1.0 if any(isinstance(f, Reference) and f.containment for f in features) else UNKNOWN
-        size = 0.0
-        for reference in owners:
-            held = PARTS if reference.upper is None else min(float(reference.upper), PARTS)
-            shared = len(metamodel.concrete(reference.target))
-            for owner in metamodel.concrete(reference.owner):
-                size += self._estimate(owner, (*inside, cls)) * held / shared
-        return min(max(size, 1.0), 10_000.0) if size else (0.0 if inside else UNKNOWN)
 
     def forward(self, reference: Reference | Attribute) -> float:
         """Targets of an object, or its values of an attribute with many."""
@@ -90,3 +77,81 @@ class Sizes:
             return False
         opposite = self._metamodel.opposite(reference)
         return reference.containment or (opposite is not None and not opposite.many)
+
+
+class _Populations:
+    """Estimates the objects of exactly each concrete class, owners before what they contain.
+
+    Classes that contain each other are filled in waves, from those that something outside contains. What leads back
+    into an earlier wave, or stays in one, is not counted.
+
+    Attributes:
+        sizes: the estimates, by class.
+    """
+
+    def __init__(self, metamodel: Metamodel) -> None:
+        self.sizes: dict[str, float] = {}
+        self._metamodel = metamodel
+        self._into: defaultdict[str, list[Reference]] = defaultdict(list)
+        self._below: defaultdict[str, list[str]] = defaultdict(list)
+        self._owners: set[str] = set()
+        self._held: defaultdict[str, float] = defaultdict(float)  # by part, in the owners filled so far
+        self._parts: set[str] = set()
+        for reference in metamodel.references:
+            if reference.containment:
+                self._into[reference.target].append(reference)
+                self._owners.update(metamodel.concrete(reference.owner))
+                self._parts.update(metamodel.concrete(reference.target))
+        for cls in metamodel.class_list:
+            for above in cls.supertypes:
+                self._below[above].append(cls.name)
+        concrete = [("exact", cls.name) for cls in metamodel.class_list if not cls.abstract]
+        entered_by_none: list[str] = []
+        for nodes, _ in components(concrete, self._leads):
+            entered_by_none += self._fill(dict.fromkeys(nodes))
+        self.sizes.update(dict.fromkeys(entered_by_none, UNKNOWN))
+
+    def _leads(self, node: tuple[str, str]) -> Iterator[tuple[str, str]]:
+        """Lead from a class to those that may contain its objects, by way of what it inherits and they hand down."""
+        kind, name = node
+        if kind == "exact":
+            yield "part", name
+        elif kind == "part":
+            yield from (("owner", reference.owner) for reference in self._into[name])
+            yield from (("part", above) for above in self._metamodel.classes[name].supertypes)
+        else:
+            if not self._metamodel.classes[name].abstract:
+                yield "exact", name
+            yield from (("owner", below) for below in self._below[name])
+
+    def _fill(self, nodes: Mapping[tuple[str, str], None]) -> list[str]:
+        """Fill the classes of a component; return those that only each other contain."""
+        left = [name for kind, name in nodes if kind == "exact"]
+        into = [reference for kind, name in nodes if kind == "part" for reference in self._into[name]]
+        inner = [reference for reference in into if ("owner", reference.owner) in nodes]
+        self._hold(into)
+        while wave := {name: min(max(self._held[name], 1.0), MOST) for name in left if name in self._held}:
+            self.sizes.update(wave)
+            left = [name for name in left if name not in self.sizes]
+            ready: list[Reference] = []
+            waiting: list[Reference] = []
+            for reference in inner:
+                owners = self._metamodel.concrete(reference.owner)
+                (waiting if wave.keys().isdisjoint(owners) else ready).append(reference)
+            self._hold(ready)
+            inner = waiting
+        free = [name for name in left if name not in self._parts]
+        self.sizes.update((name, 1.0 if name in self._owners else UNKNOWN) for name in free)
+        return [name for name in left if name in self._parts]
+
+    def _hold(self, references: Iterable[Reference]) -> None:
+        """Share what references hold equally among the classes that can stand there."""
+        shares: defaultdict[str, float] = defaultdict(float)
+        for reference in references:
+            held = PARTS if reference.upper is None else min(float(reference.upper), PARTS)
+            owners = sum(self.sizes.get(name, 0.0) for name in self._metamodel.concrete(reference.owner))
+            shares[reference.target] += owners * held
+        for target, size in shares.items():
+            classes = self._metamodel.concrete(target) if size else ()
+            for name in classes:
+                self._held[name] += size / len(classes)

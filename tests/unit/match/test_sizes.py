@@ -1,0 +1,48 @@
+"""Sizes that the metamodel suggests."""
+
+from __future__ import annotations
+
+import pytest
+
+from envgraph.match.plan._estimate import MOST, UNKNOWN, Sizes
+from envgraph.metamodel import Class, Metamodel, Reference
+
+
+def part(name: str, target: str, upper: int | None = None) -> Reference:
+    return Reference(name, target, 0, upper, containment=True)
+
+
+def sizes(*classes: Class) -> Sizes:
+    return Sizes(Metamodel("m", classes))
+
+
+def test_parts_are_as_many_as_their_owners_hold() -> None:
+    found = sizes(
+        Class("Root", features=(part("rooms", "Room"), part("lamps", "Lamp", 2))),
+        Class("Room", features=(part("lamps", "Lamp", 3),)),
+        Class("Lamp"),
+        Class("Free"),
+    )
+    assert [found.extent(name) for name in ("Root", "Room", "Lamp", "Free")] == [1.0, 50.0, 152.0, UNKNOWN]
+
+
+def test_what_leads_back_is_not_counted() -> None:
+    found = sizes(
+        Class("Root", features=(part("one", "A", 4),)),
+        Class("A", features=(part("parts", "B"),)),
+        Class("B", features=(part("back", "A"), part("inside", "B"))),
+    )
+    assert [found.extent(name) for name in ("A", "B")] == [4.0, 200.0]
+
+
+@pytest.mark.parametrize("number", [20, 2_000])
+def test_hundreds_of_classes_that_contain_each_other_take_no_time(number: int) -> None:
+    leaves = [Class(f"C{i}", supertypes=("Element",)) for i in range(number)]
+    found = sizes(Class("Element", abstract=True, features=(part("parts", "Element"),)), *leaves)
+    assert found.extent("Element") == number * UNKNOWN
+    found = sizes(
+        Class("Root", features=(part("all", "Element"),)),
+        Class("Element", abstract=True, features=(part("parts", "Element"),)),
+        *leaves,
+    )
+    assert found.extent("Element") == pytest.approx(max(50.0, number)) and found.extent("C0") <= MOST
