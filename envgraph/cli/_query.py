@@ -53,7 +53,9 @@ def print_matches(
 
 
 def open_engine(model: str, definitions: str, inputs: Inputs, seed: int = 0) -> Engine:
-    """An engine on a `.model` or `.xmi` file, a model as JSON, as `envgraph apply --output` writes it, or a variant.
+    """Open a `.model` or `.xmi` file, a model as JSON, as `envgraph apply --output` writes it, or a variant.
+
+    Searches are planned for the sizes that the model has now.
 
     Raises:
         InvalidArgument: there is no such file, run or variant.
@@ -63,7 +65,7 @@ def open_engine(model: str, definitions: str, inputs: Inputs, seed: int = 0) -> 
 
 
 def open_both(model: str, definitions: str, inputs: Inputs, seed: int = 0) -> tuple[Engine, Workspace]:
-    """`open_engine`, and what the files say."""
+    """Do what `open_engine` does, and return what the files say too."""
     if inputs.variant is None:
         take(model, (*MODELS, "toml"), A_MODEL)
         if not Path(model).exists() and "." not in Path(model).name and model not in bundled_domains():
@@ -75,9 +77,12 @@ def open_both(model: str, definitions: str, inputs: Inputs, seed: int = 0) -> tu
     take(definitions, DEFINITIONS, THE_DEFINITIONS)
     if inputs.variant is None:
         workspace = inputs.load(definitions, model)
-        return workspace.engine(seed=seed), workspace
-    workspace = inputs.load(definitions)
-    return _engine_on_member(model, inputs.variant, workspace, seed), workspace
+        engine = workspace.engine(seed=seed)
+    else:
+        workspace = inputs.load(definitions)
+        engine = _engine_on_member(model, inputs.variant, workspace, seed)
+    engine.analyze()
+    return engine, workspace
 
 
 def _engine_on_member(run: str, variant: str, workspace: Workspace, seed: int) -> Engine:

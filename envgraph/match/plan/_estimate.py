@@ -149,8 +149,12 @@ class _Populations:
         shares: defaultdict[str, float] = defaultdict(float)
         for reference in references:
             held = PARTS if reference.upper is None else min(float(reference.upper), PARTS)
-            owners = sum(self.sizes.get(name, 0.0) for name in self._metamodel.concrete(reference.owner))
-            shares[reference.target] += owners * held
+            known = (
+                [n for n in self._metamodel.concrete(reference.owner) if n in self.sizes]
+                if self.sizes
+                else ()
+            )
+            shares[reference.target] += held * sum(map(self.sizes.__getitem__, known))
         for target, size in shares.items():
             classes = self._metamodel.concrete(target) if size else ()
             for name in classes:

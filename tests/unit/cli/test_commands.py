@@ -470,6 +470,16 @@ def test_import_keeps_a_published_family(envgraph: Envgraph, tmp_path: Path) -> 
     assert json.loads((tmp_path / "again.json").read_text()) == original
 
 
+def test_searches_are_planned_for_the_sizes_of_the_model(envgraph: Envgraph, tmp_path: Path) -> None:
+    (tmp_path / "t.metamodel").write_text("metamodel t class A { refers B[*] to } class B { refers A[*] to }")
+    asked = 'import "t.metamodel" pattern both(a : A, b : B) { A.to(a, b); B.to(b, a); }'
+    (tmp_path / "t.query").write_text(asked)
+    for few, many in ("AB", "BA"):
+        objects = f"one : {few} {{ }} " + " ".join(f"m{i} : {many} {{ to = [one] }}" for i in range(9))
+        (tmp_path / "t.model").write_text(f'import "t.metamodel" model m : t {{ {objects} }}')
+        assert f"  for     {few}(" in ok(envgraph("explain", "t.model", "t.query", "both")).out
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

@@ -35,6 +35,27 @@ def test_what_leads_back_is_not_counted() -> None:
     assert [found.extent(name) for name in ("A", "B")] == [4.0, 200.0]
 
 
+def test_a_subclass_outside_enters_what_its_supertype_contains() -> None:
+    found = sizes(
+        Class("Text", abstract=True, features=(part("answers", "Answer"),)),
+        Class("Question", supertypes=("Text",)),
+        Class("Answer", supertypes=("Text",)),
+    )
+    assert [found.extent(name) for name in ("Question", "Answer")] == [1.0, 50.0]
+
+
+def test_a_supertype_met_on_two_ways_counts_once() -> None:
+    found = sizes(
+        Class("Root", features=(part("parts", "Part", 6),)),
+        Class("Part"),
+        Class("Left", supertypes=("Part",)),
+        Class("Right", supertypes=("Part",)),
+        Class("Both", supertypes=("Left", "Right"), features=(part("tips", "Tip", 2),)),
+        Class("Tip"),
+    )
+    assert [found.extent(name) for name in ("Both", "Part", "Tip")] == [1.5, 6.0, 3.0]
+
+
 @pytest.mark.parametrize("number", [20, 2_000])
 def test_hundreds_of_classes_that_contain_each_other_take_no_time(number: int) -> None:
     leaves = [Class(f"C{i}", supertypes=("Element",)) for i in range(number)]
