@@ -105,7 +105,8 @@ class History:
         changed = len(store.journal) > savepoint._mark
         if changed:
             self._revert(savepoint._mark)
-        del stack[stack.index(savepoint) :]
+        while stack.pop() is not savepoint:  # after an interruption, those inside it are open too
+            pass
         if changed:
             self._replayed(savepoint._next_id, savepoint._total)
         if not stack:
