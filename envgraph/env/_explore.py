@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator
-from contextlib import closing
+from collections.abc import Callable
 from dataclasses import field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from envgraph.behaviour import Behaviour
 from envgraph.code import dataclass
@@ -16,7 +14,8 @@ from envgraph.env._simulator import GOES_ON, Simulator
 from envgraph.env._tabular import Tabular, allowed_or_all
 from envgraph.env._too_many import TooManyStates, check_entries, check_observations
 from envgraph.env.scene._scene import Painter, Scene
-from envgraph.rewrite import Engine
+from envgraph.graph import Savepoint
+from envgraph.rewrite import Engine, SavepointWalk, walk_of_savepoints
 
 DEFAULT_LIMIT = 250_000
 """About half a minute, and half a gigabyte: nobody should wait longer to learn that there are too many."""
@@ -90,18 +89,12 @@ def explore(
 
 
 Row = list[list[tuple[float, int, float, int]]]
-"""For each action its outcomes: probability, state, reward, terminated."""
-
-Walk = Generator[tuple[float, int, float, int]]
-"""Probability, action, reward and end of one move after the other; the model is in the state that the move leads to.
-
-The action of a reset is -1.
-"""
+"""For each action its outcomes: probability, state, reward, terminated; equal neighbours are one."""
 
 
 @dataclass(slots=True)
 class _Search:
-    """A depth-first walk: every move is made once, and undone, so that no state needs to be stored.
+    """A depth-first walk: every move is made once, and undone; so the way from one state to the next is short.
 
     A state is known by the hash of the model, by whose turn it is, and by whether the episode is over: a start state is
     not over even where a step to it would have ended the episode.
@@ -109,8 +102,9 @@ class _Search:
     Attributes:
         most: how many outcomes there may be.
         number: of each state, in the order of the walk.
-        rows: outcomes of every state; None while it has not been left.
+        rows: outcomes of every state; None where the episode is over.
         did: of every state whether each action did something in one of its outcomes.
+        starts: the probability to begin in a state.
     """
 
     simulator: Simulator
@@ -124,66 +118,63 @@ class _Search:
     observations: list[int] = field(default_factory=list)
     turns: list[int] = field(default_factory=list)
     scenes: list[Scene] = field(default_factory=list)
-    starts: list[tuple[float, int]] = field(default_factory=list)
+    starts: dict[int, float] = field(default_factory=dict)
     made: int = 0
+    _waiting: list[int] = field(default_factory=list)
     _drawn: dict[Scene, Scene] = field(default_factory=dict)
 
     def run(self) -> None:
         """Walk from every start state."""
-        stack: list[tuple[Walk, int]] = [(self._begin(), -1)]
+        simulator, first = self.simulator, self.simulator.turn
         try:
-            while stack:
-                walk, state = stack[-1]
-                move = next(walk, None)
-                if move is None:
-                    stack.pop()
-                    continue
-                probability, action, reward, terminated = move
-                did = self.simulator.did
-                found, fresh = self._enter(over=terminated != GOES_ON)
-                if action < 0:
-                    self.starts.append((probability, found))
-                else:
-                    row = self.rows[state]
-                    assert row is not None
-                    row[action].append((probability, found, reward, terminated))
-                    self.did[state][action] |= did and self.simulator.together is None
-                    self._count()
-                if fresh and terminated == GOES_ON:
-                    self.rows[found] = [[] for _ in self.simulator.action_names]
-                    stack.append((self._leave(), found))
+            with walk_of_savepoints(simulator.engine.model) as walk:
+                for probability, _, _, savepoint in simulator.attempts(None):
+                    found = self._enter(walk, savepoint, GOES_ON)
+                    self.starts[found] = self.starts.get(found, 0.0) + probability
+                while self._waiting:
+                    state = self._waiting.pop()
+                    walk.go(state + 1)
+                    simulator.turn = self.turns[state]
+                    self._leave(walk, state)
         finally:
-            while stack:  # after an error: undo the moves, the last one first
-                stack.pop()[0].close()
+            simulator.turn = first
 
-    def _begin(self) -> Walk:
-        with closing(self.simulator.starts()) as starts:
-            for probability in starts:
-                yield probability, -1, 0.0, GOES_ON
+    def _leave(self, walk: SavepointWalk, state: int) -> None:
+        """Every outcome of every action in the present state."""
+        simulator, row = self.simulator, self.rows[state]
+        assert row is not None
+        for action, outcomes in enumerate(row):
+            for chance, reward, ended, savepoint in simulator.attempts(action):
+                self.did[state][action] |= simulator.did and simulator.together is None
+                found = self._enter(walk, savepoint, ended)
+                if outcomes and outcomes[-1][1:] == (found, reward, ended):
+                    outcomes[-1] = outcomes[-1][0] + chance, found, reward, ended
+                else:
+                    outcomes.append((chance, found, reward, ended))
+                self._count()
+            simulator.turn = self.turns[state]
 
-    def _leave(self) -> Walk:
-        for action in range(len(self.simulator.action_names)):
-            with closing(self.simulator.outcomes(action)) as outcomes:
-                for probability, reward, terminated in outcomes:
-                    yield probability, action, reward, terminated
-
-    def _enter(self, *, over: bool) -> tuple[int, bool]:
-        """Number of the present state, and whether it is new."""
+    def _enter(self, walk: SavepointWalk, savepoint: Savepoint, ended: int) -> int:
+        """The number of the state that a move since a savepoint has led to; the move is undone."""
+        over = ended != GOES_ON
         key = *self.simulator.state_key(), over
-        found = self.number.get(key)
-        if found is not None:
-            return found, False
-        if len(self.rows) >= self.limit:
-            raise TooManyStates(self.simulator.behaviour, self.limit)
-        self.number[key] = len(self.rows)
-        self.rows.append(None)
-        self.did.append(self._masked(over))
-        self.observations.append(self.simulator.observe())
-        self.turns.append(self.simulator.turn)
-        if self.painter is not None:
-            scene = self.painter.scene()
-            self.scenes.append(self._drawn.setdefault(scene, scene))
-        return len(self.rows) - 1, True
+        found = self.number.setdefault(key, len(self.rows))
+        if found == len(self.rows):
+            if found >= self.limit:
+                raise TooManyStates(self.simulator.behaviour, self.limit)
+            self.rows.append(None if over else [[] for _ in self.simulator.action_names])
+            self.did.append(self._masked(over))
+            self.observations.append(self.simulator.observe())
+            self.turns.append(self.simulator.turn)
+            if self.painter is not None:
+                scene = self.painter.scene()
+                self.scenes.append(self._drawn.setdefault(scene, scene))
+            if not over:
+                self._waiting.append(found)
+                walk.park(found + 1, savepoint)
+                return found
+        self.simulator.engine.model.rollback(savepoint)
+        return found
 
     def _masked(self, over: bool) -> bytearray:
         """What each action does: seen when it is done, but of agents that act together asked before."""
@@ -203,49 +194,41 @@ class _Search:
 
     def result(self) -> Explored:
         """The table, with the states numbered anew, breadth first."""
-        order = self._breadth_first()
-        place = {state: position for position, state in enumerate(order)}
-        rows = [self._merged(self.rows[state], place) for state in order]
-        shape = len(order), len(self.simulator.action_names), max(len(o) for row in rows for o in row)
-        check_entries(self.simulator.behaviour, shape)
-        next_state = np.repeat(np.arange(len(order), dtype=np.int32), shape[1] * shape[2]).reshape(shape)
+        simulator, order = self.simulator, self._breadth_first()
+        rows, states, place = [self.rows[state] or () for state in order], len(order), np.argsort(order)
+        outcomes = max((len(found) for row in rows for found in row), default=0)
+        shape = states, len(simulator.action_names), max(1, outcomes)
+        check_entries(simulator.behaviour, shape)
+        next_state = np.repeat(np.arange(states, dtype=np.int32), shape[1] * shape[2]).reshape(shape)
         probability, reward = np.zeros(shape), np.zeros(shape)
+        probability[:, :, 0] = 1.0
         terminated = np.zeros(shape, dtype=np.int8)
         for state, row in enumerate(rows):
-            for action, outcomes in enumerate(row):
-                for number, (chance, to, gain, end) in enumerate(outcomes or [(1.0, state, 0.0, 0)]):
+            for action, found in enumerate(row):
+                for number, (chance, to, gain, end) in enumerate(found):
                     here = state, action, number
-                    probability[here], next_state[here] = chance, to
+                    probability[here], next_state[here] = chance, place[to]
                     reward[here], terminated[here] = gain, end
-        starts = self._start_distribution(place)
-        simulator = self.simulator
         tabular = Tabular(
             next_state=next_state,
             probability=probability,
             reward=reward,
             terminated=terminated,
-            observation=np.array([self.observations[state] for state in order], dtype=np.int64),
-            start_states=np.array(list(starts), dtype=np.int32),
-            start_probability=np.array(list(starts.values())),
+            observation=np.array(self.observations, dtype=np.int64)[order],
+            start_states=place[list(self.starts)].astype(np.int32),
+            start_probability=np.array(list(self.starts.values())),
             n_observations=simulator.n_observations,
             observation_shape=simulator.observation_shape,
             action_names=simulator.action_names,
             agent_names=simulator.agent_names,
-            turn=self._turns(order) if simulator.agent_names else None,
-            allowed=allowed_or_all(self._did(order)),
+            turn=np.array(self.turns, dtype=np.int32)[order] if simulator.agent_names else None,
+            allowed=allowed_or_all(np.frombuffer(b"".join(self.did), np.bool_).reshape(states, -1)[order]),
             observation_names=simulator.observation_names,
         )
         return Explored(tabular, tuple(self.scenes[state] for state in order) if self.scenes else ())
 
-    def _did(self, order: list[int]) -> NDArray[np.bool_]:
-        did = np.frombuffer(b"".join(self.did[state] for state in order), dtype=np.bool_)
-        return did.reshape(len(order), -1)
-
-    def _turns(self, order: list[int]) -> NDArray[np.int32]:
-        return np.array([self.turns[state] for state in order], dtype=np.int32)
-
     def _breadth_first(self) -> list[int]:
-        order = list(dict.fromkeys(state for _, state in self.starts))
+        order = list(self.starts)
         seen = set(order)
         for state in order:
             for outcomes in self.rows[state] or ():
@@ -254,24 +237,3 @@ class _Search:
                         seen.add(to)
                         order.append(to)
         return order
-
-    def _merged(self, row: Row | None, place: dict[int, int]) -> Row:
-        """The outcomes with the new numbers; equal neighbours are one outcome."""
-        if row is None:
-            return [[] for _ in self.simulator.action_names]
-        result: Row = []
-        for outcomes in row:
-            merged: list[tuple[float, int, float, int]] = []
-            for chance, to, gain, end in outcomes:
-                if merged and merged[-1][1:] == (place[to], gain, end):
-                    merged[-1] = (merged[-1][0] + chance, *merged[-1][1:])
-                else:
-                    merged.append((chance, place[to], gain, end))
-            result.append(merged)
-        return result
-
-    def _start_distribution(self, place: dict[int, int]) -> dict[int, float]:
-        found: dict[int, float] = {}
-        for chance, state in self.starts:
-            found[place[state]] = found.get(place[state], 0.0) + chance
-        return found

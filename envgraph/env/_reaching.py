@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from contextlib import closing
 from heapq import heappop, heappush
 
 from envgraph.behaviour import Behaviour
-from envgraph.code import dataclass
 from envgraph.env._explore import Progress
 from envgraph.env._keys import KeyIndex
 from envgraph.env._simulator import Simulator
-from envgraph.graph import Savepoint, Shelf
-from envgraph.rewrite import Engine
+from envgraph.graph import Savepoint
+from envgraph.rewrite import Engine, walk_of_savepoints
 
 REACH_LIMIT = 50_000
 """A search for a family asks again and again: a model without a way to the end must not hold it up for minutes."""
@@ -52,18 +52,8 @@ def can_end(
     return _Search(simulator, outcome, limit, progress).run()
 
 
-@dataclass(frozen=True, slots=True)
-class _State:
-    """A state that was found: number of the one before it, steps from the start, whose turn it is, how to get there."""
-
-    before: int
-    depth: int
-    turn: int
-    shelf: Shelf | None
-
-
 class _Search:
-    """One start after the other. The model is at the last state of the path; each but the first has a savepoint."""
+    """One start after the other."""
 
     def __init__(self, simulator: Simulator, outcome: int, limit: int, progress: Progress | None) -> None:
         self._simulator, self._outcome, self._limit = simulator, outcome, limit
@@ -82,41 +72,40 @@ class _Search:
         rank = self._rank()
         if rank is None:
             return False
-        self._states = [_State(0, 0, self._simulator.turn, None)]
-        self._path, self._marks = [0], list[Savepoint]()
-        self._queues, self._waiting, number = ([(*rank, 0)], [(*rank, 0)]), {0}, 0
-        try:
-            while self._waiting and len(self._known) < self._limit:
+        turns, number = [self._simulator.turn], 0  # whose turn it is in each state that was found
+        queues, waiting = ([(*rank, 0)], [(*rank, 0)]), {0}
+        with walk_of_savepoints(self._model) as walk:
+            while waiting and len(self._known) < self._limit:
                 number += 1
-                *_, state = heappop(self._queues[number % 2])
-                if abs(state) in self._waiting:  # else it had its turn in the other queue
-                    self._waiting.remove(abs(state))
-                    self._go(abs(state))
-                    if self._expand():
+                *_, state = heappop(queues[number % 2])
+                state = abs(state)
+                if state not in waiting:  # it had its turn in the other queue
+                    continue
+                waiting.remove(state)
+                walk.go(state)
+                self._simulator.turn = turns[state]
+                for rank, savepoint in self._found():
+                    if rank is None:
                         return True
-            return False
-        finally:
-            self._climb(0)
-
-    def _expand(self) -> bool:
-        """Try every action of the present state; whether one of them is the end."""
-        simulator, here = self._simulator, self._path[-1]
-        for action in range(len(simulator.action_names)):
-            for _, _, terminated, savepoint in simulator.attempts(action):
-                rank = None if terminated else self._rank()
-                if rank is None:
-                    self._model.rollback(savepoint)
-                else:
-                    number = len(self._states)
-                    heappush(self._queues[0], (*rank, number))
-                    heappush(self._queues[1], (*rank, -number))
-                    self._waiting.add(number)
-                    depth, shelf = self._states[here].depth + 1, self._model.shelve(savepoint)
-                    self._states.append(_State(here, depth, simulator.turn, shelf))
-                if terminated == self._outcome:
-                    return True
-            simulator.turn = self._states[here].turn
+                    found = len(turns)
+                    turns.append(self._simulator.turn)
+                    walk.park(found, savepoint)
+                    heappush(queues[0], (*rank, found))
+                    heappush(queues[1], (*rank, -found))
+                    waiting.add(found)
         return False
+
+    def _found(self) -> Iterator[tuple[tuple[int, bool] | None, Savepoint]]:
+        """What every action of the present state leads to that is new, with its rank; None for the end sought."""
+        simulator, turn = self._simulator, self._simulator.turn
+        for action in range(len(simulator.action_names)):
+            for _, _, ended, savepoint in simulator.attempts(action):
+                rank = None if ended else self._rank()
+                if rank is not None or ended == self._outcome:
+                    yield rank, savepoint
+                else:
+                    self._model.rollback(savepoint)
+            simulator.turn = turn
 
     def _rank(self) -> tuple[int, bool] | None:
         """How far behind the present state stands in the queue; None if it was met before."""
@@ -130,25 +119,3 @@ class _Search:
         seen = look in self._looks
         self._looks.add(look)
         return self._in_the_way(), seen
-
-    def _go(self, state: int) -> None:
-        """Go to a state: up to where its way branches off, then down."""
-        ways = []
-        at = self._states[state]
-        number = state
-        while at.depth >= len(self._path) or self._path[at.depth] != number:
-            ways.append(number)
-            number = at.before
-            at = self._states[number]
-        self._climb(at.depth)
-        for number in reversed(ways):
-            shelf = self._states[number].shelf
-            assert shelf is not None
-            self._marks.append(self._model.resume(shelf))
-            self._path.append(number)
-        self._simulator.turn = self._states[state].turn
-
-    def _climb(self, depth: int) -> None:
-        while len(self._path) > depth + 1:
-            self._path.pop()
-            self._model.rollback(self._marks.pop())

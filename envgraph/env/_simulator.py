@@ -275,11 +275,9 @@ class Simulator:
 
     def starts(self) -> Generator[float]:
         """The probability of each start, as often as the choices can be made; meanwhile the model is in that state."""
-        for choices in all_choices():
-            savepoint = self._model.savepoint()
+        for probability, _, _, savepoint in self.attempts(None):
             try:
-                self._begin(choices)
-                yield choices.probability
+                yield probability
             finally:
                 self._model.rollback(savepoint)
                 self.turn = self._first
@@ -298,8 +296,8 @@ class Simulator:
                 self._model.rollback(savepoint)
                 self.turn = turn
 
-    def attempts(self, action: int) -> Iterator[tuple[float, float, int, Savepoint]]:
-        """`outcomes`, and a savepoint of each.
+    def attempts(self, action: int | None) -> Iterator[tuple[float, float, int, Savepoint]]:
+        """`outcomes`, and a savepoint of each; of None those are the starts.
 
         The caller takes each outcome back before the next is asked for: it rolls its savepoint back, or shelves it.
 
@@ -308,12 +306,16 @@ class Simulator:
         """
         turn = self.turn
         for number, choices in enumerate(all_choices()):
-            if number >= MOST_OUTCOMES:
+            if action is not None and number >= MOST_OUTCOMES:
                 raise TooManyOutcomes(self.behaviour, self.action_names[action], MOST_OUTCOMES)
             self.turn = turn
             savepoint = self._model.savepoint()
             try:
-                reward, terminated = self._step(action, choices)
+                if action is None:
+                    self._begin(choices)
+                    reward, terminated = 0.0, GOES_ON
+                else:
+                    reward, terminated = self._step(action, choices)
             except BaseException:
                 self._model.rollback(savepoint)
                 self.turn = turn

@@ -40,6 +40,7 @@ from envgraph.rewrite.engine._trace import TRACE_FORMAT, Trace, trace_schema, tr
 from envgraph.rewrite.events._agenda import Agenda
 from envgraph.rewrite.events._event_rules import Activation, EventRule
 from envgraph.rewrite.explore._exploration import Exploration, State, Statistics, Transition
+from envgraph.rewrite.explore._walks import SavepointWalk, walk_of_savepoints
 from envgraph.rewrite.run._choice import Choice
 from envgraph.rewrite.run._run import STEP_LIMIT
 from envgraph.rewrite.run._runner import Randomness, RuleRunner
@@ -69,6 +70,7 @@ __all__ = [
     "Row",
     "RuleRunner",
     "RunResult",
+    "SavepointWalk",
     "Shape",
     "Signature",
     "State",
@@ -83,6 +85,7 @@ __all__ = [
     "derived_rules",
     "trace_schema",
     "trace_to_text",
+    "walk_of_savepoints",
 ]
 
 later(

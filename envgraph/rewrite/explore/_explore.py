@@ -6,6 +6,7 @@ is known by its facts by identity, or, up to isomorphism, by what `Shapes` makes
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import field
 from functools import partial
@@ -147,18 +148,20 @@ class Search:
             self._number(0)
             ending = self._enter(0, self.model.version if self.keep else None)
             if ending is None:
-                ending = (self._breadth if self.strategy == "breadth" else self._depth)(walk, check)
+                ending = self._search(walk, check)
         shapes = {mover.name: mover.shape for mover in self.movers if mover.shape is not None}
         ending = ending or ("limit" if self._cut else "exhausted")
         return Exploration(self._record, self.model, shapes, tuple(self.predicates), ending)
 
-    def _breadth(self, walk: Walk, check: Callable[[], None]) -> Ending | None:
-        record = self._record
-        for state in record.states:  # grows
+    def _search(self, walk: Walk, check: Callable[[], None]) -> Ending | None:
+        record, deep = self._record, self.strategy == "depth"
+        opened = deque([(record.states[0], self._moves())])
+        while opened:
+            state, moves = opened[-1 if deep else 0]
             if state.depth == self.depth:
                 return "depth"
             walk.go(state.number)
-            for mover, choice in self._moves():
+            for mover, choice in moves:
                 check()
                 walk.attempt()
                 done = self._make(state, mover, choice)
@@ -168,33 +171,14 @@ class Search:
                 ending = self._arrive(walk, state, mover.name, done)
                 if ending is not None:
                     return ending
-                walk.park()
-            record.expanded.append(state.number)
-        return None
-
-    def _depth(self, walk: Walk, check: Callable[[], None]) -> Ending | None:
-        record = self._record
-        stack = [(record.states[0], self._moves())]
-        while stack:
-            state, moves = stack[-1]
-            move = next(moves, None)
-            if move is None:
+                found = record.states[-1]
+                walk.park(found.number)
+                opened.append((found, self._moves()))
+                if deep:
+                    break
+            else:
                 record.expanded.append(state.number)
-                stack.pop()
-                if stack:
-                    walk.ascend()
-                continue
-            check()
-            walk.attempt()
-            done = self._make(state, *move)
-            if done is None:
-                walk.back()
-                continue
-            ending = self._arrive(walk, state, move[0].name, done)
-            if ending is not None:
-                return ending
-            walk.descend()
-            stack.append((record.states[-1], self._moves()))
+                opened.pop() if deep else opened.popleft()
         return None
 
     def _moves(self) -> Iterator[tuple[Mover, Any]]:

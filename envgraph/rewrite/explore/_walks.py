@@ -11,7 +11,7 @@ from envgraph.graph import Model, Savepoint, Shelf, Version, guarded
 class Walk(ABC):
     """Where the model stands in the tree of the states that were found; 0 is the first.
 
-    After `attempt` a move is made, and then comes one of `back`, or `keep` and one of `park` and `descend`.
+    After `attempt` a move is made, and then comes one of `back`, or `keep` and `park`.
     """
 
     @abstractmethod
@@ -24,19 +24,11 @@ class Walk(ABC):
 
     @abstractmethod
     def keep(self) -> Version | None:
-        """The move leads to a new state, the next in number."""
+        """The move leads to a new state: its version, where there is one."""
 
     @abstractmethod
-    def park(self) -> None:
-        """Leave the new state, for `go`."""
-
-    @abstractmethod
-    def descend(self) -> None:
-        """Stay in the new state, until `ascend`."""
-
-    @abstractmethod
-    def ascend(self) -> None:
-        """Go back to the state before the present one."""
+    def park(self, state: int) -> None:
+        """Leave the new state, for `go`; this is its number."""
 
     @abstractmethod
     def go(self, state: int) -> None:
@@ -44,50 +36,52 @@ class Walk(ABC):
 
 
 class SavepointWalk(Walk):
-    """Inside one savepoint, with one more for each move from the first state to the present one."""
+    """Inside one savepoint, with one more for each move from the first state to the present one.
+
+    Going from one state to another costs what lies between them in the tree.
+    """
 
     def __init__(self, model: Model) -> None:
         self._model = model
+        self._attempt: Savepoint | None = None
         self._marks: list[Savepoint] = [model.savepoint()]
         self._path = [0]
-        self._parents = [(0, 0)]
-        self._shelves: dict[int, Shelf] = {}
+        self._known: dict[int, tuple[int, int, Shelf | None]] = {0: (0, 0, None)}
 
     def attempt(self) -> None:
-        self._marks.append(self._model.savepoint())
+        self._attempt = self._model.savepoint()
 
     def back(self) -> None:
-        self._model.rollback(self._marks.pop())
+        assert self._attempt is not None
+        self._model.rollback(self._attempt)
 
     def keep(self) -> None:
-        self._parents.append((self._path[-1], len(self._path)))
+        """Nothing: `park` has all there is to know."""
 
-    def park(self) -> None:
-        self._shelves[len(self._parents) - 1] = self._model.shelve(self._marks.pop())
-
-    def descend(self) -> None:
-        self._path.append(len(self._parents) - 1)
-
-    def ascend(self) -> None:
-        self._path.pop()
-        self.back()
+    def park(self, state: int, savepoint: Savepoint | None = None) -> None:
+        """Leave the state that a move has led to since a savepoint, by default that of the attempt."""
+        savepoint = savepoint or self._attempt
+        assert savepoint is not None
+        self._known[state] = self._path[-1], len(self._path), self._model.shelve(savepoint)
 
     def go(self, state: int) -> None:
         path, down = self._path, []
-        parent, depth = self._parents[state]
+        parent, depth, shelf = self._known[state]
         while depth >= len(path) or path[depth] != state:
-            down.append(state)
+            assert shelf is not None, "the first state is always on the path"
+            down.append((state, shelf))
             state = parent
-            parent, depth = self._parents[state]
+            parent, depth, shelf = self._known[state]
         while len(path) > depth + 1:
-            self.ascend()
-        for below in reversed(down):
-            self._marks.append(self._model.resume(self._shelves[below]))
+            path.pop()
+            self._model.rollback(self._marks.pop())
+        for below, shelf in reversed(down):
+            self._marks.append(self._model.resume(shelf))
             path.append(below)
 
 
 @guarded
-def walk_of_savepoints(model: Model) -> Iterator[Walk]:
+def walk_of_savepoints(model: Model) -> Iterator[SavepointWalk]:
     """A walk inside one transaction; at the end, however it comes, the model is as it was."""
     with model.transaction():
         depth = model.depth
@@ -100,31 +94,26 @@ class VersionWalk(Walk):
 
     def __init__(self, model: Model) -> None:
         self._model = model
-        self.versions = [model.commit()]
-        self._path = [self.versions[0]]
+        self._here = model.commit()
+        self._versions = {0: self._here}
+        self._kept = self._here
 
     def attempt(self) -> None:
         """Nothing: the present state is a version."""
 
     def back(self) -> None:
-        self._model.checkout(self._path[-1], discard=True)
+        self._model.checkout(self._here, discard=True)
 
     def keep(self) -> Version:
-        self.versions.append(self._model.commit())
-        return self.versions[-1]
+        self._kept = self._model.commit()
+        return self._kept
 
-    def park(self) -> None:
-        self.back()
-
-    def descend(self) -> None:
-        self._path.append(self.versions[-1])
-
-    def ascend(self) -> None:
-        self._path.pop()
+    def park(self, state: int) -> None:
+        self._versions[state] = self._kept
         self.back()
 
     def go(self, state: int) -> None:
-        self._path = [self.versions[state]]
+        self._here = self._versions[state]
         self.back()
 
 

@@ -340,7 +340,7 @@ def test_a_person_at_a_terminal_sees_the_states_being_counted(
 ) -> None:
     monkeypatch.setattr("sys.stderr.isatty", lambda: True, raising=False)
     make_environment("burning_forest")
-    assert "\rstates of BurningForest: 51, 100 outcomes\x1b[K\r" in capsys.readouterr().err
+    assert "\rstates of BurningForest: 48, 100 outcomes\x1b[K\r" in capsys.readouterr().err
 
 
 def test_of_several_members_it_is_told_whose_states_are_counted(
