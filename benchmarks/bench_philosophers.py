@@ -1,20 +1,25 @@
-"""Explore all 3^n states of n dining philosophers, beside CLIPS.
+"""Explore all 3^n states of n dining philosophers, beside CLIPS, and the ends of long corridors.
 
     python -m benchmarks philosophers
 
 `engine.explore` in its variants, beside CLIPS in the same run, where a state is a fact of symbols and a move asserts
-another one: no graph, no way back, but the same states and moves. Seconds of processor time, once each.
+another one: no graph, no way back, but the same states and moves. Then a token that walks into one of twenty corridors:
+breadth first goes from one corridor to the next with every move, and is allowed to be slower. Seconds of processor
+time, once each.
 """
 
 from __future__ import annotations
 
 import gc
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from time import process_time
 from typing import Any, NamedTuple
 
 from benchmarks._clips import clips
 from benchmarks._philosophers import RULES, clips_table, table
+from envgraph import Engine, Rule
+from envgraph.graph import Model
+from envgraph.metamodel import Class, Metamodel, Reference
 
 PEERS = ("clips",)
 TARGET = 5_000
@@ -31,30 +36,69 @@ VARIANTS: dict[str, dict[str, Any]] = {
 }
 
 
+CORRIDORS = 20
+MAZE = Metamodel(
+    "maze",
+    (
+        Class("Cell", features=(Reference("to", "Cell", 0, None),)),
+        Class("Token", features=(Reference("at", "Cell"),)),
+    ),
+)
+
+
 class Sizes(NamedTuple):
-    """How many philosophers there are."""
+    """How many philosophers there are, in one table after the other, and how many cells in a corridor."""
 
-    philosophers: int
+    philosophers: tuple[int, ...]
+    cells: int
 
 
-FULL = Sizes(10)
-QUICK = Sizes(3)
+FULL = Sizes((8, 10), 500)
+QUICK = Sizes((3,), 5)
 
 
 def main(sizes: Sizes) -> None:
     """Print the figures."""
     print(f"Henshin, published: {PUBLISHED} states/s; to be {TARGET}")
-    print(f"{sizes.philosophers} philosophers{'states':>17}{'transitions':>13}{'seconds':>9}{'states/s':>10}")
-    ours = 0.0
-    for name, options in VARIANTS.items():
-        states, moves, seconds = explore(sizes.philosophers, options)
-        show(name, states, moves, seconds)
-        ours = ours or states / seconds
-    if clips is not None:
-        states, moves, seconds = in_clips(sizes.philosophers)
-        show("CLIPS", states, moves, seconds)
-        print(f"breadth first / CLIPS: {ours / (states / seconds):.2f} states/s")
-    print(f"{'met' if ours >= TARGET else 'missed'}; times Henshin, published: {ours / PUBLISHED:.0f}")
+    for number in sizes.philosophers:
+        title(f"{number} philosophers")
+        ours = 0.0
+        for name, options in VARIANTS.items():
+            states, moves, seconds = explore(table(number), RULES, options)
+            assert states == 3**number or "up_to" in options
+            show(name, states, moves, seconds)
+            ours = ours or states / seconds
+        if clips is not None:
+            states, moves, seconds = in_clips(number)
+            show("CLIPS", states, moves, seconds)
+            print(f"breadth first / CLIPS: {ours / (states / seconds):.2f} states/s")
+        print(f"{'met' if ours >= TARGET else 'missed'}; times Henshin, published: {ours / PUBLISHED:.0f}")
+    title(f"{CORRIDORS} corridors")
+    for strategy in ("breadth", "depth"):
+        found = explore(corridors(sizes.cells), ["walk"], {"strategy": strategy})
+        assert found[0] == CORRIDORS * sizes.cells + 1
+        show(f"{strategy} first", *found)
+
+
+def title(what: str) -> None:
+    """Print what is explored, above the columns of `show`."""
+    print(f"{what:20}{'states':>12}{'transitions':>13}{'seconds':>9}{'states/s':>10}")
+
+
+def corridors(cells: int) -> Engine:
+    """Return an engine on a token in the middle of the corridors, each of so many cells."""
+    model = Model(MAZE)
+    middle = model.create("Cell")
+    for _ in range(CORRIDORS):
+        end = middle
+        for _ in range(cells):
+            cell = model.create("Cell")
+            end.to.append(cell)
+            end = cell
+    model.create("Token", at=middle)
+    engine = Engine(model)
+    engine.add(Rule("walk", lhs="t : Token -at-> a : Cell -to-> b : Cell", modify="set t.at = b"))
+    return engine
 
 
 def show(name: str, states: int, moves: int, seconds: float) -> None:
@@ -62,13 +106,10 @@ def show(name: str, states: int, moves: int, seconds: float) -> None:
     print(f"{name:20}{states:12}{moves:13}{seconds:9.2f}{states / seconds:10.0f}", flush=True)
 
 
-def explore(size: int, options: dict[str, Any]) -> tuple[int, int, float]:
-    """States, transitions and seconds."""
-    engine = table(size)
-    found = timed(lambda: engine.explore(RULES, limit=3**size, **options))
-    result, seconds = found
-    assert result.complete and len(result.deadlocks) == 2
-    assert len(result) == 3**size or "up_to" in options
+def explore(engine: Engine, rules: Sequence[str], options: dict[str, Any]) -> tuple[int, int, float]:
+    """Return states, transitions and seconds."""
+    result, seconds = timed(lambda: engine.explore(rules, limit=1_000_000, **options))
+    assert result.complete and result.deadlocks
     return len(result), result.statistics.transitions, seconds
 
 
