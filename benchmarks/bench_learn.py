@@ -9,11 +9,15 @@ sqrt(p (1 - p) / n).
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from statistics import fmean
-from time import perf_counter
-from typing import NamedTuple
+from tempfile import TemporaryDirectory
+from time import perf_counter, process_time
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -28,6 +32,7 @@ from envgraph.learn import (
     sequences,
     train_curriculum,
 )
+from envgraph.solve.learning import Backend
 from tests.unit.learn.forest_tables import DATA, family, published_family
 
 PUBLISHED_LOOP = 0.11e6
@@ -60,6 +65,7 @@ QUICK = Sizes({"numba": 1_000, "python": 1_000}, reproduction=1, budgets=1, rand
 def main(sizes: Sizes) -> None:
     """Print every table."""
     print_speed(sizes.steps)
+    print_break_even(sizes.steps)
     print_reproduction(sizes.reproduction)
     print_budgets(sizes.budgets)
     print_random_families(sizes.random, sizes.families)
@@ -77,6 +83,42 @@ def print_speed(steps: dict[str, int]) -> None:
             rate = len(tabulars) * settings.steps_per_environment / (perf_counter() - started)
         print(f"{backend:24}{rate / 1e6:16.1f}{rate / PUBLISHED_LOOP:22.0f}")
     print()
+
+
+def print_break_even(steps: dict[str, int]) -> None:
+    """Print from how many steps on it pays to import numba and to compile the loop, or to load what was compiled."""
+    if "numba" not in steps or BACKEND != "numba":
+        return
+    print(f"{'break-even, million steps':28}{'nothing compiled yet':>22}{'compiled before':>18}")
+    for label, settings in {
+        "q_learning": {},
+        "sarsa": {"agent": "sarsa"},
+        "random ties": {"ties": "random"},
+    }.items():
+        slow = seconds_of({**settings, "steps_per_environment": steps["python"]}, "python") / steps["python"]
+        with TemporaryDirectory() as cache:
+            costs = [seconds_of(settings | {"steps_per_environment": 1}, "numba", cache) for _ in range(2)]
+        print(
+            f"{label:28}"
+            + "".join(f"{cost / slow / 1e6:>{w}.2f}" for cost, w in zip(costs, (22, 18), strict=True))
+        )
+    print()
+
+
+def seconds_of(settings: dict[str, Any], backend: Backend, cache: str | None = None) -> float:
+    """Return the processor time of training on the target of the published family, in a new process."""
+    environment = os.environ | ({"ENVGRAPH_CACHE": cache} if cache else {})
+    code = f"from benchmarks.bench_learn import train_alone; train_alone({settings!r}, {backend!r})"
+    found = subprocess.run([sys.executable, "-c", code], env=environment, check=True, stdout=subprocess.PIPE)
+    return float(found.stdout)
+
+
+def train_alone(settings: dict[str, Any], backend: Backend) -> None:
+    """Train an agent, and print the processor time in seconds."""
+    tabulars = published_family()[-1:]
+    started = process_time()
+    train_curriculum(tabulars, TrainingSettings(**settings), np.random.default_rng(1), backend=backend)
+    print(process_time() - started)
 
 
 def print_reproduction(seeds: int) -> None:

@@ -101,7 +101,7 @@ def run_experiment(
     seeds = range(settings.seeds) if seeds is None else seeds
     _check([*names, *starts], curricula, seeds, workers)
     steps = sum(sum(curriculum.lengths(settings.steps_per_environment)) for curriculum in curricula)
-    backend = choose_backend(backend, steps * len(seeds))
+    backend = choose_backend(backend, steps * len(seeds), settings)
     prepared = _prepare(family, curricula, starts)
     wanted = {(one.kind, one.label, seed): (one, seed) for one in curricula for seed in seeds}
     results = {key: result for result in known if (key := _key(result)) in wanted}
@@ -177,7 +177,7 @@ def run_families(
     label, as a control; the other arguments are those of `run_experiment`.
     """
     steps, known = settings.steps_per_environment * sum(map(len, families)), tuple(known)
-    backend, runs = choose_backend(backend, steps), list[RunResult]()
+    backend, runs = choose_backend(backend, steps, settings), list[RunResult]()
     seeds = range(len(families)) if seeds is None else seeds
     for seed, family in zip(seeds, families, strict=True):
         names = tuple(member.name for member in family)
@@ -223,7 +223,7 @@ def train_run(
     _check([*(member.name for member in family), *starts], [curriculum], [seed], workers=1)
     steps = sum(curriculum.lengths(settings.steps_per_environment))
     prepared = _prepare(family, [curriculum], starts)
-    return _run(prepared, curriculum, settings, seed, choose_backend(backend, steps))
+    return _run(prepared, curriculum, settings, seed, choose_backend(backend, steps, settings))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -190,7 +190,7 @@ def _trained(
     samples = {}
     for name, sample in families.items():
         agents = 1 if name.startswith("own") else max(seeds // 10, 1)
-        backend = choose_backend("auto", len(sample) * agents * len(published) * steps)
+        backend = choose_backend("auto", len(sample) * agents * len(published) * steps, settings)
         found = []
         for place, family in enumerate(sample):
             progress(f"{name} families, {label}", place, len(sample))

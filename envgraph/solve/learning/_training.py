@@ -24,8 +24,11 @@ from envgraph.solve.learning._stage import Stage, StageOutcome, Table, flatten
 
 Backend = Literal["auto", "python", "numba"]
 
-# Importing numba and compiling the loop takes as long as this many steps on lists.
-COMPILING_PAYS = 8_000_000
+COMPILING_PAYS = 4_000_000, 500_000
+"""Steps from which numba's loop is the faster one: of plain Q-learning, and of other agents, slower on lists.
+
+They lie between those with a loop that is compiled already and one that is not: `python -m benchmarks learn`.
+"""
 
 MOST_Q_VALUES = 10**8
 """Eight hundred megabytes."""
@@ -68,8 +71,8 @@ def available_backends() -> tuple[Backend, ...]:
     return ("numba", "python") if find_spec("numba") else ("python",)
 
 
-def choose_backend(backend: Backend, steps: int) -> Backend:
-    """The loop that takes so many steps soonest; the choice never changes a result.
+def choose_backend(backend: Backend, steps: int, settings: TrainingSettings) -> Backend:
+    """Return the loop that takes so many steps soonest; the choice never changes a result.
 
     Raises:
         InvalidArgument: the name is unknown, or numba is asked for and not installed.
@@ -77,7 +80,7 @@ def choose_backend(backend: Backend, steps: int) -> Backend:
     if backend not in get_args(Backend):
         raise InvalidArgument(f"unknown backend {backend!r}, it must be 'auto', 'python' or 'numba'")
     if backend == "auto":
-        return available_backends()[0] if steps >= COMPILING_PAYS else "python"
+        return available_backends()[0] if steps >= COMPILING_PAYS[not _plain(settings)] else "python"
     if backend not in available_backends():
         raise InvalidArgument("backend 'numba' needs numba: pip install 'envgraph[fast]'")
     return backend
@@ -114,7 +117,7 @@ def train_curriculum(
     values = initial_values(tables[0], settings)
     if q is not None:
         values[:] = np.tile(_checked(q, tables[0]), values.shape[1] // q.shape[1])
-    return train(tables, settings, rng, lengths, values, choose_backend(backend, sum(lengths)))
+    return train(tables, settings, rng, lengths, values, choose_backend(backend, sum(lengths), settings))
 
 
 def occurring(tabulars: Sequence[Tabular]) -> Sequence[Tabular]:
@@ -206,11 +209,15 @@ def loop_of(
     """The loop that trains on a table; the backend is not "auto"."""
     if backend == "numba":
         from envgraph.solve.learning._compiled import run_stage
-    elif (settings.agent, settings.ties) == ("q_learning", "lowest"):
+    elif _plain(settings):
         from envgraph.solve.learning._q_learning import run_stage
     else:
         from envgraph.solve.learning._on_lists import run_stage
     return run_stage
+
+
+def _plain(settings: TrainingSettings) -> bool:
+    return (settings.agent, settings.ties) == ("q_learning", "lowest")
 
 
 def initial_values(table: Table, settings: TrainingSettings) -> NDArray[np.float64]:

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from importlib.util import find_spec
+from typing import Any
 
 import numpy as np
 import pytest
@@ -104,19 +105,27 @@ def test_both_loops_leave_the_generator_at_the_same_place(backend: Backend) -> N
     assert rng.random() == expected.random()
 
 
-def test_short_training_runs_on_lists() -> None:
-    assert choose_backend("auto", COMPILING_PAYS - 1) == "python"
-    assert choose_backend("auto", COMPILING_PAYS) == available_backends()[0]
+@pytest.mark.parametrize(
+    "settings, pays",
+    [
+        ({}, COMPILING_PAYS[0]),
+        ({"agent": "sarsa"}, COMPILING_PAYS[1]),
+        ({"ties": "random"}, COMPILING_PAYS[1]),
+    ],
+)
+def test_short_training_runs_on_lists(settings: dict[str, Any], pays: int) -> None:
+    assert choose_backend("auto", pays - 1, TrainingSettings(**settings)) == "python"
+    assert choose_backend("auto", pays, TrainingSettings(**settings)) == available_backends()[0]
 
 
 def test_without_numba_everything_runs_on_lists(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(_training, "find_spec", lambda name: None)
     assert available_backends() == ("python",)
-    assert choose_backend("auto", COMPILING_PAYS) == "python"
+    assert choose_backend("auto", 10**9, SETTINGS) == "python"
     with pytest.raises(InvalidArgument, match="envgraph\\[fast\\]"):
-        choose_backend("numba", 1)
+        choose_backend("numba", 1, SETTINGS)
 
 
 def test_an_unknown_backend_is_refused() -> None:
     with pytest.raises(InvalidArgument, match="unknown backend 'jax'"):
-        choose_backend("jax", 1)  # type: ignore[arg-type]
+        choose_backend("jax", 1, SETTINGS)  # type: ignore[arg-type]
