@@ -37,7 +37,7 @@ from envgraph.behaviour import (
 from envgraph.env._adopted import Adopted, Transition, adopt
 from envgraph.env._agents import unbound
 from envgraph.env._apart import RewardsApart
-from envgraph.env._explore import DEFAULT_LIMIT, Explored, enumerate_states, explore
+from envgraph.env._explore import DEFAULT_LIMIT, Explored, explore
 from envgraph.env._frozen_lake import frozen_lake
 from envgraph.env._gymnasium import EnvgraphEnv, EnvgraphLiveEnv, SingleEnvironment, check_render_mode
 from envgraph.env._keys import KeyIndex, SameKey, indexed_classes, key_reader, spread_classes
@@ -60,7 +60,6 @@ from envgraph.env.registration import (
     register_entry_point,
 )
 from envgraph.env.scene._pixels import scene_rgb
-from envgraph.env.scene._render import render_rgb, render_svg, render_text
 from envgraph.env.scene._scene import Draw, Edge, GraphScene, GridScene, Key, Mark, Scene, legend, scene_of
 from envgraph.env.scene._svg import scene_svg
 from envgraph.env.scene._text import scene_text, scene_title
@@ -127,7 +126,6 @@ __all__ = [
     "check_behaviour",
     "check_kind",
     "check_render_mode",
-    "enumerate_states",
     "environment_spec",
     "explore",
     "frozen_lake",
@@ -138,10 +136,6 @@ __all__ = [
     "model_view",
     "read_explored",
     "register",
-    "register_entry_point",
-    "render_rgb",
-    "render_svg",
-    "render_text",
     "scene_of",
     "scene_rgb",
     "scene_svg",

@@ -27,33 +27,6 @@ Progress = Callable[[int, int], None]
 """Called now and then with how many states were found so far, and how many outcomes of actions (0: not counted)."""
 
 
-def enumerate_states(
-    engine: Engine, behaviour: Behaviour, keys: KeyIndex | None = None, *, limit: int = DEFAULT_LIMIT
-) -> Tabular:
-    """The environment as a table of its reachable states.
-
-    The engine is as before afterwards; this works inside a transaction, too.
-
-    Args:
-        engine: its model is the initial state.
-        behaviour: what the environment does.
-        keys: indices of objects over a family; those of the engine's model alone if None.
-        limit: how many states there may be; of outcomes of actions in them, 10 million.
-
-    Returns:
-        The states numbered breadth first from the start states, by action and outcome; outcomes of one action that
-        follow each other and are the same are put together.
-
-    Raises:
-        TooManyStates: more states than the limit, too many outcomes, of all actions together or of one in a state, or
-            too many observations.
-        EvaluationError: an observed object has no index.
-        ResolutionError: the behaviour has errors.
-        RuleError: a rule matches but cannot be applied.
-    """
-    return explore(engine, behaviour, keys, limit=limit).tabular
-
-
 @dataclass(frozen=True, slots=True)
 class Explored:
     """An enumerated environment.
@@ -76,9 +49,29 @@ def explore(
     pictures: bool = False,
     progress: Progress | None = None,
 ) -> Explored:
-    """`enumerate_states`, with a picture of every state if the behaviour says how to draw it.
+    """Enumerate the reachable states of an environment.
 
-    There may be so many `outcomes` of actions in all states together.
+    The engine is as before afterwards; this works inside a transaction, too.
+
+    Args:
+        engine: its model is the initial state.
+        behaviour: what the environment does.
+        keys: indices of objects over a family; those of the engine's model alone if None.
+        limit: how many states there may be.
+        outcomes: how many outcomes of actions there may be in all states together.
+        pictures: whether to make a picture of every state, if the behaviour says how to draw it.
+        progress: is called with the numbers of states and outcomes so far.
+
+    Returns:
+        The states numbered breadth first from the start states, by action and outcome; outcomes of one action that
+        follow each other and are the same are put together.
+
+    Raises:
+        TooManyStates: more states than the limit, too many outcomes, of all actions together or of one in a state, or
+            too many observations.
+        EvaluationError: an observed object has no index.
+        ResolutionError: the behaviour has errors.
+        RuleError: a rule matches but cannot be applied.
     """
     simulator = Simulator(engine, behaviour, keys)
     check_observations(behaviour, simulator.observation_shape)

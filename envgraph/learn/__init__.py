@@ -12,7 +12,7 @@ tables alone how well a family teaches.
 
 from envgraph.errors import shorten
 from envgraph.learn._comparison import SIGNIFICANT, BestWay, Comparison, best_way, compare, findings
-from envgraph.learn._controls import CONTROLS, Control, controls, optimistic_values, other_starts
+from envgraph.learn._controls import CONTROLS, controls, optimistic_values, other_starts
 from envgraph.learn._curricula import Curriculum, sequences
 from envgraph.learn._experiment import FamilyMember, run_experiment, run_families, run_stages, train_run
 from envgraph.learn._intervals import (
@@ -33,10 +33,8 @@ from envgraph.solve import (
     chain_transfer,
     evaluate,
     evaluate_policy,
-    hit_probability,
     mixture,
     optimal_return,
-    softened_policy,
     value_iteration,
 )
 from envgraph.solve.learning import (
@@ -62,7 +60,6 @@ __all__ = [
     "TEACHERS",
     "BestWay",
     "Comparison",
-    "Control",
     "Curriculum",
     "Curve",
     "Epsilon",
@@ -87,7 +84,6 @@ __all__ = [
     "evaluate_policy",
     "findings",
     "fingerprint",
-    "hit_probability",
     "holm",
     "interquartile_mean",
     "mean_test",
@@ -105,7 +101,6 @@ __all__ = [
     "run_families",
     "run_stages",
     "sequences",
-    "softened_policy",
     "train_curriculum",
     "train_program",
     "train_run",

@@ -40,7 +40,6 @@ from envgraph.pattern._lowered import (
     renumbered_relation,
     variables,
 )
-from envgraph.pattern._paths import target_type
 from envgraph.pattern._queries import (
     Aggregate,
     Body,
@@ -106,7 +105,7 @@ from envgraph.pattern._terms import (
 from envgraph.pattern._types import assignable, data_type_hint, static_type, type_hint, type_text, value_hint
 from envgraph.pattern.check._usage import mistyped
 from envgraph.pattern.expressions._compile import CompiledExpression, compile_expression
-from envgraph.pattern.expressions._evaluate import Reader, evaluate, holds, value_of
+from envgraph.pattern.expressions._evaluate import evaluate, holds, value_of
 from envgraph.pattern.expressions._expressions import check_expression, is_method
 from envgraph.pattern.expressions._failure import explained
 from envgraph.pattern.expressions._operations import EXPRESSION_NAMESPACE, FUNCTIONS, Function
@@ -175,7 +174,6 @@ __all__ = [
     "PathConstraint",
     "Pattern",
     "PatternCall",
-    "Reader",
     "Redirect",
     "Relation",
     "RelationAtom",
@@ -220,7 +218,6 @@ __all__ = [
     "renumbered",
     "renumbered_relation",
     "static_type",
-    "target_type",
     "terms_in",
     "terms_of",
     "type_hint",

@@ -8,13 +8,12 @@ True
 from envgraph.errors import shorten
 from envgraph.report._audit_charts import Interval, Panel, interval_chart, scatter_chart
 from envgraph.report._audit_report import audit_figures, audit_report
-from envgraph.report._charts import COLOURS, Series, line_chart, png, standalone, ticks
+from envgraph.report._charts import Series, line_chart, png, standalone, ticks
 from envgraph.report._family_report import family_report, stage_rows, stage_table
 from envgraph.report._page import Card, Report, Section, Table, render_html
 from envgraph.report._training_report import Trained
 
 __all__ = [
-    "COLOURS",
     "Card",
     "Interval",
     "Panel",

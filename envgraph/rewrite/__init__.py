@@ -42,7 +42,6 @@ from envgraph.rewrite.events._event_rules import Activation, EventRule
 from envgraph.rewrite.explore._exploration import Exploration, State, Statistics, Transition
 from envgraph.rewrite.explore._walks import SavepointWalk, walk_of_savepoints
 from envgraph.rewrite.run._choice import Choice
-from envgraph.rewrite.run._run import STEP_LIMIT
 from envgraph.rewrite.run._runner import Randomness, RuleRunner
 from envgraph.rewrite.run._units import RunResult
 
@@ -51,7 +50,6 @@ if TYPE_CHECKING:
     from envgraph.rewrite.derive._derive import derived, derived_rules
 
 __all__ = [
-    "STEP_LIMIT",
     "TRACE_FORMAT",
     "Activation",
     "Agenda",

@@ -33,7 +33,7 @@ from envgraph.search._evolution import Evolution, Settings
 from envgraph.search._families import Candidate, FamilyMeasure, Over, Pool
 from envgraph.search._family import Family, Member, domain_of, family_of, run_file
 from envgraph.search._family_file import family_schema, open_family, read_family, write_family
-from envgraph.search._ga4cl import GridVariant, grid_rows, read_ga4cl, retype_grid, write_ga4cl
+from envgraph.search._ga4cl import GridVariant, read_ga4cl, retype_grid
 from envgraph.search._generate import evolve, export_ga4cl, generate, import_ga4cl, resume
 from envgraph.search._lineage import LineageStep, lineage
 from envgraph.search._measures import MatchCount, PatternValue, ShortestPath, ShortestPlan
@@ -168,7 +168,6 @@ __all__ = [
     "family_schema",
     "family_svg",
     "generate",
-    "grid_rows",
     "import_ga4cl",
     "keep_certificates",
     "lineage",
@@ -195,7 +194,6 @@ __all__ = [
     "verify",
     "why_low",
     "write_family",
-    "write_ga4cl",
 ]
 
 shorten(globals(), __all__)

@@ -10,7 +10,7 @@ from envgraph.errors import shorten
 from envgraph.solve._certificates import Certificates, certify, cvar, shortest_plan
 from envgraph.solve._checker import recomputed
 from envgraph.solve._distance import steps_to_success
-from envgraph.solve._evaluation import Evaluation, accumulate, evaluate, evaluate_policy
+from envgraph.solve._evaluation import Evaluation, evaluate, evaluate_policy
 from envgraph.solve._mixture import mixture
 from envgraph.solve._transfer import chain_transfer, hit_probability, reachable_states, softened_policy
 from envgraph.solve._value_iteration import Optimum, optimal_episode, optimal_return, value_iteration
@@ -19,7 +19,6 @@ __all__ = [
     "Certificates",
     "Evaluation",
     "Optimum",
-    "accumulate",
     "certify",
     "chain_transfer",
     "cvar",

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import ast
+import re
 import runpy
 from collections.abc import Iterator
+from importlib import import_module
 from pathlib import Path
 
 import networkx as nx
@@ -40,6 +42,33 @@ def test_no_module_imports_one_that_imports_it() -> None:
     assert graph.number_of_edges() > 1000
     circles = [circle for circle in nx.strongly_connected_components(graph) if len(circle) > 1]
     assert circles == []
+
+
+def test_what_packages_export_is_imported_somewhere_or_told_of_in_the_docs() -> None:
+    """Classes aside: their objects show the package that exports them as their place."""
+    used: set[str] = set()
+    for path in (
+        path for room in ("envgraph", "tests", "benchmarks") for path in sorted((ROOT / room).rglob("*.py"))
+    ):
+        for each in ast.walk(ast.parse(path.read_text("utf-8"))):
+            if isinstance(each, ast.ImportFrom):
+                used.update(f"{each.module}.{alias.name}" for alias in each.names)
+            elif isinstance(each, ast.Attribute) and isinstance(each.value, ast.Name):
+                used.add(f"envgraph.{each.value.id}.{each.attr}")
+    pages = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").rglob("*.md"))]
+    words = set(re.findall(r"\w+", "".join(page.read_text("utf-8") for page in pages)))
+    unused = []
+    for path in sorted((ROOT / "envgraph").rglob("__init__.py")):
+        package = import_module(".".join(path.parent.relative_to(ROOT).parts))
+        names = [
+            name for name in getattr(package, "__all__", ()) if not isinstance(getattr(package, name), type)
+        ]
+        unused += [
+            f"{package.__name__}.{n}"
+            for n in names
+            if f"{package.__name__}.{n}" not in used and n not in words
+        ]
+    assert unused == []
 
 
 MOST_METHODS = 30

@@ -16,11 +16,11 @@ np.int64(1)
 
 from envgraph.env.schedules._named import SCHEDULES, named_schedule
 from envgraph.env.schedules._order import InOrder, Shuffled
-from envgraph.env.schedules._protocol import Batch, Outcomes, Schedule, Score
+from envgraph.env.schedules._protocol import Batch, Outcomes, Schedule
 from envgraph.env.schedules._replay import BestSeen, Buffer, Edit, Kept, Replay
 from envgraph.env.schedules._seats import Seats
 from envgraph.env.schedules._sifting import Sifter, Sifting
-from envgraph.env.schedules._weighted import Band, Known, Weight, Weighted, learnability, learning_progress
+from envgraph.env.schedules._weighted import Band, Known, Weighted, learnability, learning_progress
 from envgraph.errors import shorten
 
 __all__ = [
@@ -36,12 +36,10 @@ __all__ = [
     "Outcomes",
     "Replay",
     "Schedule",
-    "Score",
     "Seats",
     "Shuffled",
     "Sifter",
     "Sifting",
-    "Weight",
     "Weighted",
     "learnability",
     "learning_progress",

@@ -11,10 +11,10 @@ from envgraph.learn.audit._editing import Editor
 from envgraph.learn.audit._levels import AuditLevels, make_levels
 from envgraph.learn.audit._methods import CONTRASTS, EDITING, METHODS, PROBED, Contrast, Method
 from envgraph.learn.audit._ranks import Ranking, rank_correlation, ranking
-from envgraph.learn.audit._run import PROBES, ROLLOUTS, SHOWN_ROLLOUTS, Run, run_method, schedule_of
+from envgraph.learn.audit._run import ROLLOUTS, SHOWN_ROLLOUTS, Run, run_method, schedule_of
 from envgraph.learn.audit._scores import Student, score_levels
 from envgraph.learn.audit._settings import AuditSettings, audit_problems, audit_settings
-from envgraph.learn.audit._study import Study, audit, read_run
+from envgraph.learn.audit._study import Study, audit
 from envgraph.learn.audit._tables import Summary, summaries, write_audit
 
 __all__ = [
@@ -23,7 +23,6 @@ __all__ = [
     "METHODS",
     "POOLED",
     "PROBED",
-    "PROBES",
     "ROLLOUTS",
     "SHOWN_ROLLOUTS",
     "AuditLevels",
@@ -45,7 +44,6 @@ __all__ = [
     "rank_correlation",
     "rank_values",
     "ranking",
-    "read_run",
     "run_method",
     "schedule_of",
     "score_levels",

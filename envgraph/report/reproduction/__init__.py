@@ -10,11 +10,10 @@ beside them. What was published comes from one training seed; here each number i
 
 from envgraph.report.reproduction._claims import Claim, claims
 from envgraph.report.reproduction._page import claims_table, figures, reproduction_report, write_tables
-from envgraph.report.reproduction._published import BUDGETS, published_files
+from envgraph.report.reproduction._published import published_files
 from envgraph.report.reproduction._runs import Budget, Reproduction, generation_times, reproduce
 
 __all__ = [
-    "BUDGETS",
     "Budget",
     "Claim",
     "Reproduction",

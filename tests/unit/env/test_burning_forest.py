@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from envgraph.env import Tabular, enumerate_states
+from envgraph.env import Tabular, explore
 from envgraph.rewrite import Engine
 from tests.unit.env import forest
 
@@ -75,7 +75,7 @@ def assert_is_published(table: Tabular, rows: list[str]) -> None:
 
 @pytest.mark.parametrize("rows", MAPS)
 def test_every_transition_is_the_published_one(rows: list[str]) -> None:
-    table = enumerate_states(forest.engine(rows), forest.behaviour())
+    table = explore(forest.engine(rows), forest.behaviour()).tabular
     assert table.deterministic
     assert table.action_names == ("left", "down", "right", "up")
     assert table.observation_shape == (len(rows) * len(rows[0]), 2)
@@ -91,18 +91,18 @@ def test_random_maps_of_any_shape_step_like_the_published_ones(seed: int) -> Non
     rows = ["".join(row) for row in letters]
     if letters[0, 0] == "W":
         rows[0] = "S" + rows[0][1:]
-    assert_is_published(enumerate_states(forest.engine(rows), forest.behaviour()), rows)
+    assert_is_published(explore(forest.engine(rows), forest.behaviour()).tabular, rows)
 
 
 def test_states_are_numbered_breadth_first() -> None:
-    table = enumerate_states(forest.engine(forest.published_maps()[5]), forest.behaviour())
+    table = explore(forest.engine(forest.published_maps()[5]), forest.behaviour()).tabular
     first = [int(s) for state in range(table.n_states) for s in table.next_state[state, :, 0]]
     assert table.start_states.tolist() == [0]
     assert list(dict.fromkeys([0, *first])) == list(range(table.n_states))
 
 
 def test_the_greedy_policy_on_the_target_has_the_published_return() -> None:
-    table = enumerate_states(forest.engine(forest.published_maps()[5]), forest.behaviour())
+    table = explore(forest.engine(forest.published_maps()[5]), forest.behaviour()).tabular
     value = np.zeros(table.n_states)
     for _ in range(500):
         goes_on = (table.terminated == 0)[:, :, 0]
@@ -120,7 +120,7 @@ def test_the_greedy_policy_on_the_target_has_the_published_return() -> None:
 
 
 def test_a_move_into_the_border_asks_the_tile_again() -> None:
-    table = enumerate_states(forest.engine(["VRG"]), forest.behaviour())
+    table = explore(forest.engine(["VRG"]), forest.behaviour()).tabular
     start = int(table.start_states[0])
     for action in (0, 1, 3):
         assert table.next_state[start, action, 0] == start
@@ -129,7 +129,7 @@ def test_a_move_into_the_border_asks_the_tile_again() -> None:
 
 def test_the_start_state_is_not_judged() -> None:
     # The truck starts on the goal: a reset asks no clause, the first step does.
-    table = enumerate_states(forest.engine(["RG"], start=(1, 0)), forest.behaviour())
+    table = explore(forest.engine(["RG"], start=(1, 0)), forest.behaviour()).tabular
     start = int(table.start_states[0])
     over = int(table.next_state[start, 2, 0])
     assert over != start
@@ -142,9 +142,9 @@ def test_enumeration_leaves_the_engine_as_it_was() -> None:
     engine = forest.engine(forest.published_maps()[0])
     before = engine.model.state_hash()
     with engine.transaction():
-        enumerate_states(engine, forest.behaviour())
+        explore(engine, forest.behaviour())
         assert engine.model.state_hash() == before
-    enumerate_states(engine, forest.behaviour())
+    explore(engine, forest.behaviour())
     assert engine.model.state_hash() == before
     engine.model.check_integrity()
 
@@ -153,7 +153,7 @@ def test_both_matchers_give_one_table() -> None:
     rows = forest.published_maps()[3]
     naive = Engine(forest.model(rows), matcher="naive")
     naive.add(*forest.patterns(), *forest.rules())
-    one = enumerate_states(naive, forest.behaviour())
-    other = enumerate_states(forest.engine(rows), forest.behaviour())
+    one = explore(naive, forest.behaviour()).tabular
+    other = explore(forest.engine(rows), forest.behaviour()).tabular
     for name in ("next_state", "reward", "terminated", "probability", "observation", "start_states"):
         assert (getattr(one, name) == getattr(other, name)).all()

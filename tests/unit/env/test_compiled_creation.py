@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from envgraph.env import EnvgraphEnv, EnvgraphLiveEnv, Simulator, enumerate_states
+from envgraph.env import EnvgraphEnv, EnvgraphLiveEnv, Simulator, explore
 from envgraph.env._too_many import TooManyStates
 from envgraph.env.compiled import Batch, CompiledVectorEnv, NotCompiled, enumerated, program_of
 from envgraph.errors import EvaluationError
@@ -183,7 +183,7 @@ def test_a_table_of_states_with_new_objects_is_that_of_the_live_engine(actions: 
     corner = Corner(rules, actions + BEARS + "observe count find boxes(_) up to 9", BOXES)
     engine, behaviour = written(tmp_path, corner)
     found = enumerated(program_of(engine.copy(), behaviour, native=False, spare=1))
-    wanted = enumerate_states(engine, behaviour)
+    wanted = explore(engine, behaviour).tabular
     assert found.n_states == wanted.n_states > 20
     for name in ("next_state", "probability", "reward", "terminated", "observation", "allowed"):
         assert np.array_equal(getattr(found, name), getattr(wanted, name))
@@ -194,7 +194,7 @@ def test_states_that_differ_by_ids_alone_are_one(tmp_path: Path) -> None:
     body = "action born = 0.7: born() reward 1 else reward -1\naction gone = gone()\n"
     body += "observe count find boxes(_) up to 9"
     engine, behaviour = written(tmp_path, Corner(rules, body, BOXES))
-    table = enumerate_states(engine, behaviour)
+    table = explore(engine, behaviour).tabular
     assert table.n_states == 3
     row, live = EnvgraphEnv(table), EnvgraphLiveEnv(Simulator(engine, behaviour))
     assert row.reset(seed=2)[0] == live.reset(seed=2)[0]
@@ -206,7 +206,7 @@ def test_where_objects_have_no_bound_there_are_too_many_states(tmp_path: Path) -
     engine, behaviour = written(tmp_path, Corner(BORN, "action born = born()\nobserve adam.kind"))
     program = program_of(engine, behaviour, native=False, spare=2)
     with pytest.raises(TooManyStates, match="let the rules ask how many there are"):
-        enumerate_states(engine, behaviour, limit=20)
+        explore(engine, behaviour, limit=20)
     with pytest.raises(TooManyStates):
         enumerated(program, limit=20)
 

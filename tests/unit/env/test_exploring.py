@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from envgraph.env import Simulator, enumerate_states, explore
+from envgraph.env import Simulator, explore
 from envgraph.errors import EvaluationError, RuleError
 from tests.unit.env import forest
 from tests.unit.env.coins import loaded, table
@@ -39,7 +39,7 @@ def test_too_many_states_are_an_error_that_leaves_the_engine_as_it_was() -> None
     with pytest.raises(
         EvaluationError, match=r"more than 50 states[\s\S]*hint: do without a table.*where rules create"
     ):
-        enumerate_states(engine, behaviour, limit=50)
+        explore(engine, behaviour, limit=50)
     assert engine.model.state_hash() == before
     assert not engine.model.in_transaction
     engine.model.check_integrity()
@@ -49,7 +49,7 @@ def test_a_rule_that_is_refused_on_the_way_leaves_the_engine_as_it_was() -> None
     engine, behaviour = loaded("action stack(one : Coin, other : Coin) = stack(one, other)")
     before = engine.model.state_hash()
     with pytest.raises(RuleError, match="stack"):
-        enumerate_states(engine, behaviour)
+        explore(engine, behaviour)
     assert engine.model.state_hash() == before
     assert not engine.model.in_transaction
 
@@ -73,12 +73,12 @@ def test_a_model_is_left_to_its_versions_while_it_is_explored() -> None:
     first = engine.commit()
     engine.model.retype(1, "BurningTile")
     second = engine.commit()
-    burning = enumerate_states(engine, behaviour)
+    burning = explore(engine, behaviour).tabular
     engine.checkout(first)
-    green = enumerate_states(engine, behaviour)
+    green = explore(engine, behaviour).tabular
     engine.checkout(second)
     assert (burning.n_states, green.n_states) == (2, 3)
-    assert (enumerate_states(engine, behaviour).reward == burning.reward).all()
+    assert (explore(engine, behaviour).tabular.reward == burning.reward).all()
 
 
 def test_rewards_are_summed_in_the_order_of_the_file() -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from gymnasium.wrappers import TimeLimit
 
-from envgraph.env import Behaviour, EnvgraphLiveEnv, Simulator, explore, render_text
+from envgraph.env import Behaviour, EnvgraphLiveEnv, Simulator, explore, scene_of, scene_text
 from envgraph.errors import EvaluationError
 from envgraph.lang import TextFiles, bundled_domain, load_workspace
 from envgraph.rewrite import Engine
@@ -95,7 +95,7 @@ def test_too_many_states_to_enumerate_but_not_to_step() -> None:
 def test_the_network_is_drawn_without_its_packet_as_an_edge() -> None:
     engine, behaviour = loaded()
     assert behaviour.draw is not None
-    assert render_text(engine.model, behaviour.draw, behaviour.parameters).splitlines() == [
+    assert scene_text(scene_of(engine.model, behaviour.draw, behaviour.parameters)).splitlines() == [
         "(Amsterdam) -> Berlin (6.5), Geneva (8.2)",
         " Berlin     -> Amsterdam (6.5), Budapest (9)",
         " Budapest   -> Berlin (9)",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import string
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import combinations
 from math import dist
@@ -24,6 +25,7 @@ from envgraph.draw import (
     parse_colour,
 )
 from envgraph.env import (
+    Draw,
     DrawGraph,
     DrawGrid,
     DrawnLink,
@@ -33,9 +35,6 @@ from envgraph.env import (
     Mark,
     Token,
     legend,
-    render_rgb,
-    render_svg,
-    render_text,
     scene_of,
     scene_rgb,
     scene_svg,
@@ -47,7 +46,7 @@ from envgraph.env.scene._layout import NODE_RADIUS, between, graph_layout, label
 from envgraph.errors import InvalidArgument, ResolutionError
 from envgraph.graph import Model
 from envgraph.metamodel import Annotation, Attribute, Class, EnumType, Glyph, Metamodel, Reference, Scalar
-from envgraph.pattern import Navigation, Variable
+from envgraph.pattern import Navigation, Parameter, Variable
 from tests.unit.env import forest
 
 ROWS = ["SVB", "WRG"]
@@ -84,19 +83,31 @@ def colour(picture: NDArray[np.uint8], x: float, y: float, cell: int = 32) -> st
     return "#" + "".join(f"{int(part):02x}" for part in picture[int(y * cell), int(x * cell)])
 
 
+def text(model: Model, draw: Draw, parameters: Sequence[Parameter] = ()) -> str:
+    return scene_text(scene_of(model, draw, parameters))
+
+
+def pixels(model: Model, draw: Draw, cell: int = 32) -> NDArray[np.uint8]:
+    return scene_rgb(scene_of(model, draw), cell)
+
+
+def markup(model: Model, draw: Draw, cell: int = 32) -> str:
+    return scene_svg(scene_of(model, draw), cell)
+
+
 # --- grids
 
 
 def test_a_grid_in_letters() -> None:
-    assert render_text(forest.model(ROWS), DRAW) == "(F) V  B\n W  R  G"
+    assert text(forest.model(ROWS), DRAW) == "(F) V  B\n W  R  G"
 
 
 def test_the_truck_is_found_by_name_or_as_the_parameter_it_is() -> None:
     model = forest.model(ROWS)
     model.set_object_name(model.find_object("truck") or 0, "engine")
     with pytest.raises(ResolutionError, match="the model has no object `truck`"):
-        render_text(model, DRAW)
-    assert render_text(model, DRAW, forest.behaviour().parameters).startswith("(F)")
+        text(model, DRAW)
+    assert text(model, DRAW, forest.behaviour().parameters).startswith("(F)")
 
 
 def test_a_grid_may_begin_anywhere_and_have_gaps() -> None:
@@ -113,9 +124,9 @@ def test_a_grid_may_begin_anywhere_and_have_gaps() -> None:
 def test_an_empty_grid_is_a_picture_without_cells() -> None:
     model = Model(forest.metamodel())
     model.create("FireTruck", object_name="truck")
-    assert render_text(model, DRAW) == ""
-    assert render_rgb(model, DRAW).shape == (1, 1, 3)
-    ElementTree.fromstring(render_svg(model, DRAW))
+    assert text(model, DRAW) == ""
+    assert pixels(model, DRAW).shape == (1, 1, 3)
+    ElementTree.fromstring(markup(model, DRAW))
 
 
 def test_a_grid_that_is_too_large_is_refused() -> None:
@@ -128,7 +139,7 @@ def test_a_grid_that_is_too_large_is_refused() -> None:
 
 
 def test_cells_have_the_colours_of_their_glyphs() -> None:
-    picture = render_rgb(forest.model(ROWS), DRAW)
+    picture = pixels(forest.model(ROWS), DRAW)
     assert (picture.shape, picture.dtype) == ((64, 96, 3), np.uint8)
     corners = [[colour(picture, x + 0.15, y + 0.15) for x in range(3)] for y in range(2)]
     wanted = [
@@ -139,17 +150,17 @@ def test_cells_have_the_colours_of_their_glyphs() -> None:
 
 
 def test_a_token_is_a_disc_with_a_light_ring() -> None:
-    picture = render_rgb(forest.model(ROWS), DRAW)
+    picture = pixels(forest.model(ROWS), DRAW)
     assert colour(picture, 0.25, 0.5) == "#1c3d6e"
     ring = picture[16, : 32 // 2].astype(int).sum(axis=1)
     assert ring.max() > 700
-    without = render_rgb(forest.model(ROWS), DrawGrid("Tile", "x", "y"))
+    without = pixels(forest.model(ROWS), DrawGrid("Tile", "x", "y"))
     assert (without[:32, :32] != picture[:32, :32]).any()
     assert (without[:, 32:] == picture[:, 32:]).all()
 
 
 def test_a_letter_can_be_read() -> None:
-    picture = render_rgb(forest.model(["RS"], start=(1, 0)), DRAW, cell=16).astype(int).sum(axis=2)[:, :16]
+    picture = pixels(forest.model(["RS"], start=(1, 0)), DRAW, cell=16).astype(int).sum(axis=2)[:, :16]
     # The dark pixels inside the cell are those of the letter, in the middle.
     ink = picture[2:14, 2:14] < 500
     rows, columns = np.nonzero(ink)
@@ -159,15 +170,15 @@ def test_a_letter_can_be_read() -> None:
 
 @pytest.mark.parametrize("cell", [1, 2, 7, 8, 11, 12, 16, 32, 33, 64, 100])
 def test_every_size_of_cell_can_be_drawn(cell: int) -> None:
-    assert render_rgb(forest.model(ROWS), DRAW, cell=cell).shape == (2 * cell, 3 * cell, 3)
-    assert render_rgb(net(), NET_DRAW, cell=cell).ndim == 3
+    assert pixels(forest.model(ROWS), DRAW, cell=cell).shape == (2 * cell, 3 * cell, 3)
+    assert pixels(net(), NET_DRAW, cell=cell).ndim == 3
 
 
 def test_sizes_out_of_bounds_are_refused() -> None:
     with pytest.raises(InvalidArgument, match="a cell of 0 pixels"):
-        render_rgb(forest.model(ROWS), DRAW, cell=0)
+        pixels(forest.model(ROWS), DRAW, cell=0)
     with pytest.raises(InvalidArgument, match="too large"):
-        render_rgb(forest.model(ROWS), DRAW, cell=10_000)
+        pixels(forest.model(ROWS), DRAW, cell=10_000)
 
 
 def test_several_tokens_are_listed_and_drawn_beside_each_other() -> None:
@@ -187,7 +198,7 @@ def test_a_class_without_a_glyph_shows_its_initial() -> None:
     cell = Class("cell", features=(Attribute("x", Scalar.INT), Attribute("y", Scalar.INT)))
     model = Model(Metamodel("plain", (cell,)))
     model.create("cell")
-    assert render_text(model, DrawGrid("cell", "x", "y")) == " C"
+    assert text(model, DrawGrid("cell", "x", "y")) == " C"
 
 
 # --- graphs
@@ -195,7 +206,7 @@ def test_a_class_without_a_glyph_shows_its_initial() -> None:
 
 def test_a_graph_in_words() -> None:
     # Objects with two references to cities are edges, unless they are tokens; nodes stand in the order of their key.
-    assert render_text(net(), NET_DRAW).splitlines() == [
+    assert text(net(), NET_DRAW).splitlines() == [
         " Bern  -> Rome",
         "(Oslo) -> Bern, Oslo",
         "(Rome) -> Bern",
@@ -222,7 +233,7 @@ def test_tokens_without_a_glyph_get_colours_in_turn() -> None:
 
 
 def test_a_graph_shows_nodes_on_a_circle_with_tokens() -> None:
-    picture = render_rgb(net(), NET_DRAW)
+    picture = pixels(net(), NET_DRAW)
     colours = {"#" + "".join(f"{part:02x}" for part in pixel) for pixel in picture.reshape(-1, 3).tolist()}
     assert {"#a5d8ff", "#1c3d6e", "#0000ff", "#ffffff"} <= colours
 
@@ -230,19 +241,19 @@ def test_a_graph_shows_nodes_on_a_circle_with_tokens() -> None:
 def test_a_graph_without_nodes_or_with_one() -> None:
     model = Model(net().metamodel)
     draw = DrawGraph("City", "name")
-    assert render_text(model, draw) == ""
-    assert render_rgb(model, draw).ndim == 3
+    assert text(model, draw) == ""
+    assert pixels(model, draw).ndim == 3
     model.create("City", name="Bern")
-    assert render_text(model, draw) == " Bern"
-    assert render_rgb(model, draw).ndim == 3
-    ElementTree.fromstring(render_svg(model, draw))
+    assert text(model, draw) == " Bern"
+    assert pixels(model, draw).ndim == 3
+    ElementTree.fromstring(markup(model, draw))
 
 
 # --- SVG
 
 
 def test_svg_has_a_shape_for_every_cell_and_token() -> None:
-    root = ElementTree.fromstring(render_svg(forest.model(ROWS), DRAW, cell=10))
+    root = ElementTree.fromstring(markup(forest.model(ROWS), DRAW, cell=10))
     assert (root.get("width"), root.get("height"), root.get("viewBox")) == ("30", "20", "0 0 3 2")
     tags = [re.sub(r"\{.*\}", "", element.tag) for element in root.iter()]
     assert (tags.count("rect"), tags.count("circle"), tags.count("text")) == (6, 1, 6)
@@ -251,7 +262,7 @@ def test_svg_has_a_shape_for_every_cell_and_token() -> None:
 
 
 def test_letters_stand_in_the_middle_of_their_cells_in_every_viewer() -> None:
-    root = ElementTree.fromstring(render_svg(forest.model(ROWS), DRAW))
+    root = ElementTree.fromstring(markup(forest.model(ROWS), DRAW))
     assert "dominant-baseline" not in root.attrib
     letters = [part for part in root if part.tag.endswith("text")]
     assert letters and {float(letter.get("y", "")) % 1 for letter in letters} <= {0.675, 0.655}
@@ -267,7 +278,7 @@ def test_svg_escapes_what_comes_from_a_model() -> None:
 
 
 def test_svg_of_a_graph_has_an_arrow_for_every_edge() -> None:
-    root = ElementTree.fromstring(render_svg(net(), NET_DRAW))
+    root = ElementTree.fromstring(markup(net(), NET_DRAW))
     assert sum(element.tag.endswith("}g") for element in root) == 4
 
 
@@ -379,14 +390,14 @@ def maze() -> tuple[Model, DrawGrid]:
 
 def test_tokens_have_the_colours_and_states_of_their_attributes() -> None:
     model, draw = maze()
-    assert render_text(model, draw) == "(K)(D)\ngate, red: column 1, row 0\nk, green: column 0, row 0"
+    assert text(model, draw) == "(K)(D)\ngate, red: column 1, row 0\nk, green: column 0, row 0"
     scene = scene_of(model, draw)
     assert [(mark.colour, mark.kind) for mark in scene.marks] == [
         ("#e03131", "Door, red"),
         ("#2f9e44", "Key, green"),
     ]
     model.node(model.find_object("gate") or 0).open = True
-    assert render_text(model, draw).splitlines()[:2] == ["(K)(/)", "gate, red, open: column 1, row 0"]
+    assert text(model, draw).splitlines()[:2] == ["(K)(/)", "gate, red, open: column 1, row 0"]
     model.node(model.find_object("gate") or 0).colour = "plaid"
     assert scene_of(model, draw).marks[0].colour == "#0b7285"  # no colour of that name: one by its place
 
@@ -417,9 +428,9 @@ def test_an_enum_has_a_letter_for_each_literal() -> None:
     model = Model(Metamodel("cave", (cell, hero), (ways,)))
     model.create("Hero", object_name="hero", at=model.create("Cell"))
     draw = DrawGrid("Cell", "x", "y", (Token("hero", at("hero")),))
-    assert render_text(model, draw) == "(>)"
+    assert text(model, draw) == "(>)"
     model.node(model.find_object("hero") or 0).facing = "west"
-    assert render_text(model, draw) == "(<)"
+    assert text(model, draw) == "(<)"
     assert scene_of(model, draw).marks == (Mark("hero, west", "<", "#1971c2", (0, 0), "Hero, west"),)
 
 
@@ -436,7 +447,7 @@ def test_an_int_with_a_glyph_is_its_own_letter() -> None:
     shown = {}
     for value in (0, 9, 10, -1):
         one.severity = value
-        shown[value] = render_text(model, draw).splitlines()[0]
+        shown[value] = text(model, draw).splitlines()[0]
     assert shown == {0: "(0)", 9: "(9)", 10: "(+)", -1: "(-)"}
 
 
@@ -445,11 +456,11 @@ def test_tokens_that_are_nowhere_are_drawn_in_a_row_of_their_own_which_always_is
     (aside,) = scene_of(model, draw).aside or ()
     assert (aside.name, aside.letter) == ("f3", "~") and "f3 nowhere" in scene_title(scene_of(model, draw))
     assert [key.kind for key in legend([scene_of(model, draw)])] == ["City", "Bus", "Ferry"]
-    apart = render_rgb(model, draw)
-    assert (apart[-32:, :32] != 255).any() and "<title>f3</title>" in render_svg(model, draw)
+    apart = pixels(model, draw)
+    assert (apart[-32:, :32] != 255).any() and "<title>f3</title>" in markup(model, draw)
     ferry = model.node(model.find_object("f3") or 0)
     ferry.at = model.nodes("City")[0]
-    there = render_rgb(model, draw)
+    there = pixels(model, draw)
     assert there.shape == apart.shape and (there[-32:] == 255).all() and scene_of(model, draw).aside == ()
     ferry.delete(semantics="spo")
     assert scene_of(model, draw).aside == ()
@@ -464,11 +475,11 @@ def test_edges_show_a_label_and_whether_they_are_as_usual() -> None:
     one, two = model.create("City", object_name="one"), model.create("City", object_name="two")
     model.create("Link", object_name="way", start=one, end=two, km=6.5)
     draw = DrawGraph("City", links=(DrawnLink("Link", "km"),))
-    assert render_text(model, draw) == " one  -> two (6.5)\n two"
-    assert "dasharray" not in render_svg(model, draw)
+    assert text(model, draw) == " one  -> two (6.5)\n two"
+    assert "dasharray" not in markup(model, draw)
     model.node(model.find_object("way") or 0).up = False
-    assert render_text(model, draw) == " one  -> two (6.5, Link, not up)\n two"
-    svg = render_svg(model, draw)
+    assert text(model, draw) == " one  -> two (6.5, Link, not up)\n two"
+    svg = markup(model, draw)
     assert "dasharray" in svg
     assert "one to two, 6.5, Link, not up" in svg
     assert colour_pixels(model, draw, "#c92a2a") > 10
@@ -476,7 +487,7 @@ def test_edges_show_a_label_and_whether_they_are_as_usual() -> None:
 
 
 def colour_pixels(model: Model, draw: DrawGraph, wanted: str) -> int:
-    picture = render_rgb(model, draw).reshape(-1, 3)
+    picture = pixels(model, draw).reshape(-1, 3)
     return int((picture == [int(wanted[at : at + 2], 16) for at in (1, 3, 5)]).all(axis=1).sum())
 
 
@@ -498,7 +509,7 @@ def test_labels_of_neighbours_do_not_meet() -> None:
 
 
 def test_pictures_say_what_they_show_and_where_tokens_are() -> None:
-    root = ElementTree.fromstring(render_svg(forest.model(ROWS), DRAW))
+    root = ElementTree.fromstring(markup(forest.model(ROWS), DRAW))
     title = "a grid of 3 by 2 cells; truck at column 0, row 0"
     assert (root.get("role"), root.get("aria-label"), root[0].text) == ("img", title, title)
     assert scene_title(scene_of(net(), NET_DRAW)).startswith(

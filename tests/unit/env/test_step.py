@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from envgraph.env import KeyIndex, Outcome, Simulator, enumerate_states, explore, indexed_classes
+from envgraph.env import KeyIndex, Outcome, Simulator, explore, indexed_classes
 from envgraph.errors import EvaluationError, InvalidArgument, ResolutionError, RuleError
 from tests.unit.env.coins import QUERY, loaded, sides, simulator, table
 
@@ -358,7 +358,7 @@ def test_observations_may_be_more_than_a_table_can_number() -> None:
     assert coins.n_observations == 21 * 1000001**3 > 2**63
     engine, behaviour = loaded(text)
     with pytest.raises(EvaluationError, match=r"2.10e\+19 observations, a table at most 9,223,372,"):
-        enumerate_states(engine, behaviour)
+        explore(engine, behaviour)
 
 
 def test_observing_nowhere_is_an_error_that_names_the_remedy() -> None:

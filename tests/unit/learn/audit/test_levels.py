@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from envgraph.env import Tabular, enumerate_states
+from envgraph.env import Tabular, explore
 from envgraph.env.schedules import Buffer
 from envgraph.errors import EvaluationError, LoadError
 from envgraph.lang import data_path
@@ -76,7 +76,7 @@ def test_a_student_sees_the_rows_of_the_patterns_from_where_it_is(domain: Domain
     engine, keys = domain.engine(), domain.keys()
     assert domain.behaviour is not None
     features = StateFeatures(domain, engine, keys, audit_settings(domain))
-    table = enumerate_states(engine, domain.behaviour, keys)
+    table = explore(engine, domain.behaviour, keys).tabular
     seen = features.of(table)
     names = {number: feature for feature, number in features.numbers.items()}
     at, destination = _decoded(table).T
