@@ -16,8 +16,9 @@ from typing import NamedTuple
 import networkx as nx
 
 from envgraph.graph import Model
-from envgraph.match import FREE, CompiledMatcher, Matcher, NaiveMatcher, ViewMatcher
+from envgraph.match import FREE, CompiledMatcher, Matcher, ViewMatcher
 from envgraph.pattern import Library
+from tests.oracle.naive._naive import NaiveMatcher
 from tests.unit.match.forest import forest, library
 
 

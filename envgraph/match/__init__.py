@@ -6,7 +6,6 @@ from envgraph.match.demand._compiled import CompiledMatcher
 from envgraph.match.demand._sharing import Questions
 from envgraph.match.explain._explain import Explanation
 from envgraph.match.explain._why import Failure, WhyNot, Witness
-from envgraph.match.naive._naive import NaiveMatcher
 from envgraph.match.views import Subscription, ViewMatcher
 
 __all__ = [
@@ -16,7 +15,6 @@ __all__ = [
     "Failure",
     "Free",
     "Matcher",
-    "NaiveMatcher",
     "Questions",
     "Row",
     "Subscription",

@@ -9,6 +9,7 @@ from random import Random
 from envgraph.graph import check_conformance
 from envgraph.rewrite import Engine
 from envgraph.search import generate
+from tests.oracle.naive._naive import NaiveMatcher
 from tests.oracle.rewriting_agreement import disagreement, given_values
 from tests.oracle.rewriting_worlds import state_of
 from tests.oracle.test_rewriting_agrees import world
@@ -46,7 +47,7 @@ def _generate(seed: int, domain: str) -> None:
     for member in family.members:
         model = family.model(member)
         engine = family.domain.engine(family.model(member))
-        naive = Engine(model, matcher="naive")
+        naive = Engine(model, matcher=NaiveMatcher)
         naive.add(*engine.definitions)
         for name in (*engine.patterns, *engine.rules):
             if (

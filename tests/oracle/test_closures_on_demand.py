@@ -11,11 +11,12 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from envgraph.graph import Model
-from envgraph.match import FREE, CompiledMatcher, NaiveMatcher
+from envgraph.match import FREE, CompiledMatcher
 from envgraph.match.demand import _closure_aggregates as _aggregates
 from envgraph.match.demand import _closures, _condensation
 from envgraph.metamodel import Attribute, Class, Metamodel, Reference, Scalar
 from envgraph.pattern import Library
+from tests.oracle.naive._naive import NaiveMatcher
 from tests.oracle.test_matchers_agree import agrees, assert_count, assert_exists, assert_first, assert_rows
 from tests.unit.match.writing import equal, find, fold, is_a, neg, op, path, pattern, value
 

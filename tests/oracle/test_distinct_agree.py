@@ -12,10 +12,11 @@ from hypothesis import strategies as st
 
 from envgraph.code import _block
 from envgraph.graph import Model
-from envgraph.match import FREE, CompiledMatcher, NaiveMatcher
+from envgraph.match import FREE, CompiledMatcher
 from envgraph.match.generate import _generate, _sources
 from envgraph.match.plan import _distinct
 from envgraph.pattern import Constraint, Library, Pattern
+from tests.oracle.naive._naive import NaiveMatcher
 from tests.oracle.test_closures_on_demand import PLACES, places
 from tests.oracle.test_matchers_agree import QUESTIONS, agrees, assert_rows
 from tests.unit.match.writing import equal, find, fold, is_a, neg, path, pattern, unequal

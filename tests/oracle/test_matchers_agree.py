@@ -7,8 +7,9 @@ from itertools import product
 from hypothesis import HealthCheck, given, settings
 
 from envgraph.graph import Model
-from envgraph.match import FREE, CompiledMatcher, Matcher, NaiveMatcher
+from envgraph.match import FREE, CompiledMatcher, Matcher
 from envgraph.pattern import Library, ObjectType
+from tests.oracle.naive._naive import NaiveMatcher
 from tests.oracle.worlds import World, domain, worlds
 
 EXAMPLES = settings().max_examples

@@ -5,8 +5,9 @@ from __future__ import annotations
 import pytest
 
 from envgraph.lang import bundled_domain, load_workspace
-from envgraph.match import CompiledMatcher, NaiveMatcher
+from envgraph.match import CompiledMatcher
 from envgraph.pattern import Library, conformance_patterns
+from tests.oracle.naive._naive import NaiveMatcher
 from tests.oracle.test_matchers_agree import assert_agree, snapshot
 from tests.oracle.worlds import Dice, World
 

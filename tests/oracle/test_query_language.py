@@ -13,9 +13,10 @@ from pathlib import Path
 import pytest
 
 from envgraph.lang import open as open_files
-from envgraph.match import FREE, CompiledMatcher, Matcher, NaiveMatcher
+from envgraph.match import FREE, CompiledMatcher, Matcher
 from envgraph.pattern import Library, ObjectType
 from envgraph.rewrite import Engine
+from tests.oracle.naive._naive import NaiveMatcher
 from tests.unit.match.kinds import Kind, assert_sound, watched
 
 GOLDEN = Path(__file__).parent.parent / "golden"

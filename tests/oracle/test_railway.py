@@ -12,8 +12,9 @@ import pytest
 from benchmarks._railway import QUERIES, build, generate, workspace
 from benchmarks._railway_edits import BATCHES, QUOTAS, Operation, Protocol, Quota, rows_of, steps
 from envgraph.lang import Workspace
-from envgraph.match import FREE, CompiledMatcher, NaiveMatcher, Row
+from envgraph.match import FREE, CompiledMatcher, Row
 from envgraph.rewrite import Engine, Match
+from tests.oracle.naive._naive import NaiveMatcher
 from tests.oracle.railway_by_hand import BY_HAND
 from tests.profile import AT_NIGHT, NIGHTLY
 

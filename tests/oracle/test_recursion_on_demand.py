@@ -11,9 +11,10 @@ from hypothesis import strategies as st
 
 from envgraph.errors import EnvgraphError
 from envgraph.graph import Model
-from envgraph.match import CompiledMatcher, NaiveMatcher
+from envgraph.match import CompiledMatcher
 from envgraph.match.demand import _recursion
 from envgraph.pattern import Constraint, Library, Pattern, PatternCall, Variable
+from tests.oracle.naive._naive import NaiveMatcher
 from tests.oracle.test_closures_on_demand import PLACES, assert_all, change, places
 from tests.unit.match.writing import equal, find, fold, is_a, neg, path, pattern, unequal
 

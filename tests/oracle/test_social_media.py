@@ -15,8 +15,9 @@ from hypothesis import strategies as st
 
 from benchmarks._social_media import QUERIES, Podium, best, open_network
 from envgraph.graph import Model, Node
-from envgraph.match import FREE, Matcher, NaiveMatcher
+from envgraph.match import FREE, Matcher
 from envgraph.rewrite import Engine, Match
+from tests.oracle.naive._naive import NaiveMatcher
 
 EXAMPLES = settings().max_examples
 

@@ -8,9 +8,10 @@ import pytest
 
 from envgraph.errors import RuleError
 from envgraph.graph import Version
-from envgraph.match import FREE, NaiveMatcher, ViewMatcher
+from envgraph.match import FREE, ViewMatcher
 from envgraph.pattern import conformance_patterns
 from envgraph.rewrite import Engine
+from tests.oracle.naive._naive import NaiveMatcher
 from tests.oracle.worlds import Dice
 from tests.unit.match.kinds import watchable
 from tests.unit.rewrite.domains import domain

@@ -21,11 +21,12 @@ from types import ModuleType
 
 from envgraph.errors import TransactionError
 from envgraph.graph import Savepoint, Store, Version
-from envgraph.match import FREE, CompiledMatcher, Matcher, NaiveMatcher, ViewMatcher
+from envgraph.match import FREE, CompiledMatcher, Matcher, ViewMatcher
 from envgraph.match.views import Subscription, _delta, _joins, _kept, _sets
 from envgraph.match.views import _closure_operator as _reach
 from envgraph.match.views import _group_aggregates as _folds
 from envgraph.match.views import _partial_lookup as _agreeing
+from tests.oracle.naive._naive import NaiveMatcher
 from tests.oracle.worlds import Dice, edit, random_world
 
 EAGER: tuple[tuple[ModuleType | type, str, object], ...] = (

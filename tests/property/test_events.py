@@ -12,8 +12,9 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from envgraph.graph import Model, Version
-from envgraph.match import FREE, NaiveMatcher
+from envgraph.match import FREE
 from envgraph.rewrite import Engine, EventRule, Match
+from tests.oracle.naive._naive import NaiveMatcher
 from tests.profile import examples
 from tests.unit.rewrite.graphs import METAMODEL, engine
 

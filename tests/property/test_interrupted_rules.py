@@ -7,8 +7,9 @@ from collections.abc import Callable
 import pytest
 from hypothesis import settings
 
-from envgraph.match import FREE, NaiveMatcher
+from envgraph.match import FREE
 from envgraph.rewrite import Engine
+from tests.oracle.naive._naive import NaiveMatcher
 from tests.property.interrupting import Trip
 from tests.property.snapshots import facts, spelt
 from tests.unit.rewrite.graphs import chain, engine

@@ -12,10 +12,11 @@ import pytest
 from hypothesis import settings
 
 from envgraph.graph import Model, Savepoint, Shelf, Store, Version, _versions, model_to_json
-from envgraph.match import FREE, NaiveMatcher
+from envgraph.match import FREE
 from envgraph.match.views import _group_aggregates as _folds
 from envgraph.metamodel import Attribute, Metamodel, Scalar
 from envgraph.pattern import Library
+from tests.oracle.naive._naive import NaiveMatcher
 from tests.property.interrupting import Trip
 from tests.property.snapshots import facts, spelt
 from tests.unit.match.kinds import watched

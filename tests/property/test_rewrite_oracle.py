@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 
 from envgraph.errors import RuleError
 from envgraph.graph import Model
+from envgraph.match import ViewMatcher
 from envgraph.metamodel import Attribute, Class, Metamodel, Reference, Scalar
 from envgraph.pattern import (
     Block,
@@ -32,6 +33,7 @@ from envgraph.pattern import (
     Variable,
 )
 from envgraph.rewrite import Engine
+from tests.oracle.naive._naive import NaiveMatcher
 from tests.profile import examples
 
 METAMODEL = Metamodel(
@@ -279,7 +281,7 @@ def equal(one: Graph, other: Graph) -> bool:
 @given(graphs(), sketches(), st.booleans())
 def test_rules_do_what_the_oracle_says(graph: Graph, sketch: Sketch, modify: bool) -> None:
     model = as_model(graph)
-    engine = Engine(model, matcher="compiled" if modify else "naive")
+    engine = Engine(model, matcher=ViewMatcher if modify else NaiveMatcher)
     engine.add(as_rule(sketch, modify))
     names = list(sketch.left)
     expected = list(matches(graph, sketch))

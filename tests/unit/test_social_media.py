@@ -16,8 +16,9 @@ from benchmarks._social_media import (
     open_network,
 )
 from envgraph.lang import open as open_engine
-from envgraph.match import FREE, CompiledMatcher, NaiveMatcher
+from envgraph.match import FREE, CompiledMatcher
 from envgraph.rewrite import Match
+from tests.oracle.naive._naive import NaiveMatcher
 
 EXPECTED = expected_answers()
 

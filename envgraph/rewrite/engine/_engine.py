@@ -6,12 +6,12 @@ from collections.abc import Callable
 from copy import deepcopy
 from functools import partial, wraps
 from operator import attrgetter
-from typing import TYPE_CHECKING, Any, Concatenate, Literal, ParamSpec, TypeVar
+from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeVar
 from weakref import ref
 
-from envgraph.errors import Diagnostic, InvalidArgument
+from envgraph.errors import Diagnostic
 from envgraph.graph import Model
-from envgraph.match import Matcher, NaiveMatcher, ViewMatcher
+from envgraph.match import Matcher, ViewMatcher
 from envgraph.pattern import Library
 from envgraph.rewrite.engine import _python
 from envgraph.rewrite.engine._catalog import Catalog
@@ -64,7 +64,7 @@ class Engine:
     Args:
         model: the model; it may also be changed directly.
         seed: of `rng`.
-        matcher: "compiled", which can watch patterns, or "naive": slow, and sure.
+        matcher: makes what finds the matches; another one than `ViewMatcher` can watch nothing.
 
     Attributes:
         model: the model.
@@ -80,13 +80,12 @@ class Engine:
     """
 
     def __init__(
-        self, model: Model, *, seed: int = 0, matcher: Literal["compiled", "naive"] = "compiled"
+        self, model: Model, *, seed: int = 0, matcher: Callable[[Model, Library], Matcher] = ViewMatcher
     ) -> None:
-        if matcher not in ("compiled", "naive"):
-            raise InvalidArgument(f'matcher is "compiled" or "naive", not {matcher!r}')
         self.model = model
         self.library = Library(model.metamodel)
-        self.matcher: Matcher = (ViewMatcher if matcher == "compiled" else NaiveMatcher)(model, self.library)
+        self._matching = matcher
+        self.matcher = matcher(model, self.library)
         if isinstance(self.matcher, ViewMatcher):
             self.matcher.kept.user = ref(self)
         self.catalog = Catalog(model, self.library, self.matcher)
@@ -246,10 +245,9 @@ class Engine:
 
     def __reduce__(self) -> tuple[Callable[..., Engine], tuple[Model], tuple[Any, ...]]:
         """Return the data to rebuild an engine."""
-        matcher: Any = "compiled" if isinstance(self.matcher, ViewMatcher) else "naive"
         functions = [(name, function.code) for name, function in self.library.functions.items()]
         state = self.rng, self.catalog.portable(), functions, self.step_limit, self.watched
-        return partial(Engine, seed=self.seed, matcher=matcher), (self.model,), state
+        return partial(Engine, seed=self.seed, matcher=self._matching), (self.model,), state
 
     def __setstate__(self, state: tuple[Any, ...]) -> None:
         """Define and watch what another engine does."""

@@ -10,6 +10,7 @@ import pytest
 
 from envgraph.env import Tabular, explore
 from envgraph.rewrite import Engine
+from tests.oracle.naive._naive import NaiveMatcher
 from tests.unit.env import forest
 
 MOVES = {"left": (-1, 0), "down": (0, 1), "right": (1, 0), "up": (0, -1)}
@@ -151,7 +152,7 @@ def test_enumeration_leaves_the_engine_as_it_was() -> None:
 
 def test_both_matchers_give_one_table() -> None:
     rows = forest.published_maps()[3]
-    naive = Engine(forest.model(rows), matcher="naive")
+    naive = Engine(forest.model(rows), matcher=NaiveMatcher)
     naive.add(*forest.patterns(), *forest.rules())
     one = explore(naive, forest.behaviour()).tabular
     other = explore(forest.engine(rows), forest.behaviour()).tabular

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Literal
-
 import numpy as np
 import pytest
 
 from envgraph.env import Action, Behaviour, Branch, Domain, RuleCall, Simulator, Tabular, explore
 from envgraph.lang import TextFiles, bundled_domain, load_workspace
+from envgraph.match import Matcher, ViewMatcher
 from envgraph.pattern import Constant, LeftSide, Modification, Node, Parameter, Rule, Set, Variable
 from envgraph.rewrite import Engine
+from tests.oracle.naive._naive import NaiveMatcher
 
 FILES = bundled_domain("keydoor")
 WAYS = {"west": (-1, 0), "south": (0, 1), "east": (1, 0), "north": (0, -1)}
@@ -123,9 +123,9 @@ def test_equal_keys_are_different_objects() -> None:
     assert set(halves.tolist()) == {0.5}
 
 
-@pytest.mark.parametrize("matcher", ["compiled", "naive"])
+@pytest.mark.parametrize("matcher", [ViewMatcher, NaiveMatcher])
 def test_an_argument_of_a_superclass_matches_only_where_it_is_the_right_object(
-    matcher: Literal["compiled", "naive"],
+    matcher: type[Matcher],
 ) -> None:
     engine, _ = loaded(MAZES[0])
     other = Engine(engine.model, matcher=matcher)

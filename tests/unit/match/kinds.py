@@ -7,8 +7,9 @@ from collections.abc import Callable
 import pytest
 
 from envgraph.graph import Model
-from envgraph.match import CompiledMatcher, Matcher, NaiveMatcher, ViewMatcher
+from envgraph.match import CompiledMatcher, Matcher, ViewMatcher
 from envgraph.pattern import Library
+from tests.oracle.naive._naive import NaiveMatcher
 
 Kind = Callable[[Model, Library], Matcher]
 

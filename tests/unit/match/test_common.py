@@ -9,12 +9,13 @@ from typing import Any
 import pytest
 
 from envgraph.graph import IndexedSet, Model
-from envgraph.match import FREE, CompiledMatcher, NaiveMatcher
+from envgraph.match import FREE, CompiledMatcher
 from envgraph.match.demand._intersections import common
 from envgraph.match.demand._program import Program
 from envgraph.match.generate._symbols import Column, Symbol
 from envgraph.metamodel import Class, Metamodel, Reference
 from envgraph.pattern import Library, Pattern
+from tests.oracle.naive._naive import NaiveMatcher
 from tests.unit.match.writing import path, pattern
 
 PEOPLE = Metamodel("people", (Class("One", features=(Reference("knows", "One", 0, None),)),))

@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from envgraph.match import NaiveMatcher
 from envgraph.pattern import (
     Check,
     Conditional,
@@ -19,6 +18,7 @@ from envgraph.pattern import (
     Relation,
     Variable,
 )
+from tests.oracle.naive._naive import NaiveMatcher
 from tests.unit.match.kinds import KINDS, Kind, assert_sound
 from tests.unit.match.people import World
 from tests.unit.match.writing import check, equal, find, fold, is_a, neg, op, path, pattern, unequal, v, value

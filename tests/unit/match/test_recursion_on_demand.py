@@ -8,11 +8,12 @@ import pytest
 
 from envgraph.errors import EvaluationError
 from envgraph.graph import Model
-from envgraph.match import FREE, CompiledMatcher, NaiveMatcher
+from envgraph.match import FREE, CompiledMatcher
 from envgraph.match.demand import _recursion
 from envgraph.match.views import _recursive
 from envgraph.metamodel import Attribute, Class, Metamodel, Reference, Scalar
 from envgraph.pattern import Binary, Comparison, Constant, Constraint, Evaluation, Library
+from tests.oracle.naive._naive import NaiveMatcher
 from tests.unit.match.writing import find, is_a, neg, path, pattern, v
 
 METAMODEL = Metamodel(

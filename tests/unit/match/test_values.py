@@ -7,9 +7,10 @@ from random import Random
 import pytest
 
 from envgraph.graph import Model
-from envgraph.match import FREE, CompiledMatcher, NaiveMatcher
+from envgraph.match import FREE, CompiledMatcher
 from envgraph.metamodel import Attribute, Class, Metamodel, Scalar
 from envgraph.pattern import Library, Pattern
+from tests.oracle.naive._naive import NaiveMatcher
 from tests.unit.match.writing import equal, find, fold, is_a, neg, op, path, pattern, unequal, value
 
 POINTS = Metamodel(

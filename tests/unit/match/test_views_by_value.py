@@ -6,9 +6,10 @@ import pytest
 
 from envgraph.graph import Model
 from envgraph.lang import from_text
-from envgraph.match import FREE, NaiveMatcher, ViewMatcher
+from envgraph.match import FREE, ViewMatcher
 from envgraph.metamodel import Attribute, Class, Metamodel, Reference, Scalar
 from envgraph.pattern import Library, Pattern
+from tests.oracle.naive._naive import NaiveMatcher
 
 TOWN = Metamodel(
     "town",

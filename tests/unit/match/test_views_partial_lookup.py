@@ -8,12 +8,13 @@ from random import Random
 import pytest
 
 from envgraph.graph import Model
-from envgraph.match import FREE, CompiledMatcher, NaiveMatcher, ViewMatcher
+from envgraph.match import FREE, CompiledMatcher, ViewMatcher
 from envgraph.match._matcher import Row
 from envgraph.match.views import _partial_lookup as _agreeing
 from envgraph.match.views import _sets
 from envgraph.metamodel import Reference
 from envgraph.pattern import Library
+from tests.oracle.naive._naive import NaiveMatcher
 from tests.unit.match.people import METAMODEL
 from tests.unit.match.writing import equal, find, fold, is_a, path, pattern, unequal
 

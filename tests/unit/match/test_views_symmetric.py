@@ -7,9 +7,10 @@ from random import Random
 import pytest
 
 from envgraph.graph import Model
-from envgraph.match import FREE, NaiveMatcher
+from envgraph.match import FREE
 from envgraph.metamodel import Class, Metamodel, Reference
 from envgraph.pattern import Library, Pattern
+from tests.oracle.naive._naive import NaiveMatcher
 from tests.unit.match.kinds import watched
 from tests.unit.match.writing import equal, find, fold, is_a, neg, path, pattern, unequal
 

@@ -9,10 +9,11 @@ import pytest
 
 from envgraph.errors import InvalidArgument, TransactionError, TypeMismatch
 from envgraph.graph import Model
-from envgraph.match import FREE, NaiveMatcher, ViewMatcher
+from envgraph.match import FREE, ViewMatcher
 from envgraph.match._matcher import Row
 from envgraph.match.views import _kept
 from envgraph.pattern import Library
+from tests.oracle.naive._naive import NaiveMatcher
 from tests.unit.match.kinds import watched
 from tests.unit.match.people import METAMODEL
 from tests.unit.match.writing import check, find, is_a, path, pattern, unequal

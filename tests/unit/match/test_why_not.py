@@ -9,9 +9,10 @@ import pytest
 from envgraph.errors import InvalidArgument
 from envgraph.graph import Model
 from envgraph.lang import TextFiles, load_workspace
-from envgraph.match import FREE, CompiledMatcher, NaiveMatcher, ViewMatcher
+from envgraph.match import FREE, CompiledMatcher, ViewMatcher
 from envgraph.metamodel import Attribute, Class, Metamodel, Reference, Scalar
 from envgraph.pattern import Library, Pattern
+from tests.oracle.naive._naive import NaiveMatcher
 from tests.unit.match.forest import PATTERNS, forest, library
 from tests.unit.match.writing import equal, find, is_a, path, pattern
 

@@ -12,10 +12,10 @@ from typing import Any
 import pytest
 
 from envgraph.errors import InvalidArgument, RuleError, TransactionError
-from envgraph.graph import Model, Node
-from envgraph.match import NaiveMatcher
+from envgraph.graph import Node
 from envgraph.rewrite import Application, Engine, Firing, Match
-from tests.unit.rewrite.graphs import METAMODEL, chain, definitions, engine, patterns, snapshot
+from tests.oracle.naive._naive import NaiveMatcher
+from tests.unit.rewrite.graphs import chain, definitions, engine, patterns, snapshot
 
 NEXT = "pattern following(left : Item, right : Item, value : int) { Item.next(left, right); Item.n(left, value); }"
 
@@ -412,14 +412,14 @@ def test_plans_can_be_explained() -> None:
     )
     with pytest.raises(InvalidArgument, match="has no variable `c`"):
         made.explain("r", "c")
-    naive = Engine(chain(1), matcher="naive")
+    naive = Engine(chain(1), matcher=NaiveMatcher)
     naive.add(*patterns(NEXT))
     with pytest.raises(InvalidArgument, match="no plans"):
         naive.explain("following")
 
 
 def test_the_naive_matcher_can_stand_in() -> None:
-    made = Engine(chain(3), matcher="naive")
+    made = Engine(chain(3), matcher=NaiveMatcher)
     assert isinstance(made.matcher, NaiveMatcher)
     made.add(
         *patterns(NEXT), *definitions("rule r { lhs { find following(a, b, v); } modify { set a.n = 5; } }")
@@ -427,8 +427,6 @@ def test_the_naive_matcher_can_stand_in() -> None:
     assert made.count("r") == 2
     made.apply("r", a=0)
     assert made.model.node(0).n == 5
-    with pytest.raises(InvalidArgument, match='"compiled" or "naive"'):
-        Engine(Model(METAMODEL), matcher="quick")  # type: ignore[arg-type]
 
 
 def test_the_engine_needs_neither_the_parser_nor_numpy_nor_gymnasium() -> None:

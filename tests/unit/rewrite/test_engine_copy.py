@@ -10,6 +10,7 @@ import pytest
 
 from envgraph.errors import EvaluationError, InvalidArgument
 from envgraph.graph import Model
+from envgraph.match import ViewMatcher
 from envgraph.metamodel import Attribute, Class, Metamodel, Scalar
 from envgraph.pattern import (
     Body,
@@ -25,6 +26,7 @@ from envgraph.pattern import (
     Variable,
 )
 from envgraph.rewrite import Engine
+from tests.oracle.naive._naive import NaiveMatcher
 
 METAMODEL = Metamodel("lamps", [Class("Lamp", features=(Attribute("lit", Scalar.BOOL),))])
 
@@ -81,7 +83,7 @@ def test_what_is_no_name_or_function_is_refused_at_once(wrong: Any) -> None:
 
 
 @pytest.mark.parametrize("make", [copy.deepcopy, _pickled])
-@pytest.mark.parametrize("matcher", ["compiled", "naive"])
+@pytest.mark.parametrize("matcher", [ViewMatcher, NaiveMatcher])
 def test_a_copy_in_mid_run_goes_on_with_the_random_choices(make: Any, matcher: Any) -> None:
     one = Engine(engine().model, seed=7, matcher=matcher)
     one.add(*engine().definitions)

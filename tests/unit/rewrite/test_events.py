@@ -9,6 +9,7 @@ import pytest
 from envgraph.errors import EvaluationError, InvalidArgument, RuleError, TransactionError
 from envgraph.graph import Model, Node
 from envgraph.rewrite import Activation, Engine, Firing, Match
+from tests.oracle.naive._naive import NaiveMatcher
 from tests.unit.rewrite.graphs import METAMODEL, chain, definitions, engine, snapshot
 
 QUERIES = """
@@ -302,7 +303,7 @@ def test_wrong_registrations_are_refused(options: dict[str, object], message: st
 
 
 def test_the_naive_matcher_has_no_events() -> None:
-    made = Engine(chain(1), matcher="naive")
+    made = Engine(chain(1), matcher=NaiveMatcher)
     with pytest.raises(InvalidArgument, match="cannot watch"):
         made.on("done", appear="finish")
     made.settle()

@@ -12,6 +12,7 @@ from envgraph.errors import FunctionError, InvalidArgument, ResolutionError
 from envgraph.lang import TextFiles, from_text, load_workspace, to_text
 from envgraph.pattern import Expression, FunctionCall, Navigation, Variable
 from envgraph.rewrite import Engine
+from tests.oracle.naive._naive import NaiveMatcher
 from tests.unit.rewrite.graphs import chain, definitions
 
 ODD = Pattern("odd", "x : Item", "Item(x); check(isOdd(x.n))")
@@ -60,7 +61,7 @@ def test_a_function_is_called_once_for_each_candidate() -> None:
 
 
 def test_matchers_agree() -> None:
-    naive = Engine(chain(5), matcher="naive")
+    naive = Engine(chain(5), matcher=NaiveMatcher)
     naive.function("isOdd", is_odd)
     naive.add(ODD)
     assert [match.x.id for match in naive.matches("odd")] == [

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Literal
-
 import pytest
 
 from envgraph import Pattern, Rule, Unit
 from envgraph.errors import InvalidArgument, ResolutionError
 from envgraph.graph import Model
+from envgraph.match import Matcher, ViewMatcher
 from envgraph.pattern import Derivation
 from envgraph.rewrite import Engine
+from tests.oracle.naive._naive import NaiveMatcher
 from tests.unit.rewrite.graphs import chain, definitions, patterns
 
 SMALL = Pattern("small", "a : Item", "check a.n < 2; Item(a)")
@@ -21,7 +21,7 @@ ALL = Unit("everywhere", body="if find small(_) { all mark; } else { mark; }")
 TWICE = Unit("twice", body="everywhere; everywhere")
 
 
-def made(matcher: Literal["compiled", "naive"] = "compiled", model: Model | None = None) -> Engine:
+def made(matcher: type[Matcher] = ViewMatcher, model: Model | None = None) -> Engine:
     engine = Engine(chain(4) if model is None else model, matcher=matcher)
     engine.add(SMALL, NEAR, MARK, ALL, TWICE)
     return engine
@@ -131,10 +131,10 @@ def test_python_definitions_are_removed() -> None:
 # --- replacing
 
 
-@pytest.mark.parametrize(("matcher", "watched"), [("compiled", True), ("compiled", False), ("naive", False)])
-def test_what_uses_a_replaced_definition_goes_by_the_new_one(
-    matcher: Literal["compiled", "naive"], watched: bool
-) -> None:
+@pytest.mark.parametrize(
+    ("matcher", "watched"), [(ViewMatcher, True), (ViewMatcher, False), (NaiveMatcher, False)]
+)
+def test_what_uses_a_replaced_definition_goes_by_the_new_one(matcher: type[Matcher], watched: bool) -> None:
     engine = made(matcher)
     if watched:
         engine.watch("small", "near", "mark")

@@ -13,7 +13,20 @@ from typing import Any
 from envgraph.graph import Model
 from envgraph.match._aggregates import aggregate
 from envgraph.match._matcher import FREE, Matcher, Row, check_arguments, check_bound
-from envgraph.match.naive._naive_body import (
+from envgraph.metamodel import Attribute, AttributeType, Value, reached
+from envgraph.pattern import (
+    Closure,
+    Library,
+    ObjectType,
+    PathConstraint,
+    Pattern,
+    PatternCall,
+    Relation,
+    TypeConstraint,
+    holds,
+    value_of,
+)
+from tests.oracle.naive._naive_body import (
     Equal,
     FlatBody,
     Fold,
@@ -27,19 +40,6 @@ from envgraph.match.naive._naive_body import (
     flatten,
     mentioned,
     resolved,
-)
-from envgraph.metamodel import Attribute, AttributeType, Value, reached
-from envgraph.pattern import (
-    Closure,
-    Library,
-    ObjectType,
-    PathConstraint,
-    Pattern,
-    PatternCall,
-    Relation,
-    TypeConstraint,
-    holds,
-    value_of,
 )
 
 Environment = Mapping[str, Value]
