@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import field
 from enum import StrEnum
 
@@ -120,3 +120,25 @@ def sort_diagnostics(diagnostics: Iterable[Diagnostic]) -> list[Diagnostic]:
 def too_many_errors(span: Span | None, rest: str = "the rest of the file is not read") -> Diagnostic:
     """The last error where there are too many: what comes of it."""
     return Diagnostic("too-many-errors", f"too many mistakes: {rest}", span, "mend these first")
+
+
+def defined_twice(
+    named: Iterable[tuple[str, Span | None]],
+    message: str,
+    hint: str = "choose another name, or leave one out",
+    first: Mapping[str, Span | None] | None = None,
+) -> Iterator[Diagnostic]:
+    """Yield an error for each name that is defined again, with a note where it is defined first.
+
+    Args:
+        named: the names, each with its place, in the order of the file.
+        message, hint: the texts; `{}` in them becomes the name.
+        first: the places of names that other files define.
+    """
+    known = dict(first or {})
+    for name, span in named:
+        if name in known:
+            text, advice = (one.replace("{}", name) for one in (message, hint))
+            notes = (Note("the first definition is here", known[name]),)
+            yield Diagnostic("duplicate-definition", text, span, advice, notes=notes)
+        known.setdefault(name, span)

@@ -11,6 +11,7 @@ from envgraph.errors import (
     Diagnostic,
     Note,
     Span,
+    defined_twice,
     did_you_mean,
     name_hint,
     quoted,
@@ -75,18 +76,7 @@ def _problems(
 
 
 def _duplicates(named: Sequence[Class | EnumType | Feature], owner: str = "") -> Iterator[Diagnostic]:
-    first: dict[str, Span | None] = {}
-    for item in named:
-        if item.name in first:
-            yield Diagnostic(
-                "duplicate-definition",
-                f"`{owner}{item.name}` is defined twice",
-                item.span,
-                "choose another name, or leave one out",
-                notes=(Note("the first definition is here", first[item.name]),),
-            )
-        else:
-            first[item.name] = item.span
+    return defined_twice(((one.name, one.span) for one in named), f"`{owner}{{}}` is defined twice")
 
 
 def _check_names(classes: Sequence[Class], enums: Sequence[EnumType]) -> Iterator[Diagnostic]:
@@ -150,16 +140,8 @@ def _check_enum(enum: EnumType) -> Iterator[Diagnostic]:
             enum.span,
             "give it one or more",
         )
-    first: dict[str, int] = {}
-    for index, literal in enumerate(enum.literals):
-        if first.setdefault(literal, index) != index:
-            yield Diagnostic(
-                "duplicate-definition",
-                f"literal `{literal}` of `{enum.name}` is defined twice",
-                place(enum, f"literal {index}"),
-                "leave it out",
-                notes=(Note("the first definition is here", place(enum, f"literal {first[literal]}")),),
-            )
+    literals = ((one, place(enum, f"literal {index}")) for index, one in enumerate(enum.literals))
+    yield from defined_twice(literals, f"literal `{{}}` of `{enum.name}` is defined twice", "leave it out")
 
 
 def _check_supertypes(cls: Class, inherited: Above) -> Iterator[Diagnostic]:

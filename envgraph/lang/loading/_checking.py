@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
-from envgraph.errors import MOST_ERRORS, Diagnostic, Note, Severity, Span
+from envgraph.errors import MOST_ERRORS, Diagnostic, Severity, defined_twice
 from envgraph.graph import Model, Violation, check_conformance
 from envgraph.lang.loading._workspace import Workspace
 from envgraph.lang.read._model import ModelText
@@ -15,13 +13,11 @@ from envgraph.metamodel import Reference
 from envgraph.pattern import FunctionDeclaration
 from envgraph.rewrite import Engine
 
-if TYPE_CHECKING:  # loaded with the first environment
-    from envgraph.behaviour import Behaviour
-
 
 def check(workspace: Workspace) -> list[Diagnostic]:
     """Return what is wrong with patterns, rules, units, derivations and behaviours."""
-    problems = list(_same_names(workspace.behaviours, "environment"))
+    named = ((one.name, one.span) for one in workspace.behaviours)
+    problems = list(defined_twice(named, "environment `{}` is defined twice"))
     if workspace.registration is None or workspace.metamodel is None:
         return [*problems, *_no_metamodel(workspace)]
     problems += workspace.registration.problems
@@ -77,26 +73,6 @@ def _completion(violation: Violation, model: Model, start: str) -> str:
         inside = isinstance(feature, Reference) and feature.containment
         return f"add a tag `<{feature.name} ..>` inside" if inside else f'add `{feature.name}="..."`'
     return f"add `{feature.name} = {'[..]' if many else '..'}`"
-
-
-def _same_names(behaviours: Iterable[Behaviour], what: str) -> list[Diagnostic]:
-    first: dict[str, Span | None] = {}
-    problems = []
-    for behaviour in behaviours:
-        if behaviour.name in first:
-            notes = (Note("the first definition is here", first[behaviour.name]),)
-            message = f"{what} `{behaviour.name}` is defined twice"
-            problems.append(
-                Diagnostic(
-                    "duplicate-definition",
-                    message,
-                    behaviour.span,
-                    "choose another name, or leave one out",
-                    notes=notes,
-                )
-            )
-        first.setdefault(behaviour.name, behaviour.span)
-    return problems
 
 
 def _no_metamodel(workspace: Workspace) -> list[Diagnostic]:

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from itertools import zip_longest
 from typing import Final
 
-from envgraph.errors import Diagnostic, Note, Severity, Span, name_hint
+from envgraph.errors import Diagnostic, Note, Severity, Span, defined_twice, name_hint
 from envgraph.metamodel import SUPPRESS, Annotation, Metamodel
 from envgraph.pattern._queries import Body, Comparison, Negation, PathConstraint, Pattern
 from envgraph.pattern._types import static_type, type_hint
@@ -48,20 +48,9 @@ def too_long(body: Body) -> bool:
 
 def check_duplicates(patterns: Sequence[Pattern], known: Mapping[str, Pattern]) -> Iterator[Diagnostic]:
     """Patterns of one qualified name."""
-    first = dict(known)
-    for pattern in patterns:
-        name = pattern.qualified_name
-        if name in first:
-            note = Note("the first definition is here", first[name].span)
-            yield Diagnostic(
-                "duplicate-definition",
-                f"pattern `{name}` is defined twice",
-                pattern.span,
-                "choose another name, or leave one out",
-                notes=(note,),
-            )
-        else:
-            first[name] = pattern
+    named = ((one.qualified_name, one.span) for one in patterns)
+    first = {name: one.span for name, one in known.items()}
+    return defined_twice(named, "pattern `{}` is defined twice", first=first)
 
 
 def check_header(pattern: Pattern, metamodel: Metamodel) -> Iterator[Diagnostic]:

@@ -8,7 +8,16 @@ from itertools import chain, combinations, zip_longest
 from typing import Final
 
 from envgraph.code import dataclass
-from envgraph.errors import MOST_NESTED, Diagnostic, Note, Severity, Span, has_errors, name_hint, with_article
+from envgraph.errors import (
+    MOST_NESTED,
+    Diagnostic,
+    Severity,
+    Span,
+    defined_twice,
+    has_errors,
+    name_hint,
+    with_article,
+)
 from envgraph.metamodel import Metamodel
 from envgraph.pattern import (
     Aggregate,
@@ -263,21 +272,9 @@ def _check_names(rule: Rule) -> Iterable[Diagnostic]:
             hint = "a name that starts with `_` stands for anything, once"
             message = f"`{parameter.name}` cannot name a parameter"
             yield Diagnostic("bad-name", message, parameter.span, hint)
-    declared: dict[str, Span | None] = {}
-    for node in rule.left.nodes:
-        if node.type is None or not is_named(node.name):
-            continue
-        if node.name in declared:
-            notes = (Note("the first definition is here", declared[node.name]),)
-            message = f"`{node.name}` is declared twice"
-            yield Diagnostic(
-                "duplicate-definition",
-                message,
-                node.span,
-                f"choose another name; for the same object write `{node.name}` without a class",
-                notes=notes,
-            )
-        declared.setdefault(node.name, node.span)
+    named = ((one.name, one.span) for one in rule.left.nodes if one.type is not None and is_named(one.name))
+    hint = "choose another name; for the same object write `{}` without a class"
+    yield from defined_twice(named, "`{}` is declared twice", hint)
 
 
 def _check_types(rule: Rule, library: Library) -> Iterable[Diagnostic]:

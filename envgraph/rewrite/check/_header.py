@@ -8,7 +8,7 @@ from dataclasses import replace
 from math import isfinite
 from typing import Final
 
-from envgraph.errors import Diagnostic, Note, Severity, Span, name_hint
+from envgraph.errors import Diagnostic, Severity, Span, defined_twice, name_hint
 from envgraph.metamodel import SUPPRESS, Annotation
 from envgraph.pattern import Parameter
 
@@ -40,15 +40,8 @@ def annotation_span(annotations: Sequence[Annotation], name: str) -> Span | None
 
 def duplicate_parameters(parameters: Sequence[Parameter]) -> Iterable[Diagnostic]:
     """Two parameters of one name."""
-    first: dict[str, Span | None] = {}
-    for parameter in parameters:
-        if parameter.name in first:
-            notes = (Note("the first definition is here", first[parameter.name]),)
-            message = f"parameter `{parameter.name}` is declared twice"
-            yield Diagnostic(
-                "duplicate-definition", message, parameter.span, "choose another name", notes=notes
-            )
-        first.setdefault(parameter.name, parameter.span)
+    named = ((one.name, one.span) for one in parameters)
+    return defined_twice(named, "parameter `{}` is declared twice", "choose another name")
 
 
 def plain(problem: Diagnostic) -> Diagnostic:
