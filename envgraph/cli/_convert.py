@@ -18,7 +18,7 @@ from envgraph.metamodel import metamodel_to_ecore
 _FORMATS = (".ecore", ".model", ".xmi", ".json")
 _WRITTEN = _FORMATS[1:]
 """Formats of models."""
-_LOST = {".ecore": ("left-out", "unique", "read-as-string", "generic-type")}
+_LOST = {".ecore": ("left-out", "generic-type")}
 """Codes of the warnings that say what is lost of a metamodel."""
 _LOST_VALUES = ("values-left-out",)
 """Of a model."""

@@ -3,7 +3,7 @@
 from envgraph.errors import LARGEST_INT, shorten
 from envgraph.metamodel._check import check_classes
 from envgraph.metamodel._diagram import class_colours
-from envgraph.metamodel._ecore import metamodel_to_ecore, xml_text, xml_value
+from envgraph.metamodel._ecore import metamodel_to_ecore, plain_parts, xml_text, xml_value
 from envgraph.metamodel._features import (
     SUPPRESS,
     Annotation,
@@ -54,6 +54,7 @@ __all__ = [
     "metamodel_to_ecore",
     "parse_value",
     "place",
+    "plain_parts",
     "reached",
     "shortest_way",
     "simple_name",

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from itertools import pairwise
 
 from envgraph.errors import visible
 from envgraph.metamodel._features import (
+    Annotation,
     Attribute,
     Class,
     EnumType,
@@ -29,6 +31,7 @@ _TYPES: Mapping[Scalar, str] = {
     Scalar.BOOL: "EBoolean",
     Scalar.STRING: "EString",
 }
+_GENMODEL = "http://www.eclipse.org/emf/2002/GenModel"
 _NAMELESS = {code: visible(chr(code)) for code in (*range(32), 0xFFFE, 0xFFFF)}
 _ESCAPES = _NAMELESS | str.maketrans(
     {"&": "&amp;", "<": "&lt;", ">": "&gt;", '"': "&quot;", "\n": "&#10;", "\r": "&#13;", "\t": "&#9;"}
@@ -41,9 +44,9 @@ def metamodel_to_ecore(metamodel: Metamodel) -> str:
     """The text of an `.ecore` file, the same for the same metamodel.
 
     `envgraph.open` and `load_workspace` read it back. An attribute of type `int` becomes an `ELong`, and `float` an
-    `EDouble`. What Ecore has no word for (`@key`, `@glyph`, `@frozen`) stands in annotations with the source
-    "envgraph", which other tools skip. A metamodel without a uri gets its name for one. The classes of Ecore itself
-    are named, and not written.
+    `EDouble`, unless `@ecore(eType = "EInt")` names another type. What Ecore has no word for (`@key`, `@glyph`,
+    `@frozen`) is written as annotations with the source "envgraph", which other tools skip. A metamodel without a uri
+    gets its name for one. The classes of Ecore itself are named, and not written.
 
     >>> text = metamodel_to_ecore(Metamodel("house", [Class("Room")], uri="http://house"))
     >>> print(text.splitlines()[2])
@@ -59,12 +62,24 @@ def _package(metamodel: Metamodel, package: Package, indent: str) -> Iterator[st
     parts = _written({"name": name, "nsURI": package.uri, "nsPrefix": package.prefix})
     tag = "eSubpackages" if package.path else "ecore:EPackage"
     yield f"{indent}<{tag} {parts}>" if package.path else f"<{tag} {_HEAD} {parts}>"
+    notes = package.annotations
+    starts = [place for place, one in enumerate(notes) if one.name == "datatype"] + [len(notes)]
+    yield from _annotations(None, notes[: starts[0]], indent + "  ")
     for cls in metamodel.class_list:
         if cls.package == package.path:
             yield from _class(metamodel, cls, indent + "  ")
     for enum in metamodel.enum_types:
         if enum.package == package.path:
             yield from _enum(enum, indent + "  ")
+    for start, end in pairwise(starts):
+        head = {
+            "xsi:type": "ecore:EDataType",
+            "name": str(notes[start].arguments[0]),
+            **_named(notes[start:end]),
+        }
+        yield from _tag(
+            "eClassifiers", head, [*_annotations(None, notes[start:end], indent + "    ")], indent + "  "
+        )
     for inner in metamodel.packages[1:]:
         if inner.path.rpartition(".")[0] == package.path and inner.uri != ECORE:
             yield from _package(metamodel, inner, indent + "  ")
@@ -73,7 +88,7 @@ def _package(metamodel: Metamodel, package: Package, indent: str) -> Iterator[st
 
 def _enum(enum: EnumType, indent: str) -> Iterator[str]:
     labels, numbers = enum.labels or enum.literals, enum.numbers or range(len(enum.literals))
-    inside = [*_documented(enum.doc, indent + "  ")]
+    inside = [*_annotations(enum.doc, enum.annotations, indent + "  ")]
     for literal, label, number in zip(enum.literals, labels, numbers, strict=True):
         parts = {
             "name": literal,
@@ -81,9 +96,8 @@ def _enum(enum: EnumType, indent: str) -> Iterator[str]:
             "literal": None if label == literal else label,
         }
         inside.append(f"{indent}  <eLiterals {_written(parts)}/>")
-    yield from _tag(
-        "eClassifiers", {"xsi:type": "ecore:EEnum", "name": simple_name(enum.name)}, inside, indent
-    )
+    head = {"xsi:type": "ecore:EEnum", "name": simple_name(enum.name), **_named(enum.annotations)}
+    yield from _tag("eClassifiers", head, inside, indent)
 
 
 def _class(metamodel: Metamodel, cls: Class, indent: str) -> Iterator[str]:
@@ -92,15 +106,20 @@ def _class(metamodel: Metamodel, cls: Class, indent: str) -> Iterator[str]:
         "name": simple_name(cls.name),
         "abstract": "true" if cls.abstract else None,
         "eSuperTypes": " ".join(_path(metamodel, above) for above in cls.supertypes) or None,
+        **_named(cls.annotations),
     }
-    inside = [*_documented(cls.doc, indent + "  "), *_marks(cls, indent + "  ")]
+    inside = [*_annotations(cls.doc, cls.annotations, indent + "  "), *_marks(cls, indent + "  ")]
     for feature in cls.features:
         inside.extend(_feature(metamodel, feature, indent + "  "))
     yield from _tag("eClassifiers", parts, inside, indent)
 
 
 def _marks(owner: Class | Feature, indent: str) -> Iterator[str]:
-    details = {one.name: " ".join(map(str, one.arguments)) for one in owner.annotations}
+    details = {
+        one.name: " ".join([*map(str, one.arguments), *(f"{key}={value}" for key, value in one.named)])
+        for one in owner.annotations
+        if one.name not in ("ecore", "annotation")
+    }
     if isinstance(owner, Class):
         identifiers = tuple(f.name for f in owner.features if isinstance(f, Attribute) and f.identifier)
         if owner.key and owner.key != identifiers:
@@ -110,59 +129,82 @@ def _marks(owner: Class | Feature, indent: str) -> Iterator[str]:
         if owner.frozen:
             details["frozen"] = ""
     if details:
-        yield from _annotation("envgraph", details, indent)
+        yield from _annotation("envgraph", details.items(), indent)
 
 
-def _documented(doc: str | None, indent: str) -> Iterator[str]:
-    if doc:
-        yield from _annotation("http://www.eclipse.org/emf/2002/GenModel", {"documentation": doc}, indent)
+def _annotations(doc: str | None, annotations: Iterable[Annotation], indent: str) -> Iterator[str]:
+    """Write the documentation and the annotations that are meant for other tools."""
+    documented = [("documentation", doc)] if doc else []
+    for one in annotations:
+        if one.name != "annotation":
+            continue
+        source, *rest = map(str, one.arguments)
+        pairs = (*zip(rest[::2], rest[1::2], strict=True), *one.named)
+        details = [(key, str(value)) for key, value in pairs]
+        if source == _GENMODEL:
+            details, documented = [*documented, *details], []
+        yield from _annotation(source, details, indent)
+    if documented:
+        yield from _annotation(_GENMODEL, documented, indent)
 
 
-def _annotation(source: str, details: Mapping[str, str], indent: str) -> Iterator[str]:
-    inside = [
-        f"{indent}  <details {_written({'key': key, 'value': value})}/>" for key, value in details.items()
-    ]
+def _annotation(source: str, details: Iterable[tuple[str, str]], indent: str) -> Iterator[str]:
+    inside = [f"{indent}  <details {_written({'key': key, 'value': value})}/>" for key, value in details]
     yield from _tag("eAnnotations", {"source": source}, inside, indent)
 
 
 def _feature(metamodel: Metamodel, feature: Feature, indent: str) -> Iterator[str]:
-    parts = (
-        _attribute(metamodel, feature) if isinstance(feature, Attribute) else _reference(metamodel, feature)
-    )
-    inside = [*_documented(feature.doc, indent + "  "), *_marks(feature, indent + "  ")]
+    parts = {"name": feature.name, **plain_parts(feature), **_named(feature.annotations)}
+    if isinstance(feature, Reference):
+        parts = {
+            "xsi:type": "ecore:EReference",
+            **parts,
+            **_references(metamodel, feature, parts.get("eKeys")),
+        }
+    else:
+        enum = _path(metamodel, feature.type.name) if isinstance(feature.type, EnumType) else ""
+        found = parts["eType"] or enum
+        found = found if "#" in found else f"{ECORE}#//{found}"
+        parts["eType"] = found if found.startswith("#") else f"ecore:EDataType {found}"
+        parts = {"xsi:type": "ecore:EAttribute", **parts}
+    inside = [*_annotations(feature.doc, feature.annotations, indent + "  "), *_marks(feature, indent + "  ")]
     yield from _tag("eStructuralFeatures", parts, inside, indent)
 
 
-def _attribute(metamodel: Metamodel, attribute: Attribute) -> Parts:
-    type_ = attribute.type
-    if isinstance(type_, EnumType):
-        shown = _path(metamodel, type_.name)
-    else:
-        shown = f"ecore:EDataType {ECORE}#//{_TYPES[type_]}"
-        if attribute.optional and not attribute.many and type_ is not Scalar.STRING:
-            shown = f"ecore:EDataType {ECORE}#//{_TYPES[type_]}Object"
-    return {
-        "xsi:type": "ecore:EAttribute",
-        "name": attribute.name,
-        "unique": "false" if attribute.many and not attribute.unique else None,
-        "lowerBound": None if attribute.optional else str(attribute.lower),
-        "upperBound": None if attribute.upper == 1 else str(attribute.upper or -1),
-        "eType": shown,
-        "defaultValueLiteral": None if attribute.default is None else xml_value(attribute, attribute.default),
-        "iD": "true" if attribute.identifier else None,
+def plain_parts(feature: Feature) -> dict[str, str | None]:
+    """Return the XML attributes of a feature as far as they name no class and no feature, and `@ecore` is not asked."""
+    parts = {
+        "lowerBound": str(feature.lower) if feature.lower else None,
+        "upperBound": None if feature.upper == 1 else str(feature.upper or -1),
+    }
+    if isinstance(feature, Reference):
+        return parts | {"containment": "true" if feature.containment else None}
+    # A number has always a value in Ecore too, whatever its lower bound.
+    if not feature.many and (feature.type is not Scalar.STRING or feature.default is not None):
+        parts["lowerBound"] = None
+    boxed = feature.optional and not feature.many and feature.type is not Scalar.STRING
+    return parts | {
+        "unique": "false" if feature.many and not feature.unique else None,
+        "eType": None if isinstance(feature.type, EnumType) else _TYPES[feature.type] + "Object" * boxed,
+        "defaultValueLiteral": None if feature.default is None else xml_value(feature, feature.default),
+        "iD": "true" if feature.identifier else None,
     }
 
 
-def _reference(metamodel: Metamodel, reference: Reference) -> Parts:
+def _named(annotations: Iterable[Annotation]) -> dict[str, str | None]:
+    """Return the XML attributes that `@ecore` and `@datatype` name."""
+    known = (one.named for one in annotations if one.name in ("ecore", "datatype"))
+    return {key: str(value) for named in known for key, value in named}
+
+
+def _references(metamodel: Metamodel, reference: Reference, keys: str | None) -> Parts:
     opposite, target = metamodel.opposite(reference), _path(metamodel, reference.target)
+    features = metamodel.features(reference.target)
+    found = [features[name] for name in (keys or "").split() if name in features]
     return {
-        "xsi:type": "ecore:EReference",
-        "name": reference.name,
-        "lowerBound": str(reference.lower) if reference.lower else None,
-        "upperBound": None if reference.upper == 1 else str(reference.upper or -1),
         "eType": target if target.startswith("#") else f"ecore:EClass {target}",
-        "containment": "true" if reference.containment else None,
         "eOpposite": f"{_path(metamodel, opposite.owner)}/{opposite.name}" if opposite else None,
+        "eKeys": " ".join(f"{_path(metamodel, one.owner)}/{one.name}" for one in found) or None,
     }
 
 

@@ -52,6 +52,7 @@ class EnumType:
     package: str = ""
     labels: tuple[str, ...] = ()
     numbers: tuple[int, ...] = ()
+    annotations: tuple[Annotation, ...] = ()
 
 
 AttributeType = Scalar | EnumType
@@ -62,6 +63,8 @@ class Annotation:
     """`@name(1, key = "v")`: positional values, then named ones in the order of the text.
 
     A value is a data value, or a tuple of names (`@key(y, x)`, `@hom(a, b)` give their names as positional `str`).
+    What only other tools use is kept in `@ecore(changeable = "false")`, with the names of Ecore, in
+    `@annotation("source", key = "value")` and in `@datatype("Money", instanceClassName = "java.math.BigDecimal")`.
 
     Attributes:
         places: "@" for the name, and where each of the `named` values stands, in their order and by their keys.
@@ -239,11 +242,13 @@ class Package:
         path: "" for the metamodel itself, "a.b" for a package `b` in a package `a` in it.
         uri: what files call it by.
         prefix: what files may shorten the uri to.
+        annotations: those of the package, then each `@datatype`, followed by the annotations of that type.
     """
 
     path: str
     uri: str
     prefix: str
+    annotations: tuple[Annotation, ...] = ()
 
 
 def simple_name(name: str) -> str:

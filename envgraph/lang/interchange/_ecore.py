@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from types import MappingProxyType
 
 from envgraph.errors import (
@@ -17,6 +18,7 @@ from envgraph.errors import (
     Source,
     Span,
     has_errors,
+    plural,
     sort_diagnostics,
 )
 from envgraph.lang.interchange._ecore_document import EcoreDocument, ecore_itself, without_values
@@ -28,15 +30,18 @@ from envgraph.lang.interchange._ecore_parts import (
     data_type_of,
     default_of,
     doc_of,
+    kept_of,
     marks_of,
     name_of,
+    notes_of,
     said,
 )
 from envgraph.lang.interchange._ecore_tags import Tags
-from envgraph.lang.read._ecore_types import ECORE
+from envgraph.lang.read._ecore_types import ECORE, ECORE_TYPES, XML_TYPES, library_types
 from envgraph.lang.read._metamodel import MetamodelFile
 from envgraph.lang.syntax._xml import Element
 from envgraph.metamodel import (
+    Annotation,
     Attribute,
     Class,
     EnumType,
@@ -44,6 +49,7 @@ from envgraph.metamodel import (
     Metamodel,
     Package,
     Reference,
+    plain_parts,
 )
 
 
@@ -75,6 +81,12 @@ def read_ecore(
         metamodel = _read_all(joint, readers)
     except Enough:
         stopped = True
+    for (noun, rest), spans in joint.dropped.items():
+        message, hint = (
+            f"left out: {plural(len(spans), noun)} {rest}",
+            "a written `.ecore` file will lack this",
+        )
+        readers[0].warn("left-out", message, spans[0], hint)
     # What is left out of a class is no gap: to name it is a mistake, of which the class knows the reason.
     lost = joint.lost - joint.left_out.keys()
     if stopped:
@@ -135,6 +147,11 @@ def _built(
     for path, one, reader in classifiers:
         if joint.kinds.get(one) == "EEnum":
             joint.enums[one] = reader.enum(path, one)
+        elif joint.kinds.get(one) == "EDataType":
+            home = f"#//{path.replace('.', '/')}/" if path else "#//"
+            joint.data_types[one] = (home if joint.owners[one].get("nsURI") != ECORE else "") + one.get(
+                "name"
+            )
     classes = [reader.cls(path, one) for path, one, reader in classifiers if joint.kinds.get(one) == "EClass"]
     for _, one, reader in classifiers:
         reader.check_instance(one)
@@ -180,7 +197,13 @@ class _Reader(Tags):
             self.warn("missing-uri", f"package `{name}` has no `nsURI`", where, "other files name it by that")
         if path:
             name_of(self, element, "package")
-        return Package(path, uri or path or name, prefix or name)
+        notes = [*notes_of(self, element, with_doc=True)]
+        for one in inside(element, "eClassifiers"):
+            if one in self.joint.data_types:
+                named = [pair for kept in kept_of(one, {}) for pair in kept.named]
+                notes.append(Annotation("datatype", (one.get("name"),), tuple(named)))
+                notes.extend(notes_of(self, one, with_doc=True))
+        return Package(path, uri or path or name, prefix or name, tuple(notes))
 
     # --- enums ---
 
@@ -203,6 +226,7 @@ class _Reader(Tags):
             package=path,
             labels=() if labels == literals else tuple(labels),
             numbers=() if tuple(numbers) == usual else tuple(numbers),
+            annotations=(*kept_of(element, {}), *notes_of(self, element)),
         )
 
     # --- classes ---
@@ -220,16 +244,18 @@ class _Reader(Tags):
         abstract = said(self, element, "abstract")
         marks = marks_of(self, element, features)
         self._check_class(element)
+        abstract = said(self, element, "interface") or abstract
+        kept = kept_of(element, {"abstract": "true" if abstract else None})
         return Class(
             called(self, element, "class"),
-            abstract=said(self, element, "interface") or abstract,
+            abstract=abstract,
             supertypes=tuple(supertypes),
             features=tuple(features),
             key=marks.key,
             glyph=marks.glyph,
             frozen=marks.frozen,
             doc=doc_of(element),
-            annotations=annotations_of(self, element),
+            annotations=(*annotations_of(self, element), *kept),
             span=self.named(element),
             places=(*places, *marks.places),
             package=path,
@@ -257,13 +283,8 @@ class _Reader(Tags):
             self._erase(
                 parameter, f"`{element.attributes.get('name', '')}` is read without its type parameters"
             )
-        operations = list(inside(element, "eOperations"))
-        if operations:
-            name = element.get("name")
-            number, verb = len(operations), "is" if len(operations) == 1 else "are"
-            message = f"{number} operation{'s' * (number > 1)} of `{name}` {verb} left out"
-            hint = "what they do is written as rules; nothing else is lost"
-            self.warn("left-out", message, self.places.tag(operations[0].byte), hint)
+        for one in inside(element, "eOperations"):
+            self.drop("operation", f"of `{element.get('name')}`", one)
 
     # --- features ---
 
@@ -282,11 +303,28 @@ class _Reader(Tags):
             return None
         errors = self.joint.errors
         found = self._attribute(element) if kind == "EAttribute" else self._reference(element)
+        if found is not None:
+            kept = kept_of(element, plain_parts(found), **self._kept_names(element, found))
+            found = replace(found, annotations=(*found.annotations, *kept))
         if found is None and self.joint.allow_unresolved and self.joint.errors == errors:
             self._leave_out(element, "its type is in a file that is nowhere")
         elif found is None:
             self.joint.lost.add(element.get("name"))
         return found
+
+    def _kept_names(self, element: Element, feature: Feature) -> dict[str, str]:
+        """Return what a written file names: the keys of a reference, or the data type of an attribute."""
+        if isinstance(feature, Reference):
+            keys = [one.element.get("name") for one in self._targets(element, "eKeys") if one.element]
+            return {"eKeys": " ".join(keys)} if keys else {}
+        for one in self.quietly(element, "eType", "eGenericType"):
+            if one.data is None:
+                named = self.joint.data_types.get(one.element) if one.element else None
+                return {"eType": named} if named else {}
+            document, _, path = one.span.text.rpartition("#")
+            own = library_types(document) is ECORE_TYPES
+            return {"eType": path.rpartition("/")[2] if own else f"{XML_TYPES}#{path}"}
+        return {}
 
     def _without_values(self, element: Element) -> str | None:
         """Why a feature holds nothing: see `without_values`; of a transient pair of opposites neither does."""

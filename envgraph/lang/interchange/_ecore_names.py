@@ -43,6 +43,8 @@ class Joint:
         names: what classes and enums are called in the metamodel.
         missing: files that are named and are not there, which has been reported.
         any_object: the class of Ecore that every class extends, where some class names it.
+        data_types: those of the files, with how a written file names each.
+        dropped: what nothing keeps, with the places of each kind.
     """
 
     diagnostics: list[Diagnostic] = field(default_factory=list)
@@ -56,6 +58,8 @@ class Joint:
     enums: dict[Element, EnumType] = field(default_factory=dict)
     missing: set[tuple[str, str]] = field(default_factory=set)
     any_object: Element | None = None
+    data_types: dict[Element, str] = field(default_factory=dict)
+    dropped: dict[tuple[str, str], list[Span]] = field(default_factory=dict)
     allow_unresolved: bool = False
     errors: int = 0
     warnings: int = 0
@@ -265,6 +269,10 @@ class Names:
         if self.joint.errors == MOST_ERRORS:
             self.joint.diagnostics.append(too_many_errors(where))
             raise Enough
+
+    def drop(self, noun: str, rest: str, element: Element) -> None:
+        """Note one of the things that nothing keeps; one warning counts all of a kind."""
+        self.joint.dropped.setdefault((noun, rest), []).append(self.places.tag(element.byte))
 
     def warn(self, code: str, message: str, where: Span, hint: str | None = None) -> None:
         if self.joint.quiet:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from functools import cache
 from typing import Any
@@ -18,6 +18,7 @@ from envgraph.metamodel import Annotation, Attribute, EnumType, Feature, Glyph, 
 
 _OWN = "envgraph"
 _GENMODEL = "http://www.eclipse.org/emf/2002/GenModel"
+_NAMING = ("xmlns", "name", "eType", "eSuperTypes", "eOpposite", "eKeys")
 
 
 def _details(element: Element) -> Iterator[tuple[Element, str, str]]:
@@ -54,12 +55,43 @@ def annotations_of(names: Names, element: Element) -> tuple[Annotation, ...]:
     found = []
     for one, name, value in _details(element):
         values: tuple[Value, ...] = tuple(value.split())
+        named: tuple[tuple[str, Value], ...] = ()
         if name == "glyph":
             values = (value[:1], *value[2:].split())
         elif name == "range":
-            values = tuple(map(_number, value.split()))
-        found.append(Annotation(name, values, span=names.at(one, "key")))
-    return tuple(found)
+            words = [word.partition("=") for word in value.split()]
+            values = tuple(_number(first) for first, mark, _ in words if not mark)
+            named = tuple((key, _number(text)) for key, mark, text in words if mark)
+        found.append(Annotation(name, values, named, span=names.at(one, "key")))
+    return (*found, *notes_of(names, element))
+
+
+def notes_of(names: Names, element: Element, *, with_doc: bool = False) -> Iterator[Annotation]:
+    """Yield what is for other tools as `@annotation("source", key = "value")`, documentation only if asked for."""
+    for one in inside(element, "eAnnotations"):
+        source = one.get("source")
+        if "references" in one.attributes:
+            names.drop("attribute", "`references` in annotations", one)
+        for part in (child for child in one.children if child.name != "details"):
+            names.drop("tag", f"`{part.name}` in annotations", part)
+        found = [(detail.get("key"), detail.get("value")) for detail in inside(one, "details")]
+        pairs = [pair for pair in found if with_doc or source != _GENMODEL or pair[0] != "documentation"]
+        if source != _OWN and (pairs or not found):
+            plain = all(key.isidentifier() for key, _ in pairs)
+            words = () if plain else tuple(word for pair in pairs for word in pair)
+            yield Annotation("annotation", (source, *words), tuple(pairs) if plain else ())
+
+
+def kept_of(element: Element, written: Mapping[str, str | None], **named: str) -> tuple[Annotation, ...]:
+    """Return `@ecore(..)` with the XML attributes that mean nothing here, beside the usual and the `written` ones."""
+    found: dict[str, str] = {}
+    for key in dict.fromkeys((*element.attributes, *written)):
+        usual = str(_said_by_ecore()[key][1]).lower() if key in _said_by_ecore() else None
+        text = element.attributes.get(key, usual)
+        if text is not None and text != (written.get(key) or usual) and ":" not in key and key not in _NAMING:
+            found[key] = text
+    found |= {key: text for key, text in named.items() if text != written.get(key)}
+    return (Annotation("ecore", named=tuple(sorted(found.items()))),) if found else ()
 
 
 def _number(text: str) -> Value:

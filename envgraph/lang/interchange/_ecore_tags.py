@@ -143,12 +143,16 @@ class Tags(Names):
         """Attributes and tags that Ecore does not know here are typing mistakes, and would be overlooked."""
         attributes, children = _known_parts(kind)
         for key in element.attributes:
+            if ":" in key and key.split(":")[0] not in ("xmlns", "xsi") and not key.endswith(":version"):
+                self.drop("attribute", f"`{key}` of other tools", element)
             if ":" not in key and key != "xmlns" and key not in attributes:
                 where = self.places.name_of(element.byte, key)
                 message = f"`{kind}` has no attribute `{key}`"
                 self.error("unknown-attribute", message, where, did_you_mean(key, attributes))
         for child in element.children:
-            if child.name not in (*children, "Extension"):
+            if child.name == "Extension" or kind == "EEnumLiteral":
+                self.drop("tag", f"`{child.name}` in `{kind}`", child)
+            elif child.name not in children:
                 message = f"`{kind}` has nothing called `{child.name}`"
                 hint = did_you_mean(child.name, children)
                 self.error("unknown-element", message, self.places.tag(child.byte), hint)

@@ -19,10 +19,9 @@ from envgraph.graph import Model, model_to_xmi
 from envgraph.lang.interchange._ecore import read_ecore
 from envgraph.lang.interchange._ecore_document import EcoreDocument, ecore_itself
 from envgraph.lang.interchange._xmi import read_xmi
-from envgraph.lang.read._ecore_types import ECORE
+from envgraph.lang.read._ecore_types import ECORE, XML_TYPES
 from envgraph.metamodel import Metamodel, metamodel_to_ecore
 
-_XML_TYPES = "http://www.eclipse.org/emf/2003/XMLType"
 _LISTED: Final = 5
 """So many losses are listed one by one."""
 _PLACE = re.compile(r"#/(\d+)/")
@@ -183,7 +182,7 @@ def _with_referenced(packages: Sequence[Any], ecore: Any) -> list[Any]:
     open_ = list(asked)
     while open_:
         root = open_.pop(0)
-        known = root.nsURI in (ECORE, _XML_TYPES)
+        known = root.nsURI in (ECORE, XML_TYPES)
         if root in found or (known and root not in asked):
             continue
         found.append(root)

@@ -9,7 +9,7 @@ from envgraph.code import dataclass
 from envgraph.metamodel import LARGEST_INT, EnumType, Scalar, Value, parse_value
 
 ECORE = "http://www.eclipse.org/emf/2002/Ecore"
-_XML_TYPES = "http://www.eclipse.org/emf/2003/XMLType"
+XML_TYPES = "http://www.eclipse.org/emf/2003/XMLType"
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,7 +87,7 @@ _XML_SCHEMA.update((name, DataType(Scalar.STRING, True, False)) for name in _XML
 _OF_JAVA = {name: type_ for type_, names in _JAVA.items() for name in names.split()}
 _SOURCES = (
     (ECORE, "org.eclipse.emf.ecore/model/Ecore.ecore", ECORE_TYPES),
-    (_XML_TYPES, "org.eclipse.emf.ecore/model/XMLType.ecore", _XML_SCHEMA),
+    (XML_TYPES, "org.eclipse.emf.ecore/model/XMLType.ecore", _XML_SCHEMA),
 )
 
 
