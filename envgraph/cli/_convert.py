@@ -12,16 +12,15 @@ from envgraph.cli._output import print_line
 from envgraph.errors import InvalidArgument, did_you_mean
 from envgraph.files import replace_file
 from envgraph.graph import Model, model_to_json, model_to_xmi
-from envgraph.lang import Workspace, model_to_text
+from envgraph.lang import model_to_text
 from envgraph.metamodel import metamodel_to_ecore
 
 _FORMATS = (".ecore", ".model", ".xmi", ".json")
 _WRITTEN = _FORMATS[1:]
 """Formats of models."""
-_LOST = {".ecore": ("left-out", "generic-type")}
-"""Codes of the warnings that say what is lost of a metamodel."""
-_LOST_VALUES = ("values-left-out",)
-"""Of a model."""
+_LOST = {".ecore": ("left-out", "generic-type"), ".xmi": ("values-left-out",)}
+"""Codes of the warnings that say what such a file cannot have; of the other formats, `_LOST_VALUES`."""
+_LOST_VALUES = ("values-left-out", "values-rounded")
 
 
 def convert_file(file: str, output: Path, inputs: Inputs, *, lossy: bool) -> None:
@@ -32,7 +31,12 @@ def convert_file(file: str, output: Path, inputs: Inputs, *, lossy: bool) -> Non
     """
     check_format(output, _FORMATS)
     whole = output.suffix == ".ecore"
-    workspace = _metamodel(file, inputs) if whole else _model(file, inputs)
+    if not whole:
+        take(file, (*MODELS, "toml"), A_MODEL)
+    workspace = inputs.load(file, own=whole)
+    if not (workspace.metamodel if whole else workspace.models):
+        lacks = "is no metamodel, and imports none" if whole else "has no model"
+        raise InvalidArgument(f"`{file}` {lacks}")
     codes = _LOST.get(output.suffix, _LOST_VALUES)
     losses = sum(one.code in codes for one in workspace.diagnostics)
     if losses and not lossy:
@@ -43,15 +47,6 @@ def convert_file(file: str, output: Path, inputs: Inputs, *, lossy: bool) -> Non
     else:
         replace_file(output, model_text(workspace.model(), output))
     print_line(f"wrote {output}")
-
-
-def _model(file: str, inputs: Inputs) -> Workspace:
-    """The model of a file, or of a family."""
-    take(file, (*MODELS, "toml"), A_MODEL)
-    workspace = inputs.load(file)
-    if not workspace.models:
-        raise InvalidArgument(f"`{file}` has no model")
-    return workspace
 
 
 def check_format(output: Path, formats: Sequence[str] = _WRITTEN) -> None:
@@ -69,10 +64,3 @@ def model_text(model: Model, output: Path) -> str:
         files = sorted({cls.span.source.name for cls in model.metamodel.classes.values() if cls.span})
         return model_to_text(model, [Path(os.path.relpath(file, output.parent)).as_posix() for file in files])
     return json.dumps(model_to_json(model), ensure_ascii=False, indent=1) + "\n"
-
-
-def _metamodel(file: str, inputs: Inputs) -> Workspace:
-    workspace = inputs.load(file, own=True)
-    if workspace.metamodel is None:
-        raise InvalidArgument(f"`{file}` is no metamodel, and imports none")
-    return workspace

@@ -12,7 +12,11 @@ def reduced(model: Model) -> tuple[Callable[..., Model], tuple[object, ...], dic
     """Return what `copy` and `pickle` make a model from."""
     from envgraph.graph.interchange._json import model_from_json, model_to_json  # few programs need it
 
-    return model_from_json, (model_to_json(model), model.metamodel), {"places": model.places}
+    return (
+        model_from_json,
+        (model_to_json(model), model.metamodel),
+        {"places": model.places, "digits": model.digits},
+    )
 
 
 copyreg.pickle(Model, reduced)

@@ -47,12 +47,14 @@ class Model:
 
     Attributes:
         places: what a file calls objects that have no name, `tile[3,1]` in a grid; for `find_object`.
+        digits: how a file writes decimals, by object, index of the attribute, and value as a float.
     """
 
     def __init__(self, metamodel: Metamodel, name: str = "model") -> None:
         self.metamodel = metamodel
         self.name = name
         self.places: dict[str, int] = {}
+        self.digits: dict[tuple[int, int, Value], str] = {}
         self._titles: dict[int, str] = {}  # the same the other way round, made when it is asked for
         self.store = Store(metamodel)
         self._history = History(self, self.store)

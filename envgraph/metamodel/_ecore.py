@@ -31,6 +31,8 @@ _TYPES: Mapping[Scalar, str] = {
     Scalar.BOOL: "EBoolean",
     Scalar.STRING: "EString",
 }
+_NEVER_EMPTY = ("EInt", "ELong", "EShort", "EByte", "EDouble", "EFloat", "EBoolean")
+"""An attribute of these types has a value in Ecore, whatever its lower bound."""
 _GENMODEL = "http://www.eclipse.org/emf/2002/GenModel"
 _NAMELESS = {code: visible(chr(code)) for code in (*range(32), 0xFFFE, 0xFFFF)}
 _ESCAPES = _NAMELESS | str.maketrans(
@@ -154,7 +156,8 @@ def _annotation(source: str, details: Iterable[tuple[str, str]], indent: str) ->
 
 
 def _feature(metamodel: Metamodel, feature: Feature, indent: str) -> Iterator[str]:
-    parts = {"name": feature.name, **plain_parts(feature), **_named(feature.annotations)}
+    named = _named(feature.annotations)
+    parts = {"name": feature.name, **plain_parts(feature, named.get("eType")), **named}
     if isinstance(feature, Reference):
         parts = {
             "xsi:type": "ecore:EReference",
@@ -171,21 +174,26 @@ def _feature(metamodel: Metamodel, feature: Feature, indent: str) -> Iterator[st
     yield from _tag("eStructuralFeatures", parts, inside, indent)
 
 
-def plain_parts(feature: Feature) -> dict[str, str | None]:
-    """Return the XML attributes of a feature as far as they name no class and no feature, and `@ecore` is not asked."""
+def plain_parts(feature: Feature, type_name: str | None = None) -> dict[str, str | None]:
+    """Return the XML attributes of a feature as far as they name no class and no feature, and `@ecore` is not asked.
+
+    Args:
+        feature: an attribute or a reference.
+        type_name: the data type that `@ecore` names.
+    """
     parts = {
         "lowerBound": str(feature.lower) if feature.lower else None,
         "upperBound": None if feature.upper == 1 else str(feature.upper or -1),
     }
     if isinstance(feature, Reference):
         return parts | {"containment": "true" if feature.containment else None}
-    # A number has always a value in Ecore too, whatever its lower bound.
-    if not feature.many and (feature.type is not Scalar.STRING or feature.default is not None):
-        parts["lowerBound"] = None
     boxed = feature.optional and not feature.many and feature.type is not Scalar.STRING
+    own = None if isinstance(feature.type, EnumType) else _TYPES[feature.type] + "Object" * boxed
+    if not feature.many and (feature.default is not None or (type_name or own) in (None, *_NEVER_EMPTY)):
+        parts["lowerBound"] = None
     return parts | {
         "unique": "false" if feature.many and not feature.unique else None,
-        "eType": None if isinstance(feature.type, EnumType) else _TYPES[feature.type] + "Object" * boxed,
+        "eType": own,
         "defaultValueLiteral": None if feature.default is None else xml_value(feature, feature.default),
         "iD": "true" if feature.identifier else None,
     }

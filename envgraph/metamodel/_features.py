@@ -152,6 +152,13 @@ class Attribute(_Bounded):
         return float(self.default) if self.type is Scalar.FLOAT else self.default
 
     @property
+    def is_decimal(self) -> bool:
+        """Whether other tools know it as a number of any precision, by the type that `@ecore` names."""
+        named = dict(pair for one in self.annotations if one.name == "ecore" for pair in one.named)
+        name = str(named.get("eType", "EDouble")).rpartition("/")[2]
+        return self.type is Scalar.FLOAT and not name.removesuffix("Object").endswith(("Double", "Float"))
+
+    @property
     def range(self) -> tuple[int | float, int | float, int | float] | None:
         """Lowest and highest value and step, as `@range` says; None without it.
 

@@ -115,7 +115,7 @@ class _Writer:
         """Each value of the attributes with many, which stands in a tag of its own."""
         for attribute in self._attributes(node):
             for value in self.model.values(node, attribute) if attribute.many else ():
-                text = self._checked(xml_value(attribute, value), node)
+                text = self._checked(self._text(node, attribute, value), node)
                 yield attribute.name, xml_text(text)
 
     def _inside(self, node: int) -> Iterator[tuple[Reference, int]]:
@@ -134,12 +134,15 @@ class _Writer:
             if isinstance(feature, Attribute):
                 value = None if feature.many else model.value(node, feature)
                 if value is not None and value != usual_value(feature):
-                    written.append(f" {feature.name}={self._quoted(xml_value(feature, value), node)}")
+                    written.append(f" {feature.name}={self._quoted(self._text(node, feature, value), node)}")
             elif not feature.containment:
                 targets = " ".join(map(self._named, model.targets(node, feature)))
                 if targets:
                     written.append(f' {feature.name}="{targets}"')
         return "".join(written)
+
+    def _text(self, node: int, attribute: Attribute, value: Value) -> str:
+        return self.model.digits.get((node, attribute.index, value)) or xml_value(attribute, value)
 
     def _attributes(self, node: int) -> Iterator[Attribute]:
         return (one for one in self._features[self.model.class_of(node)] if isinstance(one, Attribute))

@@ -304,7 +304,8 @@ class _Reader(Tags):
         errors = self.joint.errors
         found = self._attribute(element) if kind == "EAttribute" else self._reference(element)
         if found is not None:
-            kept = kept_of(element, plain_parts(found), **self._kept_names(element, found))
+            named = self._kept_names(element, found)
+            kept = kept_of(element, plain_parts(found, named.get("eType")), **named)
             found = replace(found, annotations=(*found.annotations, *kept))
         if found is None and self.joint.allow_unresolved and self.joint.errors == errors:
             self._leave_out(element, "its type is in a file that is nowhere")
@@ -356,7 +357,7 @@ class _Reader(Tags):
         target = self._type(element, "attribute")
         lower, upper = bounds_of(self, element)
         name = name_of(self, element, "attribute")
-        data = data_type_of(self, target, name) if target else None
+        data = data_type_of(self, target) if target else None
         if data is None or target is None:
             return None
         many = upper != 1

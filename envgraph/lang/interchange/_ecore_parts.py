@@ -8,13 +8,14 @@ from contextlib import suppress
 from functools import cache
 from typing import Any
 
-from envgraph.errors import Span, did_you_mean, name_hint
+from envgraph.errors import did_you_mean, name_hint
 from envgraph.lang.interchange._ecore_document import ecore_itself
 from envgraph.lang.interchange._ecore_names import Names, Target, inside
 from envgraph.lang.read._ecore_types import ECORE_TYPES, DataType, java_type, too_large, value_of
 from envgraph.lang.read._metamodel import Marks
 from envgraph.lang.syntax._xml import Element
-from envgraph.metamodel import Annotation, Attribute, EnumType, Feature, Glyph, Scalar, Value
+from envgraph.metamodel import Annotation, Attribute, EnumType, Feature, Glyph, Scalar, Value, type_name
+from envgraph.pattern import value_hint
 
 _OWN = "envgraph"
 _GENMODEL = "http://www.eclipse.org/emf/2002/GenModel"
@@ -103,12 +104,9 @@ def _number(text: str) -> Value:
 
 def doc_of(element: Element) -> str | None:
     """The documentation, where EMF keeps it."""
-    for annotation in inside(element, "eAnnotations"):
-        if annotation.attributes.get("source") == _GENMODEL:
-            for one in inside(annotation, "details"):
-                if one.attributes.get("key") == "documentation":
-                    return one.attributes.get("value")
-    return None
+    notes = (one for one in inside(element, "eAnnotations") if one.get("source") == _GENMODEL)
+    details = (detail for one in notes for detail in inside(one, "details"))
+    return next((one.attributes.get("value") for one in details if one.get("key") == "documentation"), None)
 
 
 def name_of(names: Names, element: Element, what: str) -> str:
@@ -171,21 +169,17 @@ def default_of(names: Names, element: Element, name: str, type_: Scalar | EnumTy
         return None
     value = value_of(text, type_)
     if value is None:
-        wanted = type_.name if isinstance(type_, EnumType) else str(type_)
         words = type_.labels or type_.literals if isinstance(type_, EnumType) else ("true", "false")
         numeric = type_ in (Scalar.INT, Scalar.FLOAT)
-        hint = too_large(text, type_) if numeric else name_hint(text, words)
-        if numeric and hint is None:
-            hint = f"write {'a whole' if type_ is Scalar.INT else 'a'} number, or leave it out"
-        message = f"default of `{name}` is not of type `{wanted}`"
+        hint = too_large(text, type_) or value_hint(type_) if numeric else name_hint(text, words)
+        message = f"default of `{name}` is not of type `{type_name(type_)}`"
         names.error("wrong-type", message, names.at(element, "defaultValueLiteral"), hint)
     return value
 
 
-def data_type_of(names: Names, target: Target, name: str) -> DataType | None:
-    """The type of an attribute of this name, by what it leads to; None, reported, if it is none."""
+def data_type_of(names: Names, target: Target) -> DataType | None:
+    """The type of an attribute, by what it leads to; None, reported, if it is none."""
     if target.data is not None:
-        _check_exact(names, target.data, name, target.span)
         return target.data
     if target.element is None:
         return None
@@ -197,9 +191,7 @@ def data_type_of(names: Names, target: Target, name: str) -> DataType | None:
     type_name = target.element.get("name")
     if kind == "EDataType":
         java = target.element.attributes
-        data = java_type(java.get("instanceTypeName", java.get("instanceClassName", "")))
-        _check_exact(names, data, name, target.span)
-        return data
+        return java_type(java.get("instanceTypeName", java.get("instanceClassName", "")))
     if kind == "EClass":
         hint = 'write `xsi:type="ecore:EReference"`'
         names.error("wrong-type", f"`{type_name}` is a class, not a data type", target.span, hint)
@@ -207,9 +199,3 @@ def data_type_of(names: Names, target: Target, name: str) -> DataType | None:
         hint = 'name a data type or an enum, such as `eType="ecore:EDataType http://www.eclipse.org/emf/2002/Ecore#//EInt"`'
         names.error("wrong-type", f"`{type_name}` is no data type", target.span, hint)
     return None
-
-
-def _check_exact(names: Names, data: DataType, name: str, span: Span) -> None:
-    if not data.exact:
-        hint = "take `EInt`, `EDouble` or an enum for values to calculate with"
-        names.warn("read-as-string", f"values of `{name}` are read as strings", span, hint)

@@ -116,11 +116,11 @@ class Tags(Names):
         if key is None:
             wrong = next((one for one in element.attributes if one.endswith(":type")), None)
             if wrong:
-                where, prefix = self.places.name_of(element.byte, wrong), wrong.rpartition(":")[0]
-                message, hint = (
-                    f"the prefix `{prefix}` is not declared",
+                where, hint = (
+                    self.places.name_of(element.byte, wrong),
                     f'write `xmlns:xsi="{XSI}"` in the first tag',
                 )
+                message = f"the prefix `{wrong.rpartition(':')[0]}` is not declared"
                 self.error("unknown-prefix", message, where, hint)
                 return None
             hint = f'write `xsi:type="ecore:{known[0]}"`'
@@ -150,7 +150,7 @@ class Tags(Names):
                 message = f"`{kind}` has no attribute `{key}`"
                 self.error("unknown-attribute", message, where, did_you_mean(key, attributes))
         for child in element.children:
-            if child.name == "Extension" or kind == "EEnumLiteral":
+            if child.name == "Extension" or (kind, child.name) == ("EEnumLiteral", "eAnnotations"):
                 self.drop("tag", f"`{child.name}` in `{kind}`", child)
             elif child.name not in children:
                 message = f"`{kind}` has nothing called `{child.name}`"

@@ -70,20 +70,20 @@ class Reading:
         self._tables: dict[str, Table] = {}
         self.packages = {package.uri: package for package in self.metamodel.packages}
         self.foreign: set[str] = set()
-        self._omitted: dict[tuple[str, str], tuple[int, Span]] = {}
+        self._omitted: dict[tuple[str, str, str, str], tuple[int, Span]] = {}
 
-    def omit(self, cls: str, feature: str, span: Span) -> None:
-        """Notes a value of a feature that the metamodel has left out."""
-        count, first = self._omitted.get((cls, feature), (0, span))
-        self._omitted[cls, feature] = count + 1, first
+    def omit(
+        self, noun: str, rest: str, span: Span, hint: str = "no class has this", said: str = "left out"
+    ) -> None:
+        """Note one of the things that the model does not have, or has in another way."""
+        count, first = self._omitted.get((said, noun, rest, hint), (0, span))
+        self._omitted[said, noun, rest, hint] = count + 1, first
 
     def omissions(self) -> Iterator[Diagnostic]:
-        """A warning for each feature whose values are passed over, at the first of them."""
-        for (cls, feature), (count, span) in self._omitted.items():
-            verb = "is" if count == 1 else "are"
-            message = f"{plural(count, 'value')} of `{cls}.{feature}` {verb} left out"
-            hint = f"the feature is not there: {self.metamodel.left_out(cls, feature)}"
-            yield Diagnostic("values-left-out", message, span, hint, Severity.WARNING)
+        """Yield a warning for each kind of things that are left out or rounded, at the first of them."""
+        for (said, noun, rest, hint), (count, span) in self._omitted.items():
+            code = f"values-{said.replace(' ', '-')}"
+            yield Diagnostic(code, f"{said}: {plural(count, noun)} {rest}", span, hint, Severity.WARNING)
 
     def table(self, cls: str) -> Table:
         """Return what a class says about its tags; worked out for the classes that a file has, and no others."""

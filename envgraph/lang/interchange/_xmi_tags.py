@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import field
+from decimal import Decimal
 from functools import partial
 
 from envgraph.code import dataclass
@@ -14,6 +15,10 @@ from envgraph.lang.read._ecore_types import too_large, value_of
 from envgraph.lang.read._features import allowed_values, unknown_literal
 from envgraph.lang.syntax._xml import XMI, XSI, Reader, Stop
 from envgraph.metamodel import Attribute, EnumType, Reference, Scalar, Value, type_name
+from envgraph.pattern import value_hint
+
+_OF_XMI = ("version", "type", "schemaLocation")
+_FOREIGN = "of other tools"
 
 
 @dataclass(slots=True)
@@ -139,7 +144,8 @@ class TagReader:
             return
         self._top = True
         if prefix and self._spaces.is_space(prefix):
-            self._skipped = 1  # what other tools note
+            self._skipped = 1
+            self._reading.omit("tag", f"`{tag}` {_FOREIGN}", self._document.places.tag(at))
             return
         cls = self._spaces.class_named(tag, at, None)
         if cls is None:
@@ -215,14 +221,17 @@ class TagReader:
         self._skipped = 1
         prefix = tag.rpartition(":")[0]
         if prefix and self._spaces.is_space(prefix):
+            self._reading.omit("tag", f"`{tag}` {_FOREIGN}", self._document.places.tag(at))
             return
         known = [*table.references, *table.attributes]
         self._unknown_feature(table, tag, self._document.places.tag(at), known)
 
     def _unknown_feature(self, table: Table, name: str, span: Span, known: Sequence[str]) -> None:
-        if self._reading.metamodel.left_out(table.name, name):
-            self._reading.omit(table.name, name, span)
-        if name in self._reading.lost or self._reading.metamodel.left_out(table.name, name):
+        reason = self._reading.metamodel.left_out(table.name, name)
+        if reason:
+            why = f"the feature is not there: {reason}"
+            self._reading.omit("value", f"of `{table.name}.{name}`", span, why)
+        if name in self._reading.lost or reason:
             return
         hint = did_you_mean(name, known)
         if hint is None:
@@ -274,10 +283,10 @@ class TagReader:
             return self._document.places.attribute(at, attribute.name)
 
         if attribute.many:
-            found = [self._value(attribute, one, span) for one in text.split()]
+            found = [self._value(node, attribute, one, span) for one in text.split()]
             self._set_many(node, attribute, [(one, span) for one in found if one is not None])
             return
-        value = self._value(attribute, text, span)
+        value = self._value(node, attribute, text, span)
         if value is not None:
             self._model.set_value(node, attribute, value)
 
@@ -289,24 +298,25 @@ class TagReader:
         values = allowed_values(attribute, found, self._document.report, mark=mark, kept=kept)
         self._model.set_value(node, attribute, values)
 
-    def _value(self, attribute: Attribute, text: str, where: Callable[[], Span]) -> Value | None:
+    def _value(self, node: int, attribute: Attribute, text: str, where: Callable[[], Span]) -> Value | None:
         """The value of a text; None if it is none of the attribute's type, which is reported."""
         value = value_of(text, attribute.type)
         if value is not None:
+            if isinstance(value, float) and repr(value) != text and attribute.is_decimal:
+                kept = self._model.digits.setdefault((node, attribute.index, value), text)
+                if Decimal(text) != Decimal(repr(value)):
+                    why = "a float has 64 bits; only a written `.xmi` file has all digits of each value"
+                    said = "rounded" if kept == text else "left out"
+                    self._reading.omit("value", f"of `{attribute}`", where(), why, said)
             return value
-        type_, hint = attribute.type, too_large(text, attribute.type)
-        span = where()
+        type_, span = attribute.type, where()
         if isinstance(type_, EnumType):
             names = type_.labels or type_.literals
             unknown_literal(type_, short(text), names, self._document.report, span)
             return None
         message = f"`{attribute}` takes {with_article(type_name(type_))}, not `{short(text)}`"
-        if hint is None and type_ in (Scalar.INT, Scalar.FLOAT):
-            hint = (
-                f"write {'a whole number, such as `3`' if type_ is Scalar.INT else 'a number, such as `2.5`'}"
-            )
-        if type_name(type_) == "bool":
-            hint = did_you_mean(text, ("true", "false")) or "write `true` or `false`"
+        like = did_you_mean(text, ("true", "false")) if type_ is Scalar.BOOL else None
+        hint = like or too_large(text, type_) or value_hint(type_)
         self._document.report("wrong-type", message, span, hint)
         return None
 
@@ -322,7 +332,9 @@ class TagReader:
                 )
                 span = self._document.places.name_of(at, key)
                 self._document.report("unknown-prefix", f"the prefix `{prefix}` is not declared", span, hint)
-            return  # what other tools note
+            elif simple not in _OF_XMI and prefix not in ("xmlns", "xml"):
+                self._reading.omit("attribute", f"`{key}` {_FOREIGN}", self._document.places.name_of(at, key))
+            return
         known = [*table.attributes, *table.references]
         self._unknown_feature(table, simple, self._document.places.name_of(at, key), known)
 
@@ -331,7 +343,7 @@ class TagReader:
         at = self._xml.at
         # Positions of texts are not kept: the tag that ends it stands for the value.
         attribute = frame.attribute
-        value = self._value(attribute, "".join(frame.text), lambda: self._document.places.tag(at))
+        value = self._value(frame.node, attribute, "".join(frame.text), lambda: self._document.places.tag(at))
         if value is not None and attribute.many:
             self._stack[-1].values.setdefault(attribute.name, []).append((value, at))
         elif value is not None:

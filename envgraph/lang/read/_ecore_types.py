@@ -19,12 +19,10 @@ class DataType:
     Attributes:
         type: what its values are read as.
         nullable: whether a fresh object has no value, where Ecore names no default.
-        exact: whether nothing is lost by reading it so.
     """
 
     type: Scalar | EnumType
     nullable: bool = False
-    exact: bool = True
 
 
 _WORDS: Mapping[Scalar, str] = {
@@ -36,12 +34,9 @@ _NULLABLE: Mapping[Scalar, str] = {
     Scalar.INT: "EIntegerObject ELongObject EShortObject EByteObject EBigInteger",
     Scalar.FLOAT: "EDoubleObject EFloatObject EBigDecimal",
     Scalar.BOOL: "EBooleanObject",
-    Scalar.STRING: "EString EChar ECharacterObject",
+    Scalar.STRING: "EString EChar ECharacterObject EDate EByteArray EJavaClass EJavaObject EEList EMap ETreeIterator "
+    "EResource EResourceSet EEnumerator EDiagnosticChain EInvocationTargetException",
 }
-_AS_TEXT = (
-    "EDate EByteArray EJavaClass EJavaObject EEList EMap ETreeIterator EResource EResourceSet EEnumerator "
-    "EDiagnosticChain EInvocationTargetException"
-)
 FEATURE_MAP = "EFeatureMapEntry"
 
 _XML: Mapping[Scalar, str] = {
@@ -49,13 +44,10 @@ _XML: Mapping[Scalar, str] = {
     "NonPositiveInteger PositiveInteger NegativeInteger",
     Scalar.FLOAT: "Double Float Decimal",
     Scalar.BOOL: "Boolean",
-    Scalar.STRING: "String NormalizedString Token NCName Name ID IDREF QName AnyURI Language NMTOKEN",
+    Scalar.STRING: "String NormalizedString Token NCName Name ID IDREF QName AnyURI Language NMTOKEN AnySimpleType "
+    "Date DateTime Time Duration GDay GMonth GMonthDay GYear GYearMonth Base64Binary HexBinary ENTITY ENTITIES IDREFS "
+    "NMTOKENS NOTATION",
 }
-
-_XML_AS_TEXT = (
-    "AnySimpleType Date DateTime Time Duration GDay GMonth GMonthDay GYear GYearMonth Base64Binary HexBinary ENTITY "
-    "ENTITIES IDREFS NMTOKENS NOTATION"
-)
 
 _JAVA: Mapping[Scalar, str] = {
     Scalar.INT: "int long short byte java.lang.Integer java.lang.Long java.lang.Short java.lang.Byte "
@@ -70,7 +62,6 @@ def _table() -> dict[str, DataType]:
     found = {name: DataType(type_) for type_, names in _WORDS.items() for name in names.split()}
     for type_, names in _NULLABLE.items():
         found.update((name, DataType(type_, True)) for name in names.split())
-    found.update((name, DataType(Scalar.STRING, True, False)) for name in _AS_TEXT.split())
     return found
 
 
@@ -83,7 +74,6 @@ _XML_SCHEMA = {
 _XML_SCHEMA.update(
     {f"{name}Object": DataType(one.type, True) for name, one in _XML_SCHEMA.items() if not one.nullable}
 )
-_XML_SCHEMA.update((name, DataType(Scalar.STRING, True, False)) for name in _XML_AS_TEXT.split())
 _OF_JAVA = {name: type_ for type_, names in _JAVA.items() for name in names.split()}
 _SOURCES = (
     (ECORE, "org.eclipse.emf.ecore/model/Ecore.ecore", ECORE_TYPES),
@@ -101,9 +91,7 @@ def library_types(document: str) -> Mapping[str, DataType] | None:
 
 def java_type(name: str) -> DataType:
     """Return what values of a Java class or primitive are read as; those of an unknown one as strings."""
-    found = _OF_JAVA.get(name)
-    if found is None:
-        return DataType(Scalar.STRING, True, False)
+    found = _OF_JAVA.get(name, Scalar.STRING)
     return DataType(found, "." in name or found is Scalar.STRING)
 
 

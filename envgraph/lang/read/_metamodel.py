@@ -30,6 +30,7 @@ from envgraph.metamodel import (
     Feature,
     Glyph,
     Metamodel,
+    Package,
     Places,
     Reference,
     Scalar,
@@ -39,7 +40,17 @@ from envgraph.metamodel import (
 )
 from envgraph.pattern import data_type_hint
 
-_REFERENCE_ANNOTATIONS = ("derived", "frozen")
+_FOREIGN = {
+    "annotation": 'write `@annotation("source", key = "value")`',
+    "ecore": 'write `@ecore(changeable = "false")`',
+    "datatype": 'write `@datatype("Money", instanceClassName = "java.math.BigDecimal")`',
+}
+"""What is kept for other tools, with how it is written."""
+_ECORE = (
+    "changeable volatile transient unsettable ordered resolveProxies eKeys eType lowerBound upperBound unique "
+    "defaultValueLiteral interface abstract instanceClassName instanceTypeName serializable"
+)
+_REFERENCE_ANNOTATIONS = ("derived", "frozen", "annotation", "ecore")
 _ATTRIBUTE_ANNOTATIONS = (*_REFERENCE_ANNOTATIONS, "range", "glyph", "colour", "nonunique")
 _PLACES = {
     "key": "classes",
@@ -49,6 +60,7 @@ _PLACES = {
     "frozen": "classes and features",
     "range": "attributes",
     "nonunique": "attributes",
+    "datatype": "the header",
 }
 
 
@@ -97,6 +109,9 @@ class _Reader(Reading):
             return None
         definitions = trees(self.parsed.tree.children)
         name, uri = self._header(definitions)
+        notes = [
+            one for header in trees(definitions, "header") for one in self._annotations(header, _FOREIGN)
+        ]
         enums = [self._enum(tree) for tree in trees(definitions, "enum")]
         self._enums = {enum.name: enum for enum in reversed(enums)}
         class_trees = trees(definitions, "class")
@@ -106,7 +121,8 @@ class _Reader(Reading):
             self.diagnostics += check_classes(classes, enums, self.all_lost())
             return None
         try:
-            return Metamodel(name, classes, enums, uri)
+            package = Package("", uri or name, name, tuple(notes))
+            return Metamodel(name, classes, enums, uri, (package,))
         except ResolutionError as error:
             self.diagnostics.extend(error.diagnostics)
             return None
@@ -132,7 +148,6 @@ class _Reader(Reading):
         if headers[0] is not definitions[0]:
             hint, message = "move this line to the top", "the name of the metamodel comes first"
             self.error("misplaced-header", message, tokens(headers[0].children)[0], hint)
-        self._annotations(headers[0], ())
         name, uri = tokens(headers[0].children, "NAME", "STRING")[0], tokens(headers[0].children, "STRING")
         self.place = self.span(name)
         following = self.parsed.source.text[self.place.end :].split(maxsplit=1)
@@ -141,7 +156,6 @@ class _Reader(Reading):
         return str(name), str(uri[0]) if uri else None
 
     def _enum(self, tree: Tree[Token]) -> EnumType:
-        self._annotations(tree, ())
         name = tokens(tree.children, "NAME")[0]
         literals = [tokens(literal.children)[0] for literal in trees(tree.children, "literal")]
         return EnumType(
@@ -150,6 +164,7 @@ class _Reader(Reading):
             doc=self.parsed.doc(tree),
             span=self.span(name),
             places=tuple((f"literal {i}", self.span(literal)) for i, literal in enumerate(literals)),
+            annotations=self._annotations(tree, ("annotation", "ecore")),
         )
 
     def _class(self, tree: Tree[Token]) -> Class:
@@ -315,11 +330,11 @@ class _Reader(Reading):
             "glyph": self._glyph,
             "frozen": self._frozen,
         }
-        annotations = self._annotations(tree, readers)
+        annotations = self._annotations(tree, (*readers, "annotation", "ecore"))
         marks = Marks()
         seen: dict[str, Span | None] = {}
         for part, annotation in zip(trees(tree.children, "annotation"), annotations, strict=True):
-            if annotation.name in seen:
+            if annotation.name in seen and annotation.name not in _FOREIGN:
                 self.error(
                     "duplicate-annotation",
                     f"`@{annotation.name}` stands here twice",
@@ -340,32 +355,47 @@ class _Reader(Reading):
                 place = _PLACES.get(annotation.name)
                 message = f"`@{name}` is for {place}" if place else f"unknown annotation `@{name}`"
                 self.warn("unknown-annotation", message, name, name_hint(name, known))
+            elif annotation.name in _FOREIGN:
+                self._check_foreign(part, annotation)
         return found
 
+    def _check_foreign(self, part: Tree[Token], one: Annotation) -> None:
+        """Report what could not be written to an `.ecore` file."""
+        number, known = len(one.arguments), _ECORE.split()
+        unknown = [key for key, _ in one.named if one.name != "annotation" and key not in known]
+        right = (
+            number == 0 if one.name == "ecore" else number == 1 or (one.name == "annotation" and number % 2)
+        )
+        if unknown:
+            self.error("bad-annotation", f"Ecore has no `{unknown[0]}`", part, name_hint(unknown[0], known))
+        elif not right or not all(
+            isinstance(value, str) for value in (*one.arguments, *dict(one.named).values())
+        ):
+            message = f"`@{one.name}` takes texts in quotes, as an `.ecore` file has them"
+            self.error("bad-annotation", message, part, _FOREIGN[one.name])
+
     def _key(self, tree: Tree[Token], annotation: Annotation, marks: Marks) -> None:
-        names = self._plain_names(tree)
-        if names is None or not names:
+        names = self._words(tree, "annotation_name")
+        if not names:
             self.error("bad-annotation", "`@key` takes the names of attributes", tree, "write `@key(y, x)`")
             return
         marks.key = tuple(str(name) for name in names)
         marks.places = (*marks.places, *((f"key {name}", self.span(name)) for name in names))
 
-    def _plain_names(self, tree: Tree[Token]) -> list[Token] | None:
-        """The arguments of an annotation if they all are bare names."""
-        names: list[Token] = []
-        for argument in trees(tree.children):
-            values = trees(argument.children, "annotation_name")
-            if argument.data != "annotation_argument" or not values:
-                return None
-            names.extend(tokens(values[0].children))
-        return names
+    def _words(self, tree: Tree[Token], kind: str) -> list[Token]:
+        """The arguments of an annotation if they all are of a kind, and without keys; else none."""
+        arguments = trees(tree.children)
+        values = [value for argument in arguments for value in trees(argument.children)]
+        plain = all(one.data == "annotation_argument" for one in arguments)
+        return [
+            tokens(value.children)[0] for value in values if plain and all(v.data == kind for v in values)
+        ]
 
     def _glyph(self, tree: Tree[Token], annotation: Annotation, marks: Marks) -> None:
-        arguments = [value for argument in trees(tree.children) for value in trees(argument.children)]
-        strings = [tokens(value.children)[0] for value in arguments if value.data == "annotation_string"]
+        strings = self._words(tree, "annotation_string")
         if self.parsed.mended(tree):
             return
-        if annotation.named or len(strings) != len(arguments) or not 1 <= len(strings) <= 2:
+        if not 1 <= len(strings) <= 2:
             hint = 'write `@glyph("B", "#e8590c")`'
             self.error("bad-annotation", "`@glyph` takes a letter and a colour, both in quotes", tree, hint)
             return
