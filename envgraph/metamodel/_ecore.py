@@ -175,12 +175,7 @@ def _feature(metamodel: Metamodel, feature: Feature, indent: str) -> Iterator[st
 
 
 def plain_parts(feature: Feature, type_name: str | None = None) -> dict[str, str | None]:
-    """Return the XML attributes of a feature as far as they name no class and no feature, and `@ecore` is not asked.
-
-    Args:
-        feature: an attribute or a reference.
-        type_name: the data type that `@ecore` names.
-    """
+    """Return XML attributes of a feature, but not names of others; `type_name` is the data type that `@ecore` names."""
     parts = {
         "lowerBound": str(feature.lower) if feature.lower else None,
         "upperBound": None if feature.upper == 1 else str(feature.upper or -1),

@@ -303,29 +303,19 @@ class _Reader(Tags):
             return None
         errors = self.joint.errors
         found = self._attribute(element) if kind == "EAttribute" else self._reference(element)
-        if found is not None:
-            named = self._kept_names(element, found)
-            kept = kept_of(element, plain_parts(found, named.get("eType")), **named)
-            found = replace(found, annotations=(*found.annotations, *kept))
         if found is None and self.joint.allow_unresolved and self.joint.errors == errors:
             self._leave_out(element, "its type is in a file that is nowhere")
         elif found is None:
             self.joint.lost.add(element.get("name"))
         return found
 
-    def _kept_names(self, element: Element, feature: Feature) -> dict[str, str]:
-        """Return what a written file names: the keys of a reference, or the data type of an attribute."""
-        if isinstance(feature, Reference):
-            keys = [one.element.get("name") for one in self._targets(element, "eKeys") if one.element]
-            return {"eKeys": " ".join(keys)} if keys else {}
-        for one in self.quietly(element, "eType", "eGenericType"):
-            if one.data is None:
-                named = self.joint.data_types.get(one.element) if one.element else None
-                return {"eType": named} if named else {}
-            document, _, path = one.span.text.rpartition("#")
-            own = library_types(document) is ECORE_TYPES
-            return {"eType": path.rpartition("/")[2] if own else f"{XML_TYPES}#{path}"}
-        return {}
+    def _type_name(self, target: Target) -> str | None:
+        """Return how a written file names the data type of an attribute; None for an enum or a type parameter."""
+        if target.data is None:
+            return self.joint.data_types.get(target.element) if target.element else None
+        document, _, path = target.span.text.rpartition("#")
+        own = library_types(document) is ECORE_TYPES
+        return path.rpartition("/")[2] if own else f"{XML_TYPES}#{path}"
 
     def _without_values(self, element: Element) -> str | None:
         """Why a feature holds nothing: see `without_values`; of a transient pair of opposites neither does."""
@@ -364,7 +354,7 @@ class _Reader(Tags):
         default = None if many else default_of(self, element, name, data.type)
         places = [("type", target.span), ("default", self.at(element, "defaultValueLiteral"))]
         places += self._multiplicity(element)
-        return Attribute(
+        found = Attribute(
             name,
             data.type,
             default,
@@ -377,6 +367,9 @@ class _Reader(Tags):
             unique=said(self, element, "unique"),
             identifier=said(self, element, "iD"),
         )
+        named = self._type_name(target)
+        kept = kept_of(element, plain_parts(found, named), eType=named)
+        return replace(found, annotations=(*found.annotations, *kept)) if kept else found
 
     def _multiplicity(self, element: Element) -> list[tuple[str, Span]]:
         """Return where the bounds of a feature stand, if they do."""
@@ -404,7 +397,8 @@ class _Reader(Tags):
         places = [("target", target.span), *self._multiplicity(element)]
         if opposite:
             places.append(("opposite", opposite[1]))
-        return Reference(
+        keys = [one.element.get("name") for one in self._targets(element, "eKeys") if one.element]
+        found = Reference(
             name,
             self.joint.names.get(target.element, ""),
             lower,
@@ -416,6 +410,8 @@ class _Reader(Tags):
             span=self.named(element),
             places=tuple(places),
         )
+        kept = kept_of(element, plain_parts(found), eKeys=" ".join(keys) or None)
+        return replace(found, annotations=(*found.annotations, *kept)) if kept else found
 
     def _opposite(self, element: Element, there: Element) -> tuple[str, Span] | None:
         """The name of the opposite, checked here: what a `.metamodel` file would say about it does not help."""

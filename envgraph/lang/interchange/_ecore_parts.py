@@ -53,7 +53,7 @@ def marks_of(names: Names, element: Element, features: Sequence[Feature]) -> Mar
 
 def annotations_of(names: Names, element: Element) -> tuple[Annotation, ...]:
     """Return what `metamodel_to_ecore` keeps of the annotations of a `.metamodel` file."""
-    found = []
+    found: list[Annotation] = []
     for one, name, value in _details(element):
         values: tuple[Value, ...] = tuple(value.split())
         named: tuple[tuple[str, Value], ...] = ()
@@ -83,15 +83,17 @@ def notes_of(names: Names, element: Element, *, with_doc: bool = False) -> Itera
             yield Annotation("annotation", (source, *words), tuple(pairs) if plain else ())
 
 
-def kept_of(element: Element, written: Mapping[str, str | None], **named: str) -> tuple[Annotation, ...]:
+def kept_of(
+    element: Element, written: Mapping[str, str | None], **named: str | None
+) -> tuple[Annotation, ...]:
     """Return `@ecore(..)` with the XML attributes that mean nothing here, beside the usual and the `written` ones."""
-    found: dict[str, str] = {}
-    for key in dict.fromkeys((*element.attributes, *written)):
-        usual = str(_said_by_ecore()[key][1]).lower() if key in _said_by_ecore() else None
-        text = element.attributes.get(key, usual)
-        if text is not None and text != (written.get(key) or usual) and ":" not in key and key not in _NAMING:
+    found = {}
+    for key in {**element.attributes, **written}:
+        usual = _said_by_ecore()[key][1] if key in _said_by_ecore() else None
+        text = element.attributes.get(key) or usual
+        if text and text != (written.get(key) or usual) and key not in _NAMING and ":" not in key:
             found[key] = text
-    found |= {key: text for key, text in named.items() if text != written.get(key)}
+    found.update((key, text) for key, text in named.items() if text and text != written.get(key))
     return (Annotation("ecore", named=tuple(sorted(found.items()))),) if found else ()
 
 
@@ -125,35 +127,33 @@ def called(names: Names, element: Element, what: str) -> str:
 
 
 @cache
-def _said_by_ecore() -> dict[str, tuple[Scalar | EnumType, Value]]:
-    """The type of each attribute that Ecore's own tags have, and what it is where nothing is said."""
-    found: dict[str, tuple[Scalar | EnumType, Value]] = {}
+def _said_by_ecore() -> Mapping[str, tuple[Scalar | EnumType, str, Value | None]]:
+    """The type of each attribute that Ecore's own tags have, and what holds without it, as text and value."""
+    found = {}
     for cls in ecore_itself().packages[0].children:
         for one in inside(cls, "eStructuralFeatures"):
             data = ECORE_TYPES.get(one.get("eType").rpartition("/")[2])
             if data is not None and data.type in (Scalar.BOOL, Scalar.INT):
                 usual = one.get("defaultValueLiteral") or ("false" if data.type is Scalar.BOOL else "0")
-                value = value_of(usual, data.type)
-                assert value is not None
-                found[one.get("name")] = data.type, value
+                found[one.get("name")] = data.type, usual, value_of(usual, data.type)
     return found
 
 
 def said(names: Names, element: Element, name: str) -> Any:
     """A truth value or a number, as Ecore says; a wrong one is reported."""
-    type_, usual = _said_by_ecore()[name]
+    type_, _, usual = _said_by_ecore()[name]
     text = element.attributes.get(name)
     if text is None:
         return usual
     if type_ is Scalar.BOOL and text not in ("true", "false"):
         hint = did_you_mean(text, ("true", "false")) or "write `true` or `false`"
         names.error("wrong-type", f"`{name}` is true or false, not `{text}`", names.at(element, name), hint)
-        return usual
-    if type_ is Scalar.INT and not re.fullmatch(r"[+-]?[0-9]{1,10}", text):
+    elif type_ is Scalar.INT and not re.fullmatch(r"[+-]?[0-9]{1,10}", text):
         hint = "write `-1` for any number" if name == "upperBound" else "write a whole number from 0"
         names.error("wrong-type", f"`{name}` is a number, not `{text}`", names.at(element, name), hint)
-        return usual
-    return value_of(text, type_)
+    else:
+        return value_of(text, type_)
+    return usual
 
 
 def bounds_of(names: Names, element: Element) -> tuple[int, int | None]:
