@@ -28,11 +28,12 @@ class Annealing:
     """Simulated annealing: random moves, worse ones with a probability that falls.
 
     The temperature is automatic: it falls exponentially from three tenths to a hundredth of the mean of all increases
-    of cost that moves have led to so far. A move with fewer violations is always accepted, one with more never.
+    of cost that moves have led to so far, and is lowest where the moves or the time run out, whichever is first. A move
+    with fewer violations is always accepted, one with more never.
 
     Attributes:
-        runs: how often it begins anew at the start; moves are shared out evenly. None: once, or ten times for each of
-            several goals.
+        runs: how often it begins anew at the start; moves and time are shared out evenly. None: once, or ten times for
+            each of several goals.
     """
 
     runs: int | None = key(None, Options.integer, low=1, most=100_000)
@@ -49,14 +50,19 @@ class Annealing:
             if walk.over():
                 return
             walk.go(walk.start)
-            energy = _energy(walk, run)
-            self._run(walk, (walk.steps * (run + 1)) // runs, energy)
+            self._run(walk, (walk.steps * (run + 1)) // runs, (run + 1) / runs, _energy(walk, run))
 
     @staticmethod
-    def _run(walk: Walk, end: int, energy: Energy) -> None:
-        begin, here = walk.spent, energy(walk.here)
+    def _run(walk: Walk, end: int, latest: float, energy: Energy) -> None:
+        """Anneal until a number of moves has been tried, or a share of the time limit has passed."""
+        begin, began, here = walk.spent, walk.time, energy(walk.here)
         increases, total = 0, 0.0
-        while walk.spent < end and not walk.over():
+
+        def passed() -> float:
+            moves = (walk.spent - begin) / (end - begin) if begin < end else 1.0
+            return max(moves, (walk.time - began) / (latest - began) if began < latest else 1.0)
+
+        while passed() < 1 and not walk.over():
             standing = walk.attempt()
             if standing is None:
                 continue
@@ -67,8 +73,8 @@ class Annealing:
                 accepted = increase <= 0
                 if 0 < increase < inf:
                     increases, total = increases + 1, total + increase
-                    time = (walk.spent - begin) / (end - begin)
-                    accepted = walk.rng.random() < acceptance(increase, _temperature(total / increases, time))
+                    temperature = _temperature(total / increases, min(passed(), 1.0))
+                    accepted = walk.rng.random() < acceptance(increase, temperature)
             if accepted:
                 walk.keep()
                 here = there

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from math import inf
+from time import monotonic
 
 import numpy as np
 
@@ -136,8 +137,9 @@ def pursue(
     target: Sequence[float] | None = None,
     seed: int = 0,
     progress: Progress | None = None,
+    clock: Callable[[], float] = monotonic,
 ) -> Optimum:
-    """As `optimise`, of goals and constraints that are made already."""
+    """As `optimise`, of goals and constraints that are made already; `clock` returns seconds."""
     _check(engine, moves, goals, constraints, steps, target)
     costs = None
     if target is not None:
@@ -158,7 +160,10 @@ def pursue(
         engine.rng = rng  # for choices inside of units
         try:
             appraise = Appraisal(engine, goals, constraints)
-            walk = Walk(engine, moves, appraise, rng, steps=steps, seconds=seconds, target=costs, tell=tell)
+            walk = Walk(
+                engine, moves, appraise, rng,
+                steps=steps, seconds=seconds, target=costs, tell=tell, clock=clock,
+            )  # fmt: skip
             try:
                 strategy.search(walk)
                 front = tuple(_solution(engine, walk, found, goals, start) for found in walk.archive)

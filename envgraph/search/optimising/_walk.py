@@ -41,9 +41,10 @@ class Walk:
         appraise: says what the present model is worth.
         rng: of all choices.
         steps: how many moves may be tried.
-        seconds: for how long; None without end. Then the result depends on the machine.
+        seconds: for how long; None without end. With a limit the result depends on the machine.
         target: costs that are good enough: the search ends there.
         tell: is called now and then with how many moves have been tried, and the best states.
+        clock: returns seconds since some fixed moment.
 
     Attributes:
         rng: of all choices.
@@ -65,11 +66,12 @@ class Walk:
         seconds: float | None = None,
         target: tuple[float, ...] | None = None,
         tell: Tell | None = None,
+        clock: Callable[[], float] = monotonic,
     ) -> None:
         self.rng, self.steps, self.spent = rng, steps, 0
         self.archive = Archive()
         self._engine, self._moves, self._appraise = engine, tuple(moves), appraise
-        self._end = None if seconds is None else monotonic() + seconds
+        self._clock, self._began, self._seconds = clock, clock(), seconds
         self._target, self._tell = target, tell
         self._path: Path = None
         self._kept = 0
@@ -91,9 +93,15 @@ class Walk:
 
     def over(self) -> bool:
         """Whether moves, time or the wish for more have run out."""
-        return (
-            self._reached or self.spent >= self.steps or (self._end is not None and monotonic() >= self._end)
-        )
+        return self._reached or self.spent >= self.steps or self.time >= 1.0
+
+    @property
+    def time(self) -> float:
+        """The share of the time limit that has passed, from 0 to 1; 0 without a limit."""
+        if self._seconds is None:
+            return 0.0
+        passed = self._clock() - self._began
+        return passed / self._seconds if passed < self._seconds else 1.0
 
     def attempt(self) -> Standing | None:
         """Make a random move, and say what the state behind it is worth: `keep` it or `undo` it.

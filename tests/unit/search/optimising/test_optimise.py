@@ -10,6 +10,7 @@ import pytest
 import envgraph
 from envgraph.errors import EvaluationError, InvalidArgument, TransactionError
 from envgraph.rewrite import Engine, trace_to_text
+from envgraph.search import Forbid
 from envgraph.search.optimising import (
     Annealing,
     Beam,
@@ -20,6 +21,7 @@ from envgraph.search.optimising import (
     TreeSearch,
     Walk,
     optimise,
+    pursue,
 )
 from tests.oracle.test_assignment import cra, random_model, value
 
@@ -229,13 +231,47 @@ def test_what_a_callable_measures_may_be_an_objective() -> None:
     assert found.best.values["classes"] == len(engine.model.nodes("Class")) > 3
 
 
-def test_the_progress_is_told_and_time_is_limited() -> None:
+def test_the_progress_is_told() -> None:
     told: list[int] = []
     engine = envgraph.open("assignment")
     optimise(engine, MOVES, maximise="craIndex", steps=300, progress=lambda done, _: told.append(done))
     assert told == [256]
-    found = optimise(engine, MOVES, maximise="craIndex", steps=10**9, seconds=0.05)
-    assert 0 < found.steps < 10**9
+
+
+def timed(strategy: Strategy, *, steps: int, seconds: float | None) -> tuple[Engine, Optimum]:
+    """Search with a clock on which each move takes a second."""
+    walks: list[Walk] = []
+
+    class Timed:
+        def search(self, walk: Walk) -> None:
+            walks.append(walk)
+            strategy.search(walk)
+
+    engine = envgraph.open("assignment")
+    goals, constraints = [Goal.of(engine, "craIndex", "maximise")], [Forbid("unassigned")]
+    clock = lambda: float(walks[0].spent) if walks else 0.0  # noqa: E731
+    return engine, pursue(
+        engine, MOVES, goals, constraints, Timed(), steps=steps, seconds=seconds, seed=1, clock=clock
+    )
+
+
+@pytest.mark.parametrize("strategy", STRATEGIES, ids=repr)
+def test_a_search_ends_after_its_moves_or_its_time_and_finds_the_same(strategy: Strategy) -> None:
+    """Annealing cools by whichever is used up first: with 10**9 moves it would never cool by moves alone."""
+    results = [
+        timed(strategy, steps=600, seconds=None),
+        timed(strategy, steps=10**9, seconds=600.0),
+        timed(strategy, steps=600, seconds=1e9),
+        timed(strategy, steps=600, seconds=600.0),
+    ]
+    assert {found.steps for _, found in results} == {600}
+    assert len({trace_to_text(engine, found.best.trace) for engine, found in results}) == 1
+
+
+def test_more_runs_than_moves_or_time_end() -> None:
+    assert timed(Annealing(runs=50), steps=7, seconds=None)[1].steps == 7
+    assert timed(Annealing(runs=50), steps=10**9, seconds=7.0)[1].steps == 7
+    assert timed(Annealing(), steps=10**9, seconds=0.0)[1].steps == 0
 
 
 def test_what_makes_no_sense_is_refused_before_anything_is_changed() -> None:
