@@ -70,7 +70,7 @@ class Tags(Names):
             hint = f'write `xmlns:ecore="{ECORE}"` and `ecore:EPackage`'
         else:
             message = f"a metamodel is an `ecore:EPackage`, and this is a `{root.tag}`"
-            hint = "a model has the ending `.xmi`" if root.namespace else None
+            hint = "a model has the ending `.xmi`" if root.namespace and root.name != "schema" else None
         self.error("not-ecore", message, where, hint)
         return False
 

@@ -94,6 +94,9 @@ class Namespaces:
             return None
         message = f"unknown class `{simple}`"
         hint = did_you_mean(simple, (simple_name(one) for one in metamodel.classes))
+        if not self.scope and not self._document.roots:
+            uri = metamodel.uri or metamodel.name
+            hint = f'the document names no metamodel: a model of this one begins with `xmlns:m="{uri}"`'
         if homes:
             uris = [f"`{one.uri}`" for one in metamodel.packages if one.path in homes]
             hint = "it is in " + " and ".join(uris)
@@ -112,7 +115,7 @@ class Namespaces:
             if near:  # then classes are looked for by their names alone
                 self._document.report("unknown-uri", message, span, near)
             else:
-                hint = "it has " + quoted(packages)
+                hint = f"it has {quoted(packages)}: give a metamodel of the other namespace too"
                 self._reading.unresolved("unknown-uri", message, span, hint, "objects of it are left out")
         return packages.get(uri)
 

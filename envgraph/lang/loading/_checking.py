@@ -8,7 +8,7 @@ from envgraph.errors import MOST_ERRORS, Diagnostic, Severity, defined_twice
 from envgraph.graph import Model, Violation, check_conformance
 from envgraph.lang.loading._workspace import Workspace
 from envgraph.lang.read._model import ModelText
-from envgraph.lang.syntax._formats import HEAD, format_of
+from envgraph.lang.syntax._formats import HEAD, format_of, namespace_of
 from envgraph.metamodel import Reference
 from envgraph.pattern import FunctionDeclaration
 from envgraph.rewrite import Engine
@@ -90,4 +90,6 @@ def _no_metamodel(workspace: Workspace) -> list[Diagnostic]:
     if not needing:
         needing = [text.span for text in workspace.models]
         hint = "name its `.ecore` or `.metamodel` file too, for example with `--metamodel`"
-    return [Diagnostic("no-metamodel", "no file imports a metamodel", span, hint) for span in needing[:1]]
+    uri = namespace_of(needing[0].source.text) if needing else None
+    message = f"no metamodel of the namespace `{uri}` is given" if uri else "no file imports a metamodel"
+    return [Diagnostic("no-metamodel", message, span, hint) for span in needing[:1]]

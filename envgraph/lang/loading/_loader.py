@@ -182,6 +182,8 @@ class Loader:
         span = asked.span if asked else Source(name, "").span(0, 0)
         suffix = suffix_of(name)
         hint = did_you_mean(suffix, LANGUAGE_OF) if suffix and format is None else None
+        if format == "xsd":
+            hint = "make a metamodel of it first, with the ending `.ecore`, as EMF does"
         what = f"{FORMATS[format]}, and" if format else "a file"
         message = f"`{name.rpartition('/')[2]}` is {what} of none of the languages"
         raise LoadError.of("unknown-language", message, span, hint or _extensions())

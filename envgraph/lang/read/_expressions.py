@@ -18,7 +18,6 @@ from envgraph.lang.read._java import (
     JAVA_CLASSES,
     JAVA_DOMAINS,
     JAVA_TYPES,
-    METHODS,
     OPERATORS,
     function_of,
 )
@@ -46,6 +45,7 @@ from envgraph.pattern import (
 )
 
 _WORDS: Mapping[str, bool | None] = {"true": True, "false": False, "none": None}
+_TYPE_TESTS = frozenset({"isInstanceOf", "oclIsKindOf", "oclIsTypeOf", "oclAsType"})
 _REFUSED = frozenset({"=", "and", "or"})
 
 
@@ -168,8 +168,10 @@ def _method(reading: Reading, tree: Tree[Token]) -> Expression:
     path = _steps(trees(tree.children)[0])
     if _is_java(reading, path):
         return _static(reading, tree, ".".join(path), name)
+    if name in _TYPE_TESTS:
+        return _no_cast(reading, tree)
     owner = expression_of(reading, trees(tree.children)[0])
-    return _called(reading, tree, METHODS.get(name, str(name)), name, (owner, *expressions_of(reading, tree)))
+    return _called(reading, tree, str(name), name, (owner, *expressions_of(reading, tree)))
 
 
 def _static_method(reading: Reading, tree: Tree[Token]) -> Expression:
@@ -233,10 +235,11 @@ def _cast(reading: Reading, tree: Tree[Token]) -> Expression:
 
 
 def _no_cast(reading: Reading, tree: Tree[Token]) -> Expression:
-    """`x as Ship`, `x instanceof Ship`."""
-    name, inner = tokens(tree.children)[0], trees(tree.children)[0]
+    """`x as Ship`, `x instanceof Ship`, `x.isInstanceOf(Ship)`."""
+    inner, *arguments = trees(tree.children)
+    cls = reading.text(arguments[0]) if arguments else tokens(tree.children)[0]
     what = "casts to classes" if tree.data == "cast" else "tests of types"
-    hint = f"constrain it outside of the expression: `{name}({reading.text(inner)})`"
+    hint = f"constrain it outside of the expression: `{cls}({reading.text(inner)})`"
     reading.error("cast", f"there are no {what} in expressions", tree, hint)
     reading.gap(tree)
     return expression_of(reading, inner)

@@ -29,12 +29,6 @@ JAVA_DOMAINS: Final = frozenset({"com", "edu", "io", "java", "javax", "net", "or
 CASTS: Final[Mapping[str, str]] = {"int": "toInt", "float": "toFloat", "string": "toString"}
 """The function that stands for a cast to a data type."""
 
-METHODS: Final[Mapping[str, str]] = {
-    **dict.fromkeys(("intValue", "longValue"), "toInt"),
-    **dict.fromkeys(("doubleValue", "floatValue"), "toFloat"),
-}
-"""Methods of values that are functions of another name here."""
-
 OPERATORS: Final[Mapping[str, str]] = {"equals": "==", "concat": "+"}
 """Methods that are operators here."""
 

@@ -15,6 +15,7 @@ FORMATS: Mapping[str, str] = {
     "rules": "a file of rules",
     "environment": "an environment",
     "toml": "a family file",
+    "xsd": "an XML Schema",
     "family": "a family as JSON",
     "trace": "a trace",
     "sqlite": "a run store",
@@ -28,7 +29,7 @@ UNCLEAR = ("json", "model", "metamodel")
 """Suffixes of files that may be something else: families, and models of EMF."""
 
 _ECORE = "http://www.eclipse.org/emf/2002/Ecore"
-_ROOT = re.compile(r"(?:<[?!].*?>\s*)*<(?:[\w.-]+:)?([\w.-]+)([^>]*)", re.DOTALL)
+_ROOT = re.compile(r"(?:<[?!].*?>\s*)*<(?:([\w.-]+):)?([\w.-]+)([^>]*)", re.DOTALL)
 _OURS = re.compile(r'"format"\s*:\s*"envgraph-(model|family|trace)-')
 
 
@@ -71,7 +72,19 @@ def other_language(wanted: str, source: Source) -> Diagnostic | None:
     span = source.span(start, word.end() if word else start + 1)
     message = f"this seems to be {FORMATS[held]}, and {FORMATS[wanted]} is wanted"
     hint = f"if it is, let its name end with `.{held}`"
-    return Diagnostic("other-language", message, span, hint)
+    return Diagnostic("other-language", message, span, hint, subject=(held,))
+
+
+def namespace_of(text: str) -> str | None:
+    """Return the namespace of the first tag of a text of XML; None if it has none.
+
+    >>> namespace_of('<?xml version="1.0"?><xs:schema xmlns:xs="http://www.w3.org/2001/XMLSchema"/>')
+    'http://www.w3.org/2001/XMLSchema'
+    """
+    root = _ROOT.match(text.lstrip("\ufeff \t\r\n"))
+    key = f"xmlns:{root[1]}" if root and root[1] else "xmlns"
+    found = re.search(rf"\s{key}\s*=\s*[\"']([^\"']+)", root[3]) if root else None
+    return found[1] if found else None
 
 
 def suffix_of(name: str) -> str:
@@ -100,7 +113,9 @@ def format_of(name: str, head: bytes) -> str | None:
     text = head.decode(wide or "utf-8", errors="replace").lstrip("\ufeff \t\r\n")
     if text.startswith("<"):
         root = _ROOT.match(text)
-        return "ecore" if root and root.group(1) == "EPackage" and _ECORE in root.group(2) else "xmi"
+        if namespace_of(text) == "http://www.w3.org/2001/XMLSchema":
+            return "xsd"
+        return "ecore" if root and root.group(2) == "EPackage" and _ECORE in root.group(3) else "xmi"
     if suffix in ("model", "metamodel"):
         return suffix
     if text.startswith("SQLite format 3\0"):

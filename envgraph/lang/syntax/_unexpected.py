@@ -150,8 +150,12 @@ def habit(grammar: Grammar, states: list[int], lexemes: Sequence[Lexeme], index:
         return "write `||`"
     if word in _COMPARISONS and before[0] == "." and grammar.accepts(states, signs["("]):
         return "a condition on a feature stands in `check(..)`"
-    if word == "{" and before[1] in ("(", "return"):
+    if word == "{" and before[1] in ("(", "return", "&&", "||"):
         return "one expression stands here: there are no blocks of statements"
+    if word == "{" and (before[1] == "else" or (before[1] == ")" and grammar.accepts(states, "INT"))):
+        return "leave the braces out: `if (test) a else b`"
+    if before[1] + word in _XTEND:
+        return f"write {_XTEND[before[1] + word]}"
     if before[1] == "new":
         return "no objects are made in an expression"
     if word in ("+", "-", "*", "/", "%") and after != ">" and grammar.accepts(states, signs[")"]):
@@ -164,6 +168,9 @@ def habit(grammar: Grammar, states: list[int], lexemes: Sequence[Lexeme], index:
         return f"write `set {before[1]}.{after} = ..`"
     return None
 
+
+_XTEND = {"<>": "`!=`", "**": "`pow(a, b)`", "?:": "`test ? a : b`", "?.": "`x.feature`, without `?`"}
+"""What to write for operators of Xtend that are two signs here."""
 
 _ENDLESS = {"unterminated-text", "unterminated-comment", "too-many-errors"}
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from envgraph.graph import IndexedSet
 
 
-def common(ends: IndexedSet[int], *others: Sequence[int]) -> list[int]:
+def common(ends: IndexedSet[int], fewest: Sequence[int], *others: Sequence[int]) -> list[int]:
     """Those of crowded ends that are among the fewest others, in their order.
 
     It takes as many steps as there are in the smaller one: so a search for triangles does not go through a hub for each
@@ -16,7 +16,8 @@ def common(ends: IndexedSet[int], *others: Sequence[int]) -> list[int]:
     >>> common(IndexedSet((4, 3, 2, 1)), (1, 7, 4))
     [4, 1]
     """
-    fewest = min(others, key=len)
+    if others:
+        fewest = min(fewest, *others, key=len)
     if len(fewest) >= len(ends):
         inside = fewest.position if isinstance(fewest, IndexedSet) else fewest
         return [node for node in ends if node in inside]

@@ -47,7 +47,7 @@ from envgraph.pattern._types import (
     value_type,
     wrong_type,
 )
-from envgraph.pattern.expressions._function_calls import call_type
+from envgraph.pattern.expressions._function_calls import OF_JAVA, call_type
 from envgraph.pattern.expressions._operations import FUNCTIONS
 
 MOST_PARTS: Final = 50_000
@@ -201,22 +201,25 @@ class ExpressionChecker:
             return None
         span = node.feature_span or node.span
         if is_method(node, owner):
-            return FUNCTIONS[node.feature].result
+            return FUNCTIONS[node.feature].result or owner
         if not isinstance(owner, ObjectType):
             message = f"{with_article(type_text(owner))} has no features"
-            self.at("unknown-feature", message, span, "leave the feature out: only objects have features")
+            advice = OF_JAVA.get(node.feature, "leave the feature out: only objects have features")
+            self.at("unknown-feature", message, span, advice)
             return None
         feature = self.metamodel.feature(owner.cls, node.feature)
         if feature is None:
             hint = self.metamodel.left_out(owner.cls, node.feature)
             hint = hint or did_you_mean(node.feature, self.metamodel.features(owner.cls))
             hint = hint or subclass_hint(owner.cls, node.feature, self.metamodel)
+            hint = hint or OF_JAVA.get(node.feature)
             hint = hint or name_hint(node.feature, self.metamodel.features(owner.cls))
             self.at("unknown-feature", f"`{owner.cls}` has no feature `{node.feature}`", span, hint)
             return None
         if feature.many:
             what, end = ("value", "value") if isinstance(feature, Attribute) else ("object", "target")
-            hint = f"use a constraint: `{owner.cls}.{feature.name}(.., {end})`, or an aggregate over it"
+            name = f"{owner.cls}.{feature.name}"
+            hint = f"use a constraint: `{name}(.., {end})`, or an aggregate: `n == count {name}(.., _)`"
             self.at("many-valued", f"`{feature}` leads to more than one {what}", span, hint)
             return None
         return ObjectType(feature.target) if isinstance(feature, Reference) else feature.type
@@ -417,9 +420,11 @@ _KINDS: Final[Mapping[str, tuple[str, tuple[StaticType, ...]]]] = {
 
 
 def is_method(node: Navigation, owner: StaticType | None) -> bool:
-    """Return whether `text.length` is the function of a string, without its brackets."""
+    """Return whether `text.length` or `n.intValue` is the function of a value, without its brackets."""
     function = FUNCTIONS.get(node.feature)
-    return owner is Scalar.STRING and function is not None and function.parameters == ("string",)
+    if function is None or len(function.parameters) != 1 or owner is None or isinstance(owner, ObjectType):
+        return False
+    return owner in _KINDS.get(function.parameters[0], ("", (owner,)))[1]
 
 
 def _is_none(node: Expression) -> bool:

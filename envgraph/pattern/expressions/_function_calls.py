@@ -17,14 +17,16 @@ if TYPE_CHECKING:
     from envgraph.pattern.expressions._expressions import ExpressionChecker
 
 
-_OF_JAVA: Final[Mapping[str, str]] = {
+OF_JAVA: Final[Mapping[str, str]] = {
     "equalsIgnoreCase": "write `toLower(a) == toLower(b)`",
     "compareTo": "write `a < b`, `a == b` or `a > b`",
     "matches": "there are no regular expressions, but `startsWith`, `endsWith`, `contains` and `indexOf`",
     "valueOf": "write `toInt(x)`, `toFloat(x)` or `toString(x)`",
     "parseInt": "write `toInt(x)`",
     "charAt": "write `substring(text, i, i + 1)`",
-    "size": "write `n == count Type.feature(x, _);` outside of the expression",
+    "isNullOrEmpty": "write `isEmpty(text)`: where the text is missing, there is no match",
+    "size": "write `text.length`, or `n == count Type.feature(x, _);` outside of the expression",
+    **dict.fromkeys(("class", "eClass", "getClass"), "constrain it outside of the expression: `Type(x)`"),
 }
 """What to write for methods of Java."""
 
@@ -57,7 +59,7 @@ def _unknown_function(checker: ExpressionChecker, node: FunctionCall) -> None:
         message = f"`{node.owner}.{node.function}` is a function of Java"
         checker.at("java-call", message, span, declare)
         return
-    hint = _getter_hint(checker, node) or _OF_JAVA.get(node.function)
+    hint = _getter_hint(checker, node) or OF_JAVA.get(node.function)
     hint = hint or did_you_mean(node.function, {**(node.declared or {}), **FUNCTIONS})
     checker.at("unknown-function", f"unknown function `{node.function}`", span, hint or declare)
 

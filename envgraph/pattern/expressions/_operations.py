@@ -80,7 +80,6 @@ def _exact(operation: Callable[[Any, Any], Number]) -> Callable[[Number, Number]
 
 subtract: Final = _exact(operator.sub)
 multiply: Final = _exact(operator.mul)
-_quotient: Final = _exact(operator.truediv)
 _rest: Final = _exact(operator.mod)
 
 
@@ -110,7 +109,11 @@ def divide(left: Number, right: Number) -> Number:
     if isinstance(left, int) and isinstance(right, int):
         quotient = left // right
         return quotient + 1 if quotient < 0 and quotient * right != left else quotient
-    return _quotient(left, right)
+    try:
+        result = left / right
+    except OverflowError as error:
+        raise _overflow(error) from None
+    return result if result - result == 0 else finite(result)
 
 
 def remainder(left: Number, right: Number) -> Number:
@@ -237,6 +240,10 @@ _TABLE = (
     Function("mod", ("number", "number"), None, _modulo, "remainder with the sign of the divisor"),
     Function("toInt", ("number",), _INT, partial(_guarded, math.trunc), "without the fraction"),
     Function("toFloat", ("number",), _FLOAT, partial(_guarded, float), "the same number as a float"),
+    Function("intValue", ("number",), _INT, partial(_guarded, math.trunc), "as `toInt`"),
+    Function("longValue", ("number",), _INT, partial(_guarded, math.trunc), "as `toInt`"),
+    Function("doubleValue", ("number",), _FLOAT, partial(_guarded, float), "as `toFloat`"),
+    Function("floatValue", ("number",), _FLOAT, partial(_guarded, float), "as `toFloat`"),
     Function("toString", ("data",), _STRING, text, "as it reads when added to a string", total=True),
     Function("length", ("string",), _INT, len, "number of characters", total=True),
     Function("isEmpty", ("string",), _BOOL, operator.not_, "whether there are no characters", total=True),

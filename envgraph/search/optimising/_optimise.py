@@ -160,10 +160,7 @@ def pursue(
         engine.rng = rng  # for choices inside of units
         try:
             appraise = Appraisal(engine, goals, constraints)
-            walk = Walk(
-                engine, moves, appraise, rng,
-                steps=steps, seconds=seconds, target=costs, tell=tell, clock=clock,
-            )  # fmt: skip
+            walk = Walk(engine, moves, appraise, rng, steps, seconds, target=costs, tell=tell, clock=clock)
             try:
                 strategy.search(walk)
                 front = tuple(_solution(engine, walk, found, goals, start) for found in walk.archive)

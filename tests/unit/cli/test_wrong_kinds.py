@@ -22,6 +22,8 @@ FILES = {
     "a.xmi": "a model",
     "a.burningforest": "a model",
     "emf.model": "a model",
+    "a.xsd": "an XML Schema",
+    "schema.xml": "an XML Schema",
     "a.json": "a file of JSON",
     "q.query": "a file of patterns",
     "q.vql": "a file of patterns",
@@ -76,6 +78,7 @@ def call(
             "utf-16"
         )
     )
+    Path("schema.xml").write_text('<xs:schema\n  xmlns:xs="http://www.w3.org/2001/XMLSchema"/>')
     Path("notes.txt").write_text("hello")
     Path("picture.png").write_bytes(bytes(range(128, 256)))
     with sqlite3.connect("run.sqlite") as db:
@@ -122,6 +125,16 @@ def test_a_model_is_known_by_its_root_and_a_family_is_no_language(call: Callable
     for name in ("a.burningforest", "emf.model"):
         said = call(f"check {name} -m m.metamodel")
         assert "has no namespace `b`" in said and f"{name}:" in said
+        assert "hint: it has `burning_forest`: give a metamodel of the other namespace too" in said
+        assert "no metamodel of the namespace `b` is given" in call(f"check {name}")
+    Path("plain.xml").write_text("<forests/>")
+    assert 'names no metamodel: a model of this one begins with `xmlns:m="burning_forest"`' in call(
+        "check plain.xml m.metamodel"
+    )
+    for name in ("a.xsd", "schema.xml"):
+        said = call(f"check {name}")
+        assert f"{name}:1:1: `{name}` is an XML Schema, and of none of the languages" in said
+        assert "hint: make a metamodel of it first, with the ending `.ecore`, as EMF does" in said
     assert "`family.json` is a family as JSON, and of none of the languages" in call("check family.json")
     assert "`run.sqlite` is a run store, and of none of the languages" in call("check run.sqlite")
     assert "`picture.png` is a file of none of the languages" in call("check picture.png")

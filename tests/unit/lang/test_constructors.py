@@ -292,5 +292,24 @@ def test_a_whole_text_is_read_and_its_imports_are_not_followed() -> None:
         from_text("", "model")
 
 
+@pytest.mark.parametrize(
+    ("text", "language", "hint"),
+    [
+        ("pattern p(x : Item) { Item(x); }", "rules", 'if it is, say `language="query"`'),
+        ("rule r { lhs { x : Item; } }", "query", 'if it is, say `language="rules"`'),
+        (
+            "metamodel m\nclass A",
+            "rules",
+            "if it is, write it to a file `name.metamodel`, for `envgraph.open`",
+        ),
+    ],
+)
+def test_a_text_in_another_language_needs_no_name_of_a_file(text: str, language: str, hint: str) -> None:
+    with pytest.raises(LoadError) as raised:
+        from_text(text, language)
+    (problem,) = raised.value.diagnostics
+    assert problem.hint == hint
+
+
 def test_the_constructors_are_at_the_top() -> None:
     assert envgraph.Rule is Rule and {"Pattern", "Rule", "Unit"} <= set(envgraph.__all__)
