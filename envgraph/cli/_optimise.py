@@ -14,7 +14,7 @@ from envgraph.errors import InvalidArgument
 from envgraph.files import replace_file
 from envgraph.graph import model_to_json
 from envgraph.rewrite import trace_to_text
-from envgraph.search import Domain, Optimum, optimise_domain
+from envgraph.search import Domain, Optimum, optimise_domain, problem_of
 
 
 def optimise_model(
@@ -52,7 +52,7 @@ def optimise_model(
         raise InvalidArgument(f"{known}, and none has the number {solution}")
     chosen = found.front[solution - 1]
     engine.checkout(chosen.version)
-    broken = [str(one) for one in domain.problem(engine).violations()] if chosen.violation else []
+    broken = [str(one) for one in problem_of(domain, engine).violations()] if chosen.violation else []
     if format is OutputFormat.JSON:
         print_json(_data(domain, found) | {"violated": broken, "model": model_to_json(engine.model)})
     else:

@@ -39,7 +39,7 @@ from envgraph.search._lineage import LineageStep, lineage
 from envgraph.search._measures import MatchCount, PatternValue, ShortestPath, ShortestPlan
 from envgraph.search._objective import Condition, Objective, Term
 from envgraph.search._objective_text import FamilyCall, WrongCall
-from envgraph.search._optimise_file import optimise_domain
+from envgraph.search._optimise_file import optimise_domain, problem_of
 from envgraph.search._outcome import Outcome, describe_search, why_low
 from envgraph.search._paths import PathComplexity, count_paths
 from envgraph.search._problem import (
@@ -183,6 +183,7 @@ __all__ = [
     "optimise",
     "optimise_domain",
     "option_problems",
+    "problem_of",
     "random_families",
     "read_family",
     "read_ga4cl",

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from envgraph.errors import Diagnostic, LoadError, Source
+from envgraph.graph import check_conformance
 from envgraph.lang import Name
 from envgraph.rewrite import Engine
 from envgraph.search._domain import Domain
+from envgraph.search._problem import Forbid, Problem
 from envgraph.search.optimising import Goal, Optimum, Sense, pursue
 from envgraph.search.optimising._walk import Progress
 
@@ -23,7 +27,7 @@ def optimise_domain(domain: Domain, *, progress: Progress | None = None) -> tupl
         message = "the file does not say what is best"
         raise LoadError([Diagnostic("missing-key", message, source.span(0, 0), hint)])
     engine = domain.engine()
-    problem, strategy = domain.problem(engine), domain.strategy()
+    problem, strategy = problem_of(domain, engine), domain.strategy()
     senses: list[tuple[Name, Sense]] = [(one, "maximise") for one in spec.maximise]
     senses += [(one, "minimise") for one in spec.minimise]
     found = pursue(
@@ -42,3 +46,14 @@ def optimise_domain(domain: Domain, *, progress: Progress | None = None) -> tupl
         progress=progress,
     )
     return engine, found
+
+
+def problem_of(domain: Domain, engine: Engine) -> Problem:
+    """Return the search problem, in which a value that the initial model lacks may be missing."""
+    missing = {
+        Forbid(f"conformance.{one.feature.owner}.{one.feature.name}")
+        for one in check_conformance(domain.initial())
+        if one.kind == "missing-value"
+    }
+    problem = domain.problem(engine)
+    return replace(problem, constraints=[one for one in problem.constraints if one not in missing])

@@ -375,7 +375,7 @@ class Loader:
 
     def _conformance(self, models: Iterable[ModelText]) -> list[Diagnostic]:
         """Return what models lack; the model of a family has to conform, others may still be worked on."""
-        initial = {spec.model.text for spec in self.families}
+        initial = {spec.model.text for spec in self.families if spec.optimise is None}
         return [
             replace(one, severity=Severity.ERROR) if text.span.source.name in initial else one
             for text in models
