@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from typing import Any
 
 from envgraph.errors import Diagnostic, InvalidArgument, LoadError, Severity, Source
@@ -41,12 +40,6 @@ def from_text(text: str, language: str = "rules", name: str = "<text>") -> tuple
     if language not in ("query", "rules"):
         raise InvalidArgument(f'definitions are in "rules" or "query", not in {language!r}')
     file = read_framed(language, Source(name, text))[0]
-    for one in file.diagnostics:
-        if one.code == "other-language":
-            hint = f'if it is, say `language="{one.subject[0]}"`'
-            if one.subject[0] not in ("query", "rules"):
-                hint = f"if it is, write it to a file `name.{one.subject[0]}`, for `envgraph.open`"
-            raise LoadError([replace(one, hint=hint)])
     raise_errors(file.diagnostics)
     return file.definitions
 

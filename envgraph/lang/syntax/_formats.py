@@ -72,7 +72,10 @@ def other_language(wanted: str, source: Source) -> Diagnostic | None:
     span = source.span(start, word.end() if word else start + 1)
     message = f"this seems to be {FORMATS[held]}, and {FORMATS[wanted]} is wanted"
     hint = f"if it is, let its name end with `.{held}`"
-    return Diagnostic("other-language", message, span, hint, subject=(held,))
+    if not suffix_of(source.name):  # a text that is given to `from_text`
+        argument = held in ("query", "rules")
+        hint = f'if it is, say `language="{held}"`' if argument else f"write it to a file `name.{held}`"
+    return Diagnostic("other-language", message, span, hint)
 
 
 def namespace_of(text: str) -> str | None:

@@ -300,7 +300,7 @@ def test_a_whole_text_is_read_and_its_imports_are_not_followed() -> None:
         (
             "metamodel m\nclass A",
             "rules",
-            "if it is, write it to a file `name.metamodel`, for `envgraph.open`",
+            "write it to a file `name.metamodel`",
         ),
     ],
 )
