@@ -3,12 +3,26 @@
 from __future__ import annotations
 
 import posixpath
+import re
 from array import array
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from urllib.parse import unquote
 
 from envgraph.code import dataclass
-from envgraph.errors import MOST_ERRORS, Diagnostic, Note, Severity, Source, Span, plural, too_many_errors
+from envgraph.errors import (
+    MOST_ERRORS,
+    MOST_NESTED,
+    Diagnostic,
+    Note,
+    Severity,
+    Source,
+    Span,
+    name_hint,
+    plural,
+    too_many_errors,
+)
 from envgraph.graph import Model, usual_value
+from envgraph.lang.read._ecore_types import value_of
 from envgraph.lang.syntax._once import NAMES
 from envgraph.lang.syntax._xml import Stop, XmlPlaces
 from envgraph.metamodel import Attribute, Feature, Reference
@@ -18,6 +32,15 @@ LOST = -1
 
 Fetch = Callable[[str, str], Source]
 """Reads another document, by its path and the name of the one that names it; raises LoadError."""
+
+_NAMED = "objects are named by `xmi:id`, by an `iD` attribute of the metamodel, or by place: `//@...`"
+LEAVE_OUT = "`--allow-unresolved` leaves out links to what is nowhere"
+_MANY = 1000
+"""Among more names than this, nobody looks for the nearest."""
+
+_KEYED = re.compile(r"@([^\[]+)\[(.*)\]")
+_KEY = re.compile(r"([^=,]+)=(null|'[^']*'|\"[^\"]*\"|\[[^\]]*\])(?:,|$)")
+_QUOTED = re.compile(r"'([^']*)'|\"([^\"]*)\"")
 
 
 @dataclass(slots=True)
@@ -37,13 +60,18 @@ class Table:
 
 @dataclass(frozen=True, slots=True)
 class Link:
-    """A reference that waits until all objects are there; `key` is the XML attribute that holds it."""
+    """A reference that waits until all objects are there; `key` is the XML attribute that holds it.
+
+    Attributes:
+        place: of an `href` in a containment reference, its place among the `children` there; else -1.
+    """
 
     node: int
     reference: Reference
     text: str
     byte: int
     key: str
+    place: int = -1
 
 
 class Reading:
@@ -51,6 +79,8 @@ class Reading:
 
     Attributes:
         allow_unresolved: whether links to what is nowhere are left out with a warning, and are no mistakes.
+        children: the objects in a containment reference in the order of the text, where some could not be read (`LOST`)
+            or are named by an `href`; None while the object of an `href` is looked for.
     """
 
     def __init__(
@@ -67,6 +97,8 @@ class Reading:
         """How often something has been said."""
         self.diagnostics: list[Diagnostic] = []
         self.documents: dict[str, Document | None] = {}
+        self.children: dict[tuple[int, str], list[int | tuple[Document, Link] | None]] = {}
+        self._looking = 0
         self._tables: dict[str, Table] = {}
         self.packages = {package.uri: package for package in self.metamodel.packages}
         self.foreign: set[str] = set()
@@ -102,6 +134,36 @@ class Reading:
             [one for one in attributes.values() if usual_value(one) is None and not one.many],
             next((name for name, one in attributes.items() if one.identifier), None),
         )
+
+    def hold(self, node: int, reference: Reference, child: int) -> list[int | tuple[Document, Link] | None]:
+        """Note a child whose place counts though the model does not list it; return all children there."""
+        key = node, reference.name
+        if key not in self.children:
+            self.children[key] = [*self.model.targets(node, reference)]
+        self.children[key].append(child)
+        return self.children[key]
+
+    def child(self, node: int, name: str, place: int) -> int | None:
+        """The object at a place of a containment reference, `LOST`, or None."""
+        children = self.children[node, name]
+        child = children[place] if place < len(children) else None
+        if isinstance(child, tuple):
+            children[place] = None
+            self._looking += 1
+            document, link = child
+            child = children[place] = (
+                document.target(link, link.text) if self._looking < MOST_NESTED else None
+            )
+            self._looking -= 1
+        return child
+
+    def inside(self, node: int, reference: Reference) -> Sequence[int]:
+        """The objects in a containment reference, in the order of the text."""
+        listed = self.children.get((node, reference.name))
+        if listed is None:
+            return self.model.targets(node, reference)
+        found = (self.child(node, reference.name, place) for place in range(len(listed)))
+        return [child for child in found if child is not None and child != LOST]
 
     def enter(self, source: Source) -> Document:
         """Begins with a document."""
@@ -172,7 +234,6 @@ class Document:
         first: the id of the first object.
         bytes: where the tag of each object begins, in the order of the ids.
         roots: the objects at the top, `LOST` for those that could not be read.
-        gaps: places in a containment reference whose objects could not be read.
         ids, identified: objects by their `xmi:id`, and by the value of their `iD` attribute.
         links: what waits until all objects are there.
     """
@@ -185,13 +246,13 @@ class Document:
         self.first = 0
         self.bytes = array("Q")
         self.roots: list[int] = []
-        self.gaps: dict[tuple[int, str], list[int]] = {}
         self.ids: dict[str, int] = {}
         self.identified: dict[str, int] = {}
         self.links: list[Link] = []
         self._found: dict[str, int | None] = {}
         self._listed: dict[str, Sequence[int]] = {}
         self._named: dict[int, dict[str, int]] = {}
+        self._keyed: dict[tuple[int, str, tuple[Attribute, ...]], dict[object, int]] = {}
 
     def beside(self, path: str) -> str:
         """The name of another document, by its path in this one."""
@@ -216,10 +277,16 @@ class Document:
             self._found[head] = self._walk(head)
         above = self._found[head]
         found = self._step(above, last)
-        if found is not None and found != LOST and above is not None and last[:1] == "@" and "." in last:
+        if (
+            found is not None
+            and found != LOST
+            and above is not None
+            and last[:1] == "@"
+            and last[-1].isdecimal()
+        ):
             name = last[1:].partition(".")[0]
             reference = self.reading.metamodel.feature(self.model.class_of(above), name)
-            if isinstance(reference, Reference) and (above, name) not in self.gaps:
+            if isinstance(reference, Reference) and (above, name) not in self.reading.children:
                 self._listed[fragment.rpartition(".")[0]] = self.model.targets(above, reference)
         return found
 
@@ -235,21 +302,22 @@ class Document:
         return self.roots[place] if 0 <= place < len(self.roots) else None
 
     def _step(self, node: int | None, step: str) -> int | None:
-        """The child at `@feature.3`, `@feature` of a single reference, or of a name, as in models of Ecore."""
+        """The child at `@feature.3`, `@feature`, `@feature[key='a']`, or of a name, as in models of Ecore."""
         if node is None or node == LOST:
             return node
         if not step.startswith("@"):
             return self._child_named(node, step)
-        name, _, index = step[1:].partition(".")
+        keyed = _KEYED.fullmatch(step)
+        name, _, index = (keyed[1], "", "") if keyed else step[1:].partition(".")
         feature: Feature | None = self.reading.metamodel.feature(self.model.class_of(node), name)
         place = int(index) if index.isdecimal() and len(index) < 10 else 0 if not index else -1
         if not isinstance(feature, Reference) or place < 0:
             left_out = self.reading.metamodel.left_out(self.model.class_of(node), name)
             return LOST if left_out or name in self.reading.lost else None
-        gaps = self.gaps.get((node, name), ())
-        if place in gaps:
-            return LOST
-        place -= sum(gap < place for gap in gaps)
+        if keyed:
+            return self._child_with(node, feature, keyed[2])
+        if (node, name) in self.reading.children:
+            return self.reading.child(node, name, place)
         targets = self.model.targets(node, feature)
         return targets[place] if place < len(targets) else None
 
@@ -260,12 +328,54 @@ class Document:
             counts: dict[object, int] = {}
             features = self.reading.metamodel.features(self.model.class_of(node)).values()
             contained = (one for one in features if isinstance(one, Reference) and one.containment)
-            for child in (child for one in contained for child in self.model.targets(node, one)):
+            for child in (child for one in contained for child in self.reading.inside(node, one)):
                 attribute = self.reading.metamodel.feature(self.model.class_of(child), "name")
                 value = self.model.value(child, attribute) if isinstance(attribute, Attribute) else None
                 count = counts[value] = counts.get(value, -1) + 1
                 known.setdefault(f"{value}.{count}" if count else str(value), child)
         return self._named[node].get(name)
+
+    def _child_with(self, node: int, reference: Reference, predicate: str) -> int | None:
+        """The first child with these values, as EMF writes it for `eKeys`: `ID='a%20b',version='3'`."""
+        keys = {name: _QUOTED.findall(text) for name, text in _KEY.findall(predicate)}
+        features = [self.reading.metamodel.feature(reference.target, name) for name in keys]
+        attributes = tuple(one for one in features if isinstance(one, Attribute))
+        if not keys or len(attributes) < len(keys) or _KEY.sub("", predicate):
+            return None
+        wanted = tuple(
+            tuple(value_of(unquote(single or double), attribute.type) for single, double in texts)
+            for attribute, texts in zip(attributes, keys.values(), strict=True)
+        )
+        if (node, reference.name, attributes) not in self._keyed:
+            known = self._keyed[node, reference.name, attributes] = {}
+            for child in self.reading.inside(node, reference):
+                known.setdefault(tuple(self.model.values(child, one) for one in attributes), child)
+        return self._keyed[node, reference.name, attributes].get(wanted)
+
+    def target(self, link: Link, word: str) -> int | None:
+        """The object that a word names, or `LOST`; None, reported, if there is none."""
+        path, mark, fragment = word.rpartition("#")
+        if not mark:
+            fragment = word
+        document: Document | None = self
+        if path:
+            document = self.reading.documents.get(self.beside(unquote(path)))
+            if document is None:
+                return LOST  # which was reported
+        assert document is not None
+        found = document.find(fragment)
+        if found is None:
+            known = (*document.ids, *document.identified)
+            hint = name_hint(fragment, known) if len(known) <= _MANY and fragment[:1] != "/" else None
+            if not known and not fragment.startswith("/"):
+                hint = _NAMED
+            if fragment[-1:] == "]":
+                hint = "no object there has these values: a path such as `//@reference[key='value']` finds the first"
+            elif hint is None and fragment.startswith("/"):
+                hint = "a path begins at the root, and counts from 0: `//@reference.0`"
+            message = f"there is no object `{short(word)}`"
+            self.reading.unresolved("unknown-object", message, self.where(link, word), hint or LEAVE_OUT)
+        return found
 
     def tag(self, node: int) -> Span:
         """The tag of an object."""

@@ -7,18 +7,11 @@ from collections.abc import Callable, Iterator
 from functools import partial
 from urllib.parse import unquote
 
-from envgraph.errors import LoadError, Span, name_hint
+from envgraph.errors import LoadError, Span
 from envgraph.graph import arrange_targets
-from envgraph.lang.interchange._xmi_document import LOST, Document, Link, Spans, short
+from envgraph.lang.interchange._xmi_document import LEAVE_OUT, LOST, Document, Link, Spans, short
 from envgraph.lang.read._features import Links
 from envgraph.metamodel import Reference
-
-_NAMED = "objects are named by `xmi:id`, by an `iD` attribute of the metamodel, or by place: `//@...`"
-
-_LEAVE_OUT = "`--allow-unresolved` leaves out links to what is nowhere"
-
-_MANY = 1000
-"""Among more names than this, nobody looks for the nearest."""
 
 
 class Linker:
@@ -28,14 +21,14 @@ class Linker:
         self._document = document
         self._reading = document.reading
         self._model = document.model
-        self._lists: list[tuple[int, Reference, list[int]]] = []
+        self._order: dict[tuple[int, int], tuple[Reference, list[int]]] = {}
 
     def others(self) -> Iterator[Document]:
         """The documents that links name, read now."""
         for link in self._document.links:
             if "#" not in link.text:
                 continue
-            for word in (one for one in link.text.split() if "#" in one):
+            for word in (one for one in _words(link) if "#" in one):
                 path = unquote(word.partition("#")[0])
                 name = self._document.beside(path)
                 if not path or name in self._reading.documents:
@@ -46,12 +39,10 @@ class Linker:
                     yield found
 
     def _fetch(self, path: str, link: Link) -> Document | None:
-        span = self._document.where(
-            link, next(one for one in link.text.split() if unquote(one).startswith(path))
-        )
+        span = self._document.where(link, next(one for one in _words(link) if unquote(one).startswith(path)))
         if re.match(r"[a-zA-Z][a-zA-Z0-9+.-]+:", path):
             message = f"`{short(path)}` is not read: only files beside this one are"
-            self._reading.unresolved("other-file", message, span, _LEAVE_OUT)
+            self._reading.unresolved("other-file", message, span, LEAVE_OUT)
             return None
         if self._reading.fetch is None:
             message = f"`{short(path)}`: there is no such file"
@@ -64,7 +55,7 @@ class Linker:
                 if problem.span is not None and problem.span.source.text:
                     self._reading.add(problem)
                 else:
-                    hint = f"{problem.hint} {_LEAVE_OUT}" if problem.hint else _LEAVE_OUT
+                    hint = f"{problem.hint} {LEAVE_OUT}" if problem.hint else LEAVE_OUT
                     self._reading.unresolved(problem.code, f"`{path}`: {problem.message}", span, hint)
             return None
         known = self._reading.documents.get(source.name)  # by another path
@@ -78,46 +69,34 @@ class Linker:
         links = Links(self._model, self._document.report, Spans(self._reading), repeated=False)
         for link in self._document.links:
             targets = links.fill(link.node, link.reference, self._targets(link))
-            if len(targets) > 1 and link.reference.opposite is not None:
-                self._lists.append((link.node, link.reference, targets))
+            if link.reference.many and (link.place >= 0 or link.reference.opposite is not None):
+                order = self._order.setdefault((link.node, link.reference.index), (link.reference, []))
+                order[1].extend(targets)
 
     def _targets(self, link: Link) -> Iterator[tuple[int, Callable[[], Span]]]:
-        words = link.text.split()
+        words = _words(link)
         for index, word in enumerate(words):
             if ":" in word and "#" not in word and index + 1 < len(words) and "#" in words[index + 1]:
                 continue  # the type of the object that comes next
-            target = self._target(link, word)
+            if link.place < 0:
+                target = self._document.target(link, word)
+            else:
+                target = self._reading.child(link.node, link.reference.name, link.place)
             if target is not None and target != LOST:
                 yield target, partial(self._document.where, link, word)
 
     def reorder(self) -> None:
         """Gives many-valued references the order of the text, which making links from the other end has changed."""
-        for node, reference, targets in self._lists:
+        for (node, _), (reference, targets) in self._order.items():
+            if (node, reference.name) in self._reading.children:
+                targets = [*self._reading.inside(node, reference)]
             ends = self._model.targets(node, reference)
-            if list(ends) != targets and sorted(ends) == sorted(targets):
-                arrange_targets(self._model, node, reference, targets)
+            known = set(ends)
+            wanted = [one for one in dict.fromkeys((*targets, *ends)) if one in known]
+            if list(ends) != wanted:
+                arrange_targets(self._model, node, reference, wanted)
 
-    def _target(self, link: Link, word: str) -> int | None:
-        """The object that a word names; None, reported, if there is none."""
-        path, mark, fragment = word.rpartition("#")
-        if not mark:
-            fragment = word
-        document: Document | None = self._document
-        if path:
-            document = self._reading.documents.get(self._document.beside(unquote(path)))
-            if document is None:
-                return LOST  # which was reported
-        assert document is not None
-        found = document.find(fragment)
-        if found is None:
-            known = (*document.ids, *document.identified)
-            hint = name_hint(fragment, known) if len(known) <= _MANY and fragment[:1] != "/" else None
-            if not known and not fragment.startswith("/"):
-                hint = _NAMED
-            if hint is None and fragment.startswith("/"):
-                hint = "a path begins at the root, and counts from 0: `//@reference.0`"
-            where = self._document.where(link, word)
-            self._reading.unresolved(
-                "unknown-object", f"there is no object `{short(word)}`", where, hint or _LEAVE_OUT
-            )
-        return found
+
+def _words(link: Link) -> list[str]:
+    """What names objects and their types: an `href` names one object, and may have blanks in it."""
+    return [link.text] if link.key == "href" else link.text.split()

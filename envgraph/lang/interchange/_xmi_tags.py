@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import field
+from dataclasses import field, replace
 from decimal import Decimal
 from functools import partial
 
@@ -194,9 +194,7 @@ class TagReader:
             self._document.report("wrong-type", message, where, f"write {' or '.join(known[:5])}")
             cls = None
         if cls is None:
-            place = len(self._model.targets(frame.node, reference))
-            gaps = self._document.gaps.setdefault((frame.node, reference.name), [])
-            gaps.append(place + len(gaps))
+            self._reading.hold(frame.node, reference, LOST)
             self._skipped = 1
             return
         table = self._reading.table(cls)
@@ -352,17 +350,26 @@ class TagReader:
     def _contain(self, frame: _Frame) -> None:
         """Links an object that is complete to its container: then no chain of containers is walked."""
         assert frame.reference is not None
-        upper = frame.reference.upper
-        count = len(self._model.targets(frame.parent, frame.reference))
-        if upper is not None and count >= upper:
-            if count == upper and (frame.parent, frame.reference.name) not in self._document.gaps:
+        upper, children = (
+            frame.reference.upper,
+            self._reading.children.get((frame.parent, frame.reference.name)),
+        )
+        if upper is not None and len(self._model.targets(frame.parent, frame.reference)) >= upper:
+            if children is None or children[-1] != LOST:
                 message = f"`{frame.reference}` takes {plural(upper, 'object')} at most"
                 hint = "leave this one out"
                 self._document.report("too-many-targets", message, self._document.tag(frame.node), hint)
-            self._document.gaps.setdefault((frame.parent, frame.reference.name), []).append(count)
+            self._reading.hold(frame.parent, frame.reference, LOST)
             return
         self._model.link(frame.parent, frame.reference, frame.node)
+        if children is not None:
+            children.append(frame.node)
 
     def _href(self, node: int, reference: Reference, attributes: dict[str, str], at: int) -> None:
         key = next(key for key in attributes if key == "href" or key.rpartition(":")[2] == "idref")
-        self._document.links.append(Link(node, reference, attributes[key], at, key))
+        link = Link(node, reference, attributes[key].strip(), at, key)
+        if reference.containment:
+            children = self._reading.hold(node, reference, LOST)
+            link = replace(link, place=len(children) - 1)
+            children[-1] = self._document, link
+        self._document.links.append(link)
