@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import field
 from enum import StrEnum
 from math import isnan
@@ -220,6 +221,7 @@ class Class:
         frozen: derived operators leave it alone (`@frozen`).
         package: the nested package that it is in, see `Package`.
         left_out: names of features that the file has and the class has not, each with the reason.
+        xml: by names of features, "" for the class: what ExtendedMetaData says of them. Feature maps have a key "map".
         places: "extends A" for each supertype, "key a" for each attribute of the key, "letter", "colour".
     """
 
@@ -236,6 +238,7 @@ class Class:
     places: Places = field(default=(), compare=False, repr=False)
     package: str = ""
     left_out: tuple[tuple[str, str], ...] = field(default=(), compare=False, repr=False)
+    xml: tuple[tuple[str, Mapping[str, str]], ...] = field(default=(), compare=False, repr=False)
 
 
 @dataclass(frozen=True, slots=True)

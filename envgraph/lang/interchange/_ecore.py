@@ -35,6 +35,7 @@ from envgraph.lang.interchange._ecore_parts import (
     name_of,
     notes_of,
     said,
+    xml_of,
 )
 from envgraph.lang.interchange._ecore_tags import Tags
 from envgraph.lang.read._ecore_types import ECORE, ECORE_TYPES, XML_TYPES, library_types
@@ -109,7 +110,7 @@ def parse_ecore(source: Source) -> Metamodel:
 _WITHOUT_VALUES: Mapping[str, str] = {
     "derived": "a pattern can find the same",
     "transient": 'write `transient="false"` to keep it',
-    "eType": "use references for what is in it",
+    "eType": "its members hold what is in it, without the texts and the order between them",
 }
 
 
@@ -158,7 +159,8 @@ def _built(
     known = [reader.package(path, one) for path, one, reader in packages]
     uri = root.attributes.get("nsURI") or None
     try:
-        metamodel = Metamodel(name, classes, joint.enums.values(), uri, known)
+        enums = [one for one in joint.enums.values() if one.literals]
+        metamodel = Metamodel(name, classes, enums, uri, known)
     except ResolutionError as error:
         joint.diagnostics.extend(error.diagnostics)
         return None
@@ -216,6 +218,9 @@ class _Reader(Tags):
             # As in EMF, where the number is that of the enumeration's author, and 0 if nothing is said.
             numbers.append(said(self, literal, "value"))
             places.append((f"literal {index}", self.named(literal)))
+        if not literals:
+            hint = "it has no literals: nothing has a value of it"
+            self.warn("left-out", f"the enum `{element.get('name')}` is left out", self.named(element), hint)
         usual = tuple(range(len(literals)))
         return EnumType(
             called(self, element, "enum"),
@@ -260,6 +265,7 @@ class _Reader(Tags):
             places=(*places, *marks.places),
             package=path,
             left_out=self._left_out_of(element),
+            xml=xml_of(element),
         )
 
     def _left_out_of(self, element: Element) -> tuple[tuple[str, str], ...]:
@@ -320,7 +326,14 @@ class _Reader(Tags):
     def _without_values(self, element: Element) -> str | None:
         """Why a feature holds nothing: see `without_values`; of a transient pair of opposites neither does."""
         word = without_values(element)
-        if word is None and element.get("transient") == "true":
+        beside = inside(self._owners[element], "eStructuralFeatures")
+        if (
+            word == "derived"
+            and element.get("containment") == "true"
+            and any(without_values(one) == "eType" for one in beside)
+        ):
+            return None  # what is contained follows from nothing: it is a member of the map
+        if word is None and element.get("transient") == "true" and element.get("derived") != "true":
             other = [one.element for one in self.quietly(element, "eOpposite")]
             word = "transient" if any(one and one.get("transient") == "true" for one in other) else None
         return word
@@ -349,6 +362,9 @@ class _Reader(Tags):
         name = name_of(self, element, "attribute")
         data = data_type_of(self, target) if target else None
         if data is None or target is None:
+            return None
+        if isinstance(data.type, EnumType) and not data.type.literals:
+            self._leave_out(element, f"its enum `{data.type.name}` has no literals, and was left out")
             return None
         many = upper != 1
         default = None if many else default_of(self, element, name, data.type)
@@ -454,10 +470,11 @@ class _Reader(Tags):
 
     def _fragment(self, element: Element) -> str:
         names: list[str] = []
-        while element is not self._root:
+        while element not in self.document.roots:
             names.append(element.get("name"))
             element = self._owners[element]
-        return "#//" + "/".join(reversed(names))
+        place = self.document.roots.index(element)
+        return f"#/{place or ''}/" + "/".join(reversed(names))
 
     def _path(self, element: Element) -> str:
         return f"{self._owners[element].attributes.get('name', '')}.{element.attributes.get('name', '')}"

@@ -16,6 +16,7 @@ from envgraph.lang.syntax._xml import XMI, Element, XmlPlaces, read_tree
 _NAMING = ("eType", "eSuperTypes", "eOpposite", "eClassifier")
 _SKIPPED = ("eOperations", "eAnnotations")
 _PARTS = ("eClassifiers", "eSubpackages", "eStructuralFeatures", "eLiterals", "eTypeParameters")
+_EXTENDED = "http:///org/eclipse/emf/ecore/util/ExtendedMetaData"
 _MOST = 1000
 """So many other files are looked for; that there are more is reported where they are named."""
 _UP = 12
@@ -26,7 +27,9 @@ class EcoreDocument:
     """One file.
 
     Attributes:
-        packages: the outermost one and those in it; () where the first tag is none.
+        top: the first tag, or those in an `xmi:XMI`.
+        roots: the outermost packages, of `top`.
+        packages: those and the ones in them.
         root: the first tag, or None where the text is no XML, which `problem` tells.
         paths: the names of the files that words before a `#` lead to, as far as there are such files.
         ids: the elements with an `xmi:id`; filled in by `index`.
@@ -36,6 +39,10 @@ class EcoreDocument:
         self.source = source
         self.places = XmlPlaces(source)
         self.root, self.problem = read_tree(self.places)
+        first = [self.root] if self.root else []
+        several = first and first[0].name == "XMI" and "/XMI" in (first[0].namespace or "")
+        self.top = first[0].children if several else first
+        self.roots = tuple(one for one in self.top if one.name == "EPackage" and one.namespace == ECORE)
         self.packages = self._packages()
         self.paths: dict[str, str] = {}
         self.ids: dict[str, Element] = {}
@@ -45,22 +52,17 @@ class EcoreDocument:
     @property
     def span(self) -> Span:
         """The name of the package, or the start of the file."""
-        if self.root is None or "name" not in self.root.attributes:
+        if not self.roots or "name" not in self.roots[0].attributes:
             return self.source.span(0, 0)
-        return self.places.attribute(self.root.byte, "name")
-
-    @property
-    def is_package(self) -> bool:
-        """Whether the first tag is a package of Ecore."""
-        return self.root is not None and self.root.name == "EPackage" and self.root.namespace == ECORE
+        return self.places.attribute(self.roots[0].byte, "name")
 
     @property
     def uri(self) -> str | None:
-        """The nsURI of the outermost package."""
-        return self.root.attributes.get("nsURI") if self.root else None
+        """The nsURI of the first package."""
+        return self.roots[0].attributes.get("nsURI") if self.roots else None
 
     def _packages(self) -> tuple[Element, ...]:
-        waiting = [self.root] if self.root and self.is_package else []
+        waiting = [*self.roots]
         for one in waiting:
             waiting += [child for child in one.children if child.name == "eSubpackages"]
         return tuple(waiting)
@@ -71,9 +73,9 @@ class EcoreDocument:
         return tuple(one.attributes["nsURI"] for one in self.packages if one.attributes.get("nsURI"))
 
     def calls(self) -> Iterator[str]:
-        """Yield what other files may call the file by: the nsURIs of its packages, and the name of the outermost."""
+        """Yield what other files may call the file by: the nsURIs of its packages, and the names of the outermost."""
         yield from self.uris
-        yield from (one.get("name") for one in self.packages[:1])
+        yield from (one.get("name") for one in self.roots)
 
     def mentioned(self) -> dict[str, Span]:
         """Return what stands before `#` where something of another file is named, with the first place of each."""
@@ -98,7 +100,7 @@ class EcoreDocument:
 
     def _words(self) -> Iterator[tuple[Element, str, str]]:
         """Each word that names something, with the element and the attribute that have it."""
-        waiting = [self.root] if self.root and self.is_package else []
+        waiting = [*self.roots]
         for element in waiting:
             if without_values(element):
                 continue
@@ -125,11 +127,13 @@ class EcoreDocument:
             waiting.extend(element.children)
 
     def at(self, fragment: str, base: Element) -> Element | None:
-        """`//A/b`, `//@eClassifiers.2/@eStructuralFeatures.0`, or an `xmi:id`; paths begin at a package."""
+        """`//A/b`, `/1/@eClassifiers.2/@eStructuralFeatures.0`, or an `xmi:id`; paths begin at a package."""
         if not fragment.startswith("/"):
             return self.ids.get(fragment)
-        current = base
-        for step in fragment.split("/")[2:]:
+        root, *steps = fragment.split("/")[1:]
+        place = int(root) if root.isdecimal() and len(root) < 10 else 0
+        current = self.roots[place] if 0 < place < len(self.roots) else base
+        for step in steps:
             found = self._counted(current, step) if step.startswith("@") else self.parts(current).get(step)
             if found is None:
                 return None
@@ -161,14 +165,27 @@ _ANY = f"{ECORE}#//EObject"
 def without_values(element: Element) -> str | None:
     """The word that says why a feature holds nothing that a file could say, or None.
 
-    A transient one may follow from its opposite.
+    A transient one may follow from its opposite. A derived one that is an XML element is a member of a feature map.
     """
     attributes = element.attributes
     if attributes.get("derived") == "true":
-        return "derived"
+        return None if extended(element).get("kind") in ("element", "attribute") else "derived"
     if attributes.get("transient") == "true" and "eOpposite" not in attributes:
         return "transient"
     return "eType" if attributes.get("eType", "").endswith(f"#//{FEATURE_MAP}") else None
+
+
+def details_of(element: Element, source: str) -> Iterator[tuple[Element, str, str]]:
+    """The details of the annotations with this source, each with its key and value."""
+    for annotation in (one for one in element.children if one.name == "eAnnotations"):
+        if annotation.attributes.get("source") == source:
+            for one in (one for one in annotation.children if one.name == "details"):
+                yield one, one.get("key"), one.get("value")
+
+
+def extended(element: Element) -> dict[str, str]:
+    """What Ecore's ExtendedMetaData says of an element in documents."""
+    return {key: value for _, key, value in details_of(element, _EXTENDED)}
 
 
 @cache
@@ -178,8 +195,8 @@ def ecore_itself() -> EcoreDocument:
     return EcoreDocument(Source(ECORE, text))
 
 
-def ecore_path(files: Files, text: str, beside: str) -> str | None:
-    """The file that an `.ecore` file calls so, if there is one.
+def eclipse_path(files: Files, text: str, beside: str) -> str | None:
+    """The file that another one calls so, if there is one.
 
     A path of Eclipse's workspace (`platform:/resource/project/model/a.ecore`) is looked for in the directories above,
     with the directory of the project and without, and at last beside the file.
@@ -193,4 +210,4 @@ def ecore_path(files: Files, text: str, beside: str) -> str | None:
     else:
         tried = [] if re.match(r"[a-zA-Z][\w+.-]+:", path) else [path]
     names = (files.name(one, beside=beside) for one in tried)
-    return next((name for name in names if name.endswith(".ecore") and files.exists(name)), None)
+    return next((name for name in names if files.exists(name)), None)

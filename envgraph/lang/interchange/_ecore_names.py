@@ -91,8 +91,7 @@ class Names:
 
     @property
     def _root(self) -> Element:
-        assert self.document.root is not None
-        return self.document.root
+        return self.document.roots[0]
 
     def _mentions(self, element: Element, names: Sequence[str]) -> bool:
         return any(name in element.attributes for name in names) or any(
@@ -193,7 +192,7 @@ class Names:
         if found is None and near and "://" not in path:
             near.sort(key=lambda name: len(posixpath.commonprefix([name[::-1], path[::-1]])))
             found = known[near[-1]]
-        return found, found.document.root if found and found.document.is_package else None
+        return found, found.document.roots[0] if found and found.document.roots else None
 
     def _no_file(self, text: str, part: str, span: Span) -> None:
         key = (self.places.source.name, text)

@@ -9,9 +9,9 @@ from functools import cache
 from typing import Any
 
 from envgraph.errors import did_you_mean, name_hint
-from envgraph.lang.interchange._ecore_document import ecore_itself
+from envgraph.lang.interchange._ecore_document import details_of, ecore_itself, extended, without_values
 from envgraph.lang.interchange._ecore_names import Names, Target, inside
-from envgraph.lang.read._ecore_types import ECORE_TYPES, DataType, java_type, too_large, value_of
+from envgraph.lang.read._ecore_types import ECORE_TYPES, DataType, java_type, value_of, why_unfit
 from envgraph.lang.read._metamodel import Marks
 from envgraph.lang.syntax._xml import Element
 from envgraph.metamodel import Annotation, Attribute, EnumType, Feature, Glyph, Scalar, Value, type_name
@@ -22,17 +22,10 @@ _GENMODEL = "http://www.eclipse.org/emf/2002/GenModel"
 _NAMING = ("xmlns", "name", "eType", "eSuperTypes", "eOpposite", "eKeys")
 
 
-def _details(element: Element) -> Iterator[tuple[Element, str, str]]:
-    for annotation in inside(element, "eAnnotations"):
-        if annotation.attributes.get("source") == _OWN:
-            for one in inside(annotation, "details"):
-                yield one, one.get("key"), one.get("value")
-
-
 def marks_of(names: Names, element: Element, features: Sequence[Feature]) -> Marks:
     """Key, glyph and `frozen`: from an annotation of ours; an `iD` attribute is a key too."""
     marks = Marks()
-    for one, name, value in _details(element):
+    for one, name, value in details_of(element, _OWN):
         match name:
             case "key":
                 marks.key = tuple(value.split())
@@ -54,7 +47,7 @@ def marks_of(names: Names, element: Element, features: Sequence[Feature]) -> Mar
 def annotations_of(names: Names, element: Element) -> tuple[Annotation, ...]:
     """Return what `metamodel_to_ecore` keeps of the annotations of a `.metamodel` file."""
     found: list[Annotation] = []
-    for one, name, value in _details(element):
+    for one, name, value in details_of(element, _OWN):
         values: tuple[Value, ...] = tuple(value.split())
         named: tuple[tuple[str, Value], ...] = ()
         if name == "glyph":
@@ -104,11 +97,20 @@ def _number(text: str) -> Value:
     return text
 
 
+def xml_of(element: Element) -> tuple[tuple[str, Mapping[str, str]], ...]:
+    """Return what the `xml` of a class is."""
+    found = [("", extended(element))]
+    for one in inside(element, "eStructuralFeatures"):
+        found.append(
+            (one.get("name"), extended(one) | ({"map": ""} if without_values(one) == "eType" else {}))
+        )
+    return tuple((name, details) for name, details in found if details)
+
+
 def doc_of(element: Element) -> str | None:
     """The documentation, where EMF keeps it."""
-    notes = (one for one in inside(element, "eAnnotations") if one.get("source") == _GENMODEL)
-    details = (detail for one in notes for detail in inside(one, "details"))
-    return next((one.attributes.get("value") for one in details if one.get("key") == "documentation"), None)
+    docs = (one for one, key, _ in details_of(element, _GENMODEL) if key == "documentation")
+    return next((one.attributes.get("value") for one in docs), None)
 
 
 def name_of(names: Names, element: Element, what: str) -> str:
@@ -145,7 +147,7 @@ def said(names: Names, element: Element, name: str) -> Any:
     text = element.attributes.get(name)
     if text is None:
         return usual
-    if type_ is Scalar.BOOL and text not in ("true", "false"):
+    if type_ is Scalar.BOOL and text.lower() not in ("true", "false"):
         hint = did_you_mean(text, ("true", "false")) or "write `true` or `false`"
         names.error("wrong-type", f"`{name}` is true or false, not `{text}`", names.at(element, name), hint)
     elif type_ is Scalar.INT and not re.fullmatch(r"[+-]?[0-9]{1,10}", text):
@@ -159,7 +161,7 @@ def said(names: Names, element: Element, name: str) -> Any:
 def bounds_of(names: Names, element: Element) -> tuple[int, int | None]:
     """The lower and the upper bound of a feature, None for any number."""
     lower, upper = said(names, element, "lowerBound"), said(names, element, "upperBound")
-    return lower, None if upper < 0 else upper
+    return lower, 1 if upper == -2 else None if upper < 0 else upper  # -2: once, in the root of a document
 
 
 def default_of(names: Names, element: Element, name: str, type_: Scalar | EnumType) -> Value | None:
@@ -171,7 +173,7 @@ def default_of(names: Names, element: Element, name: str, type_: Scalar | EnumTy
     if value is None:
         words = type_.labels or type_.literals if isinstance(type_, EnumType) else ("true", "false")
         numeric = type_ in (Scalar.INT, Scalar.FLOAT)
-        hint = too_large(text, type_) or value_hint(type_) if numeric else name_hint(text, words)
+        hint = why_unfit(text, type_) or value_hint(type_) if numeric else name_hint(text, words)
         message = f"default of `{name}` is not of type `{type_name(type_)}`"
         names.error("wrong-type", message, names.at(element, "defaultValueLiteral"), hint)
     return value

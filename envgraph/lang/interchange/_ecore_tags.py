@@ -46,26 +46,25 @@ class Tags(Names):
     def enter(self, paths: set[str]) -> None:
         """Notes the packages and what is in them; those of a second file are inside of the first one's."""
         self.document.index(self._owners)
-        root = self._root
-        path = root.attributes.get("name") or "package" if paths else ""
-        while path in paths:
-            path += "_"
-        self._enter_package(path, root)
-        paths |= {path for path, _ in self.packages}
+        for root in self.document.roots:
+            path = root.attributes.get("name") or "package" if paths else ""
+            while path in paths:
+                path += "_"
+            self._enter_package(path, root)
+            paths |= {path for path, _ in self.packages}
 
     def names(self) -> set[str]:
         """All words of the text: each may be a name of something that was not read."""
         return set(re.findall(r"[^\W\d]\w*", self.places.source.text))
 
     def _is_package(self, root: Element) -> bool:
-        if root.name == "EPackage" and root.namespace == ECORE:
+        others = [one for one in self.document.top if one not in self.document.roots]
+        if self.document.roots and not others:
             return True
+        root = others[0] if others else root
         where = self.places.tag(root.byte)
         hint: str | None
-        if root.name == "XMI" and "/XMI" in (root.namespace or ""):
-            message = f"the file holds {len(root.children)} packages"
-            hint = "put them into one package, as `eSubpackages`"
-        elif root.name == "EPackage":
+        if root.name == "EPackage":
             message = "this is an `EPackage` of another language than Ecore"
             hint = f'write `xmlns:ecore="{ECORE}"` and `ecore:EPackage`'
         else:

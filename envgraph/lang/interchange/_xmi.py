@@ -91,8 +91,9 @@ def _read_all(first: Document) -> None:
             TagReader(document).read()
             linkers.append(Linker(document))
             waiting.extend(linkers[-1].others())
+        spans = Spans(first.reading)
         for linker in linkers:
-            linker.link()
+            linker.link(spans)
         for linker in linkers:
             linker.reorder()
     except Stop:

@@ -22,16 +22,17 @@ from envgraph.errors import (
     too_many_errors,
 )
 from envgraph.graph import Model, usual_value
-from envgraph.lang.read._ecore_types import value_of
+from envgraph.lang.interchange._ecore_document import ecore_itself
+from envgraph.lang.read._ecore_types import ECORE, library_types, value_of
 from envgraph.lang.syntax._once import NAMES
-from envgraph.lang.syntax._xml import Stop, XmlPlaces
+from envgraph.lang.syntax._xml import XSI, Stop, XmlPlaces
 from envgraph.metamodel import Attribute, Feature, Reference
 
 LOST = -1
 """The place of an object that could not be read: to name it is no mistake."""
 
-Fetch = Callable[[str, str], Source]
-"""Reads another document, by its path and the name of the one that names it; raises LoadError."""
+Fetch = Callable[[str, str], Source | None]
+"""Reads another document, by its path and the name of the one that names it; raises LoadError. None: it is no file."""
 
 _NAMED = "objects are named by `xmi:id`, by an `iD` attribute of the metamodel, or by place: `//@...`"
 LEAVE_OUT = "`--allow-unresolved` leaves out links to what is nowhere"
@@ -48,14 +49,21 @@ class Table:
     """What a class says about the tags of its objects.
 
     Attributes:
-        unset: attributes that have no value where a tag does not mention them, though a fresh object has one.
+        tags, keys: features by what they are called as an XML element, and as an XML attribute.
+        unset: attributes that have no value where a tag does not mention them, though a fresh object has one; by keys.
+        identifiers: the keys of the `iD` attribute.
+        text: the attribute that holds the text of a tag, or None.
+        map: the feature map, "" for none; the order among different ones of its `members`, by places, is not kept.
     """
 
     name: str
-    attributes: Mapping[str, Attribute]
-    references: Mapping[str, Reference]
-    unset: Sequence[Attribute]
-    identifier: str | None
+    tags: Mapping[str, Feature]
+    keys: Mapping[str, Feature]
+    unset: Mapping[str, Attribute]
+    identifiers: Sequence[str]
+    text: Attribute | None
+    map: str
+    members: Mapping[str, int]
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,6 +111,29 @@ class Reading:
         self.packages = {package.uri: package for package in self.metamodel.packages}
         self.foreign: set[str] = set()
         self._omitted: dict[tuple[str, str, str, str], tuple[int, Span]] = {}
+        self.called: dict[str, dict[str, str]] = {}
+        """Classes by their names in XML, and by their packages."""
+        self.elements: dict[tuple[str, str], tuple[str, Reference, str]] = {}
+        """By uri and name: elements that can be the root of a document; class and feature, and what they substitute."""
+        uris = {one.path: one.uri for one in self.metamodel.packages}
+        for cls in self.metamodel.class_list:
+            said = dict(cls.xml)
+            name = said.get("", {}).get("name")
+            if name:
+                self.called.setdefault(name, {})[cls.package] = cls.name
+            for one in cls.features if name == "" else ():
+                if isinstance(one, Reference) and one.containment:
+                    details = said.get(one.name, {})
+                    head = details.get("affiliation", "").rpartition("#")[2]
+                    self.elements[uris[cls.package], details.get("name", one.name)] = cls.name, one, head
+
+    def head(self, uri: str, tag: str, known: Mapping[str, Feature]) -> str:
+        """The known element that an element of a document may stand in for, by substitution groups; else a name."""
+        for _ in range(MOST_NESTED):
+            if tag in known or (uri, tag) not in self.elements:
+                break
+            tag = self.elements[uri, tag][2]
+        return tag
 
     def omit(
         self, noun: str, rest: str, span: Span, hint: str = "no class has this", said: str = "left out"
@@ -110,6 +141,13 @@ class Reading:
         """Note one of the things that the model does not have, or has in another way."""
         count, first = self._omitted.get((said, noun, rest, hint), (0, span))
         self._omitted[said, noun, rest, hint] = count + 1, first
+
+    def lose(self, cls: str, feature: str, span: Span, noun: str = "value") -> bool:
+        """Note a value, text or place of a feature that the metamodel has left out; return whether it has."""
+        reason = self.metamodel.left_out(cls, feature)
+        if reason:
+            self.omit(noun, f"of `{cls}.{feature}`", span, f"the feature is not there: {reason}")
+        return bool(reason)
 
     def omissions(self) -> Iterator[Diagnostic]:
         """Yield a warning for each kind of things that are left out or rounded, at the first of them."""
@@ -126,14 +164,28 @@ class Reading:
 
     def _table(self, cls: str) -> Table:
         features = self.metamodel.features(cls)
-        attributes = {name: one for name, one in features.items() if isinstance(one, Attribute)}
-        return Table(
-            cls,
-            attributes,
-            {name: one for name, one in features.items() if isinstance(one, Reference)},
-            [one for one in attributes.values() if usual_value(one) is None and not one.many],
-            next((name for name, one in attributes.items() if one.identifier), None),
-        )
+        tags, keys, members = dict(features), dict(features), {}
+        text, map_ = None, ""
+        above = [self.metamodel.classes[one].xml for one in self.metamodel.supertypes(cls)]
+        mixed = any(dict(one).get("", {}).get("kind") == "mixed" for one in above)
+        for name, said in (pair for one in above for pair in one):
+            kind, feature = said.get("kind"), features.get(name)
+            if "map" in said:
+                map_ = name
+            elif kind == "simple":
+                text = feature
+            elif feature is not None:
+                if kind != "element":
+                    keys[said.get("name", name)] = feature
+                if kind != "attribute":
+                    tags[said.get("name", name)] = feature
+                if "group" in said or (mixed and kind == "element"):
+                    members[name] = [*features].index(name)
+        values = {key: one for key, one in keys.items() if isinstance(one, Attribute)}
+        unset = {key: one for key, one in values.items() if usual_value(one) is None and not one.many}
+        identifiers = [key for key, one in values.items() if one.identifier]
+        assert text is None or isinstance(text, Attribute)
+        return Table(cls, tags, keys, unset, identifiers, text, map_, members)
 
     def hold(self, node: int, reference: Reference, child: int) -> list[int | tuple[Document, Link] | None]:
         """Note a child whose place counts though the model does not list it; return all children there."""
@@ -148,13 +200,10 @@ class Reading:
         children = self.children[node, name]
         child = children[place] if place < len(children) else None
         if isinstance(child, tuple):
-            children[place] = None
+            (document, link), children[place] = child, None
             self._looking += 1
-            document, link = child
-            child = children[place] = (
-                document.target(link, link.text) if self._looking < MOST_NESTED else None
-            )
-            self._looking -= 1
+            child = document.target(link, link.text) if self._looking < MOST_NESTED else None
+            children[place], self._looking = child, self._looking - 1
         return child
 
     def inside(self, node: int, reference: Reference) -> Sequence[int]:
@@ -195,16 +244,17 @@ class Reading:
         span: Span,
         hint: str | None = None,
         lost: str = "links to it are left out",
+        notes: tuple[Note, ...] = (),
     ) -> None:
         """Notes what is named and is nowhere: a mistake, or a warning, of which a hundred are shown."""
         if not self.allow_unresolved:
-            self.add(Diagnostic(code, message, span, hint))
+            self.add(Diagnostic(code, message, span, hint, notes=notes))
             return
         self._unresolved += 1
         if self._unresolved == MOST_ERRORS + 1:
             code, message = "too-many-warnings", "there are more names of what is nowhere"
         if self._unresolved <= MOST_ERRORS + 1:
-            self.diagnostics.append(Diagnostic(code, message, span, lost, Severity.WARNING))
+            self.diagnostics.append(Diagnostic(code, message, span, lost, Severity.WARNING, notes))
 
 
 class Spans(Mapping[int, Span]):
@@ -277,17 +327,12 @@ class Document:
             self._found[head] = self._walk(head)
         above = self._found[head]
         found = self._step(above, last)
-        if (
-            found is not None
-            and found != LOST
-            and above is not None
-            and last[:1] == "@"
-            and last[-1].isdecimal()
-        ):
-            name = last[1:].partition(".")[0]
-            reference = self.reading.metamodel.feature(self.model.class_of(above), name)
-            if isinstance(reference, Reference) and (above, name) not in self.reading.children:
-                self._listed[fragment.rpartition(".")[0]] = self.model.targets(above, reference)
+        if found in (None, LOST) or above is None or last[:1] != "@" or not last[-1].isdecimal():
+            return found
+        name = last[1:].partition(".")[0]
+        reference = self.reading.metamodel.feature(self.model.class_of(above), name)
+        if isinstance(reference, Reference) and (above, name) not in self.reading.children:
+            self._listed[fragment.rpartition(".")[0]] = self.model.targets(above, reference)
         return found
 
     def _walk(self, fragment: str) -> int | None:
@@ -354,24 +399,19 @@ class Document:
 
     def target(self, link: Link, word: str) -> int | None:
         """The object that a word names, or `LOST`; None, reported, if there is none."""
-        path, mark, fragment = word.rpartition("#")
-        if not mark:
-            fragment = word
-        document: Document | None = self
-        if path:
-            document = self.reading.documents.get(self.beside(unquote(path)))
-            if document is None:
-                return LOST  # which was reported
-        assert document is not None
+        path, _, fragment = word.rpartition("#")
+        document = self.reading.documents.get(self.beside(unquote(path))) if path else self
+        if document is None:
+            return LOST  # which was reported
         found = document.find(fragment)
         if found is None:
             known = (*document.ids, *document.identified)
             hint = name_hint(fragment, known) if len(known) <= _MANY and fragment[:1] != "/" else None
-            if not known and not fragment.startswith("/"):
+            if not known and fragment[:1] != "/":
                 hint = _NAMED
             if fragment[-1:] == "]":
                 hint = "no object there has these values: a path such as `//@reference[key='value']` finds the first"
-            elif hint is None and fragment.startswith("/"):
+            elif fragment[:1] == "/":
                 hint = "a path begins at the root, and counts from 0: `//@reference.0`"
             message = f"there is no object `{short(word)}`"
             self.reading.unresolved("unknown-object", message, self.where(link, word), hint or LEAVE_OUT)
@@ -389,7 +429,28 @@ class Document:
         self, code: str, message: str, span: Span, hint: str | None = None, notes: tuple[Note, ...] = ()
     ) -> None:
         """Notes a mistake; raises `Stop` when there have been enough."""
-        self.reading.add(Diagnostic(code, message, span, hint, notes=notes))
+        if code == "opposites-differ":
+            hint = f"{hint}; `--allow-unresolved` keeps the first"
+            self.reading.unresolved(code, message, span, hint, "this is left out: the first is kept", notes)
+        else:
+            self.reading.add(Diagnostic(code, message, span, hint, notes=notes))
+
+
+class Library(Document):
+    """Ecore's own package, or that of XML Schema: of it the model has what links name, without what is in that."""
+
+    def find(self, fragment: str) -> int | None:
+        """The data type or class of a fragment such as `//EString`, which is created the first time."""
+        name, model = fragment.rpartition("/")[2], self.model
+        classes = ecore_itself().parts(ecore_itself().roots[0])
+        if name not in self.ids and (name in (library_types(self.source.name) or ()) or name in classes):
+            key = classes[name].qualified("type", XSI) if name in classes else None
+            kind = classes[name].attributes[key].partition(":")[2] if key else "EDataType"
+            cls = self.reading.metamodel.named(kind)[self.reading.packages[ECORE].path]
+            self.ids[name] = model.new(cls, None)
+            for attribute in self.reading.table(cls).unset.values():
+                model.set_value(self.ids[name], attribute, name if attribute.name == "name" else None)
+        return self.ids.get(name)
 
 
 def short(text: str) -> str:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Iterator
 from functools import partial
 from urllib.parse import unquote
 
-from envgraph.errors import LoadError, Span
+from envgraph.errors import LoadError, Source, Span
 from envgraph.graph import arrange_targets
-from envgraph.lang.interchange._xmi_document import LEAVE_OUT, LOST, Document, Link, Spans, short
+from envgraph.lang.interchange._xmi_document import LEAVE_OUT, LOST, Document, Library, Link, Spans, short
+from envgraph.lang.read._ecore_types import ECORE, library_types
 from envgraph.lang.read._features import Links
 from envgraph.metamodel import Reference
 
@@ -40,16 +40,8 @@ class Linker:
 
     def _fetch(self, path: str, link: Link) -> Document | None:
         span = self._document.where(link, next(one for one in _words(link) if unquote(one).startswith(path)))
-        if re.match(r"[a-zA-Z][a-zA-Z0-9+.-]+:", path):
-            message = f"`{short(path)}` is not read: only files beside this one are"
-            self._reading.unresolved("other-file", message, span, LEAVE_OUT)
-            return None
-        if self._reading.fetch is None:
-            message = f"`{short(path)}`: there is no such file"
-            self._reading.unresolved("missing-file", message, span, "a text that is no file names no others")
-            return None
         try:
-            source = self._reading.fetch(path, self._document.source.name)
+            source = self._reading.fetch(path, self._document.source.name) if self._reading.fetch else None
         except LoadError as error:
             for problem in error.diagnostics:
                 if problem.span is not None and problem.span.source.text:
@@ -58,23 +50,39 @@ class Linker:
                     hint = f"{problem.hint} {LEAVE_OUT}" if problem.hint else LEAVE_OUT
                     self._reading.unresolved(problem.code, f"`{path}`: {problem.message}", span, hint)
             return None
+        if source is None:
+            if library_types(path) is not None and ECORE in self._reading.packages:
+                self._reading.documents[self._document.beside(path)] = Library(
+                    self._reading, Source(path, "")
+                )
+            elif ":" in path or self._reading.fetch:
+                message = f"`{short(path)}` is not read: only files beside this one are"
+                self._reading.unresolved("other-file", message, span, LEAVE_OUT)
+            else:
+                hint = "a text that is no file names no others"
+                self._reading.unresolved(
+                    "missing-file", f"`{short(path)}`: there is no such file", span, hint
+                )
+            return None
         known = self._reading.documents.get(source.name)  # by another path
         document = known or self._reading.enter(source)
         self._reading.documents[self._document.beside(path)] = document
         return None if known else document
 
-    def link(self) -> None:
+    def link(self, spans: Spans) -> None:
         """Makes the links of all references."""
         # To name an object twice is to name it once, as in EMF.
-        links = Links(self._model, self._document.report, Spans(self._reading), repeated=False)
+        links = Links(self._model, self._document.report, spans, repeated=False)
         for link in self._document.links:
             targets = links.fill(link.node, link.reference, self._targets(link))
             if link.reference.many and (link.place >= 0 or link.reference.opposite is not None):
-                order = self._order.setdefault((link.node, link.reference.index), (link.reference, []))
-                order[1].extend(targets)
+                first = self._order.setdefault((link.node, link.reference.index), (link.reference, targets))[
+                    1
+                ]
+                first += targets if first is not targets else []
 
     def _targets(self, link: Link) -> Iterator[tuple[int, Callable[[], Span]]]:
-        words = _words(link)
+        words = link.text.split() if link.key != "href" else [link.text]
         for index, word in enumerate(words):
             if ":" in word and "#" not in word and index + 1 < len(words) and "#" in words[index + 1]:
                 continue  # the type of the object that comes next
@@ -90,10 +98,10 @@ class Linker:
         for (node, _), (reference, targets) in self._order.items():
             if (node, reference.name) in self._reading.children:
                 targets = [*self._reading.inside(node, reference)]
-            ends = self._model.targets(node, reference)
-            known = set(ends)
-            wanted = [one for one in dict.fromkeys((*targets, *ends)) if one in known]
-            if list(ends) != wanted:
+            ends = list(self._model.targets(node, reference))
+            if ends != targets:
+                known = set(ends)
+                wanted = [one for one in dict.fromkeys((*targets, *ends)) if one in known]
                 arrange_targets(self._model, node, reference, wanted)
 
 

@@ -48,6 +48,12 @@ class Namespaces:
         """Return whether a prefix stands for XMI itself."""
         return XMI_SPACES.fullmatch(self.scope.get(prefix, "")) is not None
 
+    def local(self, name: str) -> tuple[str, str]:
+        """The namespace of a tag or attribute, and its name, with the prefix if that is none of the metamodel's."""
+        prefix, _, simple = name.rpartition(":")
+        uri = self.scope.get(prefix, "")
+        return uri, simple if uri in self._reading.packages else name
+
     def _enter_scope(self, scope: dict[str, str]) -> None:
         self.scope = scope
         self._types = {}
@@ -86,6 +92,7 @@ class Namespaces:
         """The class of this name in a package; without one the class that alone has the name."""
         metamodel = self._reading.metamodel
         homes = {path: one for path, one in metamodel.named(simple).items() if one in metamodel.classes}
+        homes |= self._reading.called.get(simple, {})
         if package and package.path in homes:
             return homes[package.path]
         if not package and len(homes) == 1:

@@ -11,7 +11,7 @@ from envgraph.code import dataclass
 from envgraph.errors import MOST_ERRORS, Note, Span, did_you_mean, plural, quoted, with_article
 from envgraph.lang.interchange._xmi_document import LOST, Document, Link, Table, short
 from envgraph.lang.interchange._xmi_namespaces import Namespaces
-from envgraph.lang.read._ecore_types import too_large, value_of
+from envgraph.lang.read._ecore_types import value_of, why_unfit
 from envgraph.lang.read._features import allowed_values, unknown_literal
 from envgraph.lang.syntax._xml import XMI, XSI, Reader, Stop
 from envgraph.metamodel import Attribute, EnumType, Reference, Scalar, Value, type_name
@@ -29,8 +29,9 @@ class _Frame:
         node: the object, or the one whose attribute it is.
         table: None where nothing inside can be understood.
         parent: the container, to which the object is linked by `reference` at the end.
-        text: what stands in an attribute's tag; None for objects.
+        text: what stands in an attribute's tag, or in that of an object with such an attribute; else None.
         values: of the object's attributes with many, each with the place of its tag.
+        last: the place of the last of the `members` of a feature map.
     """
 
     node: int
@@ -39,7 +40,8 @@ class _Frame:
     reference: Reference | None = None
     attribute: Attribute | None = None
     text: list[str] | None = None
-    values: dict[str, list[tuple[Value, int]]] = field(default_factory=dict)
+    values: dict[Attribute, list[tuple[Value, int]]] = field(default_factory=dict)
+    last: int = -1
 
 
 class TagReader:
@@ -106,13 +108,14 @@ class TagReader:
         if not self._stack:
             return
         frame = self._stack.pop()
-        if frame.text is not None:
-            self._close_attribute(frame)
+        if frame.attribute is not None:
+            self._close_attribute(frame, frame.attribute)
             return
-        for name, values in frame.values.items():
-            assert frame.table is not None
+        if frame.text and frame.table is not None and frame.table.text is not None:
+            self._close_attribute(frame, frame.table.text)
+        for attribute, values in frame.values.items():
             found = [(value, partial(self._document.places.tag, at)) for value, at in values]
-            self._set_many(frame.node, frame.table.attributes[name], found)
+            self._set_many(frame.node, attribute, found)
         if frame.reference is not None:
             self._contain(frame)
 
@@ -128,6 +131,10 @@ class TagReader:
                 self._document.source.text.rfind(line, 0, self._document.places.offset(self._xml.at)), 0
             )
             span = self._document.source.span(start, start + len(line))
+            table = self._stack[-1].table if self._stack else None
+            if table is not None and table.map:
+                self._reading.lose(table.name, table.map, span, "text")
+                return
             self._document.report(
                 "stray-text",
                 "a text stands here, where only tags can stand",
@@ -147,6 +154,12 @@ class TagReader:
             self._skipped = 1
             self._reading.omit("tag", f"`{tag}` {_FOREIGN}", self._document.places.tag(at))
             return
+        element = self._reading.elements.get((self._spaces.scope.get(prefix, ""), simple))
+        if element is not None:  # the object of the document, with the one of the tag in it
+            table = self._reading.table(element[0])
+            self._document.roots.append(self._create(table, {}, at))
+            self._child(_Frame(self._document.roots[-1], table), element[1], attributes, at, element[1])
+            return
         cls = self._spaces.class_named(tag, at, None)
         if cls is None:
             self._document.roots.append(LOST)
@@ -156,7 +169,7 @@ class TagReader:
         self._spaces.type_of(attributes)
         node = self._create(table, attributes, at)
         self._document.roots.append(node)
-        self._stack.append(_Frame(node, table))
+        self._stack.append(_Frame(node, table, text=[] if table.text else None))
 
     def _inner(self, tag: str, attributes: dict[str, str], at: int) -> None:
         frame = self._stack[-1]
@@ -164,11 +177,23 @@ class TagReader:
         if table is None:
             self._skipped = 1
             return
-        reference = table.references.get(tag)
+        reference, typed = table.tags.get(tag), None
         if reference is None:
+            uri, tag = self._spaces.local(tag)
+            reference = table.tags.get(self._reading.head(uri, tag, table.tags))
+            if tag not in table.tags and reference is not None:
+                typed = self._reading.elements[uri, tag][1]
+        if reference is not None and reference.name in table.members:
+            place = table.members[reference.name]
+            if place < frame.last:
+                self._reading.lose(table.name, table.map, self._document.places.tag(at), "place")
+            frame.last = max(place, frame.last)
+        if not isinstance(reference, Reference):
             self._other_tag(frame, table, tag, attributes, at)
             return
-        if "href" in attributes or any(key.rpartition(":")[2] == "idref" for key in attributes):
+        if "href" in attributes or any(
+            key[-5:] == "idref" and key.rpartition(":")[2] == "idref" for key in attributes
+        ):
             self._href(frame.node, reference, attributes, at)
             self._skipped = 1
             return
@@ -181,12 +206,15 @@ class TagReader:
             self._document.report("wrong-type", message, self._document.places.tag(at), hint)
             self._skipped = 1
             return
-        self._child(frame, reference, attributes, at)
+        self._child(frame, reference, attributes, at, typed or reference)
 
-    def _child(self, frame: _Frame, reference: Reference, attributes: dict[str, str], at: int) -> None:
+    def _child(
+        self, frame: _Frame, reference: Reference, attributes: dict[str, str], at: int, typed: Reference
+    ) -> None:
+        """An object in another one; without an `xsi:type` it is of the class that `typed` leads to."""
         type_, key = self._spaces.type_of(attributes)
         # The name alone would be looked up in the namespace of the tag, and a reference has none.
-        cls = self._spaces.class_named(type_, at, key) if type_ else self._spaces.declared(reference, at)
+        cls = self._spaces.class_named(type_, at, key) if type_ else self._spaces.declared(typed, at)
         if cls is not None and not self._reading.metamodel.is_a(cls, reference.target):
             message = f"`{reference}` takes objects of class `{reference.target}`, not {with_article(cls)}"
             where = self._document.places.attribute(at, key) if key else self._document.places.tag(at)
@@ -199,12 +227,13 @@ class TagReader:
             return
         table = self._reading.table(cls)
         node = self._create(table, attributes, at)
-        self._stack.append(_Frame(node, table, frame.node, reference))
+        text: list[str] | None = [] if table.text else None
+        self._stack.append(_Frame(node, table, frame.node, reference, text=text))
 
     def _other_tag(self, frame: _Frame, table: Table, tag: str, attributes: dict[str, str], at: int) -> None:
         """A tag that is no reference: an attribute, an extension of a tool, or a mistake."""
-        attribute = table.attributes.get(tag)
-        if attribute is not None:
+        attribute = table.tags.get(tag)
+        if isinstance(attribute, Attribute):
             nil = self._spaces.is_nil(attributes)
             if nil and attribute.many:
                 message, span = f"a value of `{attribute}` is missing", self._document.places.tag(at)
@@ -221,15 +250,14 @@ class TagReader:
         if prefix and self._spaces.is_space(prefix):
             self._reading.omit("tag", f"`{tag}` {_FOREIGN}", self._document.places.tag(at))
             return
-        known = [*table.references, *table.attributes]
+        if prefix and table.map:
+            self._reading.lose(table.name, table.map, self._document.places.tag(at))
+            return
+        known = [*table.tags]
         self._unknown_feature(table, tag, self._document.places.tag(at), known)
 
     def _unknown_feature(self, table: Table, name: str, span: Span, known: Sequence[str]) -> None:
-        reason = self._reading.metamodel.left_out(table.name, name)
-        if reason:
-            why = f"the feature is not there: {reason}"
-            self._reading.omit("value", f"of `{table.name}.{name}`", span, why)
-        if name in self._reading.lost or reason:
+        if self._reading.lose(table.name, name, span) or name in self._reading.lost:
             return
         hint = did_you_mean(name, known)
         if hint is None:
@@ -251,19 +279,22 @@ class TagReader:
         self._document.bytes.append(at)
         if own is not None:
             self._document.ids.setdefault(own, node)
-        known, references = table.attributes, table.references
+        for key, attribute in table.unset.items():
+            if key not in attributes:
+                model.set_value(node, attribute, None)
         for key, value in attributes.items():
-            if key in known:
-                self._set(node, known[key], value, at)
-            elif key in references:
-                self._document.links.append(Link(node, references[key], value, at, key))
+            feature = table.keys.get(key)
+            if feature is None and ":" in key:
+                feature = table.keys.get(self._spaces.local(key)[1])
+            if isinstance(feature, Attribute):
+                self._set(node, feature, value, at, key)
+            elif feature is not None:
+                self._document.links.append(Link(node, feature, value, at, key))
             else:
                 self._other_attribute(table, key, at)
-        for attribute in table.unset:
-            if attribute.name not in attributes:
-                model.set_value(node, attribute, None)
-        if table.identifier and table.identifier in attributes:
-            self._document.identified.setdefault(attributes[table.identifier], node)
+        for key in table.identifiers:
+            if key in attributes:
+                self._document.identified.setdefault(attributes[key], node)
         return node
 
     def _duplicate(self, name: str, at: int) -> None:
@@ -274,11 +305,11 @@ class TagReader:
         where, hint = self._document.places.attribute(at, key), "give each object an id of its own"
         self._document.report("duplicate-object", message, where, hint, notes=notes)
 
-    def _set(self, node: int, attribute: Attribute, text: str, at: int) -> None:
+    def _set(self, node: int, attribute: Attribute, text: str, at: int, key: str) -> None:
         """Set an attribute that stands in the tag; many values have white space between them, as in EMF."""
 
         def span() -> Span:
-            return self._document.places.attribute(at, attribute.name)
+            return self._document.places.attribute(at, key)
 
         if attribute.many:
             found = [self._value(node, attribute, one, span) for one in text.split()]
@@ -314,8 +345,11 @@ class TagReader:
             return None
         message = f"`{attribute}` takes {with_article(type_name(type_))}, not `{short(text)}`"
         like = did_you_mean(text, ("true", "false")) if type_ is Scalar.BOOL else None
-        hint = like or too_large(text, type_) or value_hint(type_)
-        self._document.report("wrong-type", message, span, hint)
+        hint = like or why_unfit(text, type_) or value_hint(type_)
+        if text == "NaN":
+            self._reading.unresolved("values-left-out", message, span, hint, f"the value is left out: {hint}")
+        else:
+            self._document.report("wrong-type", message, span, hint)
         return None
 
     def _other_attribute(self, table: Table, key: str, at: int) -> None:
@@ -333,27 +367,25 @@ class TagReader:
             elif simple not in _OF_XMI and prefix not in ("xmlns", "xml"):
                 self._reading.omit("attribute", f"`{key}` {_FOREIGN}", self._document.places.name_of(at, key))
             return
-        known = [*table.attributes, *table.references]
+        known = [*table.keys]
         self._unknown_feature(table, simple, self._document.places.name_of(at, key), known)
 
-    def _close_attribute(self, frame: _Frame) -> None:
-        assert frame.attribute is not None and frame.text is not None
+    def _close_attribute(self, frame: _Frame, attribute: Attribute) -> None:
+        assert frame.text is not None
         at = self._xml.at
         # Positions of texts are not kept: the tag that ends it stands for the value.
-        attribute = frame.attribute
         value = self._value(frame.node, attribute, "".join(frame.text), lambda: self._document.places.tag(at))
         if value is not None and attribute.many:
-            self._stack[-1].values.setdefault(attribute.name, []).append((value, at))
+            self._stack[-1].values.setdefault(attribute, []).append((value, at))
         elif value is not None:
             self._model.set_value(frame.node, attribute, value)
 
     def _contain(self, frame: _Frame) -> None:
         """Links an object that is complete to its container: then no chain of containers is walked."""
         assert frame.reference is not None
-        upper, children = (
-            frame.reference.upper,
-            self._reading.children.get((frame.parent, frame.reference.name)),
-        )
+        upper, children = frame.reference.upper, None
+        if self._reading.children:
+            children = self._reading.children.get((frame.parent, frame.reference.name))
         if upper is not None and len(self._model.targets(frame.parent, frame.reference)) >= upper:
             if children is None or children[-1] != LOST:
                 message = f"`{frame.reference}` takes {plural(upper, 'object')} at most"

@@ -168,12 +168,12 @@ class Loader:
 
     def _other_packages(self, document: EcoreDocument) -> list[tuple[Import, str]]:
         """The files that an `.ecore` file names and that are there; for the others, others may have been given."""
-        from envgraph.lang.interchange._ecore_document import ecore_path
+        from envgraph.lang.interchange._ecore_document import eclipse_path
 
         name, found = document.source.name, []
         for text, span in document.mentioned().items():
-            target = ecore_path(self.files, text, name)
-            if target and target != name:
+            target = eclipse_path(self.files, text, name)
+            if target and target.endswith(".ecore") and target != name:
                 document.paths[text] = target
                 found.append((Import(text, span), target))
         return found
@@ -447,11 +447,21 @@ class Loader:
             parts.update(one for one in found.parts if one != name)
         return [one for one in models if one.span.source.name not in parts]
 
-    def _fetch(self, path: str, beside: str) -> Source:
-        """Another XMI document."""
-        file = self.read.setdefault(self.files.name(path, beside=beside), LoadedFile("xmi"))
+    def _fetch(self, path: str, beside: str) -> Source | None:
+        """Another XMI document, or the file of a metamodel that has this nsURI; None for what is at no path."""
+        from envgraph.lang.interchange._ecore_document import eclipse_path
+
+        for document, _ in self.metamodels.ecore.values():
+            if path in document.uris:
+                return document.source
+        name = eclipse_path(self.files, path, beside)
+        if name is None:
+            if re.match(r"[a-zA-Z][\w+.-]+:", path):
+                return None
+            name = self.files.name(path, beside=beside)
+        file = self.read.setdefault(name, LoadedFile("xmi"))
         if file.source is None:
-            file.source = read_source(self.files, self.files.name(path, beside=beside))
+            file.source = read_source(self.files, name)
         return file.source
 
     def _order(self) -> dict[str, int]:

@@ -111,15 +111,21 @@ def value_of(text: str, type_: Scalar | EnumType) -> Value | None:
     >>> value_of("*", Scalar.INT)  # an upper bound in UML
     -1
     """
+    if type_ is Scalar.STRING:
+        return text
     if isinstance(type_, EnumType):
         return literal_of(text, type_)
     if type_ is Scalar.INT and text == "*":
         return -1
+    if type_ is Scalar.BOOL:  # `TRUE` as EMF reads it, `1` as XML Schema does
+        return {"true": True, "1": True, "false": False, "0": False}.get(text.lower())
     return parse_value(_INFINITE.get(text, text) if type_ is Scalar.FLOAT else text, type_)
 
 
-def too_large(text: str, type_: Scalar | EnumType) -> str | None:
-    """A hint for a number that cannot be kept because of its size, or None."""
+def why_unfit(text: str, type_: Scalar | EnumType) -> str | None:
+    """A hint for a number that cannot be kept because of its size, or as it is none; else None."""
+    if type_ is Scalar.FLOAT and text == "NaN":
+        return "`NaN` equals nothing, not even itself, so that no query could find it"
     if type_ is Scalar.INT and _INT.fullmatch(text):
         return f"an int has 64 bits: it is {LARGEST_INT} at most"
     if type_ is Scalar.FLOAT and _FLOAT.fullmatch(text):

@@ -133,12 +133,12 @@ class Links:
             model.link(node, reference, target)
         except (RuleError, TypeMismatch) as error:
             full = isinstance(error, RuleError) and error.reason == "full"
-            notes = tuple(
-                note
-                for other in (model.sources(target, reference) if full else ())
-                for note in self._note("the object that has it is here", other, where)
-            )
-            self._report("impossible-link", error.message, _span(where), _link_hint(error, reference), notes)
+            ends = model.targets(node, reference)
+            others = ends if len(ends) == reference.upper else model.sources(target, reference)
+            text = "the object that has it is here"
+            notes = tuple(note for one in others if full for note in self._note(text, one, where))
+            code = "opposites-differ" if full and reference.opposite else "impossible-link"
+            self._report(code, error.message, _span(where), _link_hint(error, reference), notes)
 
     def _note(self, text: str, node: int, where: Place) -> tuple[Note, ...]:
         span = self._spans.get(node)

@@ -19,8 +19,10 @@ PARTS = f"""<ecore:EPackage {HEAD} {_ECORE} name="e" nsURI="http://x/e" nsPrefix
     <eStructuralFeatures xsi:type="ecore:EReference" name="parts" upperBound="-1" eType="#//Part" containment="true"
         eOpposite="#//Part/whole"/>
     <eStructuralFeatures xsi:type="ecore:EReference" name="whole" eType="#//Part" eOpposite="#//Part/parts"/>
-    <eStructuralFeatures xsi:type="ecore:EReference" name="uses" upperBound="-1" eType="#//Part" eOpposite="#//Part/users"/>
-    <eStructuralFeatures xsi:type="ecore:EReference" name="users" upperBound="-1" eType="#//Part" eOpposite="#//Part/uses"/>
+    <eStructuralFeatures xsi:type="ecore:EReference" name="uses" upperBound="-1"
+        eType="#//Part" eOpposite="#//Part/users"/>
+    <eStructuralFeatures xsi:type="ecore:EReference" name="users" upperBound="-1"
+        eType="#//Part" eOpposite="#//Part/uses"/>
     <eStructuralFeatures xsi:type="ecore:EReference" name="likes" upperBound="-1" eType="#//Part"/>
   </eClassifiers>
 </ecore:EPackage>"""
@@ -58,30 +60,22 @@ def names_in_pyecore(directory: Path, texts: dict[str, str], feature: str) -> li
 
 
 @pytest.mark.parametrize(
-    ("main", "feature", "expected"),
+    ("inside", "expected"),
     [
-        ('<parts name="a"/><parts href="c.xmi#/"/><parts name="b"/>', "parts", ["a", "child", "b"]),
-        ('<parts href="c.xmi#/"/><parts href="c.xmi#//@parts.1"/><parts name="b"/>', "parts", ["child", "b"]),
-        (
-            '<parts name="a"/><parts href="d/f.xmi#/"/><parts href="c.xmi#/"/>',
-            "parts",
-            ["a", "deep", "child"],
-        ),
+        ('<parts name="a"/><parts href="c.xmi#/"/><parts name="b"/>', ["a", "child", "b"]),
+        ('<parts href="c.xmi#/"/><parts name="b"/>', ["child", "b"]),
+        ('<parts name="a"/><parts href="d/f.xmi#/"/><parts href="c.xmi#/"/>', ["a", "deep", "child"]),
     ],
 )
 def test_what_other_files_contain_stands_where_the_text_names_it(
-    tmp_path: Path, main: str, feature: str, expected: list[str]
+    tmp_path: Path, inside: str, expected: list[str]
 ) -> None:
-    texts = {"c": part("child", '<parts name="grand"/>'), "d__f": part("deep")}
-    if "@parts.1" in main:  # an object has one container
-        found = workspace(part("root", main), **texts)
-        assert [one.code for one in found.errors] == ["unknown-object"]
-        return
-    model = workspace(part("root", main), **texts).model()
+    main, child, deep = part("root", inside), part("child", '<parts name="grand"/>'), part("deep")
+    model = workspace(main, c=child, d__f=deep).model()
     model.check_integrity()
-    assert names(model, feature) == expected
-    files = {"e.ecore": PARTS, "main.xmi": part("root", main), "c.xmi": texts["c"], "d/f.xmi": texts["d__f"]}
-    assert names_in_pyecore(tmp_path, files, feature) == expected
+    assert names(model, "parts") == expected
+    files = {"e.ecore": PARTS, "main.xmi": main, "c.xmi": child, "d/f.xmi": deep}
+    assert names_in_pyecore(tmp_path, files, "parts") == expected
 
 
 def test_places_count_what_other_files_contain(tmp_path: Path) -> None:
@@ -98,20 +92,16 @@ def test_places_count_what_other_files_contain(tmp_path: Path) -> None:
 
 def test_an_href_may_lead_through_another_one() -> None:
     main = part("root", '<parts href="b.xmi#//@parts.1/@parts.0"/><parts name="z"/>', 'likes="//@parts.0"')
-    model = workspace(
-        main,
-        b=part("b", '<parts name="y"/><parts href="c.xmi#/"/>'),
-        c=part("c", '<parts href="d.xmi#/"/>'),
-        d=part("d"),
-    )
-    assert [one.code for one in model.errors] == ["two-containers"]  # `d` is inside `c` and inside `root`
+    others = {
+        "b": part("b", '<parts name="y"/><parts href="c.xmi#/"/>'),
+        "c": part("c", '<parts href="d.xmi#/"/>'),
+        "d": part("d"),
+    }
+    assert [one.code for one in workspace(main, **others).errors] == [
+        "two-containers"
+    ]  # `d` is inside `c` and inside `root`
     main = part("root", "", 'likes="b.xmi#//@parts.1/@parts.0 b.xmi#//@parts.0"')
-    found = workspace(
-        main,
-        b=part("b", '<parts name="y"/><parts href="c.xmi#/"/>'),
-        c=part("c", '<parts href="d.xmi#/"/>'),
-        d=part("d"),
-    )
+    found = workspace(main, **others)
     assert names(found.model(), "likes") == ["d", "y"]
 
 
@@ -125,7 +115,7 @@ def test_hrefs_in_a_circle_name_no_object() -> None:
     }
 
 
-def test_attributes_and_hrefs_of_one_reference_keep_their_order(tmp_path: Path) -> None:
+def test_attributes_and_hrefs_of_one_reference_keep_their_order() -> None:
     inside = '<parts name="a" users="//@parts.1"/><parts name="b"/><parts name="c"/>'
     hrefs = '<uses href="other%20files/a%20b.xmi#/"/><uses href="#//@parts.0"/>'
     main = part("root", inside + hrefs, 'uses="//@parts.2 //@parts.1"')
@@ -140,8 +130,8 @@ def test_attributes_and_hrefs_of_one_reference_keep_their_order(tmp_path: Path) 
 
 PRODUCTS = f"""<ecore:EPackage {HEAD} {_ECORE} name="p" nsURI="http://x/p" nsPrefix="p">
   <eClassifiers xsi:type="ecore:EClass" name="Library">
-    <eStructuralFeatures xsi:type="ecore:EReference" name="products" upperBound="-1" eType="#//Product" containment="true"
-        eKeys="#//Product/ID #//Product/version"/>
+    <eStructuralFeatures xsi:type="ecore:EReference" name="products" upperBound="-1" eType="#//Product"
+        containment="true" eKeys="#//Product/ID #//Product/version"/>
   </eClassifiers>
   <eClassifiers xsi:type="ecore:EClass" name="Product">
     <eStructuralFeatures xsi:type="ecore:EAttribute" name="ID" {_STRING}/>
@@ -149,7 +139,8 @@ PRODUCTS = f"""<ecore:EPackage {HEAD} {_ECORE} name="p" nsURI="http://x/p" nsPre
         eType="ecore:EDataType http://www.eclipse.org/emf/2002/Ecore#//EInt"/>
     <eStructuralFeatures xsi:type="ecore:EAttribute" name="tags" upperBound="-1" {_STRING}/>
     <eStructuralFeatures xsi:type="ecore:EReference" name="needs" upperBound="-1" eType="#//Product"/>
-    <eStructuralFeatures xsi:type="ecore:EReference" name="parts" upperBound="-1" eType="#//Product" containment="true"/>
+    <eStructuralFeatures xsi:type="ecore:EReference" name="parts" upperBound="-1"
+        eType="#//Product" containment="true"/>
   </eClassifiers>
 </ecore:EPackage>"""
 SHELF = """<products ID="C40"><parts ID="x"/></products><products ID="C40" version="2"/>
