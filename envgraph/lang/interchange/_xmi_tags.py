@@ -28,7 +28,8 @@ class _Frame:
     Attributes:
         node: the object, or the one whose attribute it is.
         table: None where nothing inside can be understood.
-        parent: the container, to which the object is linked by `reference` at the end.
+        parent: the container, to which the object is linked by `reference` at the end. Of a tag that names the targets
+            of a reference: the byte at which it begins.
         text: what stands in an attribute's tag, or in that of an object with such an attribute; else None.
         values: of the object's attributes with many, each with the place of its tag.
         last: the place of the last of the `members` of a feature map.
@@ -108,6 +109,9 @@ class TagReader:
         if not self._stack:
             return
         frame = self._stack.pop()
+        if frame.table is None and frame.reference is not None:
+            self._close_reference(frame, frame.reference)
+            return
         if frame.attribute is not None:
             self._close_attribute(frame, frame.attribute)
             return
@@ -201,10 +205,7 @@ class TagReader:
             self._skipped = 1
             return
         if not reference.containment:
-            message = f"`{reference}` does not contain its targets"
-            hint = f'write `{reference.name}="..."`, or `<{reference.name} href="..."/>`'
-            self._document.report("wrong-type", message, self._document.places.tag(at), hint)
-            self._skipped = 1
+            self._stack.append(_Frame(frame.node, reference=reference, parent=at, text=[]))
             return
         self._child(frame, reference, attributes, at, typed or reference)
 
@@ -379,6 +380,16 @@ class TagReader:
             self._stack[-1].values.setdefault(attribute, []).append((value, at))
         elif value is not None:
             self._model.set_value(frame.node, attribute, value)
+
+    def _close_reference(self, frame: _Frame, reference: Reference) -> None:
+        """A reference may name its targets in a tag of its own: `<incoming>Flow_1</incoming>`."""
+        words, at = "".join(frame.text or ()).strip(), frame.parent
+        if words:
+            self._document.links.append(Link(frame.node, reference, words, at, ""))
+            return
+        hint = f'write `{reference.name}="..."`, or `<{reference.name} href="..."/>`'
+        message = f"`{reference}` does not contain its targets"
+        self._document.report("wrong-type", message, self._document.places.tag(at), hint)
 
     def _contain(self, frame: _Frame) -> None:
         """Links an object that is complete to its container: then no chain of containers is walked."""

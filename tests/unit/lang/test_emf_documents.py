@@ -332,3 +332,64 @@ def test_the_first_of_contradicting_opposites_can_be_kept() -> None:
     model.check_integrity()
     first, second, third = model.nodes("R")[0].all
     assert (first.x, second.y, third.x) == (second, first, None)
+
+
+# --- documents of other tools: tests/data/documents/README.md ---
+
+DOCUMENTS = Path(__file__).parents[2] / "data" / "documents"
+FLOWS = """import "http://www.omg.org/spec/BPMN/20100524/MODEL"
+import "http://www.omg.org/spec/BPMN/20100524/DI"
+pattern follows(before : string, after : string) {
+    FlowNode.outgoing(x, flow); SequenceFlow.targetRef(flow, y); FlowNode.id(x, before); FlowNode.id(y, after);
+    FlowNode.incoming(y, flow); BPMNEdge.bpmnElement(_, flow);
+}"""
+
+
+def diagram(name: str) -> Workspace:
+    names = ("bpmn.ecore", name)
+    texts = {one: (DOCUMENTS / one).read_text("utf-8") for one in names} | {"q.vql": FLOWS}
+    return load_workspace([*names, "q.vql"], files=TextFiles(texts))
+
+
+def test_a_process_of_the_camunda_modeler_is_read() -> None:
+    found = diagram("i18n.bpmn")
+    assert found.errors == ()
+    rows = found.engine().matches("follows")
+    assert {(row["before"], row["after"]) for row in rows} == {
+        ("StartEvent_1", "Activity_0eb4n4l"),
+        ("Activity_0eb4n4l", "Event_1kw5c3l"),
+    }
+    (shape,) = [one for one in found.model().nodes("BPMNShape") if one.bPMNLabel is not None]
+    assert (shape.bounds.x, shape.bPMNLabel.bounds.height, shape.bpmnElement["name"]) == (
+        432.0,
+        14.0,
+        "Ended",
+    )
+    assert lost(found) == [
+        "1 text of `Documentation.mixed` is left out",
+        "3 values of `ExtensionElements.any` are left out",
+    ]
+
+
+def test_a_process_of_the_signavio_editor_is_read() -> None:
+    found = diagram("category.bpmn")
+    (group,) = found.model().nodes("Group")
+    assert group.categoryValueRef["value"] == "group with label"
+    assert lost(found) == ["2 values of `ExtensionElements.any` are left out"]
+    (style,) = found.model().nodes("BPMNLabelStyle")
+    assert (style.font["name"], style.font.size, found.model().nodes("BPMNLabel")[0].labelStyle) == (
+        "Arial",
+        11.0,
+        style,
+    )
+
+
+@pytest.mark.parametrize("name", ["i18n.bpmn", "category.bpmn"])
+def test_what_is_read_of_documents_is_written_so_that_pyecore_reads_it(name: str) -> None:
+    side = pytest.importorskip("tests.oracle.pyecore_side", exc_type=ImportError)
+    model = diagram(name).model()
+    model.check_integrity()
+    assert again(model).canonical_hash() == model.canonical_hash()
+    known = side.read_package(metamodel_to_ecore(model.metamodel))
+    roots = side.read_objects(model_to_xmi(model), known)
+    assert side.objects_in_words(roots, model.metamodel) == side.model_in_words(model)
