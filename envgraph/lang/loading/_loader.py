@@ -452,7 +452,7 @@ class Loader:
         from envgraph.lang.interchange._ecore_document import eclipse_path
 
         for document, _ in self.metamodels.ecore.values():
-            if path in document.uris:
+            if path in document.uris and document.source.name != path:  # what is built in has that name
                 return document.source
         name = eclipse_path(self.files, path, beside)
         if name is None:

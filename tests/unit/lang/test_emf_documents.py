@@ -284,6 +284,14 @@ def test_classes_of_a_given_metamodel_are_values() -> None:
     model.check_integrity()
 
 
+def test_of_ecore_itself_a_model_has_what_is_named() -> None:
+    texts = {"a.xmi": package(cls("A", attribute("n", "EInt"), reference("o", f"{ECORE}#//EObject")))}
+    query = f'import "{ECORE}"\npattern types(c : EClassifier, n : string) {{ EClassifier.name(c, n); }}'
+    found = load_workspace(["a.xmi", "q.vql"], files=TextFiles(texts | {"q.vql": query}))
+    assert found.errors == ()
+    assert {one["name"] for one in found.model().nodes("EClassifier")} == {"A", "EInt", "EObject"}
+
+
 def test_paths_of_the_workspace_lead_to_other_files(tmp_path: Path) -> None:
     metamodel = package(cls("A", attribute("name"), reference("to", "#//A")))
     texts = {
