@@ -446,7 +446,9 @@ class Library(Document):
         if name not in self.ids and (name in (library_types(self.source.name) or ()) or name in classes):
             key = classes[name].qualified("type", XSI) if name in classes else None
             kind = classes[name].attributes[key].partition(":")[2] if key else "EDataType"
-            cls = self.reading.metamodel.named(kind)[self.reading.packages[ECORE].path]
+            cls = self.reading.metamodel.named(kind).get(self.reading.packages[ECORE].path)
+            if cls is None:
+                return None
             self.ids[name] = model.new(cls, None)
             for attribute in self.reading.table(cls).unset.values():
                 model.set_value(self.ids[name], attribute, name if attribute.name == "name" else None)

@@ -52,17 +52,17 @@ class Linker:
             return None
         if source is None:
             if library_types(path) is not None and ECORE in self._reading.packages:
-                self._reading.documents[self._document.beside(path)] = Library(
-                    self._reading, Source(path, "")
-                )
+                library = Library(self._reading, Source(path, ""))
+                self._reading.documents[self._document.beside(path)] = library
             elif ":" in path or self._reading.fetch:
                 message = f"`{short(path)}` is not read: only files beside this one are"
                 self._reading.unresolved("other-file", message, span, LEAVE_OUT)
             else:
-                hint = "a text that is no file names no others"
-                self._reading.unresolved(
-                    "missing-file", f"`{short(path)}`: there is no such file", span, hint
+                message, hint = (
+                    f"`{short(path)}`: there is no such file",
+                    "a text that is no file names no others",
                 )
+                self._reading.unresolved("missing-file", message, span, hint)
             return None
         known = self._reading.documents.get(source.name)  # by another path
         document = known or self._reading.enter(source)
@@ -76,9 +76,8 @@ class Linker:
         for link in self._document.links:
             targets = links.fill(link.node, link.reference, self._targets(link))
             if link.reference.many and (link.place >= 0 or link.reference.opposite is not None):
-                first = self._order.setdefault((link.node, link.reference.index), (link.reference, targets))[
-                    1
-                ]
+                key = link.node, link.reference.index
+                _, first = self._order.setdefault(key, (link.reference, targets))
                 first += targets if first is not targets else []
 
     def _targets(self, link: Link) -> Iterator[tuple[int, Callable[[], Span]]]:
