@@ -409,7 +409,7 @@ class Document:
             hint = name_hint(fragment, known) if len(known) <= _MANY and fragment[:1] != "/" else None
             if not known and fragment[:1] != "/":
                 hint = _NAMED
-            if fragment[-1:] == "]":
+            if "[" in fragment:
                 hint = "no object there has these values: a path such as `//@reference[key='value']` finds the first"
             elif fragment[:1] == "/":
                 hint = "a path begins at the root, and counts from 0: `//@reference.0`"

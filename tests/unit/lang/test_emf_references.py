@@ -181,6 +181,7 @@ def test_a_path_goes_on_behind_keys() -> None:
     "fragment",
     [
         "//@products[ID='C41']",
+        "//@products[ID='C41']/@parts.0",
         "//@products[name='C40']",
         "//@products[ID=C40]",
         "//@products[]",
