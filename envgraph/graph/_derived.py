@@ -22,8 +22,9 @@ def derive(store: Store) -> None:
         store.metamodel.attributes, store.values, store.distinct, strict=True
     ):
         for node, kept in enumerate(distinct) if attribute.many else ():
-            if kept != tuple(dict.fromkeys(values[node] or ())):
-                store.keep_distinct(distinct, node, tuple(dict.fromkeys(values[node] or ())))
+            if isinstance(kept, IndexedSet):
+                kept.mend()
+            store.keep_distinct(distinct, node, tuple(dict.fromkeys(values[node] or ())))
     for relation in store.relations:
         if not relation.flipped:
             _sources(store, relation.forward, relation.backward)

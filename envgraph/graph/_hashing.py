@@ -64,7 +64,7 @@ def value_code(attribute: Attribute, value: Value | Values) -> int:
 
     That of many values is the sum of theirs: their order does not count, as that of links does not.
     """
-    if isinstance(value, tuple):
+    if isinstance(value, tuple | list):
         return sum(value_code(attribute, one) for one in value)
     if value == 0:
         value = abs(value) if isinstance(value, float) else value

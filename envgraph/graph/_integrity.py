@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sized
+from collections.abc import Sequence, Sized
 from itertools import pairwise
+from typing import Any
 
 from envgraph.graph._hashing import recomputed_total
-from envgraph.graph._journal import Extent, IndexedSet
-from envgraph.graph._relation import Ends, Relation
+from envgraph.graph._journal import Extent, IndexedSet, Ordered
+from envgraph.graph._relation import Relation
 from envgraph.graph._store import Store
 from envgraph.metamodel import accepts
 
@@ -68,12 +69,13 @@ def _check_relation(store: Store, relation: Relation) -> None:
     assert all(len(sources) <= relation.opposite_upper for sources in relation.backward)
 
 
-def _check_column(column: Ends) -> None:
+def _check_column(column: Sequence[Any]) -> None:
     for ends in column:
         assert isinstance(ends, IndexedSet) == (len(ends) > Store.crowd)
         assert len(set(ends)) == len(ends)
         if isinstance(ends, IndexedSet):
-            assert ends.position == {end: index for index, end in enumerate(ends)}
+            assert set(ends.position) == set(ends)
+            assert [ends.where(end) for end in ends] == [*range(len(ends))]
 
 
 def _check_values(store: Store) -> None:
@@ -83,13 +85,15 @@ def _check_values(store: Store) -> None:
             if value is not None:
                 assert store.classes[node] >= 0
                 assert store.metamodel.is_a(classes[store.classes[node]].name, attribute.owner)
-                assert isinstance(value, tuple) == attribute.many
+                assert isinstance(value, tuple | Ordered) == attribute.many
+                assert isinstance(value, Ordered) == (attribute.many and len(value) > Store.crowd)
                 assert all(accepts(attribute.type, each) for each in (value if attribute.many else (value,)))
     for attribute, column, distinct in zip(
         store.metamodel.attributes, store.values, store.distinct, strict=True
     ):
         if attribute.many:
-            assert distinct == [tuple(dict.fromkeys(values or ())) for values in column]
+            _check_column(distinct)
+            assert [*map(tuple, distinct)] == [tuple(dict.fromkeys(values or ())) for values in column]
             assert not attribute.unique or all(
                 len(values or ()) == len(one) for values, one in zip(column, distinct, strict=True)
             )

@@ -139,7 +139,7 @@ class Shapes:
 
 def _unordered(value: Value | Values | None) -> object:
     """A value; many without their order."""
-    return tuple(sorted(value)) if isinstance(value, tuple) else value
+    return tuple(sorted(value)) if isinstance(value, tuple | list) else value
 
 
 def _classes(colours: Colours) -> dict[int, list[int]]:

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Iterable, Iterator
 from itertools import repeat
+from operator import is_not
 from typing import Any, Final, Protocol, TypeVar
 
 Item = TypeVar("Item", bound=Hashable)
@@ -27,6 +28,11 @@ IN: Final = 2
 """Undone by `container.put(key, old)`; `old` is the position."""
 EXCHANGE: Final = 3
 """Undone by `container.exchange(key, old)`."""
+MOVE: Final = 4
+"""Undone by `container.move(key, old)`; `old` is the position."""
+
+_NEAR: Final = 64
+"""An element that moves have shifted by less is looked for; see the benchmark `growth`."""
 
 Journal = list[Any]
 
@@ -50,7 +56,10 @@ class IndexedSet(list[Item]):
     """A set in a list, and the position of each element: adding, removing and random choice take constant time.
 
     A removal moves the last element into the gap. `put` reverses it, so the order is a function of the changes that
-    are in force, not of those that were made and undone. Only `add`, `take` and `put` may change it.
+    are in force, not of those that were made and undone. Only `add`, `take`, `put` and `move` may change it.
+
+    After a `move` the positions of the elements between are out of date. The elements are distinct, so a look at the
+    list tells, and a question whose element is not near its old position corrects all positions.
     """
 
     __slots__ = ("position",)
@@ -70,11 +79,23 @@ class IndexedSet(list[Item]):
     def take(self, item: Item) -> int:
         """Remove an element; the last one moves into its place, which is returned."""
         index = self.position.pop(item)
+        if index >= len(self) or self[index] != item:
+            index = self.where(item, index)
+            self.position.pop(item, None)
         last = self.pop()
         if index < len(self):
             self[index] = last
             self.position[last] = index
         return index
+
+    def move(self, item: Item, index: int) -> None:
+        """Move an element to another position; those between shift by one. An exception leaves all or nothing done."""
+        at = self.where(item)
+        if at < index:
+            self[at : index + 1] = [*self[at + 1 : index + 1], item]
+        else:
+            self[index : at + 1] = [item, *self[index:at]]
+        self.position[item] = index
 
     def put(self, item: Item, index: int) -> None:
         """Take back a `take` that returned `index`."""
@@ -87,8 +108,15 @@ class IndexedSet(list[Item]):
             self.append(item)
         self.position[item] = index
 
-    def where(self, item: Item) -> int:
+    def where(self, item: Item, hint: int | None = None) -> int:
         """Position of an element."""
+        index = self.position[item] if hint is None else hint
+        if index < len(self) and self[index] == item:
+            return index
+        try:
+            return self.index(item, max(0, index - _NEAR), index + _NEAR)
+        except ValueError:
+            self.position.update(zip(self, range(len(self)), strict=True))
         return self.position[item]
 
     def contents(self, state: Contents[Item]) -> Contents[Item]:
@@ -105,8 +133,8 @@ class IndexedSet(list[Item]):
             self.position[item] = index
         return before
 
-    def mend(self, _: Item | None = None) -> None:
-        """After an interrupted `add`, `take` or `put` the element is in, or it is not; else nothing happens."""
+    def mend(self, item: Item | None = None) -> bool:
+        """After an interrupted `add`, `take` or `put` decide whether the element is in, and return that."""
         items = dict.fromkeys(self)
         if len(items) < len(self):  # `put` has copied what makes room
             self.pop()
@@ -114,6 +142,7 @@ class IndexedSet(list[Item]):
             end = len(self)
             self.extend([each for each, at in self.position.items() if at >= end and each not in items])
         self.reindex()
+        return item in self.position
 
     def reindex(self) -> None:
         """Make the positions those of the elements."""
@@ -184,8 +213,8 @@ class Extent(list[int]):
             self.classes[node] = self.number
         return before
 
-    def mend(self, node: int) -> None:
-        """After an interrupted `add`, `take` or `put` the object is a member, or it is not; else nothing happens."""
+    def mend(self, node: int) -> bool:
+        """After an interrupted `add`, `take` or `put` decide whether the object is a member, and return that."""
         members = dict.fromkeys(self)
         if len(members) < len(self):  # `put` has copied what makes room
             self.pop()
@@ -199,6 +228,42 @@ class Extent(list[int]):
             self.classes[node] = -1
         for index, member in enumerate(self):
             self.place[member] = index
+        return self.classes[node] == self.number
+
+
+class Ordered(list[Any]):
+    """Values in an order, not all of them distinct; they are inserted and removed at positions.
+
+    A key of the journal is the position, the value, and the number of values with it.
+    """
+
+    __slots__ = ()
+
+    def take(self, key: tuple[int, Any, int]) -> None:
+        """Remove a value."""
+        del self[key[0]]
+
+    def put(self, key: tuple[int, Any, int], _: object) -> None:
+        """Insert a value."""
+        self.insert(key[0], key[1])
+
+    def where(self, key: tuple[int, Any, int]) -> int:
+        """Position of a value."""
+        return key[0]
+
+    def mend(self, key: tuple[int, Any, int]) -> bool:
+        """Return whether the value is in; an exception leaves nothing half done."""
+        return len(self) == key[2]
+
+    def contents(self, _: object) -> list[Any]:
+        """Return what undoes an `exchange`."""
+        return list(self)
+
+    def exchange(self, _: None, state: list[Any]) -> list[Any]:
+        """Overwrite all values, and return what undoes that."""
+        before = list(self)
+        self[:] = state
+        return before
 
 
 def _overwritten(sequence: list[Item], length: int, items: Iterable[int]) -> Contents[Item]:
@@ -232,6 +297,8 @@ def undo(backwards: Iterator[Any]) -> None:
             container.take(key)
         elif opcode == IN:
             container.put(key, old)
+        elif opcode == MOVE:
+            container.move(key, old)
         else:
             container.exchange(key, old)
 
@@ -251,10 +318,8 @@ def settle(journal: Journal) -> None:
     """After an exception: the change of the last entry is made, or it is not, and the entry is dropped."""
     if journal:
         container, key, _, opcode = journal[-4:]
-        if opcode in (OUT, IN):
-            container.mend(key)
-            if (key in container) == (opcode == IN):
-                del journal[-4:]
+        if opcode in (OUT, IN) and container.mend(key) == (opcode == IN):
+            del journal[-4:]
         elif opcode == EXCHANGE and isinstance(container, IndexedSet):
             container.reindex()
 
@@ -271,7 +336,10 @@ def invert(backwards: Iterator[Any], inverse: Journal) -> None:
         elif opcode == IN:
             inverse.extend((container, key, None, OUT))
             container.put(key, old)
-        elif isinstance(container, IndexedSet | Extent):
+        elif opcode == MOVE:
+            inverse.extend((container, key, container.where(key), MOVE))
+            container.move(key, old)
+        elif isinstance(container, IndexedSet | Extent | Ordered):
             inverse.extend((container, key, container.contents(old), EXCHANGE))
             container.exchange(key, old)
         else:
@@ -282,6 +350,7 @@ def net_changes(journal: Journal) -> Journal:
     """Entries that undo what these undo, from the present state, and name each place once."""
     places: dict[tuple[int, Any], tuple[Any, Any, Any, int]] = {}
     sequences: dict[int, _Sequence] = {}
+    lists: dict[int, tuple[Ordered, Ordered]] = {}
     backwards = reversed(journal)
     for opcode, old, key, container in zip(backwards, backwards, backwards, backwards, strict=True):
         if isinstance(container, IndexedSet | Extent) and opcode != SET:
@@ -289,6 +358,9 @@ def net_changes(journal: Journal) -> Journal:
             if sequence is None:
                 sequence = sequences[id(container)] = _Sequence(container)
             sequence.undo(key, old, opcode)
+        elif isinstance(container, Ordered):
+            _, before = lists.setdefault(id(container), (container, Ordered(container)))
+            undo(iter((opcode, old, key, before)))
         else:
             places[id(container), key] = (container, key, old, opcode)
     net: Journal = []
@@ -300,6 +372,9 @@ def net_changes(journal: Journal) -> Journal:
         length, items = sequence.net()
         if items or length != len(sequence.now):
             net.extend((sequence.now, None, (length, items), EXCHANGE))
+    for now, before in lists.values():
+        if len(now) != len(before) or any(map(is_not, now, before)):
+            net.extend((now, None, list(before), EXCHANGE))
     return net
 
 
@@ -308,6 +383,7 @@ class _Sequence:
 
     def __init__(self, now: IndexedSet[Any] | Extent) -> None:
         self.now = now
+        self._base = now
         self._length = len(now)
         self._items: dict[int, Any] = {}
         self._places: dict[Any, int] = {}
@@ -316,7 +392,7 @@ class _Sequence:
         """As undoing the entry does."""
         if opcode == OUT:
             self._length -= 1
-            place = self._places[key] if key in self._places else self.now.where(key)
+            place = self._places[key] if key in self._places else self._base.where(key)
             if place < self._length:
                 self._put(place, self._at(self._length))
         elif opcode == IN:
@@ -324,6 +400,12 @@ class _Sequence:
                 self._put(self._length, self._at(old))
             self._put(old, key)
             self._length += 1
+        elif opcode == MOVE:
+            if self._items or self._base is self.now:
+                self._base = IndexedSet(tuple(map(self._at, range(self._length))))
+                self._items, self._places = {}, {}
+            assert isinstance(self._base, IndexedSet)
+            self._base.move(key, old)
         else:
             self._length, items = old
             for place, item in items.items():
@@ -334,12 +416,13 @@ class _Sequence:
         self._places[item] = place
 
     def _at(self, place: int) -> Any:
-        return self._items[place] if place in self._items else self.now[place]
+        return self._items[place] if place in self._items else self._base[place]
 
     def net(self) -> Contents[Any]:
         """Length, and elements where they differ from those of now."""
         now = self.now
-        items = self._items.items()
+        whole = self._base is not now
+        items = [(p, self._at(p)) for p in range(self._length)] if whole else self._items.items()
         return self._length, {
             place: item
             for place, item in items

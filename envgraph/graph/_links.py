@@ -59,6 +59,20 @@ def add_target(model: Model, source: int, reference: Reference, target: int) -> 
     return True
 
 
+def insert_target(model: Model, source: int, reference: Reference, index: int, target: int) -> None:
+    """As `add_target`, at a position as a list has them; a target that is there already moves, and no link changes.
+
+    Raises:
+        TypeMismatch, RuleError: as `link`.
+    """
+    relation = model.store.relations[reference.index]
+    with all_or_nothing(model):
+        model.add_target(source, reference, target)
+        others = len(relation.forward[source]) - 1
+        place = max(0, others + index) if index < 0 else min(index, others)
+        model.store.move_target(relation, source, target, place)
+
+
 def _house(model: Model, relation: Relation, container: int, node: int) -> bool:
     """Put an object into a container that is not inside it, after taking it out of another."""
     above: int | None = container

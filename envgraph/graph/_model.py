@@ -19,6 +19,7 @@ from envgraph.graph import (
 from envgraph.graph import _refusals as refusals
 from envgraph.graph._history import History
 from envgraph.graph._integrity import check_store
+from envgraph.graph._journal import Ordered
 from envgraph.graph._layout import Layout
 from envgraph.graph._node import Node, assign_features
 from envgraph.graph._store import Store
@@ -74,10 +75,13 @@ class Model:
 
     set_value = _values.set_value
     add_value = _values.add_value
+    insert_value = _values.insert_value
     remove_value = _values.remove_value
+    remove_value_at = _values.remove_value_at
 
     link = _links.link
     add_target = _links.add_target
+    insert_target = _links.insert_target
     unlink = _links.unlink
     set_target = _links.set_target
     set_targets = _links.set_targets
@@ -222,12 +226,13 @@ class Model:
 
     def value(self, node: int, attribute: Attribute) -> Value | None:
         """Value of an attribute, or None: unset, or not an attribute of the object's class. For many see `values`."""
-        return self.store.values[attribute.index][node]  # type: ignore[no-any-return]
+        found = self.store.values[attribute.index][node]
+        return tuple(found) if type(found) is Ordered else found  # type: ignore[return-value]
 
     def values(self, node: int, attribute: Attribute) -> Values:
         """Values of an attribute with many, in their order; of any other its value, or () without one."""
         found = self.store.values[attribute.index][node]
-        return found if isinstance(found, tuple) else () if found is None else (found,)
+        return tuple(found) if isinstance(found, tuple | list) else () if found is None else (found,)
 
     # --- links
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Literal, overload
 
 from envgraph.errors import InvalidArgument, TypeMismatch, did_you_mean
 from envgraph.graph import _refusals as refusals
-from envgraph.metamodel import LARGEST_INT, Attribute, Feature, Reference, Value, Values
+from envgraph.metamodel import LARGEST_INT, Attribute, Feature, Reference, Value
 
 if TYPE_CHECKING:
     from envgraph.graph._model import Model
@@ -161,9 +161,7 @@ class Targets(Sequence[Node]):
             raise InvalidArgument(f"a position is a whole number, not {index!r}")
         model = self._source.model
         new = _target(model, self._reference, target)
-        targets = [id for id in self._ids() if id != new]
-        targets.insert(index, new)
-        model.set_targets(self._source.id, self._reference, targets)
+        model.insert_target(self._source.id, self._reference, index, new)
 
     def extend(self, targets: Iterable[Node]) -> None:
         """Add several targets."""
@@ -229,19 +227,16 @@ class ValueList(MutableSequence[Value]):
         self._object = object_
         self._attribute = attribute
 
-    def _values(self) -> Values:
+    def _values(self) -> Sequence[Value]:
         self._object.cls  # noqa: B018 - raises for an object that is gone
-        return self._object.model.values(self._object.id, self._attribute)
+        return self._object.model.store.values[self._attribute.index][self._object.id] or ()
 
     def _set(self, values: list[Value]) -> None:
         self._object.model.set_value(self._object.id, self._attribute, values)
 
     def insert(self, index: int, value: Value) -> None:
         """Put a value before the one at an index."""
-        if not (self._attribute.unique and value in self):
-            values = list(self)
-            values.insert(index, value)
-            self._set(values)
+        self._object.model.insert_value(self._object.id, self._attribute, index, value)
 
     @overload
     def __getitem__(self, index: int) -> Value: ...
@@ -257,12 +252,15 @@ class ValueList(MutableSequence[Value]):
         self._set(values)
 
     def __delitem__(self, index: int | slice) -> None:
-        values = list(self)
-        del values[index]
-        self._set(values)
+        if isinstance(index, slice):
+            values = list(self)
+            del values[index]
+            self._set(values)
+        else:
+            self._object.model.remove_value_at(self._object.id, self._attribute, index)
 
     def __iter__(self) -> Iterator[Value]:
-        return iter(self._values())
+        return iter(tuple(self._values()))
 
     def __contains__(self, item: object) -> bool:
         return item in self._values()

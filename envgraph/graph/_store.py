@@ -13,7 +13,7 @@ from typing import Any, ClassVar
 from envgraph.graph._facts import ClassFact, Fact, LinkFact, Listener, ValueFact
 from envgraph.graph._followers import Follower, Interrupted, NodeHook, ValueHook
 from envgraph.graph._hashing import class_code, node_salts, value_code
-from envgraph.graph._journal import IN, OUT, SET, Extent, IndexedSet, Item, Journal
+from envgraph.graph._journal import IN, MOVE, OUT, SET, Extent, IndexedSet, Item, Journal, Ordered
 from envgraph.graph._relation import Relation, columns
 from envgraph.metamodel import Metamodel, Value, Values
 
@@ -29,7 +29,8 @@ class Store:
         classes: index of each node's class in `metamodel.class_list`, -1 for no such object.
         place: position of each node in its extent.
         extents: for each class the objects of exactly that class.
-        values: for each attribute (by `index`) the column of values, None where there is none; many are a tuple.
+        values: for each attribute (by `index`) the column of values, None where there is none; many are a tuple, or
+            an `Ordered`.
         distinct: for each attribute with many values the column of those that differ, which is what patterns see: a
             relation, of which one pair after the other changes. Empty lists for the others.
         forward, backward: for each reference (by `index`) the columns of targets and of sources.
@@ -47,7 +48,8 @@ class Store:
         class_added, class_removing: for each class (by index) a function of the node, or None.
         retyping: gives the two functions for a change from one class index to another, or None.
         interrupted: what is to be made good before anything else is done.
-        crowd: an adjacency of more elements than this is an `IndexedSet`, of fewer a tuple; nothing else decides.
+        crowd: an adjacency of more elements than this is an `IndexedSet`, of fewer a tuple; nothing else decides. Many
+            values are an `Ordered` and a tuple in the same way.
 
     No more than 30 attributes: CPython reads those of objects with more of them in a slower way.
 
@@ -64,7 +66,7 @@ class Store:
         self.place: list[int] = []
         self.extents = tuple(Extent(i, self.classes, self.place) for i in range(len(metamodel.class_list)))
         self.values: tuple[list[Any], ...] = tuple([] for _ in metamodel.attributes)
-        self.distinct: tuple[list[Values], ...] = tuple([] for _ in metamodel.attributes)
+        self.distinct: tuple[list[Values | IndexedSet[Value]], ...] = tuple([] for _ in metamodel.attributes)
         self.forward, self.backward = columns(metamodel)
         self.relations = tuple(
             Relation(reference, metamodel, self.forward[reference.index], self.backward[reference.index])
@@ -216,46 +218,107 @@ class Store:
         """The object gets other values; whoever follows hears of one after the other."""
         try:
             column, distinct = self.values[attribute], self.distinct[attribute]
-            old = column[node]
-            before, after = distinct[node], tuple(dict.fromkeys(values or ()))
-            hook = self.value_removing[attribute]
-            if hook is not None or self.listeners:
-                kept = dict.fromkeys(after)
-                for index, value in reversed(list(enumerate(before))):
-                    if value in kept:
-                        continue
-                    if hook is not None:
-                        hook(node, value)
-                    if self.listeners:
-                        self._removing(ValueFact(self.metamodel.attributes[attribute], node, value))
-                    self.keep_distinct(distinct, node, distinct[node][:index] + distinct[node][index + 1 :])
+            old, after = column[node], dict.fromkeys(values or ())
+            before = dict.fromkeys(distinct[node])
+            heard = self.listeners or self.value_removing[attribute] or self.value_added[attribute]
+            for value in reversed(before) if heard else ():
+                if value not in after:
+                    self._value_leaves(node, attribute, value)
+                    self.drop_end(distinct, node, value)
             if self.recording:
                 self.journal.extend((column, node, old, SET))
-            column[node] = values
+            column[node] = values if values is None or len(values) <= self.crowd else Ordered(values)
+            codes, change = self._value_codes[attribute], 0
             for each, sign in ((old, -1), (values, 1)):
-                if each:
-                    self.total += sign * self.salts[0][node] * self._code(attribute, each)
+                for value in each or ():
+                    change += sign * (codes.get(value) or self._code(attribute, value))
+            self.total += self.salts[0][node] * change
             self.revision += 1
-            hook = self.value_added[attribute]
-            if hook is not None or self.listeners:
-                known = dict.fromkeys(before)
-                for value in [value for value in after if value not in known]:
-                    self.keep_distinct(distinct, node, (*distinct[node], value))
-                    if hook is not None:
-                        hook(node, value)
-                    if self.listeners:
-                        self._inserted(ValueFact(self.metamodel.attributes[attribute], node, value))
-            self.keep_distinct(distinct, node, after)
+            for value in after if heard else ():
+                if value not in before:
+                    self.add_end(distinct, node, value)
+                    self._value_enters(node, attribute, value)
+            self.keep_distinct(distinct, node, tuple(after))
         except BaseException:
             self.interrupted.append(None)
             self.interrupted.repair()
             raise
 
-    def keep_distinct(self, distinct: list[Values], node: int, values: Values) -> None:
-        """An object has other values in a column of `distinct`."""
+    def splice(self, node: int, attribute: int, index: int, value: Value, inserting: bool) -> None:
+        """Insert a value before the one at an index of an attribute with many, or remove it from there."""
+        if self.interrupted:
+            self.interrupted.repair()
+        try:
+            column, distinct = self.values[attribute], self.distinct[attribute]
+            old = column[node] or ()
+            many = distinct[node]
+            stays = value in many if inserting else len(old) > len(many) and old.count(value) > 1
+            if not (stays or inserting):
+                self._value_leaves(node, attribute, value)
+                self.move_end(distinct, node, value, len(old))
+                self.drop_end(distinct, node, value)
+            self._splice(column, node, index, value, inserting)
+            sign = 1 if inserting else -1
+            code = self._value_codes[attribute].get(value) or self._code(attribute, value)
+            self.total += sign * self.salts[0][node] * code
+            self.revision += 1
+            if inserting and not stays:
+                self.add_end(distinct, node, value)
+            if (stays or inserting) and index < len(column[node]) - inserting:
+                held = column[node]
+                first = held.index(value) if stays else index
+                place = first if len(held) == len(distinct[node]) else len({*held[:first]})
+                self.move_end(distinct, node, value, place)
+            if inserting and not stays:
+                self._value_enters(node, attribute, value)
+        except BaseException:
+            self.interrupted.append(None)
+            self.interrupted.repair()
+            raise
+
+    def _splice(self, column: list[Any], node: int, index: int, value: Value, inserting: bool) -> None:
+        old = column[node] or ()
+        if isinstance(old, Ordered) and (inserting or len(old) > self.crowd + 1):
+            key = (index, value, len(old) + inserting)
+            if self.recording:
+                self.journal.extend((old, key, None, OUT) if inserting else (old, key, index, IN))
+            old.put(key, None) if inserting else old.take(key)
+            return
         if self.recording:
-            self.journal.extend((distinct, node, distinct[node], SET))
-        distinct[node] = values
+            self.journal.extend((column, node, column[node], SET))
+        new = (*old[:index], value, *old[index:]) if inserting else (*old[:index], *old[index + 1 :])
+        column[node] = new if len(new) <= self.crowd else Ordered(new)
+
+    def _value_leaves(self, node: int, attribute: int, value: Value) -> None:
+        hook = self.value_removing[attribute]
+        if hook is not None:
+            hook(node, value)
+        if self.listeners:
+            self._removing(ValueFact(self.metamodel.attributes[attribute], node, value))
+
+    def _value_enters(self, node: int, attribute: int, value: Value) -> None:
+        hook = self.value_added[attribute]
+        if hook is not None:
+            hook(node, value)
+        if self.listeners:
+            self._inserted(ValueFact(self.metamodel.attributes[attribute], node, value))
+
+    def keep_distinct(self, distinct: Any, node: int, values: Values) -> None:
+        """Make these the distinct values of an object, in their order."""
+        if tuple(distinct[node]) != values:
+            if self.recording:
+                self.journal.extend((distinct, node, distinct[node], SET))
+            distinct[node] = self.grouped(values)
+
+    def move_target(self, relation: Relation, source: int, target: int, index: int) -> None:
+        """Move a target of an object to another position among them."""
+        try:
+            self.move_end(relation.forward, source, target, index)
+            self.revision += 1
+        except BaseException:
+            self.interrupted.append(None)
+            self.interrupted.repair()
+            raise
 
     def _connector(self, relation: Relation) -> Callable[[int, int], object]:
         """Adds links of one reference. Most objects have few of them, so these are dealt with on the spot."""
@@ -394,17 +457,34 @@ class Store:
             rest = old[:index] + old[index + 1 :]
         elif len(old) > self.crowd + 1:
             if self.recording:
-                self.journal.extend((old, item, old.position[item], IN))
+                self.journal.extend((old, item, old.where(item), IN))
             old.take(item)
             return
         else:
-            index = old.position[item]
+            index = old.where(item)
             left = list(old)
             left[index] = left[-1]
             rest = tuple(left[:-1])
         if self.recording:
             self.journal.extend((column, key, old, SET))
         column[key] = rest
+
+    def move_end(self, column: Any, key: Any, item: Any, index: int) -> None:
+        """Move an element under a key to a position, at most to the end; those between shift by one."""
+        old = column[key]
+        index = min(index, len(old) - 1)
+        at = old.where(item) if isinstance(old, IndexedSet) else old.index(item)
+        if at == index:
+            return
+        if isinstance(old, IndexedSet):
+            if self.recording:
+                self.journal.extend((old, item, at, MOVE))
+            old.move(item, index)
+            return
+        if self.recording:
+            self.journal.extend((column, key, old, SET))
+        rest = old[:at] + old[at + 1 :]
+        column[key] = (*rest[:index], item, *rest[index:])
 
     def _code(self, attribute: int, value: Value | Values) -> int:
         codes = self._value_codes[attribute]

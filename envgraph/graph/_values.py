@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from envgraph.graph import _refusals as refusals
+from envgraph.graph._journal import Ordered
 from envgraph.metamodel import Attribute, Value, Values, accepts
 
 if TYPE_CHECKING:
@@ -32,7 +33,8 @@ def set_value(model: Model, node: int, attribute: Attribute, value: Value | Sequ
             value = _all_coerced(model, node, attribute, () if value is None else value)
         elif value is not None:
             value = _coerced(model, attribute, value)
-    if model.store.values[index][node] != value:
+    held = model.store.values[index][node]
+    if held != value and not (type(held) is Ordered and tuple(held) == value):
         model.store.put(node, index, value)
 
 
@@ -43,20 +45,44 @@ def add_value(model: Model, node: int, attribute: Attribute, value: Value) -> bo
         TypeMismatch: as for `set_value`.
         RuleError: the attribute has as many values as it may have ("full").
     """
-    values = model.values(node, attribute)
-    if attribute.unique and value in values and accepts(attribute.type, value):
+    return model.insert_value(node, attribute, len(model.store.values[attribute.index][node] or ()), value)
+
+
+def insert_value(model: Model, node: int, attribute: Attribute, index: int, value: Value) -> bool:
+    """Insert a value before the one at an index, as a list does; else as `add_value`."""
+    if not model._layout.attribute_ok[attribute.index][model.store.classes[node]]:
+        raise refusals.lacks(model, node, attribute)
+    value = _coerced(model, attribute, value)
+    held: Sequence[Value] = model.store.values[attribute.index][node] or ()
+    if attribute.unique and value in model.store.distinct[attribute.index][node]:
         return False
-    model.set_value(node, attribute, (*values, value))
+    if attribute.upper is not None and len(held) >= attribute.upper:
+        raise refusals.too_many(model, node, attribute, (*held, value))
+    index = max(0, len(held) + index) if index < 0 else min(index, len(held))
+    model.store.splice(node, attribute.index, index, value, True)
     return True
 
 
 def remove_value(model: Model, node: int, attribute: Attribute, value: Value) -> bool:
     """Remove a value from an attribute with many, wherever it stands; False if it does not."""
-    values = model.values(node, attribute)
-    if value not in values:
-        return False
-    model.set_value(node, attribute, [one for one in values if one != value])
-    return True
+    held: Sequence[Value] = model.store.values[attribute.index][node] or ()
+    count = held.count(value)
+    if count == 1:
+        model.remove_value_at(node, attribute, held.index(value))
+    elif count:
+        model.set_value(node, attribute, [one for one in held if one != value])
+    return count > 0
+
+
+def remove_value_at(model: Model, node: int, attribute: Attribute, index: int) -> None:
+    """Remove the value at an index, from 0, from an attribute with many.
+
+    Raises:
+        IndexError: there is none.
+    """
+    held: Sequence[Value] = model.store.values[attribute.index][node] or ()
+    place = range(len(held))[index]
+    model.store.splice(node, attribute.index, place, held[place], False)
 
 
 def _coerced(model: Model, attribute: Attribute, value: object) -> Value:

@@ -21,10 +21,11 @@ def object_facts(model: Model) -> list[list[object]]:
     """
     store = model.store
     links = [relation.forward for relation in store.relations if not relation.flipped]
-    ends = (
+    ends: Iterable[list[object]] = (
         [tuple(sorted(targets) if len(targets) > 1 else targets) for targets in column] for column in links
     )
-    return [[*store.classes], *map(list, store.values), *ends]
+    values = ([tuple(one) if isinstance(one, list) else one for one in column] for column in store.values)
+    return [[*store.classes], *values, *ends]
 
 
 class Describer:

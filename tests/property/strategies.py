@@ -98,7 +98,18 @@ def values_of(type_: AttributeType) -> st.SearchStrategy[Value]:
 
 # --- models
 
-EDITS = ("new", "delete", "retype", "set_value", "link", "unlink", "set_target", "set_targets", "rename")
+EDITS = (
+    "new",
+    "delete",
+    "retype",
+    "set_value",
+    "link",
+    "unlink",
+    "set_target",
+    "set_targets",
+    "place",
+    "rename",
+)
 
 
 def edit(draw: Any, model: Model, kind: str) -> None:
@@ -115,7 +126,7 @@ def edit(draw: Any, model: Model, kind: str) -> None:
             _create(draw, model)
         elif kind == "unlink":
             _unlink(draw, model, nodes)
-        elif kind in ("link", "set_target", "set_targets"):
+        elif kind in ("link", "set_target", "set_targets", "place"):
             _link(draw, model, kind)
         else:
             _edit_object(draw, model, kind, draw(st.sampled_from(nodes)))
@@ -143,12 +154,34 @@ def _edit_object(draw: Any, model: Model, kind: str, node: int) -> None:
         attribute = draw(st.sampled_from(attributes))
         value = values_of(attribute.type)
         if attribute.many and draw(st.booleans()):
+            _edit_values(draw, model.node(node)[attribute.name], attribute, value)
+        elif attribute.many and draw(st.booleans()):
             getattr(model, draw(st.sampled_from(["add_value", "remove_value"])))(node, attribute, draw(value))
         elif attribute.many:
             several = st.lists(value, unique=attribute.unique, max_size=4)
             model.set_value(node, attribute, draw(several))
         else:
             model.set_value(node, attribute, draw(st.none() | value))
+
+
+def _edit_values(draw: Any, held: Any, attribute: Attribute, values: st.SearchStrategy[Any]) -> None:
+    """Edit a live list and a list of Python in the same way."""
+    expected = list(held)
+    for _ in range(draw(st.sampled_from([1, 1, 5]))):
+        place, value = draw(st.integers(-3, 6)), draw(values)
+        inside = -len(expected) <= place < len(expected)
+        change = draw(st.sampled_from(["insert", "append", "delete", "replace"] if inside else ["insert"]))
+        if change == "delete":
+            del held[place], expected[place]
+        elif attribute.unique and value in expected:
+            continue
+        elif change == "replace":
+            held[place] = expected[place] = value
+        else:
+            place = len(expected) if change == "append" else place
+            held.insert(place, value)
+            expected.insert(place, value)
+        assert held == expected
 
 
 def _link(draw: Any, model: Model, kind: str) -> None:
@@ -165,7 +198,13 @@ def _link(draw: Any, model: Model, kind: str) -> None:
             model.link(node, reference, target)
     elif kind == "set_target":
         model.set_target(node, reference, draw(st.none() | st.sampled_from(candidates)))
-    else:
+    elif kind == "place" and reference.many:
+        place, target = draw(st.integers(-3, 40)), draw(st.sampled_from(candidates))
+        expected = [one for one in model.targets(node, reference) if one != target]
+        expected.insert(place, target)
+        model.insert_target(node, reference, place, target)
+        assert list(model.targets(node, reference)) == expected
+    elif kind == "set_targets":
         targets = draw(st.lists(st.sampled_from(candidates), unique=True, max_size=3))
         model.set_targets(node, reference, targets)
 

@@ -205,6 +205,33 @@ def values(world: World) -> None:
     world.model["p0"].names = ["c", "b", "d"] if world.model["p0"].names[0] == "a" else ["a"]
 
 
+def insert(world: World) -> None:
+    """A value before the others."""
+    world.model["p0"].names.insert(0, f"n{len(world.model['p0'].names)}")
+
+
+def append(world: World) -> None:
+    """A value behind the others."""
+    world.model["p0"].names.append(f"n{len(world.model['p0'].names)}")
+
+
+def remove(world: World) -> None:
+    """The second value goes."""
+    del world.model["p0"].names[1]
+
+
+def place(world: World) -> None:
+    """A target at the front, which is new or was the last one."""
+    people = world.model
+    people["p0"].knows.insert(0, people["p6"])
+
+
+def rotate(world: World) -> None:
+    """The first target becomes the last."""
+    people = world.model["p0"].knows
+    people.insert(len(people), people[0])
+
+
 def boss(world: World) -> None:
     """Another target, whose opposite is crowded."""
     world.model["p1"].boss = world.model["p4"]
@@ -262,6 +289,8 @@ def several(world: World) -> None:
     with world.model.transaction():
         link(world)
         ask(world)
+        insert(world)
+        place(world)
         targets(world)
         with world.model.transaction():
             value(world)
@@ -353,6 +382,8 @@ SCENARIOS: dict[str, tuple[Step, ...]] = {
     "objects": (create, new, ask, rename, retype, ask, lose, delete, ask),
     "links": (link, boss, ask, unlink, value, move, ask, targets, clear, ask, deliver),
     "values": (value, values, ask, mark, values, value, back, commit, values, commit, first, deliver),
+    "places": (insert, append, place, ask, mark, remove, rotate, insert, ask, back, commit, rotate, insert)
+    + (commit, remove, place, commit, forget, first, last, ask, deliver),
     "transactions": (several, ask, fail, deliver),
     "savepoints": (
         link,

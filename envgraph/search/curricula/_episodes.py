@@ -116,7 +116,9 @@ def _facts(levels: Levels) -> Facts:
     """Links and values of all objects, a column each."""
     store = levels.engine.model.store
     links: list[list[object]] = [[tuple(targets) for targets in column] for column in store.forward]
-    values: list[list[object]] = [[(value,) for value in column] for column in store.values]
+    values: list[list[object]] = [
+        [(*value,) if isinstance(value, list) else (value,) for value in column] for column in store.values
+    ]
     return links + values
 
 
