@@ -14,8 +14,7 @@ such as that of Ctrl-C, leaves only the last entry in doubt: `take_back` settles
 from __future__ import annotations
 
 from collections.abc import Hashable, Iterable, Iterator
-from itertools import repeat
-from operator import is_not
+from itertools import chain, repeat
 from typing import Any, Final, Protocol, TypeVar
 
 Item = TypeVar("Item", bound=Hashable)
@@ -78,10 +77,10 @@ class IndexedSet(list[Item]):
 
     def take(self, item: Item) -> int:
         """Remove an element; the last one moves into its place, which is returned."""
-        index = self.position.pop(item)
+        index = self.position[item]
         if index >= len(self) or self[index] != item:
-            index = self.where(item, index)
-            self.position.pop(item, None)
+            index = self.where(item)
+        del self.position[item]
         last = self.pop()
         if index < len(self):
             self[index] = last
@@ -108,9 +107,9 @@ class IndexedSet(list[Item]):
             self.append(item)
         self.position[item] = index
 
-    def where(self, item: Item, hint: int | None = None) -> int:
+    def where(self, item: Item) -> int:
         """Position of an element."""
-        index = self.position[item] if hint is None else hint
+        index = self.position[item]
         if index < len(self) and self[index] == item:
             return index
         try:
@@ -255,16 +254,6 @@ class Ordered(list[Any]):
         """Return whether the value is in; an exception leaves nothing half done."""
         return len(self) == key[2]
 
-    def contents(self, _: object) -> list[Any]:
-        """Return what undoes an `exchange`."""
-        return list(self)
-
-    def exchange(self, _: None, state: list[Any]) -> list[Any]:
-        """Overwrite all values, and return what undoes that."""
-        before = list(self)
-        self[:] = state
-        return before
-
 
 def _overwritten(sequence: list[Item], length: int, items: Iterable[int]) -> Contents[Item]:
     now = len(sequence)
@@ -339,7 +328,7 @@ def invert(backwards: Iterator[Any], inverse: Journal) -> None:
         elif opcode == MOVE:
             inverse.extend((container, key, container.where(key), MOVE))
             container.move(key, old)
-        elif isinstance(container, IndexedSet | Extent | Ordered):
+        elif isinstance(container, IndexedSet | Extent):
             inverse.extend((container, key, container.contents(old), EXCHANGE))
             container.exchange(key, old)
         else:
@@ -347,20 +336,24 @@ def invert(backwards: Iterator[Any], inverse: Journal) -> None:
 
 
 def net_changes(journal: Journal) -> Journal:
-    """Entries that undo what these undo, from the present state, and name each place once."""
+    """Entries that undo what these undo, from the present state, and name each place once.
+
+    Those of a sequence whose elements were shifted stay as they are.
+    """
     places: dict[tuple[int, Any], tuple[Any, Any, Any, int]] = {}
     sequences: dict[int, _Sequence] = {}
-    lists: dict[int, tuple[Ordered, Ordered]] = {}
+    codes = zip(journal[::4], journal[3::4], strict=True)
+    shifted = {id(one) for one, code in codes if code == MOVE or isinstance(one, Ordered)}
+    shifts: list[tuple[Any, Any, Any, int]] = []
     backwards = reversed(journal)
     for opcode, old, key, container in zip(backwards, backwards, backwards, backwards, strict=True):
-        if isinstance(container, IndexedSet | Extent) and opcode != SET:
+        if id(container) in shifted:
+            shifts.append((container, key, old, opcode))
+        elif isinstance(container, IndexedSet | Extent) and opcode != SET:
             sequence = sequences.get(id(container))
             if sequence is None:
                 sequence = sequences[id(container)] = _Sequence(container)
             sequence.undo(key, old, opcode)
-        elif isinstance(container, Ordered):
-            _, before = lists.setdefault(id(container), (container, Ordered(container)))
-            undo(iter((opcode, old, key, before)))
         else:
             places[id(container), key] = (container, key, old, opcode)
     net: Journal = []
@@ -372,9 +365,7 @@ def net_changes(journal: Journal) -> Journal:
         length, items = sequence.net()
         if items or length != len(sequence.now):
             net.extend((sequence.now, None, (length, items), EXCHANGE))
-    for now, before in lists.values():
-        if len(now) != len(before) or any(map(is_not, now, before)):
-            net.extend((now, None, list(before), EXCHANGE))
+    net.extend(chain.from_iterable(reversed(shifts)))
     return net
 
 
@@ -383,7 +374,6 @@ class _Sequence:
 
     def __init__(self, now: IndexedSet[Any] | Extent) -> None:
         self.now = now
-        self._base = now
         self._length = len(now)
         self._items: dict[int, Any] = {}
         self._places: dict[Any, int] = {}
@@ -392,7 +382,7 @@ class _Sequence:
         """As undoing the entry does."""
         if opcode == OUT:
             self._length -= 1
-            place = self._places[key] if key in self._places else self._base.where(key)
+            place = self._places[key] if key in self._places else self.now.where(key)
             if place < self._length:
                 self._put(place, self._at(self._length))
         elif opcode == IN:
@@ -400,12 +390,6 @@ class _Sequence:
                 self._put(self._length, self._at(old))
             self._put(old, key)
             self._length += 1
-        elif opcode == MOVE:
-            if self._items or self._base is self.now:
-                self._base = IndexedSet(tuple(map(self._at, range(self._length))))
-                self._items, self._places = {}, {}
-            assert isinstance(self._base, IndexedSet)
-            self._base.move(key, old)
         else:
             self._length, items = old
             for place, item in items.items():
@@ -416,13 +400,12 @@ class _Sequence:
         self._places[item] = place
 
     def _at(self, place: int) -> Any:
-        return self._items[place] if place in self._items else self._base[place]
+        return self._items[place] if place in self._items else self.now[place]
 
     def net(self) -> Contents[Any]:
         """Length, and elements where they differ from those of now."""
         now = self.now
-        whole = self._base is not now
-        items = [(p, self._at(p)) for p in range(self._length)] if whole else self._items.items()
+        items = self._items.items()
         return self._length, {
             place: item
             for place, item in items

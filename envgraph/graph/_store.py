@@ -7,8 +7,9 @@ the hash, and the listeners are notified of it.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from functools import wraps
 from itertools import repeat
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypeVar
 
 from envgraph.graph._facts import ClassFact, Fact, LinkFact, Listener, ValueFact
 from envgraph.graph._followers import Follower, Interrupted, NodeHook, ValueHook
@@ -18,6 +19,25 @@ from envgraph.graph._relation import Relation, columns
 from envgraph.metamodel import Metamodel, Value, Values
 
 _CODES_KEPT = 1 << 16
+
+Change = TypeVar("Change", bound=Callable[..., None])
+
+
+def _mended(change: Change) -> Change:
+    """Let a change mend what was interrupted before, or what interrupts it."""
+
+    @wraps(change)
+    def mended(store: Store, *arguments: Any) -> None:
+        if store.interrupted:
+            store.interrupted.repair()
+        try:
+            change(store, *arguments)
+        except BaseException:
+            store.interrupted.append(None)
+            store.interrupted.repair()
+            raise
+
+    return mended  # type: ignore[return-value]
 
 
 class Store:
@@ -214,67 +234,56 @@ class Store:
             self.interrupted.repair()
             raise
 
+    @_mended
     def _put_many(self, node: int, attribute: int, values: Values | None) -> None:
         """The object gets other values; whoever follows hears of one after the other."""
-        try:
-            column, distinct = self.values[attribute], self.distinct[attribute]
-            old, after = column[node], dict.fromkeys(values or ())
-            before = dict.fromkeys(distinct[node])
-            heard = self.listeners or self.value_removing[attribute] or self.value_added[attribute]
-            for value in reversed(before) if heard else ():
-                if value not in after:
-                    self._value_leaves(node, attribute, value)
-                    self.drop_end(distinct, node, value)
-            if self.recording:
-                self.journal.extend((column, node, old, SET))
-            column[node] = values if values is None or len(values) <= self.crowd else Ordered(values)
-            codes, change = self._value_codes[attribute], 0
-            for each, sign in ((old, -1), (values, 1)):
-                for value in each or ():
-                    change += sign * (codes.get(value) or self._code(attribute, value))
-            self.total += self.salts[0][node] * change
-            self.revision += 1
-            for value in after if heard else ():
-                if value not in before:
-                    self.add_end(distinct, node, value)
-                    self._value_enters(node, attribute, value)
-            self.keep_distinct(distinct, node, tuple(after))
-        except BaseException:
-            self.interrupted.append(None)
-            self.interrupted.repair()
-            raise
+        column, distinct = self.values[attribute], self.distinct[attribute]
+        old, after = column[node], dict.fromkeys(values or ())
+        before = dict.fromkeys(distinct[node])
+        heard = self.listeners or self.value_removing[attribute] or self.value_added[attribute]
+        for value in reversed(before) if heard else ():
+            if value not in after:
+                self._notify(node, attribute, value, False)
+                self.drop_end(distinct, node, value)
+        if self.recording:
+            self.journal.extend((column, node, old, SET))
+        column[node] = values if values is None or len(values) <= self.crowd else Ordered(values)
+        codes, change = self._value_codes[attribute], 0
+        for each in (values or ()), (old or ()):
+            change = sum(codes.get(value) or self._code(attribute, value) for value in each) - change
+        self.total -= self.salts[0][node] * change
+        self.revision += 1
+        for value in after if heard else ():
+            if value not in before:
+                self.add_end(distinct, node, value)
+                self._notify(node, attribute, value, True)
+        self.keep_distinct(distinct, node, tuple(after))
 
+    @_mended
     def splice(self, node: int, attribute: int, index: int, value: Value, inserting: bool) -> None:
         """Insert a value before the one at an index of an attribute with many, or remove it from there."""
-        if self.interrupted:
-            self.interrupted.repair()
-        try:
-            column, distinct = self.values[attribute], self.distinct[attribute]
-            old = column[node] or ()
-            many = distinct[node]
-            stays = value in many if inserting else len(old) > len(many) and old.count(value) > 1
-            if not (stays or inserting):
-                self._value_leaves(node, attribute, value)
-                self.move_end(distinct, node, value, len(old))
-                self.drop_end(distinct, node, value)
-            self._splice(column, node, index, value, inserting)
-            sign = 1 if inserting else -1
-            code = self._value_codes[attribute].get(value) or self._code(attribute, value)
-            self.total += sign * self.salts[0][node] * code
-            self.revision += 1
-            if inserting and not stays:
-                self.add_end(distinct, node, value)
-            if (stays or inserting) and index < len(column[node]) - inserting:
-                held = column[node]
-                first = held.index(value) if stays else index
-                place = first if len(held) == len(distinct[node]) else len({*held[:first]})
-                self.move_end(distinct, node, value, place)
-            if inserting and not stays:
-                self._value_enters(node, attribute, value)
-        except BaseException:
-            self.interrupted.append(None)
-            self.interrupted.repair()
-            raise
+        column, distinct = self.values[attribute], self.distinct[attribute]
+        old = column[node] or ()
+        many = distinct[node]
+        stays = value in many if inserting else len(old) > len(many) and old.count(value) > 1
+        if not (stays or inserting):
+            self._notify(node, attribute, value, False)
+            self.move_end(distinct, node, value, len(old))
+            self.drop_end(distinct, node, value)
+        self._splice(column, node, index, value, inserting)
+        sign = 1 if inserting else -1
+        code = self._value_codes[attribute].get(value) or self._code(attribute, value)
+        self.total += sign * self.salts[0][node] * code
+        self.revision += 1
+        if inserting and not stays:
+            self.add_end(distinct, node, value)
+        if (stays or inserting) and index < len(column[node]) - inserting:
+            held = column[node]
+            first = held.index(value) if stays else index
+            place = first if len(held) == len(distinct[node]) else len({*held[:first]})
+            self.move_end(distinct, node, value, place)
+        if inserting and not stays:
+            self._notify(node, attribute, value, True)
 
     def _splice(self, column: list[Any], node: int, index: int, value: Value, inserting: bool) -> None:
         old = column[node] or ()
@@ -289,19 +298,13 @@ class Store:
         new = (*old[:index], value, *old[index:]) if inserting else (*old[:index], *old[index + 1 :])
         column[node] = new if len(new) <= self.crowd else Ordered(new)
 
-    def _value_leaves(self, node: int, attribute: int, value: Value) -> None:
-        hook = self.value_removing[attribute]
+    def _notify(self, node: int, attribute: int, value: Value, there: bool) -> None:
+        hook = (self.value_added if there else self.value_removing)[attribute]
         if hook is not None:
             hook(node, value)
         if self.listeners:
-            self._removing(ValueFact(self.metamodel.attributes[attribute], node, value))
-
-    def _value_enters(self, node: int, attribute: int, value: Value) -> None:
-        hook = self.value_added[attribute]
-        if hook is not None:
-            hook(node, value)
-        if self.listeners:
-            self._inserted(ValueFact(self.metamodel.attributes[attribute], node, value))
+            fact = ValueFact(self.metamodel.attributes[attribute], node, value)
+            self._inserted(fact) if there else self._removing(fact)
 
     def keep_distinct(self, distinct: Any, node: int, values: Values) -> None:
         """Make these the distinct values of an object, in their order."""
@@ -310,15 +313,11 @@ class Store:
                 self.journal.extend((distinct, node, distinct[node], SET))
             distinct[node] = self.grouped(values)
 
+    @_mended
     def move_target(self, relation: Relation, source: int, target: int, index: int) -> None:
         """Move a target of an object to another position among them."""
-        try:
-            self.move_end(relation.forward, source, target, index)
-            self.revision += 1
-        except BaseException:
-            self.interrupted.append(None)
-            self.interrupted.repair()
-            raise
+        self.move_end(relation.forward, source, target, index)
+        self.revision += 1
 
     def _connector(self, relation: Relation) -> Callable[[int, int], object]:
         """Adds links of one reference. Most objects have few of them, so these are dealt with on the spot."""
@@ -404,18 +403,10 @@ class Store:
 
         return disconnect
 
+    @_mended
     def rename(self, node: int, name: str | None) -> None:
         """The object gets another name, or none. Names are no facts: listeners and hash ignore them."""
-        if self.interrupted:
-            self.interrupted.repair()
-        try:
-            self._rename(node, self.names[node], name)
-        except BaseException:
-            self.interrupted.append(None)
-            self.interrupted.repair()
-            raise
-
-    def _rename(self, node: int, old: str | None, name: str | None) -> None:
+        old = self.names[node]
         if old is not None:
             self.map_name(old, None)
         if name is not None:

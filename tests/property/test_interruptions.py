@@ -382,8 +382,10 @@ SCENARIOS: dict[str, tuple[Step, ...]] = {
     "objects": (create, new, ask, rename, retype, ask, lose, delete, ask),
     "links": (link, boss, ask, unlink, value, move, ask, targets, clear, ask, deliver),
     "values": (value, values, ask, mark, values, value, back, commit, values, commit, first, deliver),
-    "places": (insert, append, place, ask, mark, remove, rotate, insert, ask, back, commit, rotate, insert)
-    + (commit, remove, place, commit, forget, first, last, ask, deliver),
+    "places": (
+        *(insert, append, place, ask, mark, remove, rotate, insert, ask, back, commit, rotate, insert),
+        *(commit, remove, place, commit, forget, first, last, ask, deliver),
+    ),
     "transactions": (several, ask, fail, deliver),
     "savepoints": (
         link,

@@ -171,3 +171,53 @@ def test_json_says_which_value_is_wrong(features: object, message: str) -> None:
     data = {"format": "envgraph-model-1", "objects": [{"id": 0, "class": "Book", "features": features}]}
     with pytest.raises(EnvgraphError, match=message):
         model_from_json(data, LIBRARY)
+
+
+def test_an_edit_at_a_position_tells_of_one_value_and_journals_no_copy(model: Model) -> None:
+    book = model.create("Book", tags=[f"t{n}" for n in range(100)], marks=[n % 3 for n in range(100)])
+    ear = _Ear()
+    model.subscribe(ear)
+    savepoint = model.savepoint()
+    book.tags.insert(0, "a")
+    book.tags.append("z")
+    del book.tags[50]
+    book.tags[1] = "b"
+    assert ear.heard == [("+", "a"), ("+", "z"), ("-", "t49"), ("-", "t0"), ("+", "b")]
+    assert book.tags[:2] == ["a", "b"] and book.tags[-1] == "z" and len(book.tags) == 101
+    assert all(len(str(part)) < 2000 for part in model.store.journal[1::4] + model.store.journal[2::4])
+    model.check_integrity()
+    ear.heard.clear()
+    book.marks.insert(0, 2.0)  # which moves before the 0.0 among those that patterns see
+    assert model.store.distinct[marks.index][book.id] == (2.0, 0.0, 1.0) and not ear.heard
+    del book.marks[0]
+    assert model.store.distinct[marks.index][book.id] == (0.0, 1.0, 2.0) and not ear.heard
+    book.marks.pop()
+    model.check_integrity()
+    model.rollback(savepoint)
+    assert book.tags == [f"t{n}" for n in range(100)] and book.marks == [n % 3 for n in range(100)]
+    model.check_integrity()
+
+
+def test_versions_restore_edits_at_positions_exactly(model: Model) -> None:
+    book = model.create("Book", tags=[f"t{n}" for n in range(40)])
+    states = [(model.commit(), list(book.tags))]
+    for number in range(120):  # long enough for segments that are reduced
+        book.tags.insert(number % 7, f"u{number}")
+        del book.tags[(5 * number) % len(book.tags)]
+        version = model.commit()
+        if number % 40 == 39:
+            states.append((version, list(book.tags)))
+    for version, expected in [*states, *states[::-1]]:
+        model.checkout(version)
+        assert book.tags == expected
+        model.check_integrity()
+    assert model.copy().nodes("Book")[0].tags == book.tags
+
+
+def test_a_position_that_is_not_there(model: Model) -> None:
+    book = model.create("Book", tags=["a"])
+    with pytest.raises(IndexError):
+        del book.tags[1]
+    book.tags.insert(-5, "first")
+    book.tags.insert(9, "last")
+    assert book.tags == ["first", "a", "last"]

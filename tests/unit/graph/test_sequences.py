@@ -4,7 +4,7 @@ import pytest
 
 from envgraph.errors import RuleError
 from envgraph.graph import EXCHANGE, IN, OUT, SET, IndexedSet
-from envgraph.graph._journal import Journal, invert, take_back
+from envgraph.graph._journal import MOVE, Journal, invert, take_back
 from tests.unit.graph.domain import forest
 
 
@@ -74,3 +74,41 @@ def test_what_follows_the_model_is_rolled_back_with_it():
     assert index == {"burning": 0}
     model.checkout(later)
     assert index == {"burning": 1}
+
+
+def test_a_move_is_exact_and_finds_its_elements_again():
+    items = IndexedSet(tuple(range(300)))
+    journal: Journal = []
+    for item, index in ((299, 0), (5, 200), (0, 299), (150, 150), (299, 298)):
+        journal.extend((items, item, items.where(item), MOVE))
+        items.move(item, index)
+        assert items[index] == item and [items.where(one) for one in items] == [*range(300)]
+    after = list(items)
+    back: Journal = []
+    invert(reversed(journal), back)
+    assert items == [*range(300)]
+    invert(reversed(back), [])
+    assert items == after
+    assert items.take(299) == 298 and items.take(1) == after.index(1)
+    assert [items.where(one) for one in items] == [*range(298)]
+
+
+def test_a_target_that_moves_changes_no_fact():
+    model = forest()
+    heard = []
+
+    class Ear:
+        def inserted(self, fact):
+            heard.append(fact)
+
+        removing = restored = inserted
+
+    targets = model.nodes("Forest")[0].states
+    before = list(targets)
+    model.subscribe(Ear())
+    digest = model.state_hash()
+    with model.transaction():
+        targets.insert(0, targets[-1])
+    assert list(targets) == [before[-1], *before[:-1]]
+    assert not heard and model.state_hash() == digest
+    model.check_integrity()
