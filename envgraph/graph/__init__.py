@@ -26,6 +26,7 @@ from envgraph.graph._journal import EXCHANGE, IN, OUT, SET, Exchangeable, Indexe
 from envgraph.graph._model import Model
 from envgraph.graph._node import Node, Targets, ValueList
 from envgraph.graph._picture import PictureOptions
+from envgraph.graph._query_features import Defined, first_with
 from envgraph.graph._relation import Relation
 from envgraph.graph._store import Store
 from envgraph.graph._versions import Version
@@ -47,6 +48,7 @@ __all__ = [
     "OUT",
     "SET",
     "ClassFact",
+    "Defined",
     "Exchangeable",
     "Fact",
     "IndexedSet",
@@ -69,6 +71,7 @@ __all__ = [
     "arrange_targets",
     "check_conformance",
     "deferred",
+    "first_with",
     "from_networkx",
     "guarded",
     "json_place",

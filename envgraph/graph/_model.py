@@ -13,6 +13,7 @@ from envgraph.graph import (
     _naming,
     _objects,
     _picture,
+    _query_features,
     _transactions,
     _values,
 )
@@ -22,9 +23,10 @@ from envgraph.graph._integrity import check_store
 from envgraph.graph._journal import Ordered
 from envgraph.graph._layout import Layout
 from envgraph.graph._node import Node, assign_features
+from envgraph.graph._query_features import Defined
 from envgraph.graph._store import Store
 from envgraph.graph._versions import Version
-from envgraph.metamodel import Attribute, Metamodel, Reference, Value, Values
+from envgraph.metamodel import Attribute, Feature, Metamodel, Reference, Value, Values
 
 
 class Model:
@@ -47,6 +49,7 @@ class Model:
         name: for reports.
 
     Attributes:
+        defined: the features whose values queries give, see `define`.
         places: what a file calls objects that have no name, `tile[3,1]` in a grid; for `find_object`.
         digits: how a file writes decimals, by object, index of the attribute, and value as a float.
     """
@@ -56,6 +59,7 @@ class Model:
         self.name = name
         self.places: dict[str, int] = {}
         self.digits: dict[tuple[int, int, Value], str] = {}
+        self.defined: dict[Feature, Defined] = {}
         self._titles: dict[int, str] = {}  # the same the other way round, made when it is asked for
         self.store = Store(metamodel)
         self._history = History(self, self.store)
@@ -72,6 +76,8 @@ class Model:
     set_object_name = _naming.set_object_name
     title = _naming.title
     describe = _naming.describe
+
+    define = _query_features.define
 
     set_value = _values.set_value
     add_value = _values.add_value

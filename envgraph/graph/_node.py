@@ -141,6 +141,9 @@ class Targets(Sequence[Node]):
 
     def _ids(self) -> Sequence[int]:
         self._source.cls  # noqa: B018 - raises for an object that is gone
+        defined = self._source.model.defined.get(self._reference)
+        if defined is not None:
+            return defined.read(self._source.id)
         return self._source.model.targets(self._source.id, self._reference)
 
     def append(self, target: Node) -> None:
@@ -175,6 +178,8 @@ class Targets(Sequence[Node]):
             InvalidArgument: it is none.
         """
         model = self._source.model
+        if self._reference in model.defined:
+            raise refusals.lacks(model, self._source.id, self._reference)
         if not model.unlink(self._source.id, self._reference, _target(model, self._reference, target)):
             raise InvalidArgument(f"{target!r} is not among the targets of `{self._reference.name}`")
 
@@ -229,6 +234,9 @@ class ValueList(MutableSequence[Value]):
 
     def _values(self) -> Sequence[Value]:
         self._object.cls  # noqa: B018 - raises for an object that is gone
+        defined = self._object.model.defined.get(self._attribute)
+        if defined is not None:
+            return defined.read(self._object.id)
         return self._object.model.store.values[self._attribute.index][self._object.id] or ()
 
     def _set(self, values: list[Value]) -> None:
@@ -303,6 +311,9 @@ def _feature(node: Node, name: str, error: type[Exception] = AttributeError) -> 
 
 
 def _read(node: Node, feature: Feature) -> Value | ValueList | Node | Targets | None:
+    if node.model.defined and not feature.many and feature in node.model.defined:
+        found = _only(node, feature, node.model.defined[feature].read(node.id))
+        return found if found is None or isinstance(feature, Attribute) else Node(node.model, int(found))
     if isinstance(feature, Attribute):
         if feature.many:
             return ValueList(node, feature)
@@ -311,6 +322,13 @@ def _read(node: Node, feature: Feature) -> Value | ValueList | Node | Targets | 
         return Targets(node, feature)
     target = node.model.target(node.id, feature)
     return None if target is None else Node(node.model, target)
+
+
+def _only(node: Node, feature: Feature, values: Sequence[Value]) -> Value | None:
+    if len(values) > 1:
+        query = node.model.defined[feature].query
+        raise InvalidArgument(f"`{feature}` has one value, and query `{query}` gives {node!r} {len(values)}")
+    return values[0] if values else None
 
 
 def _write(node: Node, feature: Feature, value: object) -> None:

@@ -60,6 +60,9 @@ def lacks(model: Model, node: int, feature: Feature) -> EnvgraphError:
     """The object's class does not have the feature, or there is no such object."""
     if not model.alive(node):
         return missing(model, node)
+    if feature in model.defined:
+        text = f"`{feature}` is read-only: query `{model.defined[feature].query}` defines its values"
+        return TypeMismatch(text, "change what the query reads")
     return TypeMismatch(f"`{model.class_of(node)}` has no feature `{feature.name}`; `{feature.owner}` has")
 
 
@@ -103,7 +106,8 @@ def wrong_link(model: Model, source: int, reference: Reference, target: int | No
     for end in (source, target):
         if end is not None and not model.alive(end):
             return missing(model, end)
-    if target is None or not model.metamodel.is_a(model.class_of(source), reference.owner):
+    known = reference in model.defined or not model.metamodel.is_a(model.class_of(source), reference.owner)
+    if target is None or known:
         return lacks(model, source, reference)
     found = f"{model.describe(target)} is of class `{model.class_of(target)}`"
     return TypeMismatch(f"`{reference}` leads to `{reference.target}`, but {found}")

@@ -50,10 +50,7 @@ def add_value(model: Model, node: int, attribute: Attribute, value: Value) -> bo
 
 def insert_value(model: Model, node: int, attribute: Attribute, index: int, value: Value) -> bool:
     """Insert a value before the one at an index, as a list does; else as `add_value`."""
-    if not model._layout.attribute_ok[attribute.index][model.store.classes[node]]:
-        raise refusals.lacks(model, node, attribute)
-    value = _coerced(model, attribute, value)
-    held: Sequence[Value] = model.store.values[attribute.index][node] or ()
+    held, value = _held(model, node, attribute), _coerced(model, attribute, value)
     if attribute.unique and value in model.store.distinct[attribute.index][node]:
         return False
     if attribute.upper is not None and len(held) >= attribute.upper:
@@ -65,7 +62,7 @@ def insert_value(model: Model, node: int, attribute: Attribute, index: int, valu
 
 def remove_value(model: Model, node: int, attribute: Attribute, value: Value) -> bool:
     """Remove a value from an attribute with many, wherever it stands; False if it does not."""
-    held: Sequence[Value] = model.store.values[attribute.index][node] or ()
+    held = _held(model, node, attribute)
     count = held.count(value)
     if count == 1:
         model.remove_value_at(node, attribute, held.index(value))
@@ -80,9 +77,15 @@ def remove_value_at(model: Model, node: int, attribute: Attribute, index: int) -
     Raises:
         IndexError: there is none.
     """
-    held: Sequence[Value] = model.store.values[attribute.index][node] or ()
+    held = _held(model, node, attribute)
     place = range(len(held))[index]
     model.store.splice(node, attribute.index, place, held[place], False)
+
+
+def _held(model: Model, node: int, attribute: Attribute) -> Sequence[Value]:
+    if not model._layout.attribute_ok[attribute.index][model.store.classes[node]]:
+        raise refusals.lacks(model, node, attribute)
+    return model.store.values[attribute.index][node] or ()
 
 
 def _coerced(model: Model, attribute: Attribute, value: object) -> Value:

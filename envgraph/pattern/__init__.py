@@ -1,7 +1,7 @@
 """Queries and rules as frozen data, independent of any text; their checks, their types and their normal form."""
 
 from envgraph.errors import shorten
-from envgraph.pattern._analysis import Entry, UnknownNames
+from envgraph.pattern._analysis import Entry, UnknownNames, expression_reads
 from envgraph.pattern._bodies import (
     children,
     navigations,
@@ -204,6 +204,7 @@ __all__ = [
     "data_type_hint",
     "evaluate",
     "explained",
+    "expression_reads",
     "holds",
     "implied_classes",
     "inputs",

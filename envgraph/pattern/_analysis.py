@@ -4,22 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import field, replace
+from itertools import zip_longest
 
 from envgraph.code import dataclass
-from envgraph.metamodel import Metamodel
+from envgraph.errors import Span
+from envgraph.metamodel import Annotation, Feature, Metamodel
 from envgraph.pattern._binding import Binding
 from envgraph.pattern._bodies import (
     Reading,
+    base_of,
     children,
     expressions,
     grouped_relations,
+    none_test,
     positive_relations,
     rewritten,
 )
 from envgraph.pattern._inference import BodyTypes, Callee, Signature
-from envgraph.pattern._lowered import StaticType
-from envgraph.pattern._queries import Body, Closure, Pattern, PatternCall
-from envgraph.pattern._terms import Expression, FunctionCall, Navigation
+from envgraph.pattern._lowered import ObjectType, StaticType
+from envgraph.pattern._paths import ResolvedPath, derived, resolve_path
+from envgraph.pattern._queries import Body, Closure, PathConstraint, Pattern, PatternCall
+from envgraph.pattern._terms import Expression, FunctionCall, Navigation, Variable
 from envgraph.pattern._types import joins, static_type
 from envgraph.pattern.check._header import too_long
 from envgraph.pattern.expressions._expressions import ExpressionChecker, is_method
@@ -125,6 +130,58 @@ def visible(pattern: Pattern, package: str, caller: Pattern | None) -> bool:
 
 
 @dataclass(frozen=True, slots=True)
+class Read:
+    """A place that reads a derived feature; `word` is "neg", an aggregate or a closure, "" for none of them."""
+
+    feature: Feature
+    word: str
+    span: Span | None
+
+
+def defining(pattern: Pattern) -> Annotation | None:
+    """Return the annotation that makes a pattern define a derived feature."""
+    return next((one for one in pattern.annotations if one.name == "QueryBasedFeature"), None)
+
+
+def defined_feature(pattern: Pattern, source: StaticType | None, metamodel: Metamodel) -> Feature | None:
+    """Return the feature of the class of its first parameter that a pattern defines, if there is one."""
+    annotation = defining(pattern)
+    if annotation is None or len(pattern.parameters) != 2 or not isinstance(source, ObjectType):
+        return None
+    return metamodel.feature(source.cls, str(dict(annotation.named).get("feature", pattern.name)))
+
+
+def derived_reads(types: BodyTypes) -> Iterator[Read]:
+    """Yield the places of a body that read derived features."""
+    body = types.reading.body
+    relations = [(relation, "") for relation in positive_relations(body)]
+    relations += [(one, fold.function if fold else "neg") for one, fold in grouped_relations(body)]
+    for relation, word in relations:
+        path = types.path(relation) if isinstance(relation, PathConstraint) else None
+        if path is not None and isinstance(relation, PathConstraint):
+            for step, span in zip_longest(path.steps, relation.feature_spans):
+                if derived(step):
+                    yield Read(step, word or str(relation.closure), span or relation.span)
+    for expression, _ in expressions(body):
+        yield from expression_reads(expression, types.types, types.metamodel)
+
+
+def expression_reads(
+    expression: Expression, scope: Mapping[str, StaticType | None], metamodel: Metamodel, word: str = ""
+) -> Iterator[Read]:
+    """Yield the places of an expression that read derived features."""
+    if isinstance(expression, Navigation):
+        start, features = base_of(expression)
+        type_ = scope.get(start.name) if isinstance(start, Variable) else None
+        path = resolve_path(type_.cls, features, metamodel) if isinstance(type_, ObjectType) else None
+        if isinstance(path, ResolvedPath) and derived(path.steps[-1]):
+            yield Read(path.steps[-1], word, expression.feature_span or expression.span)
+    inner = "neg" if none_test(expression) else word
+    for child in children(expression):
+        yield from expression_reads(child, scope, metamodel, inner)
+
+
+@dataclass(frozen=True, slots=True)
 class Entry:
     """A pattern of a library, with its calls resolved.
 
@@ -134,6 +191,8 @@ class Entry:
         inputs: numbers of the `in` parameters that callers have to bind.
         written: the pattern as it was added, where it is another one.
         bodies: types of the variables, body by body; none where there is an error.
+        defines: the derived feature whose values are the matches.
+        reads: the places that read derived features.
     """
 
     pattern: Pattern
@@ -142,6 +201,8 @@ class Entry:
     inputs: tuple[int, ...] = ()
     written: Pattern | None = None
     bodies: tuple[BodyTypes, ...] = field(default=(), compare=False, repr=False)
+    defines: Feature | None = field(default=None, compare=False)
+    reads: tuple[Read, ...] = field(default=(), compare=False, repr=False)
 
     @property
     def signature(self) -> Signature:
@@ -254,7 +315,10 @@ class Analysis:
         for name in self._short:
             pattern = self._new[name]
             bodies = tuple(self.body_types(pattern, body) for body in pattern.bodies)
-            self.entries[name] = replace(self.entries[name], bodies=bodies)
+            entry = self.entries[name]
+            defines = defined_feature(pattern, entry.types[0] if entry.types else None, self.metamodel)
+            reads = tuple(read for types in bodies for read in derived_reads(types))
+            self.entries[name] = replace(entry, bodies=bodies, defines=defines, reads=reads)
         for name in self._short:
             entry = self.entries[name]
             callees = {call: self.entries[called].signature for call, called in entry.calls.items()}
@@ -348,6 +412,11 @@ def _may_be_method(expression: Expression) -> bool:
             return True
         waiting += children(one)
     return False
+
+
+def definitions(entries: Mapping[str, Entry]) -> dict[str, str]:
+    """Return the derived features that patterns define, each with the qualified name of its first pattern."""
+    return {str(one.defines): name for name, one in reversed([*entries.items()]) if one.defines is not None}
 
 
 def is_closure(call: PatternCall) -> bool:

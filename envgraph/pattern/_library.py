@@ -7,8 +7,8 @@ from copy import copy
 from typing import NamedTuple
 
 from envgraph.errors import Diagnostic, InvalidArgument, ResolutionError, Severity, did_you_mean, has_errors
-from envgraph.metamodel import AttributeType, Metamodel, type_name
-from envgraph.pattern._analysis import Analysis, Entry, Names, UnknownNames
+from envgraph.metamodel import Attribute, AttributeType, Metamodel, Reference, type_name
+from envgraph.pattern._analysis import Analysis, Entry, Names, UnknownNames, definitions
 from envgraph.pattern._binding import bound_by_type
 from envgraph.pattern._bodies import Data, Reading
 from envgraph.pattern._functions import FunctionDeclaration, Functions, declared, resolved
@@ -68,6 +68,7 @@ class Library:
         self._generated: dict[str, Entry] = {}
         self._lowered: dict[str, LoweredPattern] = {}
         self._checked: Checked | None = None
+        self._definitions: tuple[dict[str, Entry], dict[str, str]] = {}, {}
 
     @property
     def patterns(self) -> tuple[Pattern, ...]:
@@ -147,7 +148,16 @@ class Library:
         Raises:
             InvalidArgument: there is no such pattern.
         """
-        return tuple(dict.fromkeys(self._entry(qualified_name).calls.values()))
+        entry, defined = self._entry(qualified_name), self.definitions
+        read = (defined[str(one.feature)] for one in entry.reads if str(one.feature) in defined)
+        return tuple(dict.fromkeys((*entry.calls.values(), *read)))
+
+    @property
+    def definitions(self) -> Mapping[str, str]:
+        """The derived features that patterns define, each with the qualified name of its pattern."""
+        if self._definitions[0] is not self._entries:
+            self._definitions = self._entries, definitions(self._entries)
+        return self._definitions[1]
 
     def checked(self, *patterns: Pattern) -> Checked:
         """Return what is known about new patterns; nothing is worked out again if they are those of the last time."""
@@ -282,11 +292,13 @@ class Library:
         entry = self._entry(qualified_name)
         return bound_by_type(entry.bodies[number], entry.pattern.parameters)
 
-    def _generate(self, wanted: ResolvedPath | AttributeType) -> str:
+    def _generate(self, wanted: ResolvedPath | AttributeType | Attribute | Reference) -> str:
         """Register the pattern of a path or of the values of a type; the same one always has the same name."""
-        return (
-            self._path_pattern(wanted) if isinstance(wanted, ResolvedPath) else self._values_pattern(wanted)
-        )
+        if isinstance(wanted, ResolvedPath):
+            return self._path_pattern(wanted)
+        if isinstance(wanted, Attribute | Reference):
+            return self.definitions.get(str(wanted), "")
+        return self._values_pattern(wanted)
 
     def _values_pattern(self, type_: AttributeType) -> str:
         name = f"{VALUES}.{type_name(type_)}"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from envgraph.code import dataclass
 from envgraph.errors import Diagnostic, Severity, Span
-from envgraph.metamodel import Attribute, Feature, Metamodel, Reference
+from envgraph.metamodel import Attribute, Feature, Metamodel, Reference, type_name
 from envgraph.pattern._lowered import ObjectType, StaticType
 from envgraph.pattern._queries import Closure
 from envgraph.pattern._types import joins
@@ -72,7 +72,9 @@ def derived(feature: Feature) -> bool:
 def derived_feature(feature: Feature, span: Span | None) -> Diagnostic:
     """The warning that a query reads a derived feature."""
     message = f"`{feature.name}` is derived: nothing computes it here, it has the values that were stored"
-    hint = "write a pattern for what it is computed from"
+    value = type_name(feature.type) if isinstance(feature, Attribute) else feature.target
+    pattern = f"pattern {feature.name}(this : {feature.owner}, value : {value}) {{ .. }}"
+    hint = f"define it: `@QueryBasedFeature {pattern}`"
     return Diagnostic("derived-feature", message, span, hint, Severity.WARNING)
 
 

@@ -9,20 +9,20 @@ from itertools import chain
 
 from envgraph.errors import (
     Diagnostic,
+    Note,
     Severity,
     Span,
     did_you_mean,
     has_errors,
+    name_hint,
     sort_diagnostics,
     with_article,
 )
-from envgraph.metamodel import EnumType, Value
-from envgraph.pattern._analysis import Analysis, calls_of
+from envgraph.metamodel import EnumType, Reference, Value
+from envgraph.pattern._analysis import Analysis, calls_of, defining, definitions
 from envgraph.pattern._binding import Binding
 from envgraph.pattern._bodies import (
     Use,
-    base_of,
-    children,
     expressions,
     grouped_relations,
     positive_relations,
@@ -31,7 +31,7 @@ from envgraph.pattern._bodies import (
 )
 from envgraph.pattern._inference import BodyTypes
 from envgraph.pattern._lowered import ObjectType, StaticType
-from envgraph.pattern._paths import ResolvedPath, derived, derived_feature, resolve_path
+from envgraph.pattern._paths import derived, derived_feature, target_type
 from envgraph.pattern._queries import (
     Body,
     Check,
@@ -42,8 +42,8 @@ from envgraph.pattern._queries import (
     PatternCall,
     Relation,
 )
-from envgraph.pattern._terms import Constant, EnumLiteral, Expression, Navigation, Variable
-from envgraph.pattern._types import is_subtype, joins, static_type, type_text
+from envgraph.pattern._terms import Constant, EnumLiteral, Expression, Variable
+from envgraph.pattern._types import assignable, is_subtype, joins, static_type, type_text
 from envgraph.pattern.check._header import check_duplicates, check_header, too_long
 from envgraph.pattern.check._partitions import check_connected
 from envgraph.pattern.check._recursion import check_recursion
@@ -135,10 +135,19 @@ class _PatternCheck:
         ]
         inside = [problem for body in bodies for problem in body.problems()]
         found.extend(_in_all_bodies(inside, len(self._pattern.bodies)))
+        if not has_errors(found):
+            found.extend(_definition(self._pattern, self._analysis))
+            found.extend(self._undefined())
         if not has_errors(found) and not self._pattern.mended:
             for parameter in self._pattern.parameters:
                 found.extend(self._parameter_type(parameter, bodies))
         return found
+
+    def _undefined(self) -> Iterator[Diagnostic]:
+        defined = definitions(self._analysis.entries)
+        for read in self._analysis.entries[self._pattern.qualified_name].reads:
+            if str(read.feature) not in defined:
+                yield derived_feature(read.feature, read.span)
 
     def _parameter_type(self, parameter: Parameter, bodies: Sequence[_BodyCheck]) -> Iterator[Diagnostic]:
         span = parameter.span or self._pattern.span
@@ -188,6 +197,50 @@ class _PatternCheck:
             message = f"no type declared for `{parameter.name}`, inferred `{type_text(above[0])}`"
             hint = f"write `{parameter.name} : {type_text(above[0])}`"
             yield Diagnostic("undeclared-type", message, span, hint, Severity.WARNING)
+
+
+def _definition(pattern: Pattern, analysis: Analysis) -> Iterator[Diagnostic]:
+    """Check that the feature that a pattern defines is derived, has the pattern's types, and no other definition."""
+    annotation, entry = defining(pattern), analysis.entries[pattern.qualified_name]
+    if annotation is None or not entry.types or None in entry.types:
+        return
+    metamodel, span = analysis.metamodel, dict(annotation.places).get("feature", annotation.span)
+    name = str(dict(annotation.named).get("feature", pattern.name))
+    source = entry.types[0] if len(entry.types) == 2 else None
+    value = entry.types[-1]
+    if not isinstance(source, ObjectType) or value is None:
+        message = "a pattern that defines a feature has two parameters: an object and a value of the feature"
+        yield Diagnostic(
+            "query-feature", message, span, f"write `pattern {pattern.name}(this : Class, value)`"
+        )
+        return
+    feature = entry.defines
+    if feature is None:
+        hint = metamodel.left_out(source.cls, name) or name_hint(name, metamodel.features(source.cls))
+        message = f"`{source.cls}` has no feature `{name}`, so the annotation has no effect"
+        yield Diagnostic("query-feature", message, span, hint, Severity.WARNING)
+        return
+    others = [one for one in analysis.entries.values() if one.defines is feature]
+    early = [one.pattern for one in analysis.known.values() if any(r.feature is feature for r in one.reads)]
+    type_ = target_type(feature)
+    hint, notes = "", tuple[Note, ...]()
+    if not derived(feature):
+        message, hint = f"`{feature}` is not derived", "mark it `@derived` in the metamodel"
+    elif isinstance(feature, Reference) and (feature.opposite or feature.containment):
+        message = f"`{feature}` has an opposite or contains objects: a query cannot define it"
+        hint = "define a reference that is neither"
+    elif not assignable(value, type_, metamodel):
+        message = f"`{feature}` leads to `{type_text(type_)}`, not to `{type_text(value)}`"
+        hint = f"declare `{pattern.parameters[1].name} : {type_text(type_)}`"
+    elif others[0].pattern is not entry.pattern:
+        message, hint = f"two queries define `{feature}`", "remove one of the annotations"
+        notes = (Note("the first one is here", others[0].pattern.span),)
+    elif early:
+        message = f"`{early[0].qualified_name}` was added before, and reads `{feature}`"
+        hint = "add the query that defines a feature before what reads it, or together with it"
+    else:
+        return
+    yield Diagnostic("query-feature", message, span, hint, notes=notes)
 
 
 def _in_all_bodies(problems: Sequence[Diagnostic], bodies: int) -> Iterator[Diagnostic]:
@@ -313,7 +366,7 @@ class _BodyCheck:
             type_, problems = check_expression(
                 expression, scope, self._analysis.metamodel, bare_objects=False
             )
-            found.extend(problems or self._derived(expression, scope))
+            found.extend(problems)
             if isinstance(owner, Check) and type_ is not None and type_text(type_) != "bool" and not problems:
                 message = f"a check needs a truth value, not `{type_text(type_)}`"
                 hint = "compare it: `check(.. == ..)`"
@@ -346,23 +399,6 @@ class _BodyCheck:
                 hint = hint or f"write `Class({variable.name})`"
                 where = variable.span or expression.span
                 yield Diagnostic("untyped-source", message, where, hint, subject=(variable.name,))
-
-    def _derived(
-        self, expression: Expression, scope: Mapping[str, StaticType | None]
-    ) -> Iterator[Diagnostic]:
-        """Warnings of the derived features that an expression without errors reads."""
-        if isinstance(expression, Navigation):
-            start, features = base_of(expression)
-            type_ = scope.get(start.name) if isinstance(start, Variable) else None
-            path = (
-                resolve_path(type_.cls, features, self._analysis.metamodel)
-                if isinstance(type_, ObjectType)
-                else None
-            )
-            if isinstance(path, ResolvedPath) and derived(path.steps[-1]):
-                yield derived_feature(path.steps[-1], expression.feature_span or expression.span)
-        for child in children(expression):
-            yield from self._derived(child, scope)
 
     def _taint_results(self, owner: object) -> None:
         """What an eval without a type is compared with has no type from it, either."""

@@ -10,7 +10,7 @@ from typing import Final
 from envgraph.code import dataclass
 from envgraph.errors import Diagnostic, Severity
 from envgraph.metamodel import components, shortest_way
-from envgraph.pattern._analysis import Entry, calls_of, is_closure
+from envgraph.pattern._analysis import Entry, calls_of, definitions, is_closure
 from envgraph.pattern._queries import Closure, Pattern, PatternCall
 
 
@@ -36,7 +36,8 @@ def check_recursion(patterns: Sequence[Pattern], entries: Mapping[str, Entry]) -
     A cycle through a negation or an aggregate has no least fixed point; one through a closure would, but the closure
     could not be kept apart from the pattern it follows. Each cycle of patterns gives one diagnostic.
     """
-    edges = [edge for pattern in patterns for edge in _edges(pattern, entries)]
+    defined = definitions(entries)
+    edges = [edge for pattern in patterns for edge in _edges(pattern, entries, defined)]
     onward: dict[str, list[_Edge]] = {}
     for edge in edges:
         onward.setdefault(edge.caller, []).append(edge)
@@ -60,13 +61,17 @@ def check_recursion(patterns: Sequence[Pattern], entries: Mapping[str, Entry]) -
         yield replace(_diagnostic(edge, cycle), subject=tuple(link.caller for link in cycle))
 
 
-def _edges(pattern: Pattern, entries: Mapping[str, Entry]) -> Iterator[_Edge]:
+def _edges(pattern: Pattern, entries: Mapping[str, Entry], defined: Mapping[str, str]) -> Iterator[_Edge]:
     calls = entries[pattern.qualified_name].calls
     for body in pattern.bodies:
         for site in calls_of(body):
             if site.call.pattern in calls:
                 word = site.grouped or (str(site.call.closure) if is_closure(site.call) else "")
                 yield _Edge(pattern.qualified_name, calls[site.call.pattern], site.call, word)
+    for read in entries[pattern.qualified_name].reads:
+        if str(read.feature) in defined:
+            callee = defined[str(read.feature)]
+            yield _Edge(pattern.qualified_name, callee, PatternCall(callee, (), span=read.span), read.word)
 
 
 def _without_base(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from itertools import zip_longest
 from typing import Final
 
 from envgraph.code import dataclass
@@ -17,8 +16,6 @@ from envgraph.pattern._paths import (
     BrokenPath,
     ResolvedPath,
     closure_target,
-    derived,
-    derived_feature,
     resolve_path,
 )
 from envgraph.pattern._queries import (
@@ -132,10 +129,6 @@ class RelationCheck:
         resolved = resolve_path(cls, path.features, self._metamodel)
         if isinstance(resolved, BrokenPath):
             yield self._broken(path, resolved)
-            return
-        for step, span in zip_longest(resolved.steps, path.feature_spans):
-            if derived(step):
-                yield derived_feature(step, span or path.span)
 
     def _source_class(self, path: PathConstraint) -> str | None:
         source = self._types.of_term(path.source)

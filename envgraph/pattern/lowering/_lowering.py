@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 
 from envgraph.errors import Span
-from envgraph.metamodel import Attribute, AttributeType, Feature, Metamodel, Scalar
+from envgraph.metamodel import Attribute, AttributeType, Feature, Metamodel, Reference, Scalar
 from envgraph.pattern._binding import bound_by_type
 from envgraph.pattern._bodies import base_of, children, none_test, terms_of, with_children
 from envgraph.pattern._inference import BodyTypes
@@ -26,7 +26,7 @@ from envgraph.pattern._lowered import (
     Valuation,
     arguments,
 )
-from envgraph.pattern._paths import ResolvedPath, resolve_path
+from envgraph.pattern._paths import ResolvedPath, derived, resolve_path
 from envgraph.pattern._queries import (
     Aggregate,
     Check,
@@ -56,8 +56,9 @@ from envgraph.pattern.expressions._evaluate import holds, value_of
 from envgraph.pattern.expressions._expressions import ExpressionChecker
 from envgraph.pattern.lowering._slots import Slots, Unsatisfiable
 
-Generate = Callable[[ResolvedPath | AttributeType], str]
-"""Registers the generated pattern of a path, or of the values of an enum, and gives its qualified name."""
+Generate = Callable[[ResolvedPath | AttributeType | Attribute | Reference], str]
+"""Registers the generated pattern of a path, or of the values of an enum, and gives its qualified name; of a derived
+feature gives the pattern that defines it, or ""."""
 
 
 class BodyLowering:
@@ -217,8 +218,18 @@ class BodyLowering:
                 if last
                 else self.slots.fresh(ResolvedPath(path.cls, path.steps[: position + 1]).target)
             )
-            yield _feature_atom(feature, current, reached)
+            yield self._feature_atom(feature, current, reached)
             current = reached
+
+    def _feature_atom(
+        self, feature: Feature, source: int, target: int
+    ) -> AttributeAtom | LinkAtom | CallAtom:
+        query = self._generate(feature) if derived(feature) else ""
+        if query:
+            return CallAtom(query, (source, target))
+        if isinstance(feature, Attribute) and not feature.many:
+            return AttributeAtom(feature, source, target)
+        return LinkAtom(feature, source, target)
 
     # --- negations and aggregates
 
@@ -283,7 +294,7 @@ class BodyLowering:
         actual = self.slots.type(source)
         typed = not free and isinstance(actual, ObjectType) and self._metamodel.is_a(actual.cls, path.cls)
         if len(path.steps) == 1 and (typed or self._metamodel.is_a(first.owner, path.cls)):
-            return _feature_atom(first, source, target)
+            return self._feature_atom(first, source, target)
         return CallAtom(self._generate(path), (source, target))
 
     # --- expressions
@@ -379,7 +390,7 @@ class BodyLowering:
             if key not in self._targets:
                 type_ = feature.type if isinstance(feature, Attribute) else ObjectType(feature.target)
                 self._targets[key] = self.slots.fresh(type_)
-                self._bucket.append(_feature_atom(feature, current, self._targets[key]))
+                self._bucket.append(self._feature_atom(feature, current, self._targets[key]))
             current = self._targets[key]
         return current
 
@@ -423,12 +434,6 @@ class BodyLowering:
         result = self.slots.fresh(Scalar.INT)
         self._bucket.append(AggregateAtom("count", atom, frozenset((target,)), result))
         return result
-
-
-def _feature_atom(feature: Feature, source: int, target: int) -> AttributeAtom | LinkAtom:
-    if isinstance(feature, Attribute) and not feature.many:
-        return AttributeAtom(feature, source, target)
-    return LinkAtom(feature, source, target)
 
 
 def _absence(relation: RelationAtom, local: frozenset[int]) -> Absence:

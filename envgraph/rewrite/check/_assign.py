@@ -16,6 +16,7 @@ from envgraph.pattern import (
     StaticType,
     Variable,
     check_expression,
+    expression_reads,
     type_text,
     variables_in,
 )
@@ -206,6 +207,12 @@ class AssignmentReader:
             return [
                 Diagnostic("wrong-type", "`none` is no value here", expression.span or span, "write `= none`")
             ]
+        for read in expression_reads(expression, self.scope.types, self.scope.metamodel):
+            query = self.scope.defined.get(str(read.feature))
+            if query is not None:
+                message = f"query `{query}` defines `{read.feature}`, which is read on the left side"
+                hint = f"write `find {query}(object, value)` there, and `value` here"
+                return [Diagnostic("query-feature", message, read.span or span, hint)]
         _, problems = check_expression(expression, self.scope.types, self.scope.metamodel, expected=expected)
         return [_located(problem, span) for problem in problems]
 

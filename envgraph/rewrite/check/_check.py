@@ -104,7 +104,8 @@ def examine(rule: Rule, library: Library) -> CheckedRule:
     known = None
     if not has_errors(problems) and not checked.unsound:
         known = {entry.pattern.qualified_name: entry for entry in checked.entries}
-    scope = RuleScope(library.metamodel, problems, elsewhere=_block_names(rule.blocks))
+    outside = _block_names(rule.blocks)
+    scope = RuleScope(library.metamodel, problems, elsewhere=outside, defined=library.definitions)
     for parameter in rule.parameters:
         if parameter.type:
             scope.declared[parameter.name] = {parameter.type}

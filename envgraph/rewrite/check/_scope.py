@@ -42,6 +42,7 @@ class RuleScope:
         unlinked: the arrows whose links go.
         equated: pairs of variables that a left side says are the same.
         elsewhere: names that blocks of the rule have for themselves, with the word that the block begins with.
+        defined: the derived features that queries define, with the names of the queries.
     """
 
     metamodel: Metamodel
@@ -59,6 +60,7 @@ class RuleScope:
     unlinked: dict[LinkKey, ResolvedEdge] = field(default_factory=dict)
     equated: set[frozenset[str]] = field(default_factory=set)
     elsewhere: Mapping[str, str] = field(default_factory=dict)
+    defined: Mapping[str, str] = field(default_factory=dict)
     _reported: set[str] = field(default_factory=set)
 
     def inner(self, names: Mapping[str, StaticType | None]) -> RuleScope:
@@ -79,6 +81,7 @@ class RuleScope:
             dict(self.unlinked),
             set(self.equated),
             self.elsewhere,
+            self.defined,
         )
 
     # --- problems
@@ -200,12 +203,17 @@ class RuleScope:
         return True
 
     def feature(self, cls: str, name: str, span: Span | None) -> Attribute | Reference | None:
-        """A feature of a class; an unknown one is reported."""
+        """A feature of a class that can be written; another one is reported."""
         feature = self.metamodel.feature(cls, name)
         if feature is None:
             hint = self.metamodel.left_out(cls, name) or self._subclass_hint(cls, name)
             hint = hint or name_hint(name, self.metamodel.features(cls))
             self.error("unknown-feature", f"`{cls}` has no feature `{name}`", span, hint)
+        elif str(feature) in self.defined:
+            query = self.defined[str(feature)]
+            message = f"`{feature}` is read-only: query `{query}` defines its values"
+            self.error("read-only-feature", message, span, "change what the query reads")
+            return None
         return feature
 
     def _subclass_hint(self, cls: str, feature: str) -> str | None:
@@ -265,7 +273,7 @@ class RuleScope:
         if edge.closure or cls is None or edge.source not in self.types or edge.target not in self.types:
             return None
         feature = self.metamodel.feature(cls, edge.reference)
-        if not isinstance(feature, Reference):
+        if not isinstance(feature, Reference) or str(feature) in self.defined:
             return None
         return ResolvedEdge(edge.source, feature, edge.target, edge.span)
 

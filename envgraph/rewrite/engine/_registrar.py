@@ -6,8 +6,9 @@ from collections.abc import Collection, Iterable, Sequence
 from copy import copy
 
 from envgraph.errors import Diagnostic, InvalidArgument, ResolutionError, Severity, has_errors
-from envgraph.match import ViewMatcher
-from envgraph.metamodel import reached
+from envgraph.graph import Defined, first_with
+from envgraph.match import FREE, ViewMatcher
+from envgraph.metamodel import Feature, reached
 from envgraph.pattern import FunctionDeclaration, Library, Pattern
 from envgraph.rewrite._names import Directory
 from envgraph.rewrite.check._well_formed import mistake_in
@@ -46,6 +47,7 @@ class Registrar:
         """
         catalog, sound = self._catalog, self._sound(registration)
         model, library, matcher = catalog.model, catalog.library, catalog.matcher
+        self._define_features(sound.library)
         library.update(sound.library)
         catalog.directory = Directory(sound.directory.signatures.values())
         catalog.forget()
@@ -62,7 +64,10 @@ class Registrar:
                 checked, signature, catalog.runners, catalog.programs, catalog.group, model, matcher
             )
         self._watch(
-            one for one in sound.definitions if isinstance(one, Pattern) and one.strategy == "incremental"
+            one
+            for one in sound.definitions
+            if isinstance(one, Pattern)
+            and (one.strategy == "incremental" or one.qualified_name in library.definitions.values())
         )
 
     def add_sound(self, registration: Registration) -> None:
@@ -144,6 +149,29 @@ class Registrar:
         if has_errors(registration.problems):
             raise ResolutionError([p for p in registration.problems if p.severity is Severity.ERROR])
         return registration
+
+    def _define_features(self, library: Library) -> None:
+        """Let the model read the features that the patterns of a library define.
+
+        Raises:
+            ResolutionError: the model has values of such a feature.
+        """
+        model, matcher = self._catalog.model, self._catalog.matcher
+
+        def defined(query: str) -> Defined:
+            return Defined(query, lambda node: [row[1] for row in matcher.rows(query, (node, FREE))])
+
+        features: dict[str, Feature] = {str(one): one for one in model.metamodel.attributes}
+        features |= {str(one): one for one in model.metamodel.references}
+        new = {features[one]: query for one, query in library.definitions.items()}
+        new = {one: query for one, query in new.items() if one not in model.defined}
+        for feature, query in new.items():
+            node = first_with(model, feature)
+            if node is not None:
+                message = f"query `{query}` defines `{feature}`, and {model.describe(node)} has a value of it"
+                span, hint = library.get(query).span, "clear these values first"
+                raise ResolutionError([Diagnostic("stored-values", message, span, hint)])
+        model.define(model.defined | {one: defined(query) for one, query in new.items()})
 
     def _watch(self, patterns: Iterable[Pattern]) -> None:
         """Keep patterns current as soon as there is no state to go back to."""
@@ -244,3 +272,5 @@ class Registrar:
                 known.pop(name, None)
         catalog.matcher.forget()
         catalog.forget()
+        model = catalog.model
+        model.define({one: known for one, known in model.defined.items() if known.query not in patterns})

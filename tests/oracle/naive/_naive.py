@@ -135,11 +135,8 @@ class NaiveMatcher(Matcher):
 
     def _reach(self, pattern: str) -> frozenset[str]:
         if pattern not in self._reached:
-            self._reached[pattern] = frozenset(reached(self._called(pattern), self._called))
+            self._reached[pattern] = frozenset(reached(self.library.called(pattern), self.library.called))
         return self._reached[pattern]
-
-    def _called(self, pattern: str) -> list[str]:
-        return [called for body in self._bodies(pattern) for called in body.calls]
 
     # --- bodies
 
@@ -302,6 +299,9 @@ class NaiveMatcher(Matcher):
         feature = self.library.metamodel.feature(self.model.class_of(node), name)
         if feature is None:
             return []
+        query = self.library.definitions.get(str(feature))
+        if query is not None:
+            return [row[1] for row in self._matches(query, (node, FREE))]
         if isinstance(feature, Attribute):
             return list(dict.fromkeys(self.model.values(node, feature)))
         return list(self.model.targets(node, feature))

@@ -116,7 +116,6 @@ class FlatBody:
 
     items: tuple[Item, ...]
     constants: dict[str, Value]
-    calls: tuple[str, ...]
 
 
 def flatten(pattern: Pattern, body: Body, library: Library) -> FlatBody:
@@ -135,7 +134,6 @@ def flatten(pattern: Pattern, body: Body, library: Library) -> FlatBody:
     return FlatBody(
         tuple(_with_locals(reader.items, parameters | reader.constants.keys())),
         reader.constants,
-        tuple(reader.calls),
     )
 
 
@@ -146,7 +144,6 @@ class _Reader:
     may_hold: Callable[[Relation], bool]
     items: list[Item] = field(default_factory=list)
     constants: dict[str, Value] = field(default_factory=dict)
-    calls: list[str] = field(default_factory=list)
     _fresh: Iterator[int] = field(default_factory=count)
 
     def read(self, constraint: Constraint) -> None:
@@ -170,7 +167,6 @@ class _Reader:
             case PathConstraint():
                 return (self._term(relation.source), self._term(relation.target))
             case PatternCall():
-                self.calls.append(resolved(self.library, self.pattern, relation).qualified_name)
                 return tuple(self._term(argument) for argument in relation.arguments)
 
     def _term(self, term: Term) -> str:
