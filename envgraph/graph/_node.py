@@ -141,10 +141,10 @@ class Targets(Sequence[Node]):
 
     def _ids(self) -> Sequence[int]:
         self._source.cls  # noqa: B018 - raises for an object that is gone
-        defined = self._source.model.defined.get(self._reference)
-        if defined is not None:
-            return defined.read(self._source.id)
-        return self._source.model.targets(self._source.id, self._reference)
+        model = self._source.model
+        if model.defined and self._reference in model.defined:
+            return model.defined[self._reference].read(self._source.id)
+        return model.targets(self._source.id, self._reference)
 
     def append(self, target: Node) -> None:
         """Add a target; nothing happens if it is one already.
@@ -178,7 +178,7 @@ class Targets(Sequence[Node]):
             InvalidArgument: it is none.
         """
         model = self._source.model
-        if self._reference in model.defined:
+        if model.defined and self._reference in model.defined:
             raise refusals.lacks(model, self._source.id, self._reference)
         if not model.unlink(self._source.id, self._reference, _target(model, self._reference, target)):
             raise InvalidArgument(f"{target!r} is not among the targets of `{self._reference.name}`")
@@ -234,10 +234,10 @@ class ValueList(MutableSequence[Value]):
 
     def _values(self) -> Sequence[Value]:
         self._object.cls  # noqa: B018 - raises for an object that is gone
-        defined = self._object.model.defined.get(self._attribute)
-        if defined is not None:
-            return defined.read(self._object.id)
-        return self._object.model.store.values[self._attribute.index][self._object.id] or ()
+        model = self._object.model
+        if model.defined and self._attribute in model.defined:
+            return model.defined[self._attribute].read(self._object.id)
+        return model.store.values[self._attribute.index][self._object.id] or ()
 
     def _set(self, values: list[Value]) -> None:
         self._object.model.set_value(self._object.id, self._attribute, values)

@@ -102,7 +102,8 @@ def _telling(store: Store, metamodel: Metamodel, attribute: Attribute) -> bool:
     different: set[Value | Values] = set()  # for its size alone
     for cls, extent in zip(metamodel.class_list, store.extents, strict=True):
         if metamodel.is_a(cls.name, attribute.owner):
-            different.update(value for node in extent[:SAMPLE] if (value := column[node]) is not None)
+            values = (value for node in extent[:SAMPLE] if (value := column[node]) is not None)
+            different.update(tuple(value) if isinstance(value, list) else value for value in values)
     return len(different) >= DIFFERENT
 
 
