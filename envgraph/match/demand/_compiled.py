@@ -7,6 +7,7 @@ from typing import Any
 
 from envgraph.graph import Model
 from envgraph.match._matcher import FREE, Matcher, Row, check_arguments, check_bound
+from envgraph.match.demand._order import order_of
 from envgraph.match.demand._program import Function, Program
 from envgraph.match.explain._explain import explain_view
 from envgraph.match.explain._trace import Trace, trace
@@ -21,6 +22,7 @@ from envgraph.match.passes._calls import CallGraph, check_nesting
 from envgraph.match.plan._estimate import Sizes
 from envgraph.match.plan._live import LiveSizes
 from envgraph.match.plan._plan import BodyPlan
+from envgraph.match.plan._planner import Planner
 from envgraph.metamodel import Value
 from envgraph.pattern import Library, ObjectType, StaticType
 
@@ -39,6 +41,7 @@ class CompiledMatcher(Matcher):
         self._program = Program(model, library)
         self._answers: dict[tuple[str, tuple[int, ...], Mode], Function] = {}
         self._parameters: dict[str, tuple[StaticType, ...]] = {}
+        self._works: dict[tuple[str, int], float] = {}
 
     @property
     def calls(self) -> CallGraph:
@@ -125,6 +128,21 @@ class CompiledMatcher(Matcher):
         """
         return self._program.cost(pattern, bound)
 
+    def work(self, pattern: str) -> float:
+        """Estimate the work of `rows` without arguments, in accesses to a model of about the size that it has now."""
+        place = pattern, len(self.model).bit_length()
+        if place not in self._works:
+            planner = Planner(self.library, self.calls, LiveSizes(self.library, self.model.store))
+            self._works[place] = planner.view(self._program.key(pattern, (), Mode.ROWS)).cost
+        return self._works[place]
+
+    def order(self, pattern: str) -> Callable[[Row], list[int]] | None:
+        """Return a key that sorts rows as `prepare` lists them from now on; None where they do not tell the order."""
+        if self.calls.recursive(pattern):
+            return None
+        bodies = self._program.planner.view(self._program.key(pattern, (), Mode.ROWS)).bodies
+        return order_of(bodies[0], self.model.store) if len(bodies) == 1 else None
+
     def analyze(self) -> None:
         """Measure the model: plans that are made from now on go by the sizes that it has now.
 
@@ -141,6 +159,7 @@ class CompiledMatcher(Matcher):
     def _plan_with(self, sizes: Sizes) -> None:
         self._program = Program(self.model, self.library, sizes)
         self._answers.clear()
+        self._works.clear()
 
     def source(self, pattern: str, bound: tuple[int, ...] = ()) -> str:
         """The generated source of `rows` for values at the bound positions.

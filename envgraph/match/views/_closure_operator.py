@@ -6,6 +6,7 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, S
 from itertools import filterfalse
 from typing import Any, Final, Protocol
 
+from envgraph.errors import EvaluationError
 from envgraph.graph import SET, Store
 from envgraph.match._components import Reached, Tree, reachable_sets
 from envgraph.match.views._operators import Operator, Rows
@@ -373,6 +374,13 @@ class ClosureOperator(Operator):
                 hook(start, other)
             else:
                 hook(other, start)
+
+    def check_pairs(self, most: float) -> None:
+        """Raise an `EvaluationError` as soon as more than `most` pairs are found."""
+        for (start,) in self.starts.rows:
+            most -= len(self._reach(start))
+            if most < 0:
+                raise EvaluationError(f"`{self.name}` has too many pairs")
 
     def fill(self) -> None:
         self._owned.clear()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from gc import collect
+from math import inf
 
 from envgraph.errors import EvaluationError, InvalidArgument
 from envgraph.graph import Model
@@ -39,6 +40,7 @@ class KeptViews:
         views: of the watched patterns.
         partly: questions about views with some values given.
         listeners: who is notified of what changes.
+        too_large: patterns that could not be kept aside.
         user: who asks the matcher, weakly; None if that is not known. The views of a matcher whose user is gone are
             given up when another one of the model watches.
 
@@ -53,6 +55,8 @@ class KeptViews:
         self._library = library
         self._demand = demand
         self.views: dict[str, Rows] = {}
+        self._aside: dict[str, Rows] = {}
+        self.too_large: set[str] = set()
         self.partly = PartialLookup(demand)
         self.network = self._new_network()
         self.listeners = Listeners(self)
@@ -89,21 +93,39 @@ class KeptViews:
             self.plan_anew()
         return self.views[pattern]
 
-    def watch_briefly(self, patterns: Sequence[str]) -> bool:
+    def watch_briefly(self, patterns: Sequence[str], aside: Sequence[str], most: int) -> bool:
         """Keep patterns current although there is a state to go back to, until `give_up`; whether that is possible.
 
-        It is given up by itself where that state comes back.
+        It is given up by itself where that state comes back. If the patterns stay the same, so does the order of rows.
+
+        Args:
+            patterns: are listed in the order of their views.
+            aside: are found by `aside` alone; left out if an operator would have more than `most` rows.
+            most: objects that the starts of a closure may reach together, too.
         """
         if (self.views and self._brief is None) or self._suspended or self.rival() is not None:
             return False
-        try:
-            with unrecorded(self.model.store):
-                self.make(patterns)
-        except EvaluationError:
-            self.leave()
-            return False
-        self._brief = self.model.depth
-        return True
+        same = self.views.keys() == set(patterns) and self.up_to_date()
+        rows = {pattern: view.rows[:] for pattern, view in self.views.items() if same}
+        for others in ((*aside,), ()) if aside else ((),):
+            try:
+                with unrecorded(self.model.store):
+                    self.make((*patterns, *others), most)
+                    for pattern, ordered in rows.items():
+                        self.views[pattern].rows.replace(ordered)
+            except EvaluationError:
+                self.leave()
+            else:
+                self._aside = {pattern: self.views.pop(pattern) for pattern in others}
+                self._brief = self.model.depth
+                if not others or self.network.largest() <= most:
+                    return bool(patterns or others)
+            self.too_large.update(others)
+        return False
+
+    def aside(self, pattern: str) -> Rows | None:
+        """The view of a pattern that is kept aside, up to date; None if there is none."""
+        return self._aside.get(pattern) if self._aside and self.up_to_date() else None
 
     def give_up(self) -> None:
         """End `watch_briefly`."""
@@ -117,6 +139,7 @@ class KeptViews:
             followers[:] = [follower for follower in followers if follower is not self]
             self.network.unhang()
         self.views = {}
+        self._aside = {}
         self.partly.forget()
         self.network = self._new_network()
         self._broken, self._countable, self._spoilt, self._suspended = None, False, False, False
@@ -149,8 +172,8 @@ class KeptViews:
             )
         rival.leave()
 
-    def make(self, patterns: Iterable[str]) -> None:
-        """Make a network for these patterns; sizes are measured as they are now.
+    def make(self, patterns: Iterable[str], most: float = inf) -> None:
+        """Make a network for these patterns, and closures of at most `most` pairs; sizes are measured as they are now.
 
         What differs from what broken views held is logged.
         """
@@ -160,6 +183,7 @@ class KeptViews:
             if not any(follower is self for follower in store.followers):
                 store.followers.append(self)
             network = self.network = self._new_network()
+            network.limit_closures(most)
             views = {pattern: network.view(pattern) for pattern in patterns}
             old.unhang()
             network.connect()
@@ -212,6 +236,7 @@ class KeptViews:
     def interrupted(self) -> None:
         """A change or a turn has been interrupted."""
         self.partly.forget()
+        self._aside = {}
         if not self.views:
             self.leave()
             return
@@ -295,7 +320,7 @@ class KeptViews:
 
     def suspend(self) -> None:
         """A load begins: until it ends, patterns are searched for."""
-        self._suspended = True
+        self._suspended, self._aside = True, {}
         self.network.unhang()
 
     def loaded(self) -> None:

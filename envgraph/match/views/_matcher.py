@@ -195,7 +195,7 @@ class ViewMatcher(Matcher):
 
     def prepare(self, pattern: str, bound: tuple[int, ...]) -> Callable[..., list[Row]]:
         """`rows` for one set of bound positions; arguments are not checked, see `Matcher.prepare`."""
-        search = self.demand.prepare(pattern, bound)
+        search = self._search(pattern) if not bound else self.demand.prepare(pattern, bound)
         if not bound:
             return lambda: (
                 self._listed(pattern, search) if (view := self._current(pattern)) is None else view.rows[:]
@@ -229,14 +229,17 @@ class ViewMatcher(Matcher):
         return rows
 
     def _listed(self, pattern: str, search: Callable[[], list[Row]]) -> list[Row]:
-        rows = search()
-        if self.loops.depth:
-            self.loops.listed(pattern, len(rows))
-        return rows
+        return self.loops.rows(pattern, search) if self.loops.depth else search()
+
+    def _search(self, pattern: str) -> Callable[[], list[Row]]:
+        """The search of a pattern without arguments."""
+        search = self.demand.prepare(pattern, ())
+        self.loops.orders[search] = self.demand.order(pattern)
+        return search
 
     def lister(self, pattern: str) -> Callable[[], Sequence[Row]]:
         """All rows, as they are held if the pattern is watched."""
-        search = self.demand.prepare(pattern, ())
+        search = self._search(pattern)
 
         def rows() -> Sequence[Row]:
             view = self._current(pattern)

@@ -50,6 +50,14 @@ class Network:
         view.asked = True
         return view
 
+    def limit_closures(self, most: float) -> None:
+        """Raise an `EvaluationError` for a closure of more pairs when an operator is made."""
+        self._builder.most = most
+
+    def largest(self) -> float:
+        """Return the number of tuples of the largest operator."""
+        return max(operator.size() for operator in self.operators.values())
+
     def recursive(self, pattern: str) -> Member | None:
         """The operator of a recursive pattern, if it has deltas."""
         return self._builder.recursive(pattern)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
+from math import inf
 from typing import Any, Final, TypeVar
 
 from envgraph.code import dataclass
@@ -76,6 +77,7 @@ class NetworkBuilder:
         definitions: of the views.
         edges: for each closure the relation that it follows, and whether that is crossed.
         spreading: what rows of recursive patterns cause in each other.
+        most: pairs that a new closure may have.
 
     Args:
         store: what the views are about.
@@ -95,6 +97,7 @@ class NetworkBuilder:
         self.definitions: dict[str, Definition] = {}
         self.edges: dict[str, tuple[Key, bool]] = {}
         self.spreading: list[Delta] = []
+        self.most = inf
         self._planner = planner
         self._build = build
         self._evaluate = evaluate
@@ -135,6 +138,8 @@ class NetworkBuilder:
 
     def _enter(self, operator: Entered) -> Entered:
         self.operators[operator.name] = operator
+        if isinstance(operator, ClosureOperator) and self.most < inf:
+            operator.check_pairs(self.most)
         fill_unrecorded(operator)
         return operator
 

@@ -1,8 +1,9 @@
-"""`alap` watches what it lists again and again, until it ends."""
+"""`alap` watches what it lists or searches for again and again, until it ends."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import pytest
 
@@ -10,6 +11,9 @@ from envgraph.errors import EvaluationError, TransactionError
 from envgraph.graph import Model
 from envgraph.match import ViewMatcher
 from envgraph.match.views import _loops
+from envgraph.match.views._kept import KeptViews
+from envgraph.match.views._loops import Loops
+from envgraph.match.views._operators import Rows
 from envgraph.rewrite import Engine
 from tests.unit.rewrite.graphs import chain, definitions, engine, snapshot
 
@@ -194,3 +198,126 @@ def test_explorations_go_through_loops(monkeypatch: pytest.MonkeyPatch) -> None:
         states.append(len(one.explore(["plain", "clear"]).states))
         assert_left(one)
     assert states[0] == states[1]
+
+
+FEW = """
+rule walk { lhs { x : Item -next-> y : Item; check x.done && !y.done; }
+    modify { set y.done = true; set x.done = false; } }
+rule back { lhs { x : Item -next-> y : Item; check y.done && !x.done; }
+    modify { set x.done = true; set y.done = false; } }
+rule tag { lhs { x : Item; check x.done && x.label != "end"; } modify { set x.label = "end"; } }
+rule meet { lhs { x : Item; y : Special; check x.done && x.n == y.n && !y.done; } modify { set y.done = true; } }
+rule stop { lhs { x : Item; check x.done; } not { x -next-> y : Item; } modify { set x.done = false; } }
+rule lose { lhs { x : Item -next-> y : Item; check x.done && y.n % 40 == 39; } modify { delete x -next-> y; } }
+rule ahead { lhs { x : Item; check x.done; x -next+-> y : Item; check y.label == "goal"; }
+    modify { set x.done = false; } }
+
+unit few { alap { walk; } }
+unit turns { alap { walk; walk; back; } }
+unit drawn { alap { walk | tag | meet; } }
+unit inside { alap { alap { walk; } stop; } }
+unit beside { alap { tag; alap { walk; } alap { lose; } } }
+unit all_ { alap { all walk; } }
+unit tested { alap { walk; if tag() { tag; } else { meet | walk; } } }
+unit closed { alap { walk; try { ahead; } } }
+"""
+
+
+def few(length: int) -> Model:
+    """Return a chain in which a few items are done and some are special."""
+    model = chain(length)
+    items = model.nodes("Item")
+    for item in items[1 : length // 2 : 9]:
+        item.done = True
+    for item in items[5::11]:
+        item.retype("Special")
+    items[-1].label = "goal"
+    return model
+
+
+@pytest.mark.parametrize("unit", ["few", "turns", "drawn", "inside", "beside", "all_", "tested", "closed"])
+def test_a_search_for_few_rows_is_replaced_and_nobody_can_tell(
+    unit: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(_loops, "LONG", 100)
+    monkeypatch.setattr(_loops, "SORTED", 1)
+    aside = 0
+    original = KeptViews.aside
+
+    def counting(kept: KeptViews, pattern: str) -> Rows | None:
+        nonlocal aside
+        found = original(kept, pattern)
+        aside += found is not None
+        return found
+
+    monkeypatch.setattr(KeptViews, "aside", counting)
+    runs = []
+    for searching in (False, True):
+        one = engine(FEW, model=few(60), seed=3)
+        one.step_limit = 300
+        if searching:
+            monkeypatch.setattr(Loops, "_searched", lambda *_: None)
+        with one.recording() as trace:
+            outcome: object
+            try:
+                outcome = one.run(unit).reason
+            except EvaluationError as error:
+                outcome = error.message
+        runs.append((list(trace), outcome, snapshot(one.model)))
+        assert_left(one)
+        assert bool(aside) is (not searching), unit
+        aside = 0
+    assert runs[0] == runs[1]
+
+
+def test_a_loop_whose_rule_has_one_match_searches_a_few_times(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(_loops, "LONG", 4_000)
+    one = engine(FEW, model=chain(600))
+    one.model.nodes("Item")[0].done = True
+    searches = 0
+    original = Loops._searched
+
+    def counting(loops: Loops, pattern: str) -> None:
+        nonlocal searches
+        searches += 1
+        original(loops, pattern)
+
+    monkeypatch.setattr(Loops, "_searched", counting)
+    assert one.run("few").applications == 599 and searches < 20
+    searches = 0
+    assert not one.run("few").applications and searches == 1
+
+
+def test_a_closure_from_one_start_is_kept_for_a_loop(monkeypatch: pytest.MonkeyPatch) -> None:
+    text = """
+    rule reach { lhs { x : Item -next+-> y : Item; check x.n == 0 && !y.done; } modify { set y.done = true; } }
+    unit few { alap { reach; } }
+    """
+    monkeypatch.setattr(_loops, "LONG", 1_000)
+    watched: list[str] = []
+    original = KeptViews.watch_briefly
+
+    def noting(kept: KeptViews, *arguments: Any) -> bool:
+        found = original(kept, *arguments)
+        watched.extend(kept.views)
+        return found
+
+    monkeypatch.setattr(KeptViews, "watch_briefly", noting)
+    one = engine(text, model=chain(200))
+    assert one.run("few").applications == 199 and watched == ["reach#lhs"]
+    assert_left(one)
+
+
+def test_what_would_be_too_large_is_searched_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    text = """
+    rule odd { lhs { x : Item -next-> y : Item; check x.done; }
+        not { a : Item -next+-> b : Item; check a.n > b.n + x.n; }
+        modify { set x.done = false; set y.done = true; } }
+    unit u { alap { odd; } }
+    """
+    monkeypatch.setattr(_loops, "LONG", 100)
+    one = engine(text, model=chain(60))
+    one.model.nodes("Item")[0].done = True
+    assert one.run("u").applications == 59
+    assert views(one).kept.too_large == {"odd#lhs"}
+    assert_left(one)

@@ -1,0 +1,51 @@
+"""The order in which a search lists rows, as a key to sort them by."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from envgraph.graph import Store
+from envgraph.match._matcher import Row
+from envgraph.match.plan._plan import BodyPlan, Kind
+from envgraph.metamodel import Attribute
+from envgraph.pattern import InstanceAtom, LinkAtom
+
+
+def order_of(body: BodyPlan, store: Store) -> Callable[[Row], list[int]] | None:
+    """Return a key that sorts rows as the loops of a plan come to them: the position of the value of each loop.
+
+    None if a loop is over something other than objects or ends of links, or if a row does not hold its value.
+    """
+    columns = {variable: column for column, variable in enumerate(body.conjunction.parameters)}
+    loops: list[tuple[Any, int, int]] = []
+    for step in body.plan.steps:
+        if step.kind is Kind.LOOP:
+            ends: Any = None
+            match step.goal:
+                case InstanceAtom(_, far) | LinkAtom(Attribute(), far, _) if (far,) == step.binds:
+                    near = far
+                case LinkAtom(reference, near, far) if (far,) == step.binds:
+                    ends = (store.distinct if isinstance(reference, Attribute) else store.forward)[
+                        reference.index
+                    ]
+                case LinkAtom(reference, far, near) if (far,) == step.binds:
+                    ends = store.backward[reference.index]
+                case _:
+                    return None
+            if near not in columns or far not in columns:
+                return None
+            loops.append((ends, columns[near], columns[far]))
+
+    def key(row: Row) -> list[int]:
+        places: list[int] = []
+        for ends, near, far in loops:
+            value: Any = row[far]
+            if ends is None:  # objects are looped over class by class
+                places += store.classes[value], store.place[value]
+            else:
+                among = ends[row[near]]
+                places.append(among.index(value) if isinstance(among, tuple) else among.where(value))
+        return places
+
+    return key

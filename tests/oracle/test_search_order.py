@@ -1,0 +1,45 @@
+"""Rows sorted by the key of a search are in the order in which the search lists them, on random worlds."""
+
+from __future__ import annotations
+
+from random import Random
+
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from envgraph.graph import Store
+from envgraph.match import CompiledMatcher
+from tests.oracle.test_matchers_agree import free, sizes
+from tests.oracle.worlds import random_world
+from tests.profile import examples
+
+
+def ordered(seed: int, size: int) -> int:
+    """Check all patterns of a world; return how many of them had several rows and a key."""
+    world = random_world(seed, size)
+    matcher, found = CompiledMatcher(world.model, world.library), 0
+    for pattern, arity in sizes(world.library).items():
+        if world.library.inputs(pattern):
+            continue
+        rows = matcher.rows(pattern, free(arity))
+        key = matcher.order(pattern)
+        if key is not None:
+            shuffled = Random(seed).sample(rows, len(rows))
+            assert sorted(shuffled, key=key) == rows, pattern
+            found += len(rows) > 1
+    return found
+
+
+@settings(max_examples=examples(20))
+@given(st.integers(0, 2**32), st.integers(1, 12))
+@example(0, 1)
+def test_the_key_sorts_rows_as_the_search_lists_them(seed: int, size: int) -> None:
+    ordered(seed, size)
+
+
+def test_a_third_of_the_worlds_has_such_patterns() -> None:
+    assert sum(ordered(seed, 3) > 0 for seed in range(12)) >= 4
+
+
+def test_crowded_ends_are_sorted_too() -> None:
+    assert Store.crowd < 40 and sum(ordered(seed, 40) for seed in range(3)) > 0
