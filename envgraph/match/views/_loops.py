@@ -93,24 +93,28 @@ class Loops:
     def rows(self, pattern: str, search: Callable[[], list[Row]]) -> list[Row]:
         """Return the rows that a search lists, in its order."""
         view, key = self._kept.aside(pattern), self.orders[search]
-        few = view and (len(view.rows) < 2 or (key and SORTED * len(view.rows) < self._demand.work(pattern)))
-        if view and few:
+
+        def few(number: int) -> bool:
+            return number < 2 or (key is not None and SORTED * number < self._demand.work(pattern))
+
+        if view is not None and few(len(view.rows)):
             rows = sorted(view.rows, key=key)
         else:
             rows = search()
-            self._searched(pattern)
+            if self._is_costly(pattern) and few(len(rows)):
+                self._costly[pattern] = self.depth
+                self.due = True
         self.listed(pattern, len(rows))
         return rows
 
-    def _searched(self, pattern: str) -> None:
-        """Note a search among all objects: when these have cost as much as a view, one is kept aside."""
+    def _is_costly(self, pattern: str) -> bool:
+        """Note a search; return whether these have cost as much as a view that could be made, and is not yet due."""
         number = self._searches[pattern] = self._searches.get(pattern, 0) + 1
-        if self._costly.get(pattern, 0) < self.depth and number * len(self._kept.model) > LONG:
-            work = self._demand.work(pattern)
-            worth = number * work > LONG + 2 * work and pattern not in self._kept.too_large
-            if worth and self._watchable(pattern):
-                self._costly[pattern] = self.depth
-                self.due = True
+        if self._costly.get(pattern, 0) >= self.depth or number * len(self._kept.model) <= LONG:
+            return False
+        work = self._demand.work(pattern)
+        dear = number * work > LONG + 2 * work
+        return dear and pattern not in self._kept.too_large and self._watchable(pattern)
 
     def listed(self, pattern: str, rows: int) -> None:
         """So many matches of a pattern have been looked for."""
@@ -129,9 +133,8 @@ class Loops:
     def _worth_watching(self, pattern: str) -> bool:
         """Return whether a view of a pattern is not too large, and made of nothing larger."""
         free = (FREE,) * len(self._demand.library.parameter_types(pattern))
-        return self._watchable(pattern) and self._demand.count(pattern, free) <= SPREAD * len(
-            self._kept.model
-        )
+        most = SPREAD * len(self._kept.model)
+        return self._watchable(pattern) and self._demand.count(pattern, free) <= most
 
     def _watchable(self, pattern: str) -> bool:
         calls, library = self._demand.calls, self._demand.library

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import inf
+
 from envgraph.graph import Store
 from envgraph.match.generate._symbols import Held
 from envgraph.match.passes._calls import CallGraph
@@ -13,7 +15,7 @@ from envgraph.match.views._delta import Delta
 from envgraph.match.views._explain import explain_views
 from envgraph.match.views._group_aggregates import Fold
 from envgraph.match.views._network_builder import Build, Evaluate, NetworkBuilder
-from envgraph.match.views._operators import Rows, View, fill_unrecorded
+from envgraph.match.views._operators import Evaluated, Rows, View, fill_unrecorded
 from envgraph.match.views._planning import ViewPlanner
 from envgraph.match.views._recursive import Component, Member
 from envgraph.match.views._wiring import Wiring
@@ -55,8 +57,9 @@ class Network:
         self._builder.most = most
 
     def largest(self) -> float:
-        """Return the number of tuples of the largest operator."""
-        return max(operator.size() for operator in self.operators.values())
+        """Return the number of tuples of the largest operator; infinite if one is evaluated anew at each change."""
+        each = self.operators.values()
+        return max(inf if isinstance(operator, Evaluated) else operator.size() for operator in each)
 
     def recursive(self, pattern: str) -> Member | None:
         """The operator of a recursive pattern, if it has deltas."""

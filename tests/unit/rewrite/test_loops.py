@@ -256,7 +256,7 @@ def test_a_search_for_few_rows_is_replaced_and_nobody_can_tell(
         one = engine(FEW, model=few(60), seed=3)
         one.step_limit = 300
         if searching:
-            monkeypatch.setattr(Loops, "_searched", lambda *_: None)
+            monkeypatch.setattr(Loops, "_is_costly", lambda *_: False)
         with one.recording() as trace:
             outcome: object
             try:
@@ -275,14 +275,14 @@ def test_a_loop_whose_rule_has_one_match_searches_a_few_times(monkeypatch: pytes
     one = engine(FEW, model=chain(600))
     one.model.nodes("Item")[0].done = True
     searches = 0
-    original = Loops._searched
+    original = Loops._is_costly
 
-    def counting(loops: Loops, pattern: str) -> None:
+    def counting(loops: Loops, pattern: str) -> bool:
         nonlocal searches
         searches += 1
-        original(loops, pattern)
+        return original(loops, pattern)
 
-    monkeypatch.setattr(Loops, "_searched", counting)
+    monkeypatch.setattr(Loops, "_is_costly", counting)
     assert one.run("few").applications == 599 and searches < 20
     searches = 0
     assert not one.run("few").applications and searches == 1
