@@ -13,7 +13,7 @@ import argparse
 import sys
 import traceback
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import islice
@@ -27,7 +27,7 @@ from envgraph.match.views import _closure_operator as _reach
 from envgraph.match.views import _group_aggregates as _folds
 from envgraph.match.views import _partial_lookup as _agreeing
 from tests.oracle.naive._naive import NaiveMatcher
-from tests.oracle.worlds import Dice, edit, random_world
+from tests.oracle.worlds import Dice, World, edit, random_world
 
 EAGER: tuple[tuple[ModuleType | type, str, object], ...] = (
     (Store, "crowd", 2),
@@ -78,12 +78,20 @@ class Walk:
         size: of the model.
         naive: whether the naive matcher says what is right; else the compiled one.
         watch: how many patterns are watched, in percent.
+        world: makes the world.
     """
 
-    def __init__(self, seed: int, size: int = 1, naive: bool = True, watch: int = 100) -> None:
-        world = random_world(seed, size)
+    def __init__(
+        self,
+        seed: int,
+        size: int = 1,
+        naive: bool = True,
+        watch: int = 100,
+        world: Callable[[int, int], World] = random_world,
+    ) -> None:
+        made = world(seed, size)
         dice = Dice(seed)
-        self.model, self.library = world.model, world.library
+        self.model, self.library = made.model, made.library
         self.oracle: Matcher = (NaiveMatcher if naive else CompiledMatcher)(self.model, self.library)
         self.views = ViewMatcher(self.model, self.library)
         self.sizes = {

@@ -8,7 +8,7 @@ from what is counted.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 from envgraph.match.passes import Bodies
@@ -68,9 +68,9 @@ def existential(conjunction: Conjunction) -> frozenset[int]:
     return frozenset(found)
 
 
-def component(goals: Sequence[Goal], start: int, fixed: frozenset[int]) -> list[Goal]:
-    """The goals that are linked to a variable through variables without a fixed value."""
-    reached = {start}
+def component(goals: Sequence[Goal], starts: Iterable[int], fixed: frozenset[int]) -> list[Goal]:
+    """The goals that are linked to some variables through variables without a fixed value."""
+    reached = set(starts)
     chosen: dict[int, Goal] = {}
     size = -1
     while size != len(chosen):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
+from sys import maxsize
 from typing import Any, Final, Protocol
 
 from envgraph.graph import SET, Store
@@ -48,7 +49,12 @@ class Fold(Operator):
         group: positions whose values tell the groups apart.
         function: count, sum, min, max or avg.
         column: position that is aggregated; None for count.
+
+    Attributes:
+        most: the highest count, which larger groups have as well.
     """
+
+    most = maxsize
 
     def __init__(
         self, name: str, source: Grouped, group: tuple[int, ...], function: str, column: int | None
@@ -106,7 +112,7 @@ class Fold(Operator):
         values, counted = self.values, self.column is None
         for key, changes in dirty.items():
             old = values.get(key, self.empty)
-            new = len(self._rows(key)) if counted else self._followed(key, changes)
+            new = self._computed(key) if counted else self._followed(key, changes)
             if old == new:
                 continue
             if old is not None and self.removing is not None:
@@ -128,7 +134,7 @@ class Fold(Operator):
     def _computed(self, key: Row) -> Any:
         rows, column = self._rows(key), self.column
         if column is None:
-            return len(rows)
+            return min(len(rows), self.most)
         return aggregate(self.function, [row[column] for row in rows])
 
     def _followed(self, key: Row, changes: Sequence[Change]) -> Any:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Container, Iterable, Iterator, Sequence
 from dataclasses import replace
 from math import inf
 from typing import Any, Final, TypeVar
@@ -24,7 +24,7 @@ from envgraph.match.views._occurrences import Occurrence, occurrences
 from envgraph.match.views._operators import Evaluated, Operator, Rows, View, fill_unrecorded
 from envgraph.match.views._planning import ViewPlanner
 from envgraph.match.views._recursive import Component, Member
-from envgraph.metamodel import Reference
+from envgraph.metamodel import Reference, Scalar
 from envgraph.pattern import (
     Absence,
     AggregateAtom,
@@ -32,13 +32,17 @@ from envgraph.pattern import (
     CallAtom,
     Closure,
     ClosureAtom,
+    Condition,
     Conjunction,
     Goal,
     InstanceAtom,
     LinkAtom,
     ObjectType,
     RelationAtom,
+    UnequalAtom,
+    Valuation,
     arguments,
+    is_relation,
     variables,
 )
 
@@ -103,6 +107,7 @@ class NetworkBuilder:
         self._evaluate = evaluate
         self._bodies = Bodies(self.library, calls, FOR_VIEWS)
         self._open: set[str] = set()
+        self._products: dict[str, bool] = {}
 
     def view(self, pattern: str) -> Rows:
         """The operator that holds the matches of a pattern."""
@@ -145,6 +150,7 @@ class NetworkBuilder:
 
     def _define(self, name: str, bodies: Iterable[Conjunction]) -> View:
         """A view of some bodies."""
+        self._products[name] = False
         prepared = [self._prepared(name, number, body) for number, body in enumerate(bodies)]
         view = View(name, self.store, counted=self._repeats(prepared))
         try:
@@ -215,7 +221,7 @@ class NetworkBuilder:
         groups: list[list[Goal]] = []
         while pending:
             start = next(v for v in variables(pending[0]) if v not in fixed)
-            group = component(pending, start, fixed)
+            group = component(pending, [start], fixed)
             pending = [goal for goal in pending if not any(goal is other for other in group)]
             groups.append(group)
         found: list[Goal] = list(kept)
@@ -225,8 +231,7 @@ class NetworkBuilder:
             if len(groups) + len(kept) == 1 or not named.isdisjoint(body.parameters) or open_:
                 found.extend(group)
                 continue
-            constants = tuple((v, value) for v, value in body.constants if v in named)
-            alone = Conjunction(body.types, constants, (), tuple(group))
+            alone = replace(body, parameters=(), goals=tuple(group))
             found.append(CallAtom(self._define(f"{place}/{number}", [alone]).name, ()))
         return replace(body, goals=tuple(found))
 
@@ -264,9 +269,8 @@ class NetworkBuilder:
         for number, goal in enumerate(body.goals):
             place = f"{name}/{number}"
             match goal:
-                case CallAtom(pattern):
-                    self._usable(pattern, positive=True)
-                    found.append(goal)
+                case CallAtom(pattern) if pattern not in self._open:
+                    found.append(self._call(body, goal, place))
                 case ClosureAtom():
                     found.append(self._closure(body, goal, place))
                 case Absence():
@@ -277,9 +281,88 @@ class NetworkBuilder:
                     found.append(goal)
         return found
 
-    def _usable(self, pattern: str, positive: bool = False) -> Rows:
-        """The operator of a pattern; one that is not finished can only be called."""
-        if pattern in self._open and not positive:
+    def _call(self, body: Conjunction, goal: CallAtom, place: str, local: Container[int] = ()) -> CallAtom:
+        """Return the call of a pattern's view or, if its rows are a product, of a view of those that the body needs.
+
+        `not { y -next-> z : N; }` is a pattern over `x` and `y` if `z` must differ from an outer `x`. Its view is
+        joined with the `x` and `y` that other goals of the body allow, and has no columns for local variables.
+        """
+        fixed, linked = frozenset(dict(body.constants)), self._linked(body.goals)
+        bound = {v for each in linked for v in variables(each)} - fixed
+        places = [p for p, v in enumerate(goal.arguments) if v in bound]
+        if not places or not self._is_product(goal.pattern):
+            self._usable(goal.pattern)
+            return goal
+        heads = tuple(goal.arguments[p] for p in places)
+        near = component(linked, heads, fixed)
+        known = fixed.union(*map(variables, near))
+        tests = (each for each in body.goals if isinstance(each, UnequalAtom | Condition | Valuation))
+        near += (each for each in tests if known.issuperset(variables(each)))
+        allowed = self._define(f"{place}/for", [replace(body, parameters=heads, goals=tuple(near))])
+        kept = [p for p, v in enumerate(goal.arguments) if v not in local]
+        bodies: list[Conjunction] = []
+        for number, inner in enumerate(self._bodies.of(goal.pattern)):
+            call = CallAtom(allowed.name, tuple(inner.parameters[p] for p in places))
+            inner = replace(inner, parameters=tuple(inner.parameters[p] for p in kept))
+            for each in self._with_few(inner, f"{place}/{number}"):
+                bodies.append(replace(each, goals=(call, *each.goals)))
+        view = self._define(f"{place}/needed", bodies)
+        return CallAtom(view.name, tuple(goal.arguments[p] for p in kept))
+
+    def _with_few(self, body: Conjunction, place: str) -> list[Conjunction]:
+        """Return the body, or two that read few of the rows with a variable of which only differences are asked.
+
+        `n` differences exclude at most `n` of its values: among more values one is left, whatever they are.
+        """
+        known = {*body.parameters, *dict(body.constants)}
+        unequal = [each for each in body.goals if isinstance(each, UnequalAtom)]
+        rest = [each for each in body.goals if each not in unequal]
+        for z in (v for each in unequal for v in variables(each) if v not in known):
+            goals = component(rest, [z], frozenset(dict(body.constants)))
+            own = {z}.union(*map(variables, goals))
+            goals += (each for each in unequal if own.issuperset(variables(each)))
+            others = [each for each in body.goals if each not in goals]
+            apart = [each for each in others if not own.isdisjoint(variables(each))]
+            if apart and all(z in variables(each) for each in apart):
+                break
+        else:
+            return [body]
+        columns = (*(v for v in dict.fromkeys(body.parameters) if v in own), z)
+        view = self._define(f"{place}/all", [replace(body, parameters=columns, goals=tuple(goals))])
+        fold = Fold(f"{place}/number", view, tuple(range(len(columns) - 1)), "count", None)
+        n, fold.most = len(body.types), len(apart) + 1
+        counted = AggregateAtom("count", CallAtom(self._enter(fold).name, columns), frozenset([z]), n)
+        others = [counted, *(each for each in others if each not in apart)]
+        types = (*body.types, Scalar.INT, Scalar.INT)
+        few = (UnequalAtom(n, n + 1), CallAtom(view.name, columns), *apart)
+        return [
+            replace(
+                body, types=types, constants=(*body.constants, (fixed, fold.most)), goals=(*others, *more)
+            )
+            for fixed, more in ((n, ()), (n + 1, few))
+        ]
+
+    def _is_product(self, pattern: str) -> bool:
+        """Return whether no relations link some parameters of a pattern, or none gives them values."""
+        if pattern not in self._products:
+            bodies = () if self.calls.recursive(pattern) else self._bodies.of(pattern)
+            self._products[pattern] = not all(map(self._is_linked, bodies))
+        return self._products[pattern]
+
+    def _is_linked(self, body: Conjunction) -> bool:
+        fixed, heads = frozenset(dict(body.constants)), body.parameters
+        linked = component(self._linked(body.goals), heads[:1], fixed)
+        return fixed.union(*map(variables, linked)).issuperset(heads)
+
+    def _linked(self, goals: Iterable[Goal]) -> list[RelationAtom]:
+        """Return the relations among goals, without calls of products and of what is not finished."""
+        calls = {each.pattern for each in goals if isinstance(each, CallAtom)}
+        apart = {name for name in calls if name in self._open or self._is_product(name)}
+        return [g for g in goals if is_relation(g) and not (isinstance(g, CallAtom) and g.pattern in apart)]
+
+    def _usable(self, pattern: str) -> Rows:
+        """The operator of a pattern that is finished."""
+        if pattern in self._open:
             raise NotIncremental
         known = self.operators.get(pattern)
         if isinstance(known, Rows):
@@ -289,34 +372,23 @@ class NetworkBuilder:
         return self.view(pattern)
 
     def _absence(self, body: Conjunction, goal: Absence, place: str) -> Goal:
+        if isinstance(call := negated(goal), CallAtom):
+            goal = replace(goal, alternatives=((self._call(body, call, place, free_inside(goal)),),))
         relation, local = negated(goal), set(free_inside(goal))
         if isinstance(relation, ClosureAtom):
             if local:
                 raise NotIncremental
             closure = self._closure(body, relation, place)
             return replace(goal, alternatives=((closure,),))
-        if isinstance(relation, CallAtom):
-            self._usable(relation.pattern)
         whole = {v for v in arguments(relation) if v not in local}
         direct = not local if isinstance(relation, InstanceAtom | CallAtom) else bool(whole)
         if held := held_value(relation):
             direct = held[1] not in local
         if direct:
             return goal
-        fixed = {number for number, _ in body.constants}
-        outer = tuple(v for v in goal.outer if v not in fixed)
-        projected = self._projected(body, relation, outer, place)
+        outer = tuple(v for v in goal.outer if v not in dict(body.constants))
+        projected = self._define(place, [replace(body, parameters=outer, goals=(relation,))])
         return replace(goal, alternatives=((CallAtom(projected.name, outer),),), outer=outer)
-
-    def _projected(
-        self, body: Conjunction, relation: RelationAtom, heads: tuple[int, ...], place: str
-    ) -> View:
-        """A view of one relation with other columns."""
-        fixed = dict(body.constants)
-        kept = {v for v in arguments(relation) if v in fixed}
-        constants = tuple((number, value) for number, value in body.constants if number in kept)
-        alone = Conjunction(body.types, constants, heads, (relation,))
-        return self._define(place, [alone])
 
     def _aggregate(self, body: Conjunction, goal: AggregateAtom, place: str) -> Goal:
         relation = goal.relation
@@ -329,20 +401,24 @@ class NetworkBuilder:
             and (isinstance(relation.reference, Reference) or relation.target in local)
         ):
             return goal
+        if isinstance(relation, CallAtom) and isinstance(self.operators.get(relation.pattern), Fold):
+            return goal
         if isinstance(relation, ClosureAtom):
             raise NotIncremental
         reached = closure_of(relation, self._bodies)
         if reached is not None and goal.function == "count" and len(local) == 1 and len(set(called)) == 2:
             return self._number_reached(body, goal, reached, place)
         if isinstance(relation, CallAtom):
-            self._usable(relation.pattern)
-        fixed = {number for number, _ in body.constants}
-        if isinstance(relation, CallAtom) and len(set(called)) == len(called) and fixed.isdisjoint(called):
-            source = self.view(relation.pattern)
-            columns = called
+            relation = self._call(body, relation, place)
+        columns = tuple(dict.fromkeys(called))
+        if (
+            isinstance(relation, CallAtom)
+            and columns == called
+            and dict(body.constants).keys().isdisjoint(called)
+        ):
+            source = self._usable(relation.pattern)
         else:
-            columns = tuple(dict.fromkeys(called))
-            source = self._projected(body, relation, columns, f"{place}/of")
+            source = self._define(f"{place}/of", [replace(body, parameters=columns, goals=(relation,))])
         group = tuple(dict.fromkeys(v for v in called if v not in local))
         positions = tuple(columns.index(v) for v in group)
         column = None if goal.column is None else columns.index(goal.column)
@@ -407,7 +483,7 @@ class NetworkBuilder:
         start = goal.source if forward else goal.target
         fixed = frozenset(number for number, _ in body.constants)
         others = [g for g in body.goals if isinstance(g, InstanceAtom | AttributeAtom | LinkAtom | CallAtom)]
-        goals: list[Goal] = list(component(others, start, fixed))
+        goals: list[Goal] = list(component(others, [start], fixed))
         types = list(body.types)
         type_ = self.library.parameter_types(goal.step)[0 if forward else 1]
         if goal.closure is Closure.STAR and isinstance(type_, ObjectType):
@@ -417,14 +493,13 @@ class NetworkBuilder:
             types.append(self.library.parameter_types(goal.step)[1 if forward else 0])
             ends = (start, other) if forward else (other, start)
             goals = [self._step(goal.step, ends)]
-        used = {v for g in goals for v in arguments(g)} | {start}  # type: ignore[arg-type]
-        constants = tuple((number, value) for number, value in body.constants if number in used)
         for each in goals:
             if isinstance(each, CallAtom):
                 self._usable(each.pattern)
         try:
             name = f"{place}/{'from' if forward else 'to'}"
-            return forward, self._define(name, [Conjunction(tuple(types), constants, (start,), tuple(goals))])
+            starts = replace(body, types=tuple(types), parameters=(start,), goals=tuple(goals))
+            return forward, self._define(name, [starts])
         except NotIncremental:
             return None
 
