@@ -15,7 +15,7 @@ MOST_MATCHES: Final = 1_000_000
 def at_most(pattern: Pattern, searched: bool) -> Callable[..., None]:
     """A function that is called where objects are combined with others that nothing connects with them.
 
-    It is given the number of matches found so far; without it, when a search begins.
+    It is given the number of matches found so far, and a variable of these objects; nothing when a search begins.
 
     Args:
         pattern: whose matches they are.
@@ -27,23 +27,28 @@ def at_most(pattern: Pattern, searched: bool) -> Callable[..., None]:
     most = limit(MOST_MATCHES)
     known = tried = 0
 
-    def check(number: int | None = None) -> None:
+    def check(number: int | None = None, variable: str = "") -> None:
         nonlocal known, tried
         if number is None:
             known = tried = 0
         elif number > most:
-            raise _too_many(pattern, f"has more than {most:,} matches")
+            raise _too_many(pattern, most, variable)
         elif number != known:
             known, tried = number, 0
         elif searched:
             tried += 1
             if tried > most:
-                raise _too_many(pattern, f"has been looked for in more than {most:,} combinations of objects")
+                raise _too_many(pattern, most, variable)
 
     return check
 
 
-def _too_many(pattern: Pattern, what: str) -> EvaluationError:
-    name = pattern.qualified_name.partition("#")[0]
-    message = f"`{name}` {what}: nothing connects some of them, so all are combined with all"
-    return EvaluationError(message, pattern.span, f"connect them by a link or a value; {RAISE_LIMIT}")
+def _too_many(pattern: Pattern, most: int, variable: str) -> EvaluationError:
+    name, _, block = pattern.qualified_name.partition("#")
+    whose = f"`{name}`" if block in ("", "lhs") else f"the `{block.rstrip('0123456789')}` block of `{name}`"
+    which = f"`{variable}`" if variable.isidentifier() else "one of its variables"
+    message = (
+        f"{whose} has more than {most:,} combinations of objects: nothing connects {which} with the others"
+    )
+    hint = f"connect {which} with another variable by a link or by an equal value; {RAISE_LIMIT}"
+    return EvaluationError(message, pattern.span, hint)

@@ -50,7 +50,7 @@ OUTER, INNER = "xyw", "abc"
 def inside(dice: Dice, number: int, called: list[Pattern]) -> Pattern:
     """A pattern over two or three outer objects, some of which only differ from the objects inside."""
     heads = list(OUTER[: dice.one([2, 2, 3])])
-    near, names = dice.one(heads), list(INNER[: dice.number(1, 3)])
+    near, names = dice.one(heads), list(INNER[: dice.one([1, 1, 2, 3])])
     found: list[Constraint] = [is_a("N", head) for head in heads]
     for far in names:
         ends = (near, far) if dice.chance(75) else (far, near)

@@ -48,7 +48,11 @@ def _negation(grammar: Grammar, states: list[int], lexemes: Sequence[Lexeme], in
         return block if before[3] == "not" and rules else f"`neg` takes one condition: {block}"
     if word == "neg" and rules and grammar.accepts(states, keywords["not"]):
         return "write `not { .. }`"
-    if word == "not" and grammar.accepts(states, keywords["neg"]):
+    arrow, following = ("-", "<-", ":"), lexemes[min(index + 2, len(lexemes) - 1)].value
+    accepted = word == "not" and grammar.accepts(states, keywords["neg"])
+    if rules and ((accepted and following in arrow) or (before[2] == "neg" and word in arrow)):
+        return "arrows are negated in a block `not { .. }` after the `lhs { .. }`"
+    if accepted:
         return "write `neg`"
     if before[0] == "neg" and before[1] == "check":
         return "a `check` is negated inside: `check(!(..))`"

@@ -197,7 +197,9 @@ class Translation:
             return
         connected = any(self._bindings.known(variable) for variable in variables(step.goal))
         if not connected and not value_tests(step, following, self._bindings):
-            self._block.add(code.Do(code.call(self._module.name(self.bounded), self._size(sink))))
+            name = dict(enumerate(self._conjunction.names)).get(next(iter(step.binds), -1), "")
+            check = code.call(self._module.name(self.bounded), self._size(sink), self._module.literal(name))
+            self._block.add(code.Do(check))
 
     def _size(self, sink: Sink) -> code.Expression:
         """Hook: the number of matches that there are."""

@@ -49,12 +49,10 @@ class Fold(Operator):
         group: positions whose values tell the groups apart.
         function: count, sum, min, max or avg.
         column: position that is aggregated; None for count.
-
-    Attributes:
-        most: the highest count, which larger groups have as well.
     """
 
     most = maxsize
+    """The highest count, which larger groups have as well."""
 
     def __init__(
         self, name: str, source: Grouped, group: tuple[int, ...], function: str, column: int | None
@@ -101,10 +99,6 @@ class Fold(Operator):
                 dirty[key] = [(row[column], number)]
 
         return change
-
-    def value(self, key: Row) -> Any:
-        """The value of a group; None if there is none."""
-        return self.values[key]
 
     def process(self) -> None:
         dirty = self._dirty.copy()
@@ -162,7 +156,7 @@ class Fold(Operator):
     def check(self) -> None:
         """Assert that every value is that of a new computation."""
         for key in {*self.values, *((k,) if self._bare else k for k in self._table)}:
-            assert self.value(key) == self._computed(key), self.name
+            assert self.values[key] == self._computed(key), self.name
             running = self._running.get(key)
             if running is not None:
                 assert self.column is not None

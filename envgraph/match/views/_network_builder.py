@@ -28,7 +28,6 @@ from envgraph.metamodel import Reference, Scalar
 from envgraph.pattern import (
     Absence,
     AggregateAtom,
-    AttributeAtom,
     CallAtom,
     Closure,
     ClosureAtom,
@@ -288,7 +287,7 @@ class NetworkBuilder:
         joined with the `x` and `y` that other goals of the body allow, and has no columns for local variables.
         """
         fixed, linked = frozenset(dict(body.constants)), self._linked(body.goals)
-        bound = {v for each in linked for v in variables(each)} - fixed
+        bound = fixed.union(*map(variables, linked))
         places = [p for p, v in enumerate(goal.arguments) if v in bound]
         if not places or not self._is_product(goal.pattern):
             self._usable(goal.pattern)
@@ -316,9 +315,10 @@ class NetworkBuilder:
         """
         known = {*body.parameters, *dict(body.constants)}
         unequal = [each for each in body.goals if isinstance(each, UnequalAtom)]
-        rest = [each for each in body.goals if each not in unequal]
         for z in (v for each in unequal for v in variables(each) if v not in known):
-            goals = component(rest, [z], frozenset(dict(body.constants)))
+            goals = component(
+                [g for g in body.goals if g not in unequal], [z], frozenset(dict(body.constants))
+            )
             own = {z}.union(*map(variables, goals))
             goals += (each for each in unequal if own.issuperset(variables(each)))
             others = [each for each in body.goals if each not in goals]
@@ -459,7 +459,7 @@ class NetworkBuilder:
         forward, starts = min(asked, key=lambda option: option[1].size())
         for _, other in asked:
             if other is not starts:
-                self._discard(other.name)
+                del self.operators[other.name], self.definitions[other.name]
         if link is not None:
             sides = (self.store.forward[link[0]], self.store.backward[link[0]])
             steps: Any = LinkSteps(*(sides if forward == (not link[1]) else sides[::-1]))
@@ -472,17 +472,13 @@ class NetworkBuilder:
         self._enter(reach)
         return replace(goal, step=reach.name)
 
-    def _discard(self, name: str) -> None:
-        del self.operators[name]
-        self.definitions.pop(name, None)
-
     def _starts(
         self, body: Conjunction, goal: ClosureAtom, forward: bool, place: str
     ) -> tuple[bool, View] | None:
         """The view of what the rest of the body allows at one end."""
         start = goal.source if forward else goal.target
         fixed = frozenset(number for number, _ in body.constants)
-        others = [g for g in body.goals if isinstance(g, InstanceAtom | AttributeAtom | LinkAtom | CallAtom)]
+        others = [each for each in self._linked(body.goals) if not isinstance(each, ClosureAtom)]
         goals: list[Goal] = list(component(others, [start], fixed))
         types = list(body.types)
         type_ = self.library.parameter_types(goal.step)[0 if forward else 1]
@@ -493,9 +489,6 @@ class NetworkBuilder:
             types.append(self.library.parameter_types(goal.step)[1 if forward else 0])
             ends = (start, other) if forward else (other, start)
             goals = [self._step(goal.step, ends)]
-        for each in goals:
-            if isinstance(each, CallAtom):
-                self._usable(each.pattern)
         try:
             name = f"{place}/{'from' if forward else 'to'}"
             starts = replace(body, types=tuple(types), parameters=(start,), goals=tuple(goals))
