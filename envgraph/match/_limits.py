@@ -31,14 +31,12 @@ def at_most(pattern: Pattern, searched: bool) -> Callable[..., None]:
         nonlocal known, tried
         if number is None:
             known = tried = 0
-        elif number > most:
-            raise _too_many(pattern, most, variable)
         elif number != known:
             known, tried = number, 0
         elif searched:
             tried += 1
-            if tried > most:
-                raise _too_many(pattern, most, variable)
+        if known > most or tried > most:
+            raise _too_many(pattern, most, variable)
 
     return check
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from sys import maxsize
+from itertools import islice
 from typing import Any, Final, Protocol
 
 from envgraph.graph import SET, Store
 from envgraph.match._aggregates import aggregate
-from envgraph.match.views._operators import Hook, Operator
+from envgraph.match.views._operators import Hook, Operator, Rows
 from envgraph.match.views._running_aggregates import Change, Extremes, Totals
 from envgraph.match.views._sets import Row, become
 
@@ -50,9 +50,6 @@ class Fold(Operator):
         function: count, sum, min, max or avg.
         column: position that is aggregated; None for count.
     """
-
-    most = maxsize
-    """The highest count, which larger groups have as well."""
 
     def __init__(
         self, name: str, source: Grouped, group: tuple[int, ...], function: str, column: int | None
@@ -128,7 +125,7 @@ class Fold(Operator):
     def _computed(self, key: Row) -> Any:
         rows, column = self._rows(key), self.column
         if column is None:
-            return min(len(rows), self.most)
+            return len(rows)
         return aggregate(self.function, [row[column] for row in rows])
 
     def _followed(self, key: Row, changes: Sequence[Change]) -> Any:
@@ -161,3 +158,15 @@ class Fold(Operator):
             if running is not None:
                 assert self.column is not None
                 running.check([row[self.column] for row in self._rows(key)])
+
+
+class Nth(Fold):
+    """The last value of the row with some number in each group; a group without such a row has no value."""
+
+    def __init__(self, name: str, source: Rows, group: tuple[int, ...], number: int) -> None:
+        super().__init__(name, source, group, "min", None)
+        self.function = f"row {number + 1}"
+        self._number = number
+
+    def _computed(self, key: Row) -> Any:
+        return next((row[-1] for row in islice(self._rows(key), self._number, None)), None)

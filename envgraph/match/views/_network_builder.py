@@ -18,13 +18,13 @@ from envgraph.match.plan._planner import determined, disjoint
 from envgraph.match.views._bodies import closure_of, component, existential, free_inside, link_of, negated
 from envgraph.match.views._closure_operator import ClosureOperator, LinkSteps, RowSteps
 from envgraph.match.views._delta import Delta, build_source, delta_source, derivable_source
-from envgraph.match.views._group_aggregates import Fold
+from envgraph.match.views._group_aggregates import Fold, Nth
 from envgraph.match.views._joins import all_values, joined_by_value, values_of, with_values
 from envgraph.match.views._occurrences import Occurrence, occurrences
 from envgraph.match.views._operators import Evaluated, Operator, Rows, View, fill_unrecorded
 from envgraph.match.views._planning import ViewPlanner
 from envgraph.match.views._recursive import Component, Member
-from envgraph.metamodel import Reference, Scalar
+from envgraph.metamodel import Reference
 from envgraph.pattern import (
     Absence,
     AggregateAtom,
@@ -309,16 +309,15 @@ class NetworkBuilder:
         return CallAtom(view.name, tuple(goal.arguments[p] for p in kept))
 
     def _with_few(self, body: Conjunction, place: str) -> list[Conjunction]:
-        """Return the body, or two that read few of the rows with a variable of which only differences are asked.
+        """Return the body, or one for each of a few rows with a variable of which only differences are asked.
 
         `n` differences exclude at most `n` of its values: among more values one is left, whatever they are.
         """
-        known = {*body.parameters, *dict(body.constants)}
+        fixed = frozenset(dict(body.constants))
         unequal = [each for each in body.goals if isinstance(each, UnequalAtom)]
-        for z in (v for each in unequal for v in variables(each) if v not in known):
-            goals = component(
-                [g for g in body.goals if g not in unequal], [z], frozenset(dict(body.constants))
-            )
+        rest = [each for each in body.goals if each not in unequal]
+        for z in (v for each in unequal for v in variables(each) if v not in fixed.union(body.parameters)):
+            goals = component(rest, [z], fixed)
             own = {z}.union(*map(variables, goals))
             goals += (each for each in unequal if own.issuperset(variables(each)))
             others = [each for each in body.goals if each not in goals]
@@ -327,20 +326,14 @@ class NetworkBuilder:
                 break
         else:
             return [body]
-        columns = (*(v for v in dict.fromkeys(body.parameters) if v in own), z)
-        view = self._define(f"{place}/all", [replace(body, parameters=columns, goals=tuple(goals))])
-        fold = Fold(f"{place}/number", view, tuple(range(len(columns) - 1)), "count", None)
-        n, fold.most = len(body.types), len(apart) + 1
-        counted = AggregateAtom("count", CallAtom(self._enter(fold).name, columns), frozenset([z]), n)
-        others = [counted, *(each for each in others if each not in apart)]
-        types = (*body.types, Scalar.INT, Scalar.INT)
-        few = (UnequalAtom(n, n + 1), CallAtom(view.name, columns), *apart)
-        return [
-            replace(
-                body, types=types, constants=(*body.constants, (fixed, fold.most)), goals=(*others, *more)
-            )
-            for fixed, more in ((n, ()), (n + 1, few))
-        ]
+        keys = tuple(v for v in dict.fromkeys(body.parameters) if v in own)
+        view = self._define(f"{place}/all", [replace(body, parameters=(*keys, z), goals=tuple(goals))])
+        last, group = len(body.types), tuple(range(len(keys)))
+        rows = [self._enter(Nth(f"{place}/{n}", view, group, n)) for n in range(len(apart) + 1)]
+        calls = (CallAtom(each.name, (*keys, last)) for each in rows)
+        values = (AggregateAtom("min", each, frozenset([last]), z) for each in calls)
+        body = replace(body, types=(*body.types, body.types[z]))
+        return [replace(body, goals=(each, *others)) for each in values]
 
     def _is_product(self, pattern: str) -> bool:
         """Return whether no relations link some parameters of a pattern, or none gives them values."""
