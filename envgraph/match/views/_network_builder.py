@@ -322,12 +322,13 @@ class NetworkBuilder:
             goals += (each for each in unequal if own.issuperset(variables(each)))
             others = [each for each in body.goals if each not in goals]
             apart = [each for each in others if not own.isdisjoint(variables(each))]
-            if apart and all(z in variables(each) for each in apart):
+            keys = tuple(v for v in dict.fromkeys(body.parameters) if v in own)
+            inner = replace(body, parameters=(*keys, z), goals=tuple(goals))
+            if apart and all(z in variables(each) for each in apart) and self._is_linked(inner):
                 break
         else:
             return [body]
-        keys = tuple(v for v in dict.fromkeys(body.parameters) if v in own)
-        view = self._define(f"{place}/all", [replace(body, parameters=(*keys, z), goals=tuple(goals))])
+        view = self._define(f"{place}/all", [inner])
         last, group = len(body.types), tuple(range(len(keys)))
         rows = [self._enter(Nth(f"{place}/{n}", view, group, n)) for n in range(len(apart) + 1)]
         calls = (CallAtom(each.name, (*keys, last)) for each in rows)
