@@ -19,6 +19,7 @@ from envgraph.pattern import value_hint
 
 _OWN = "envgraph"
 _GENMODEL = "http://www.eclipse.org/emf/2002/GenModel"
+_OF_MEMBERS = ("derived", "transient", "upperBound", "volatile")
 _NAMING = ("xmlns", "name", "eType", "eSuperTypes", "eOpposite", "eKeys")
 
 
@@ -79,12 +80,16 @@ def notes_of(names: Names, element: Element, *, with_doc: bool = False) -> Itera
 def kept_of(
     element: Element, written: Mapping[str, str | None], **named: str | None
 ) -> tuple[Annotation, ...]:
-    """Return `@ecore(..)` with the XML attributes that mean nothing here, beside the usual and the `written` ones."""
+    """Return `@ecore(..)` with the XML attributes that mean nothing here, beside the usual and the `written` ones.
+
+    A member of a feature map, which is not kept, holds its values itself: it is written as an ordinary feature.
+    """
     found = {}
+    own = _OF_MEMBERS if element.get("derived") == "true" else ()
     for key in {**element.attributes, **written}:
         usual = _said_by_ecore()[key][1] if key in _said_by_ecore() else None
         text = element.attributes.get(key) or usual
-        if text and text != (written.get(key) or usual) and key not in _NAMING and ":" not in key:
+        if text and text != (written.get(key) or usual) and key not in (*_NAMING, *own) and ":" not in key:
             found[key] = text
     found.update((key, text) for key, text in named.items() if text and text != written.get(key))
     return (Annotation("ecore", named=tuple(sorted(found.items()))),) if found else ()

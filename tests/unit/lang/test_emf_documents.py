@@ -151,14 +151,14 @@ def test_members_of_a_group_are_kept_and_places_among_others_are_counted() -> No
     found = order('<fast key="a"/><slow key="b"/><fast key="c"/><fast key="d"/>')
     (one,) = found.model().nodes("Order")
     assert [item["id"] for item in one.priority] == ["a", "c", "d"]
-    assert lost(found) == ["2 places of `Order.group` are left out"]
+    assert lost(found) == ["left out: 2 places of `Order.group`"]
     assert lost(order('<fast key="a"/><fast key="c"/><slow key="b"/>')) == []
 
 
 def test_texts_between_tags_are_counted() -> None:
     found = loaded('<m:tMixed xmlns:m="http://x/m">one <b name="x"/> two</m:tMixed>')
     assert [one["name"] for one in found.model().nodes("Mixed")[0].bold] == ["x"]
-    assert lost(found) == ["2 texts of `Mixed.mixed` are left out"]
+    assert lost(found) == ["left out: 2 texts of `Mixed.mixed`"]
 
 
 def test_a_derived_containment_beside_a_feature_map_is_a_member_of_it() -> None:
@@ -374,8 +374,10 @@ def test_a_process_of_the_camunda_modeler_is_read() -> None:
         "Ended",
     )
     assert lost(found) == [
-        "1 text of `Documentation.mixed` is left out",
-        "3 values of `ExtensionElements.any` are left out",
+        "left out: 1 attribute `modeler:executionPlatform` of other tools",
+        "left out: 1 attribute `modeler:executionPlatformVersion` of other tools",
+        "left out: 1 text of `Documentation.mixed`",
+        "left out: 3 values of `ExtensionElements.any`",
     ]
 
 
@@ -383,7 +385,7 @@ def test_a_process_of_the_signavio_editor_is_read() -> None:
     found = diagram("category.bpmn")
     (group,) = found.model().nodes("Group")
     assert group.categoryValueRef["value"] == "group with label"
-    assert lost(found) == ["2 values of `ExtensionElements.any` are left out"]
+    assert lost(found) == ["left out: 2 values of `ExtensionElements.any`"]
     (style,) = found.model().nodes("BPMNLabelStyle")
     assert (style.font["name"], style.font.size, found.model().nodes("BPMNLabel")[0].labelStyle) == (
         "Arial",

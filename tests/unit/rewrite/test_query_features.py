@@ -10,8 +10,9 @@ import pytest
 from envgraph import Engine, Pattern
 from envgraph.errors import EnvgraphError, InvalidArgument, ResolutionError, TypeMismatch
 from envgraph.graph import Model, Node, model_to_json, model_to_xmi
-from envgraph.match import FREE, NaiveMatcher
+from envgraph.match import FREE
 from envgraph.metamodel import Annotation, Attribute, Class, Metamodel, Reference, Scalar
+from tests.oracle.naive._naive import NaiveMatcher
 
 DERIVED = (Annotation("derived"),)
 KIN = Metamodel(
