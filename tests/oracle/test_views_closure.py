@@ -66,6 +66,7 @@ ASKED = (
     pattern("solvable(a : Start, b : Goal)", [find("step*", "a", "b")]),
     pattern("lost(a : Start, b : Goal)", [is_a("Start", "a"), is_a("Goal", "b"), neg(find("solvable", "a", "b"))]),
     pattern("loops(a : Place)", [find("step+", "a", "a")]),
+    pattern("straight(a : Place)", [is_a("Place", "a"), neg(find("loops", "a"))]),
     pattern("loops0(a : Place)", [find("step*", "a", "a")]),
     pattern("round(a : Place, b : Place)", [find("step+", "a", "b"), find("step+", "b", "a"), unequal("a", "b")]),
 )  # fmt: skip
@@ -126,6 +127,7 @@ class Shadow:
             "solvable": solvable,
             "lost": {(a, b) for a in self.starts for b in self.goals} - solvable,
             "loops": {(a,) for a, b in pairs if a == b},
+            "straight": {(a,) for a in self.places} - {(a,) for a, b in pairs if a == b},
             "loops0": {(a,) for a in self.places},
             "round": {(a, b) for a, b in pairs if a != b and (b, a) in pairs},
         }
@@ -315,6 +317,31 @@ def test_all_starts_of_a_graph_without_circles_have_trees_that_are_copied_once()
     assert 59 <= len(trees) <= 3 * 60  # one for each start and closure
     model.link(chain[-1], TO, chain[0])  # now they reach each other
     assert views.count("loops", (FREE,)) == 60
+    views.check_integrity()
+    model.rollback(savepoint)
+    assert views.count("loops", (FREE,)) == 0
+    views.check_integrity()
+
+
+def test_circles_cost_no_more_than_the_steps() -> None:
+    model = Model(PLACES)
+    chain = [model.new("Place") for _ in range(3000)]
+    for near, far in pairwise(chain):
+        model.link(near, TO, far)
+    library = Library(PLACES)
+    library.add(*STEPS["link"], *ASKED)
+    views = ViewMatcher(model, library)
+    views.watch("loops", "straight")
+    sizes = {each.name: each.size() for each in views.kept.network.operators.values()}
+    assert sizes["step/circles"] == 0
+    assert max(sizes.values()) <= 3000  # not a pair of a node and each that it reaches
+    savepoint = model.savepoint()
+    model.link(chain[2], TO, chain[2])
+    model.link(chain[-1], TO, chain[1000])
+    assert views.count("loops", (FREE,)) == 2001
+    model.unlink(chain[1500], TO, chain[1501])
+    assert views.rows("loops", (FREE,)) == [(chain[2],)]
+    assert views.count("straight", (FREE,)) == 2999
     views.check_integrity()
     model.rollback(savepoint)
     assert views.count("loops", (FREE,)) == 0

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from itertools import filterfalse
-from typing import Any, Final, Protocol
+from typing import Any, Final
 
 from envgraph.errors import EvaluationError
 from envgraph.graph import SET, Store
 from envgraph.match._components import Reached, Tree, reachable_sets
 from envgraph.match.views._operators import Operator, Rows
-from envgraph.match.views._sets import Groups, MatchSet, become
+from envgraph.match.views._sets import Groups, MatchSet, Row, become
+from envgraph.metamodel import components
 
 FEW: Final = 12
 """Starts that are searched one by one; more share the strongly connected components."""
@@ -31,43 +32,25 @@ SPARSE: Final = 8
 """Pairs for each node up to which it is also kept from which starts a node is reached."""
 
 
-class Steps(Protocol):
-    """The edges that a closure follows.
+class Steps:
+    """The edges that a closure follows, given the ends of those that begin and of those that end at each node.
 
     Attributes:
         next: where one step leads.
         before: from where one step leads to something.
     """
 
-    next: Callable[[Any], Iterable[Any]]
-    before: Callable[[Any], Iterable[Any]]
+    def __init__(self, after: Any, before: Any) -> None:
+        self.next: Callable[[Any], Iterable[Any]] = after.__getitem__
+        self.before: Callable[[Any], Iterable[Any]] = before.__getitem__
+        self._after = after
+
+    def nodes(self) -> Sequence[Any]:
+        """Return all nodes, and perhaps some without steps."""
+        return list(self._after) if isinstance(self._after, dict) else range(len(self._after))
 
     def has(self, node: Any, other: Any) -> bool:
         """Return whether there is a step."""
-
-
-class LinkSteps:
-    """Links of a reference, in one direction."""
-
-    def __init__(self, column: Sequence[Sequence[int]], inverse: Sequence[Sequence[int]]) -> None:
-        self.next: Callable[[int], Iterable[int]] = column.__getitem__
-        self.before: Callable[[int], Iterable[int]] = inverse.__getitem__
-
-    def has(self, node: int, other: int) -> bool:
-        """Return whether there is a link."""
-        return other in self.next(node)
-
-
-class RowSteps:
-    """Rows of a binary view, in one direction."""
-
-    def __init__(self, source: Rows, forward: bool) -> None:
-        near, far = (0, 1) if forward else (1, 0)
-        self.next: Callable[[Any], Iterable[Any]] = source.group((near,), far).table.__getitem__
-        self.before: Callable[[Any], Iterable[Any]] = source.group((far,), near).table.__getitem__
-
-    def has(self, node: Any, other: Any) -> bool:
-        """Return whether there is a row."""
         return other in self.next(node)
 
 
@@ -419,6 +402,73 @@ class ClosureOperator(Operator):
                 return False
             passed.add(by)
             node = by
+
+
+class CircleOperator(Rows):
+    """The nodes from which one or more steps lead back: those of strongly connected components with a step inside."""
+
+    def __init__(self, name: str, store: Store, steps: Steps) -> None:
+        super().__init__(name, store)
+        self._steps = steps
+        self._changed: dict[Step, None] = {}
+
+    @property
+    def pending(self) -> bool:
+        return bool(self._changed)
+
+    def forget(self) -> None:
+        self._changed.clear()
+
+    def gain(self, source: Any, target: Any) -> None:
+        """Note a step that is inserted or deleted."""
+        self._changed[source, target] = None
+
+    lose = gain
+
+    def process(self) -> None:
+        changed = list(self._changed)
+        self._changed.clear()
+        # A circle with a changed step is reached from its end: what is reached from there is looked at again.
+        for row, is_on in list(self._look([step[1] for step in changed if self._matters(*step)])):
+            if is_on != (row in self.rows.position):
+                (self.appear if is_on else self.vanish)(row)
+
+    def _matters(self, source: Any, target: Any) -> bool:
+        """Return whether a changed step may begin or end circles."""
+        if self._steps.has(source, target):
+            return self._leads(target, source)
+        on = self.rows.position
+        return (source,) in on and (target,) in on and (source == target or not self._leads(source, target))
+
+    def _leads(self, source: Any, target: Any) -> bool:
+        """Return whether any number of steps leads to a target; both ends are searched from in turn."""
+        ahead, behind = {source: None}, {target: None}
+        both = zip(_spread(ahead, self._steps.next), _spread(behind, self._steps.before), strict=False)
+        return any(one in behind or other in ahead for one, other in both)
+
+    def _look(self, starts: Sequence[Any]) -> Iterator[tuple[Row, bool]]:
+        """Yield a row of each node that is reached, and whether it is on a circle."""
+        for nodes, exits in components(starts, self._steps.next):
+            is_on = len(nodes) > 1 or nodes[0] in exits
+            yield from (((node,), is_on) for node in nodes)
+
+    def circles(self) -> list[Row]:
+        """Return the rows as a new search finds them."""
+        return [row for row, is_on in self._look(self._steps.nodes()) if is_on]
+
+    def fill(self) -> None:
+        self.set_rows(self.circles())
+
+
+def _spread(known: dict[Any, None], following: Callable[[Any], Iterable[Any]]) -> Iterator[Any]:
+    """Yield the known nodes and then all that they lead to, nearest first; these become known."""
+    todo = list(known)
+    for node in todo:
+        yield node
+        for other in following(node):
+            if other not in known:
+                known[other] = None
+                todo.append(other)
 
 
 def _difference(old: Reached, new: Reached) -> Difference:

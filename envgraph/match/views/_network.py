@@ -10,7 +10,7 @@ from envgraph.match.passes._calls import CallGraph
 from envgraph.match.plan._live import LiveSizes
 from envgraph.match.views._actual import Build as DeltaBuild
 from envgraph.match.views._actual import actual_rows, tuples_of
-from envgraph.match.views._closure_operator import ClosureOperator
+from envgraph.match.views._closure_operator import CircleOperator, ClosureOperator
 from envgraph.match.views._delta import Delta
 from envgraph.match.views._explain import explain_views
 from envgraph.match.views._group_aggregates import Fold
@@ -196,6 +196,8 @@ class Network:
                     operator.check_derivations()
                 case Fold() | ClosureOperator():
                     operator.check()
+                case CircleOperator():
+                    operator.check(operator.circles())
                 case Component():
                     assert not operator.pending
                 case Rows():

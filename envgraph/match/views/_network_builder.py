@@ -16,7 +16,7 @@ from envgraph.match.plan._options import Unplannable
 from envgraph.match.plan._plan import held_value
 from envgraph.match.plan._planner import determined, disjoint
 from envgraph.match.views._bodies import closure_of, component, existential, free_inside, link_of, negated
-from envgraph.match.views._closure_operator import ClosureOperator, LinkSteps, RowSteps
+from envgraph.match.views._closure_operator import CircleOperator, ClosureOperator, Steps
 from envgraph.match.views._delta import Delta, build_source, delta_source, derivable_source
 from envgraph.match.views._group_aggregates import Fold, Nth
 from envgraph.match.views._joins import all_values, joined_by_value, values_of, with_values
@@ -426,6 +426,7 @@ class NetworkBuilder:
         """Return how many a start reaches: from the starts that the rest of the body asks for, not from all."""
         forward = reached.target in goal.local
         closure = self._closure(body, reached, place, forward)
+        assert isinstance(closure, ClosureAtom)
         source = self.operators[closure.step]
         assert isinstance(source, ClosureOperator)
         fold = Fold(f"{place}/count", source, (0 if forward else 1,), "count", None)
@@ -437,11 +438,12 @@ class NetworkBuilder:
 
     def _closure(
         self, body: Conjunction, goal: ClosureAtom, place: str, direction: bool | None = None
-    ) -> ClosureAtom:
+    ) -> ClosureAtom | CallAtom:
         """A closure from those starts that the rest of the body asks for, in the given direction if there is one."""
-        link = link_of(self._bodies.of(goal.step))
-        if link is None:
+        if link_of(self._bodies.of(goal.step)) is None:
             self._usable(goal.step)
+        if goal.source == goal.target and goal.closure is Closure.PLUS:
+            return self._circles(goal)
         reflexive = goal.closure is Closure.STAR
         types = self.library.parameter_types(goal.step)
         both = not reflexive or types[0] == types[1]
@@ -454,17 +456,27 @@ class NetworkBuilder:
         for _, other in asked:
             if other is not starts:
                 del self.operators[other.name], self.definitions[other.name]
-        if link is not None:
+        name = f"{place}/{goal.closure}"
+        steps = self._steps(name, goal.step, forward)
+        self._enter(ClosureOperator(name, self.store, starts, steps, forward, reflexive))
+        return replace(goal, step=name)
+
+    def _circles(self, goal: ClosureAtom) -> CallAtom:
+        """The nodes that steps lead back to: all, for every place that asks for some."""
+        name = f"{goal.step}/circles"
+        if name not in self.operators:
+            self._enter(CircleOperator(name, self.store, self._steps(name, goal.step, True)))
+        return CallAtom(name, (goal.source,))
+
+    def _steps(self, name: str, step: str, forward: bool) -> Steps:
+        """The steps that an operator follows, in one direction."""
+        link = link_of(self._bodies.of(step))
+        self.edges[name] = (("link", link[0]), link[1]) if link else (("rows", step), False)
+        if link:
             sides = (self.store.forward[link[0]], self.store.backward[link[0]])
-            steps: Any = LinkSteps(*(sides if forward == (not link[1]) else sides[::-1]))
-        else:
-            rows = self.operators[goal.step]
-            assert isinstance(rows, Rows)
-            steps = RowSteps(rows, forward)
-        reach = ClosureOperator(f"{place}/{goal.closure}", self.store, starts, steps, forward, reflexive)
-        self.edges[reach.name] = (("link", link[0]), link[1]) if link else (("rows", goal.step), False)
-        self._enter(reach)
-        return replace(goal, step=reach.name)
+            return Steps(*(sides if forward == (not link[1]) else sides[::-1]))
+        rows, near = self._usable(step), 0 if forward else 1
+        return Steps(rows.group((near,), 1 - near).table, rows.group((1 - near,), near).table)
 
     def _starts(
         self, body: Conjunction, goal: ClosureAtom, forward: bool, place: str
@@ -520,6 +532,7 @@ class NetworkBuilder:
             yield operator.source.name
         if isinstance(operator, ClosureOperator):
             yield operator.starts.name
+        if name in self.edges:
             kind, edges = self.edges[name][0]
             if kind == "rows":
                 yield str(edges)

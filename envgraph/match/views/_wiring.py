@@ -9,7 +9,7 @@ from itertools import groupby, product
 from envgraph.code import Call, Do, Function, Local, Name, Return, define
 from envgraph.graph import Store
 from envgraph.match.plan._options import Unplannable
-from envgraph.match.views._closure_operator import ClosureOperator
+from envgraph.match.views._closure_operator import CircleOperator, ClosureOperator
 from envgraph.match.views._delta import Delta, own_positions
 from envgraph.match.views._fusion import fused_source
 from envgraph.match.views._group_aggregates import Fold
@@ -103,8 +103,8 @@ class Wiring:
         match operator:
             case Fold():
                 return len(operator.group) + 1
-            case ClosureOperator():
-                return 2
+            case ClosureOperator() | CircleOperator():
+                return 2 if isinstance(operator, ClosureOperator) else 1
             case _ if definition is not None:
                 return len(definition.bodies[0].parameters) if definition.bodies else 0
             case _:
@@ -114,8 +114,9 @@ class Wiring:
         match operator:
             case Fold():
                 self._listen(("rows", operator.source.name), operator.hooks)
-            case ClosureOperator():
-                self._listen(("rows", operator.starts.name), (operator.ask, operator.unask))
+            case ClosureOperator() | CircleOperator():
+                if isinstance(operator, ClosureOperator):
+                    self._listen(("rows", operator.starts.name), (operator.ask, operator.unask))
                 gain: Hook = operator.gain
                 lose: Hook = operator.lose
                 key, crossed = self._builder.edges[operator.name]
