@@ -443,7 +443,10 @@ class NetworkBuilder:
         if link_of(self._bodies.of(goal.step)) is None:
             self._usable(goal.step)
         if goal.source == goal.target and goal.closure is Closure.PLUS:
-            return self._circles(goal)
+            name = f"{goal.step}/circles"  # all of them, for every place that asks for some
+            if name not in self.operators:
+                self._enter(CircleOperator(name, self.store, self._steps(name, goal.step, True)))
+            return CallAtom(name, (goal.source,))
         reflexive = goal.closure is Closure.STAR
         types = self.library.parameter_types(goal.step)
         both = not reflexive or types[0] == types[1]
@@ -460,13 +463,6 @@ class NetworkBuilder:
         steps = self._steps(name, goal.step, forward)
         self._enter(ClosureOperator(name, self.store, starts, steps, forward, reflexive))
         return replace(goal, step=name)
-
-    def _circles(self, goal: ClosureAtom) -> CallAtom:
-        """The nodes that steps lead back to: all, for every place that asks for some."""
-        name = f"{goal.step}/circles"
-        if name not in self.operators:
-            self._enter(CircleOperator(name, self.store, self._steps(name, goal.step, True)))
-        return CallAtom(name, (goal.source,))
 
     def _steps(self, name: str, step: str, forward: bool) -> Steps:
         """The steps that an operator follows, in one direction."""
