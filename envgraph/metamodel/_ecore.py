@@ -120,7 +120,7 @@ def _marks(owner: Class | Feature, indent: str) -> Iterator[str]:
     details = {
         one.name: " ".join([*map(str, one.arguments), *(f"{key}={value}" for key, value in one.named)])
         for one in owner.annotations
-        if one.name not in ("ecore", "annotation")
+        if one.name not in ("ecore", "annotation", "derived")
     }
     if isinstance(owner, Class):
         identifiers = tuple(f.name for f in owner.features if isinstance(f, Attribute) and f.identifier)
@@ -162,7 +162,7 @@ def _feature(metamodel: Metamodel, feature: Feature, indent: str) -> Iterator[st
         parts = {
             "xsi:type": "ecore:EReference",
             **parts,
-            **_references(metamodel, feature, parts.get("eKeys")),
+            **_references(metamodel, feature, named),
         }
     else:
         enum = _path(metamodel, feature.type.name) if isinstance(feature.type, EnumType) else ""
@@ -179,6 +179,7 @@ def plain_parts(feature: Feature, type_name: str | None = None) -> dict[str, str
     parts = {
         "lowerBound": str(feature.lower) if feature.lower else None,
         "upperBound": None if feature.upper == 1 else str(feature.upper or -1),
+        "derived": "true" if any(one.name == "derived" for one in feature.annotations) else None,
     }
     if isinstance(feature, Reference):
         return parts | {"containment": "true" if feature.containment else None}
@@ -200,10 +201,10 @@ def _named(annotations: Iterable[Annotation]) -> dict[str, str | None]:
     return {key: str(value) for named in known for key, value in named}
 
 
-def _references(metamodel: Metamodel, reference: Reference, keys: str | None) -> Parts:
-    opposite, target = metamodel.opposite(reference), _path(metamodel, reference.target)
-    features = metamodel.features(reference.target)
-    found = [features[name] for name in (keys or "").split() if name in features]
+def _references(metamodel: Metamodel, reference: Reference, named: Parts) -> Parts:
+    features, target = metamodel.features(reference.target), _path(metamodel, reference.target)
+    found = [features[name] for name in (named.get("eKeys") or "").split() if name in features]
+    opposite = metamodel.opposite(reference) or features.get(named.get("eOpposite") or "")
     return {
         "eType": target if target.startswith("#") else f"ecore:EClass {target}",
         "eOpposite": f"{_path(metamodel, opposite.owner)}/{opposite.name}" if opposite else None,

@@ -21,7 +21,7 @@ from envgraph.errors import (
     plural,
     sort_diagnostics,
 )
-from envgraph.lang.interchange._ecore_document import EcoreDocument, ecore_itself, without_values
+from envgraph.lang.interchange._ecore_document import EcoreDocument, ecore_itself, is_computed, without_values
 from envgraph.lang.interchange._ecore_names import Enough, Joint, Target, inside
 from envgraph.lang.interchange._ecore_parts import (
     annotations_of,
@@ -290,7 +290,7 @@ class _Reader(Tags):
                 parameter, f"`{element.attributes.get('name', '')}` is read without its type parameters"
             )
         for one in inside(element, "eOperations"):
-            self.drop("operation", f"of `{element.get('name')}`", one)
+            self.drop("operation", "of classes", one)
 
     # --- features ---
 
@@ -309,6 +309,8 @@ class _Reader(Tags):
             return None
         errors = self.joint.errors
         found = self._attribute(element) if kind == "EAttribute" else self._reference(element)
+        if found is not None and is_computed(element):
+            found = replace(found, annotations=(Annotation("derived"), *found.annotations))
         if found is None and self.joint.allow_unresolved and self.joint.errors == errors:
             self._leave_out(element, "its type is in a file that is nowhere")
         elif found is None:
@@ -426,7 +428,9 @@ class _Reader(Tags):
             span=self.named(element),
             places=tuple(places),
         )
-        kept = kept_of(element, plain_parts(found), eKeys=" ".join(keys) or None)
+        apart = () if opposite else self._targets(element, "eOpposite")
+        back = next((one.element.get("name") for one in apart if one.element), None)
+        kept = kept_of(element, plain_parts(found), eKeys=" ".join(keys) or None, eOpposite=back)
         return replace(found, annotations=(*found.annotations, *kept)) if kept else found
 
     def _opposite(self, element: Element, there: Element) -> tuple[str, Span] | None:
@@ -444,7 +448,7 @@ class _Reader(Tags):
                 )
                 return None
             there_reader = target.reader
-            if without_values(other):
+            if without_values(other) or is_computed(other) or is_computed(element):
                 return None
             back = {one.element for one in there_reader.quietly(other, "eOpposite")}
             types = {one.element for one in there_reader.quietly(other, "eType", "eGenericType")}

@@ -163,16 +163,25 @@ _ANY = f"{ECORE}#//EObject"
 
 
 def without_values(element: Element) -> str | None:
-    """The word that says why a feature holds nothing that a file could say, or None.
+    """Return the word that says why a feature holds nothing that a file could say, or None.
 
-    A transient one may follow from its opposite. A derived one that is an XML element is a member of a feature map.
+    A transient one may follow from its opposite. A derived one that is an XML element is a member of a feature map;
+    queries can define the others that contain nothing.
     """
     attributes = element.attributes
     if attributes.get("derived") == "true":
-        return None if extended(element).get("kind") in ("element", "attribute") else "derived"
+        if extended(element).get("kind") in ("element", "attribute") or is_computed(element):
+            return None
+        return "derived"
     if attributes.get("transient") == "true" and "eOpposite" not in attributes:
         return "transient"
     return "eType" if attributes.get("eType", "").endswith(f"#//{FEATURE_MAP}") else None
+
+
+def is_computed(element: Element) -> bool:
+    """Return whether a feature is derived and of such a kind that a query can define it."""
+    contains = element.get("containment") == "true"
+    return element.get("derived") == "true" and not contains and "kind" not in extended(element)
 
 
 def details_of(element: Element, source: str) -> Iterator[tuple[Element, str, str]]:

@@ -9,7 +9,13 @@ from functools import cache
 from typing import Any
 
 from envgraph.errors import did_you_mean, name_hint
-from envgraph.lang.interchange._ecore_document import details_of, ecore_itself, extended, without_values
+from envgraph.lang.interchange._ecore_document import (
+    details_of,
+    ecore_itself,
+    extended,
+    is_computed,
+    without_values,
+)
 from envgraph.lang.interchange._ecore_names import Names, Target, inside
 from envgraph.lang.read._ecore_types import ECORE_TYPES, DataType, java_type, value_of, why_unfit
 from envgraph.lang.read._metamodel import Marks
@@ -85,7 +91,10 @@ def kept_of(
     A member of a feature map, which is not kept, holds its values itself: it is written as an ordinary feature.
     """
     found = {}
-    own = _OF_MEMBERS if element.get("derived") == "true" else ()
+    computed = is_computed(element)
+    own = _OF_MEMBERS if element.get("derived") == "true" and not computed else ()
+    if computed:
+        written = {**written, "derived": "true"}
     for key in {**element.attributes, **written}:
         usual = _said_by_ecore()[key][1] if key in _said_by_ecore() else None
         text = element.attributes.get(key) or usual
@@ -164,9 +173,11 @@ def said(names: Names, element: Element, name: str) -> Any:
 
 
 def bounds_of(names: Names, element: Element) -> tuple[int, int | None]:
-    """The lower and the upper bound of a feature, None for any number."""
+    """Return the lower and the upper bound of a feature, None for any number; 0 for what queries define."""
     lower, upper = said(names, element, "lowerBound"), said(names, element, "upperBound")
-    return lower, 1 if upper == -2 else None if upper < 0 else upper  # -2: once, in the root of a document
+    return 0 if is_computed(
+        element
+    ) else lower, 1 if upper == -2 else None if upper < 0 else upper  # -2: once, in the root of a document
 
 
 def default_of(names: Names, element: Element, name: str, type_: Scalar | EnumType) -> Value | None:

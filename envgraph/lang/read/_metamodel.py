@@ -47,8 +47,8 @@ _FOREIGN = {
 }
 """What is kept for other tools, with how it is written."""
 _ECORE = (
-    "changeable volatile transient unsettable ordered resolveProxies eKeys eType lowerBound upperBound unique "
-    "defaultValueLiteral interface abstract instanceClassName instanceTypeName serializable"
+    "changeable volatile transient unsettable ordered resolveProxies eKeys eOpposite eType lowerBound upperBound "
+    "unique defaultValueLiteral interface abstract instanceClassName instanceTypeName serializable"
 )
 _REFERENCE_ANNOTATIONS = ("derived", "frozen", "annotation", "ecore")
 _ATTRIBUTE_ANNOTATIONS = (*_REFERENCE_ANNOTATIONS, "range", "glyph", "colour", "nonunique")
