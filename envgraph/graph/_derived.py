@@ -29,7 +29,7 @@ def derive(store: Store) -> None:
         if not relation.flipped:
             _sources(store, relation.forward, relation.backward)
     store.total = recomputed_total(store)
-    store.revision += 1
+    store.replaced()
 
 
 def _classes(store: Store) -> None:

@@ -173,7 +173,7 @@ class History:
         store.next_id = next_id
         store.total = total
         store.epoch += 1
-        store.revision += 1
+        store.replaced()
         for follower in store.followers[:]:
             follower.rolled_back()
 
@@ -294,7 +294,7 @@ class History:
         store.next_id = goal.next_id
         store.total = goal.total
         store.epoch += 1
-        store.revision += 1
+        store.replaced()
         self.versions.prune(start)
         for follower in store.followers[:]:
             follower.checked_out()

@@ -63,6 +63,8 @@ class Store:
         loading: whether the model is being built without a journal.
         total: the sum behind the state hash.
         revision: grows with every change and every restoration.
+        touched: the objects whose values, class or place in their extent have changed since somebody set it to {}, each
+            with the revision of its last change, the latest last; None while nobody asks, and after a restoration.
         followers: see `Follower`.
         value_added, value_removing: for each attribute (by `index`) a function of node and value, or None.
         class_added, class_removing: for each class (by index) a function of the node, or None.
@@ -109,6 +111,7 @@ class Store:
         self.retyping: Callable[[int, int], tuple[NodeHook | None, NodeHook | None]] | None = None
         self.total = 0
         self.revision = 0
+        self.touched: dict[int, int] | None = None
         self.salts: tuple[list[int], list[int]] = ([], [])
         self._class_codes = tuple(class_code(cls) for cls in metamodel.class_list)
         self._value_codes: tuple[dict[Value | Values, int], ...] = tuple({} for _ in metamodel.attributes)
@@ -164,6 +167,8 @@ class Store:
         extent.add(node)
         self.total += self.salts[0][node] * self._class_codes[cls]
         self.revision += 1
+        if self.touched is not None:
+            self._touch(node)
         if self.listeners:
             self._inserted(ClassFact(self.metamodel.class_list[cls].name, node))
 
@@ -193,9 +198,13 @@ class Store:
         extent = self.extents[cls]
         if self.recording:
             self.journal.extend((extent, node, self.place[node], IN))
-        extent.take(node)
+        place = extent.take(node)
         self.total -= self.salts[0][node] * self._class_codes[cls]
         self.revision += 1
+        if self.touched is not None:
+            self._touch(node)
+            if place < len(extent):
+                self._touch(extent[place])
 
     def put(self, node: int, attribute: int, value: Any) -> None:
         """The object gets another value in an attribute, or None."""
@@ -223,6 +232,8 @@ class Store:
             column[node] = value
             self.total += self.salts[0][node] * change
             self.revision += 1
+            if self.touched is not None:
+                self._touch(node)
             if value is not None:
                 hook = self.value_added[attribute]
                 if hook is not None:
@@ -253,6 +264,8 @@ class Store:
             change = sum(codes.get(value) or self._code(attribute, value) for value in each) - change
         self.total -= self.salts[0][node] * change
         self.revision += 1
+        if self.touched is not None:
+            self._touch(node)
         for value in after if heard else ():
             if value not in before:
                 self.add_end(distinct, node, value)
@@ -275,6 +288,8 @@ class Store:
         code = self._value_codes[attribute].get(value) or self._code(attribute, value)
         self.total += sign * self.salts[0][node] * code
         self.revision += 1
+        if self.touched is not None:
+            self._touch(node)
         if inserting and not stays:
             self.add_end(distinct, node, value)
         if (stays or inserting) and index < len(column[node]) - inserting:
@@ -496,9 +511,20 @@ class Store:
 
     def restored(self) -> None:
         """The state was replaced by an undo or redo: a new revision, and the listeners forget what they knew."""
-        self.revision += 1
+        self.replaced()
         for listener in self.listeners:
             listener.restored()
+
+    def replaced(self) -> None:
+        """Begin a new revision that differs from the last one nobody knows in what."""
+        self.revision += 1
+        self.touched = None
+
+    def _touch(self, node: int) -> None:
+        touched = self.touched
+        assert touched is not None
+        touched.pop(node, None)
+        touched[node] = self.revision
 
     # --- reading
 

@@ -17,7 +17,7 @@ from envgraph.match.demand._closure_aggregates import ClosureAggregation
 from envgraph.match.demand._closures import ClosureView, Meeting, Search, Spreading
 from envgraph.match.demand._intersections import common
 from envgraph.match.demand._recursion import Recursion
-from envgraph.match.demand._value_index import by_value
+from envgraph.match.demand._value_index import ValueIndex, by_attributes
 from envgraph.match.generate._sources import ends_source, reach_source, view_source
 from envgraph.match.generate._suspend import evaluation_source
 from envgraph.match.generate._symbols import (
@@ -180,8 +180,9 @@ class Program:
                 return getattr(store, kind)[index]
             case ClassTable(cls):
                 return self.class_table(cls)
-            case Valued(classes, attributes):
-                return by_value(store, classes, attributes)
+            case Valued(classes, attributes, operators, alone):
+                values = ValueIndex(store, classes, operators, alone)
+                return by_attributes(store, values, classes, attributes) if attributes else values
             case Literal(value):
                 return value
             case Builtin(name):

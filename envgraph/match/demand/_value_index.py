@@ -1,21 +1,163 @@
-"""Objects by the values of their attributes, for loops that ask for one value after the other."""
+"""Objects by values, for loops that ask for one value after the other."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from bisect import bisect_left, bisect_right, insort
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import partial
+from itertools import chain, islice, takewhile
+from math import inf
+from operator import ge, gt, le, lt
 from typing import Any, Final
 
 from envgraph.graph import Store
 
 FEW: Final = 2
-"""Questions about one state of the model that are answered by looking at all objects; for more there is an index."""
+"""Questions that are answered by looking at all objects; for more there is an index."""
+FOLLOWED: Final = 8
+"""One of so many objects may have changed since the last question for an index to be brought up to date."""
+
+Entries = Callable[[Iterable[int]], Iterator[tuple[Any, Any, int]]]
+"""Yields for objects, in their order, a key, a value that may have bounds, and the object."""
+_HOLDS: Final[Mapping[str, Callable[[Any, Any], bool]]] = {"<": lt, "<=": le, ">": gt, ">=": ge}
 
 
-def by_value(store: Store, classes: Sequence[int], attributes: Sequence[int]) -> Callable[..., Sequence[int]]:
-    """A function that gives the objects with given values, in the order of the extents.
+class ValueIndex:
+    """Objects by a key, and those with the same key by a second value if that has bounds.
+
+    The third question makes the index. Later questions bring it up to date if the store has noted which objects have
+    changed; else it is made anew. What lies between bounds is found by bisection. Keys are equal and values are in
+    order as Python says, and so are the values of expressions. An object without a value is in no order.
 
     Args:
         store: the model; it may change between calls.
+        classes: indices of concrete classes.
+        operators: of the bounds, the value of the object on the left.
+        alone: whether keys and values depend on the attributes and the class of the object alone.
+    """
+
+    def __init__(
+        self, store: Store, classes: Sequence[int], operators: Sequence[str] = (), alone: bool = True
+    ) -> None:
+        self._store, self._operators, self._alone = store, operators, alone
+        self._ranks = {cls: rank << 48 for rank, cls in enumerate(classes)}
+        self._extents = [store.extents[index] for index in classes]
+        self._table: dict[Any, list[Any]] = {}
+        self._filed: dict[int, list[Any]] = {}
+        self._touched: dict[int, int] | None = None
+        self._revision, self._asked, self._made = -1, 0, False
+
+    def rows(self, entries: Entries, key: Any, *bounds: Any) -> Sequence[int]:
+        """Return the objects with a key, and a value within bounds, in the order of the extents."""
+        found = self.some(entries, key, *bounds)
+        if self._made and self._operators:
+            return sorted(dict.fromkeys(found), key=self._place)
+        return found if isinstance(found, list) else list(dict.fromkeys(found))
+
+    def some(self, entries: Entries, key: Any, *bounds: Any) -> Iterable[int]:
+        """Return the same objects, perhaps more than once, in any order; they are not looked for before asked for."""
+        if not self._ready(entries):
+            return self.look(entries, key, bounds)
+        bucket = self._table.get(key, ())
+        return (bucket[place][1] for place in self._between(bucket, bounds)) if self._operators else bucket
+
+    def count(self, entries: Entries, key: Any, *bounds: Any) -> int:
+        """Return the number of these objects, each of which has one value."""
+        if not self._ready(entries):
+            return sum(1 for _ in self.look(entries, key, bounds))
+        bucket = self._table.get(key, ())
+        return len(self._between(bucket, bounds)) if self._operators else len(bucket)
+
+    def look(self, entries: Entries, key: Any, bounds: Sequence[Any]) -> Iterable[int]:
+        """Return them without an index."""
+        tests = [(_HOLDS[operator], bound) for operator, bound in zip(self._operators, bounds, strict=True)]
+        for own, value, node in entries(chain.from_iterable(self._extents)):
+            if own == key and (not tests or (value is not None and all(test(value, w) for test, w in tests))):
+                yield node
+
+    def _between(self, bucket: Sequence[tuple[Any, float]], bounds: Sequence[Any]) -> range:
+        low, high = 0, len(bucket)
+        for operator, bound in zip(self._operators, bounds, strict=True):
+            if operator in ("<", ">="):
+                place = bisect_left(bucket, (bound, -1))
+            else:
+                place = bisect_right(bucket, (bound, inf))
+            low, high = (low, min(high, place)) if operator[0] == "<" else (max(low, place), high)
+        return range(low, high)
+
+    def _ready(self, entries: Entries) -> bool:
+        """Return whether there is an index of the present state."""
+        if self._revision != self._store.revision:
+            self._follow(entries)
+        if not self._made:
+            self._asked += 1
+            if self._asked > FEW:
+                self._table, self._filed, self._made = {}, {}, True
+                for key, value, node in entries(chain.from_iterable(self._extents)):
+                    self._table.setdefault(key, []).append((value, node) if self._operators else node)
+                for bucket in self._table.values():
+                    if self._operators:
+                        bucket[:] = sorted(each for each in bucket if each[0] is not None)
+                    elif not self._alone:
+                        bucket[:] = dict.fromkeys(bucket)
+        return self._made
+
+    def _follow(self, entries: Entries) -> None:
+        """Bring the index to the present state, or give it up."""
+        store, since = self._store, self._revision
+        self._revision = store.revision
+        if store.touched is None:
+            store.touched = {}
+        nodes: list[int] = []
+        if self._alone and self._touched is not None and store.touched is self._touched:
+            most = sum(map(len, self._extents)) // FOLLOWED + 1 if self._made else 0
+            recent = takewhile(lambda each: each[1] > since, reversed(self._touched.items()))
+            nodes = [node for node, _ in islice(recent, most + 1)]
+            if not self._made or len(nodes) <= most:
+                self._file_again(entries, nodes)
+                return
+        self._made, self._asked, self._touched = False, 0, store.touched
+
+    def _file_again(self, entries: Entries, nodes: Sequence[int]) -> None:
+        """Remove objects, and insert them by the values that they have now."""
+        if not self._made:
+            return
+        if not self._filed:
+            for key, bucket in self._table.items():
+                for item in bucket:
+                    self._filed.setdefault(item[1] if self._operators else item, []).append((key, item))
+        for node in nodes:
+            for key, item in self._filed.pop(node, ()):
+                bucket = self._table[key]
+                if self._operators:
+                    del bucket[bisect_left(bucket, item)]
+                else:  # a copy: whoever goes through the list may still do so
+                    self._table[key] = [each for each in bucket if each != node]
+        for key, value, node in entries([n for n in nodes if self._store.classes[n] in self._ranks]):
+            item = (value, node) if self._operators else node
+            bucket = self._table.setdefault(key, [])
+            if not self._operators:
+                bucket = self._table[key] = bucket.copy()
+                insort(bucket, node, key=self._place)
+            elif value is not None:
+                insort(bucket, item)
+            else:
+                continue
+            self._filed.setdefault(node, []).append((key, item))
+
+    def _place(self, node: int) -> int:
+        """Return where an object stands in the loop."""
+        return self._ranks[self._store.classes[node]] + self._store.place[node]
+
+
+def by_attributes(
+    store: Store, index: ValueIndex, classes: Sequence[int], attributes: Sequence[int]
+) -> Callable[..., Sequence[int]]:
+    """Return a function that gives the objects with given values, in the order of the extents.
+
+    Args:
+        store: the model; it may change between calls.
+        index: of these objects.
         classes: indices of concrete classes.
         attributes: indices of attributes that all these classes have; their values are the arguments of the function.
             One with many values stands alone.
@@ -23,32 +165,21 @@ def by_value(store: Store, classes: Sequence[int], attributes: Sequence[int]) ->
     extents = [store.extents[index] for index in classes]
     many = store.distinct[attributes[0]]
     first, *others = [many] if many else [store.values[index] for index in attributes]
-    index: dict[Any, list[int]] = {}
-    revision, asked = -1, 0
 
-    def key(node: int) -> Any:
-        return (first[node], *(column[node] for column in others)) if others else first[node]
+    def entries(nodes: Iterable[int]) -> Iterator[tuple[Any, Any, int]]:
+        if many:
+            return ((value, None, node) for node in nodes for value in many[node])
+        if others:
+            return (((first[node], *(column[node] for column in others)), None, node) for node in nodes)
+        return ((first[node], None, node) for node in nodes)
 
-    def look(values: tuple[Any, ...]) -> list[int]:
-        value = values[0]
+    def look(_: Entries, key: Any, bounds: Sequence[Any]) -> list[int]:
+        """As `ValueIndex.look`, but faster."""
+        value = key[0] if others else key
         if many:
             return [node for extent in extents for node in extent if value in many[node]]
         nodes = [node for extent in extents for node in extent if first[node] == value]
-        return [node for node in nodes if key(node) == values] if others else nodes
+        return [node for own, _, node in entries(nodes) if own == key] if others else nodes
 
-    def found(*values: Any) -> Sequence[int]:
-        nonlocal revision, asked
-        if revision != store.revision:
-            revision, asked = store.revision, 0
-        asked += 1
-        if asked <= FEW:
-            return look(values)
-        if asked == FEW + 1:
-            index.clear()
-            for extent in extents:
-                for node in extent:
-                    for one in many[node] if many else (key(node),):
-                        index.setdefault(one, []).append(node)
-        return index.get(values if others else values[0], ())
-
-    return found
+    index.look = look  # type: ignore[method-assign, assignment]
+    return (lambda *values: index.rows(entries, values)) if others else partial(index.rows, entries)

@@ -14,13 +14,15 @@ from envgraph import code
 from envgraph.code import dataclass
 from envgraph.match.generate._bindings import Bindings
 from envgraph.match.generate._distinct_sets import END, DistinctSets
-from envgraph.match.generate._narrowing import link_tests, value_tests
+from envgraph.match.generate._narrowing import Side, ValueJoin, link_tests, value_join, value_tests
 from envgraph.match.generate._relations import Relations, same_for_all
 from envgraph.match.generate._sinks import (
+    COUNT,
     EXISTENCE,
     FOUND,
     OUT,
     N,
+    Names,
     Sink,
     empty,
     fold,
@@ -164,21 +166,18 @@ class Translation:
                 self._continue(steps[number:], sink)
                 return
             self._distinct.begin(id(step))
-            self._guard(step, steps[number + 1 :], sink)
-            if (
-                step.kind is Kind.LOOP
-                and self._shares
-                and self.indexes
-                and (tests := value_tests(step, steps[number + 1 :], self._bindings))
-            ):
+            following = [each for each in steps[number + 1 :] if id(each) not in found]
+            join = self._value_join(step, following)
+            self._guard(step, following, sink, join)
+            indexed = step.kind is Kind.LOOP and self._shares and self.indexes
+            if join is not None:
+                self._loop_joined(step, join, sink)
+                if join.whole and sink is COUNT:
+                    return
+            elif indexed and (tests := value_tests(step, following, self._bindings)):
                 self._loop_by_value(step, tests)
                 found.update(map(id, tests))
-            elif (
-                step.kind is Kind.LOOP
-                and self._shares
-                and self.indexes
-                and (links := link_tests(step, steps[number + 1 :], self._bindings))
-            ):
+            elif indexed and (links := link_tests(step, following, self._bindings)):
                 self._loop_common(step, links)
             elif step.kind is Kind.LOOP:
                 self._loop(step)
@@ -191,11 +190,18 @@ class Translation:
         self._distinct.test(END)
         self._block.add(*sink.each(self._bindings.source))
 
-    def _guard(self, step: Step, following: Sequence[Step], sink: Sink) -> None:
+    def _value_join(self, step: Step, following: Sequence[Step]) -> ValueJoin | None:
+        """Return which comparisons tell a loop to be over fewer objects, if any do."""
+        if not self.indexes:
+            return None
+        join = value_join(step, following, self._bindings.changing, self._bindings.constants)
+        return join if self._shares or (join and join.alone) else None
+
+    def _guard(self, step: Step, following: Sequence[Step], sink: Sink, join: ValueJoin | None) -> None:
         """Before a loop that nothing connects with the loops around it: there must not be too many matches."""
         if self.bounded is None or step.kind is not Kind.LOOP or not (self._block.loops or self._continues):
             return
-        connected = any(self._bindings.known(variable) for variable in variables(step.goal))
+        connected = join is not None or any(map(self._bindings.known, variables(step.goal)))
         if not connected and not value_tests(step, following, self._bindings):
             name = dict(enumerate(self._conjunction.names)).get(next(iter(step.binds), -1), "")
             check = code.call(self._module.name(self.bounded), self._size(sink), self._module.literal(name))
@@ -331,6 +337,45 @@ class Translation:
         valued = Valued(tuple(self._relations.indices(goal.cls, goal.exact)), tuple(sorted(pairs)))
         values = [self._bindings.source(pairs[attribute]) for attribute in sorted(pairs)]
         self._each([goal.variable], code.call(self._module.name(valued), *values))
+
+    def _loop_joined(self, step: Step, join: ValueJoin, sink: Sink) -> None:
+        """Loop over the objects that an index has for what is known; or count them, if there is nothing else to do."""
+        goal = step.goal
+        assert isinstance(goal, InstanceAtom)
+        classes = tuple(self._relations.indices(goal.cls, goal.exact))
+        number = self._module.fresh("c")
+        index = self._module.name(Valued(classes, (), tuple(join.operators), join.alone, number))
+        asked: list[code.Local] = []
+        for side in join.known:
+            asked.append(code.Local(self._module.fresh("u")))
+            found = self._side(side, self._bindings.source)
+            self._block.test(code.some(code.Let(asked[-1], found)))  # it may have no value
+        equal = len(asked) - len(join.operators)
+        entries, key = self._entries(step, join, number), code.tuple_of(*asked[:equal])
+        parts: list[code.Expression] = [entries, key, *asked[equal:]]
+        if join.whole and sink is COUNT:
+            self._block.add(code.Assign(N, code.method(index, "count", *parts), "+="))
+            return
+        self._each(step.binds, code.method(index, "some" if sink is EXISTENCE else "rows", *parts))
+
+    def _entries(self, step: Step, join: ValueJoin, name: str) -> code.Name:
+        """A function that yields for some objects of a loop what an index files them under."""
+        inner = Translation(self._planner, self._module, self._conjunction, code.Block(), {})
+
+        def each(names: Names) -> code.Body:
+            *keys, bound = (inner._side(side, names) for side in join.own)
+            return (code.Yield(code.tuple_of(code.tuple_of(*keys), bound, names(step.binds[0]))),)
+
+        nodes = code.Local("nodes")
+        inner._each(step.binds, nodes)
+        read = (*step.binds, *(v for side in join.own for v in side.variables))
+        inner._steps(join.steps, Sink(read, (), each, (), relay="each"))
+        return self._module.function(name, [nodes], inner._block.body())
+
+    def _side(self, side: Side, names: Names) -> code.Expression:
+        found = {name: names(variable) for name, variable in side.reads}
+        types = {name: self._conjunction.types[variable] for name, variable in side.reads}
+        return self._module.expression(side.expression, found, types, part=True)
 
     def _loop_common(self, step: Step, tests: Sequence[Step]) -> None:
         """Loop over the ends of a link; if they are many, over those that may pass the tests which follow."""

@@ -2,13 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
 from itertools import takewhile
+from typing import Final
 
+from envgraph.code import dataclass
+from envgraph.errors import spelling
 from envgraph.match.generate._bindings import Bindings
 from envgraph.match.plan._plan import Kind, Step
+from envgraph.match.plan._sharing import mentioned
 from envgraph.metamodel import Reference
-from envgraph.pattern import AttributeAtom, InstanceAtom, LinkAtom
+from envgraph.pattern import (
+    AggregateAtom,
+    AttributeAtom,
+    Binary,
+    Condition,
+    Constant,
+    Expression,
+    FunctionCall,
+    InstanceAtom,
+    LinkAtom,
+    UnequalAtom,
+    Valuation,
+    Variable,
+    children,
+    variables,
+)
 
 
 def value_tests(loop: Step, following: Sequence[Step], bindings: Bindings) -> list[Step]:
@@ -52,3 +73,142 @@ def _tests(following: Sequence[Step]) -> Iterator[Step]:
     """Yield the tests before the next loop."""
     before = takewhile(lambda step: step.kind is not Kind.LOOP, following)
     return (step for step in before if step.kind is Kind.TEST)
+
+
+@dataclass(frozen=True, slots=True)
+class Side:
+    """One side of a comparison: an expression, and the variables that its names stand for."""
+
+    expression: Expression
+    reads: tuple[tuple[str, int], ...]
+
+    @property
+    def variables(self) -> tuple[int, ...]:
+        """The variables that it reads."""
+        return tuple(variable for _, variable in self.reads)
+
+
+@dataclass(frozen=True, slots=True)
+class ValueJoin:
+    """Comparisons of values that are computed of an object, over which is looped, with values that are known before.
+
+    Attributes:
+        own: what is computed of the object: what has to be equal, and last what has bounds, or `none`.
+        known: what it is compared with, in the same order; as many bounds at the end as there are operators.
+        operators: of the bounds, with the value of the object on the left.
+        steps: what has to be met to compute it, of what follows the loop.
+        alone: whether that depends on nothing but the attributes and the class of the object.
+        whole: whether nothing else follows.
+    """
+
+    own: tuple[Side, ...]
+    known: tuple[Side, ...]
+    operators: tuple[str, ...]
+    steps: tuple[Step, ...]
+    alone: bool
+    whole: bool
+
+
+def value_join(
+    loop: Step, following: Sequence[Step], known: frozenset[int], constants: Iterable[int]
+) -> ValueJoin | None:
+    """Return the comparisons that tell a loop to be over fewer objects; None without any that is computed.
+
+    An expression that fails has no value, and no comparison with it holds. Functions of the user are left out: they
+    are called as often as without an index.
+
+    Args:
+        loop: a step.
+        following: the steps after it.
+        known: variables with a value before it, constants left out.
+        constants: those with a fixed value.
+    """
+    if loop.kind is not Kind.LOOP or not isinstance(loop.goal, InstanceAtom):
+        return None
+    own, outer, before = set(loop.binds), set(known), known.union(constants)
+    equal, bounds, steps = list[_Compared](), list[_Compared](), list[Step]()
+    computed, whole = False, True
+    for step in following:
+        names = set(mentioned(step))
+        if step.kind is Kind.LOOP and (equal or bounds or names & outer or not names & own):
+            whole = False
+            break
+        compared = _compared(step, own.union(constants), before) if names & own and names & outer else None
+        if compared is not None and compared[0] == "==" and compared[1] not in [each[1] for each in equal]:
+            equal.append(compared)
+            computed |= not (isinstance(step.goal, AttributeAtom) and step.goal.object in loop.binds)
+            if not isinstance(step.goal, Condition):
+                steps.append(replace(step, kind=Kind.BIND, binds=compared[1].variables))
+        elif compared is not None and all(spelling(compared[1]) == spelling(each[1]) for each in bounds):
+            bounds.append(compared)
+        elif names & outer or (
+            isinstance(step.goal, Condition | Valuation) and not _pure(step.goal.expression)
+        ):
+            outer.update(step.binds)
+            whole = False
+        else:
+            steps.append(step)
+            own.update(step.binds)
+    if not (computed or bounds):
+        return None
+    return ValueJoin(
+        (*(side for _, side, _ in equal), bounds[0][1] if bounds else Side(Constant(None), ())),
+        tuple(side for _, _, side in (*equal, *bounds)),
+        tuple(operator for operator, _, _ in bounds),
+        tuple(steps),
+        all(map(partial(_alone, loop), steps)),
+        whole and all(step.kind is not Kind.LOOP for step in steps),
+    )
+
+
+_Compared = tuple[str, Side, Side]
+"""An operator, the side of a loop, and the side that is known before."""
+_FLIPPED: Final = {"==": "==", "<": ">", "<=": ">=", ">": "<", ">=": "<="}
+
+
+def _compared(step: Step, own: Collection[int], known: Collection[int]) -> _Compared | None:
+    """Return what a test compares, if one side is the loop's, and the other is known before it."""
+    goal = step.goal
+    match goal:
+        case _ if step.kind is not Kind.TEST:
+            return None
+        case AttributeAtom(_, _, value) | Valuation(_, _, value) | AggregateAtom(_, _, _, value):
+            side = Side(Variable("value"), (("value", value),))
+            if value in known and all(v in own for v in variables(goal) if v != value):
+                return "==", side, side
+        case Condition(Binary(operator) as whole, reads) if operator in _FLIPPED and _pure(whole):
+            one, other = (_side(side, dict(reads)) for side in (whole.left, whole.right))
+            for left, right, sign in ((one, other, operator), (other, one, _FLIPPED[operator])):
+                if all(v in own for v in left.variables) and all(v in known for v in right.variables):
+                    return sign, left, right
+    return None
+
+
+def _side(expression: Expression, numbers: Mapping[str, int]) -> Side:
+    return Side(expression, tuple((name, numbers[name]) for name in dict.fromkeys(_names(expression))))
+
+
+def _names(expression: Expression) -> Iterator[str]:
+    if isinstance(expression, Variable):
+        yield expression.name
+    for child in children(expression):
+        yield from _names(child)
+
+
+def _alone(loop: Step, step: Step) -> bool:
+    """Return whether a step reads nothing but attributes and the class of the object of a loop."""
+    goal = step.goal
+    if step.kind is Kind.TEST or step.kind is Kind.BIND:
+        return isinstance(goal, Condition | InstanceAtom | UnequalAtom | Valuation) or (
+            isinstance(goal, AttributeAtom) and goal.object in loop.binds
+        )
+    return False
+
+
+def _pure(expression: Expression) -> bool:
+    """Return whether an expression calls no function of the user, and has no `none` in it, which equals itself."""
+    if isinstance(expression, FunctionCall) and expression.declaration is not None:
+        return False
+    if isinstance(expression, Constant) and expression.value is None:
+        return False
+    return all(map(_pure, children(expression)))

@@ -49,10 +49,18 @@ class ClassTable:
 
 @dataclass(frozen=True, slots=True)
 class Valued:
-    """The objects of some classes with given values in some attributes (all by index)."""
+    """The objects of some classes with given values in some attributes (all by index), or else an index of its own.
+
+    Attributes:
+        operators, alone: see `ValueIndex`.
+        number: tells indexes by computed values apart.
+    """
 
     classes: tuple[int, ...]
-    attributes: tuple[int, ...]
+    attributes: tuple[int, ...] = ()
+    operators: tuple[str, ...] = ()
+    alone: bool = True
+    number: str = ""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -75,11 +75,20 @@ class Module:
         return self.name(Literal(value))
 
     def expression(
-        self, expression: Term, names: Mapping[str, code.Expression], types: Mapping[str, StaticType]
+        self,
+        expression: Term,
+        names: Mapping[str, code.Expression],
+        types: Mapping[str, StaticType],
+        part: bool = False,
     ) -> code.Expression:
-        """The code of an expression; one that may have no value is put into a function that returns None then."""
+        """The code of an expression, or of a side of a comparison (`part`).
+
+        One that may have no value is put into a function that returns None then.
+        """
         first = self._counts.get("k", 0)
-        compiled = compile_expression(expression, names, types, constant=lambda i: code.Name(f"k{first + i}"))
+        compiled = compile_expression(
+            expression, names, types, part=part, constant=lambda i: code.Name(f"k{first + i}")
+        )
         for value in compiled.constants:
             self.name(Literal(value))
         if not compiled.fallible:

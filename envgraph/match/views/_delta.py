@@ -14,6 +14,7 @@ from envgraph import code
 from envgraph.code import dataclass
 from envgraph.match.generate._bindings import Bindings
 from envgraph.match.generate._generate import Translation
+from envgraph.match.generate._narrowing import ValueJoin
 from envgraph.match.generate._relations import Relations, forward_column
 from envgraph.match.generate._sinks import EXISTENCE, OUT, Sink, gathering, length, row, value
 from envgraph.match.generate._symbols import Bounded, Column, Held, Source
@@ -342,6 +343,10 @@ class DeltaTranslation(Translation):
         else:
             super()._loop(step)
         self._exclude(goal)
+
+    def _loop_joined(self, step: Step, join: ValueJoin, sink: Sink) -> None:
+        super()._loop_joined(step, join, sink)
+        self._exclude(step.goal)
 
     def _bind(self, step: Step, inline: bool) -> None:
         super()._bind(step, inline)

@@ -55,6 +55,7 @@ def compile_expression(
     names: Mapping[str, code.Expression],
     types: Mapping[str, StaticType] | None = None,
     *,
+    part: bool = False,
     constant: Callable[[int], code.Expression] = lambda number: code.Index(
         code.Name("k"), code.Constant(number)
     ),
@@ -66,6 +67,7 @@ def compile_expression(
         names: what stands for each variable.
         types: types of the variables. With them, arithmetic on ints, comparisons and concatenation of strings are
             written out; without, helpers look at the values.
+        part: it is a side of a comparison: an int in it has no bound.
         constant: what stands for the literal of a number (from 0).
 
     Raises:
@@ -77,7 +79,7 @@ def compile_expression(
     """
     writer = _Writer(names, types or {}, constant)
     tree = writer.write(expression)
-    if computes(expression) and writer.type_of(expression) is not Scalar.FLOAT:
+    if not part and computes(expression) and writer.type_of(expression) is not Scalar.FLOAT:
         writer.fallible = True
         tree = code.call("_bounded", tree)
     return CompiledExpression(tree, tuple(writer.constants), writer.fallible)
