@@ -134,12 +134,16 @@ def value_join(
             whole = False
             break
         compared = _compared(step, own.union(constants), before) if names & own and names & outer else None
-        if compared is not None and compared[0] == "==" and compared[1] not in [each[1] for each in equal]:
+        if compared and compared[0] == "==" and compared[1] not in [each[1] for each in equal]:
             equal.append(compared)
             computed |= not (isinstance(step.goal, AttributeAtom) and step.goal.object in loop.binds)
             if not isinstance(step.goal, Condition):
                 steps.append(replace(step, kind=Kind.BIND, binds=compared[1].variables))
-        elif compared is not None and all(spelling(compared[1]) == spelling(each[1]) for each in bounds):
+        elif (
+            compared
+            and compared[0] != "=="
+            and all(spelling(compared[1]) == spelling(s) for _, s, _ in bounds)
+        ):
             bounds.append(compared)
         elif names & outer or (
             isinstance(step.goal, Condition | Valuation) and not _pure(step.goal.expression)
