@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from envgraph.draw import markup
 from envgraph.match.explain._trace import Trace
+from envgraph.match.generate._narrowing import value_join
 from envgraph.match.generate._sources import view_source
 from envgraph.match.generate._symbols import Mode
 from envgraph.match.plan._plan import BodyPlan, Kind, Plan, Step, ViewKey
@@ -68,9 +69,9 @@ def explain_view(planner: Planner, key: ViewKey, actual: Actual | None) -> str:
         lines.append(f"body {number}: about {_number(body.plan.rows)} rows, cost {_number(body.plan.cost)}")
         run = actual(body) if actual is not None else None
         counts = run.counts if run is not None and run.whole else ()
-        lines.extend(
-            steps_text(body.plan, Names(planner.library, key.pattern, number - 1, body), "  ", counts)
-        )
+        own = Names(planner.library, key.pattern, number - 1, body)
+        bound = [body.conjunction.parameters[position] for position in key.bound]
+        lines.extend(steps_text(body.plan, own, "  ", counts, bound))
     if not view.distinct:
         lines.append("the same row may be found more than once and is reported once")
     if planner.calls.recursive(key.pattern):
@@ -85,11 +86,12 @@ class Names:
         lowered = library.lowered(pattern).bodies[number]
         self._names = dict(enumerate(lowered.names))
         conjunction = body.conjunction if isinstance(body, BodyPlan) else body
-        self._constants = dict(conjunction.constants)
+        self.constants = dict(conjunction.constants)
+        self.types = conjunction.types
 
     def __call__(self, variable: int) -> str:
-        if variable in self._constants:
-            return repr(self._constants[variable])
+        if variable in self.constants:
+            return repr(self.constants[variable])
         if self.anonymous and not self.spoken(variable):
             return "_"
         return self._names.get(variable, f"#{variable}")
@@ -99,7 +101,7 @@ class Names:
 
     def spoken(self, variable: int) -> bool:
         """Return whether a text names the variable, and it is no constant."""
-        return variable not in self._constants and not self._names.get(variable, "#").startswith("#")
+        return variable not in self.constants and not self._names.get(variable, "#").startswith("#")
 
     def called(self, variable: int, name: str) -> bool:
         """Return whether the text of this pattern has that name for the variable."""
@@ -109,14 +111,34 @@ class Names:
         return ", ".join(map(self, variables))
 
 
-def steps_text(plan: Plan, names: Names, indent: str, counts: Sequence[float] = ()) -> Iterator[str]:
-    """One line for each step of a plan, and for those inside it; `counts` are actual rows of the outer ones."""
+def steps_text(
+    plan: Plan,
+    names: Names,
+    indent: str,
+    counts: Sequence[float] = (),
+    known: Iterable[int] = (),
+    alone: bool = False,
+) -> Iterator[str]:
+    """One line for each step of a plan, and for those inside it.
+
+    Args:
+        plan: the steps.
+        names: of the variables.
+        indent: before each line.
+        counts: actual rows of the outer steps.
+        known: variables that have a value before the plan.
+        alone: an index is only of values that depend on one object alone.
+    """
+    found = frozenset(known) - names.constants.keys()
     for number, step in enumerate(plan.steps):
+        join = value_join(step, plan.steps[number + 1 :], found, names.constants, names.types)
+        how = ", looked up by value" if join and (join.alone or not alone) else ""
         actual = f", actually {_exactly(counts[number])}" if counts else ""
-        yield f"{indent}{_VERBS[step.kind]:7} {goal_text(step, names)}  (rows {_number(step.rows)}{actual})"
+        yield f"{indent}{_VERBS[step.kind]:7} {goal_text(step, names)}{how}  (rows {_number(step.rows)}{actual})"
         for inner in step.inner:
             if not isinstance(step.goal, AggregateAtom):
-                yield from steps_text(inner, names, indent + "  ")
+                yield from steps_text(inner, names, indent + "  ", (), found, alone)
+        found = found.union(step.binds)
 
 
 _VERBS = {

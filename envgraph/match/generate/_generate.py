@@ -194,7 +194,8 @@ class Translation:
         """Return which comparisons tell a loop to be over fewer objects, if any do."""
         if not self.indexes:
             return None
-        join = value_join(step, following, self._bindings.changing, self._bindings.constants)
+        types = self._conjunction.types
+        join = value_join(step, following, self._bindings.changing, self._bindings.constants, types)
         return join if self._shares or (join and join.alone) else None
 
     def _guard(self, step: Step, following: Sequence[Step], sink: Sink, join: ValueJoin | None) -> None:

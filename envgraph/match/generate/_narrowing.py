@@ -13,7 +13,7 @@ from envgraph.errors import spelling
 from envgraph.match.generate._bindings import Bindings
 from envgraph.match.plan._plan import Kind, Step
 from envgraph.match.plan._sharing import mentioned
-from envgraph.metamodel import Reference
+from envgraph.metamodel import Reference, Scalar
 from envgraph.pattern import (
     AggregateAtom,
     AttributeAtom,
@@ -24,6 +24,7 @@ from envgraph.pattern import (
     FunctionCall,
     InstanceAtom,
     LinkAtom,
+    StaticType,
     UnequalAtom,
     Valuation,
     Variable,
@@ -110,7 +111,11 @@ class ValueJoin:
 
 
 def value_join(
-    loop: Step, following: Sequence[Step], known: frozenset[int], constants: Iterable[int]
+    loop: Step,
+    following: Sequence[Step],
+    known: frozenset[int],
+    constants: Iterable[int],
+    types: Sequence[StaticType],
 ) -> ValueJoin | None:
     """Return the comparisons that tell a loop to be over fewer objects; None without any that is computed.
 
@@ -122,6 +127,7 @@ def value_join(
         following: the steps after it.
         known: variables with a value before it, constants left out.
         constants: those with a fixed value.
+        types: of all variables.
     """
     if loop.kind is not Kind.LOOP or not isinstance(loop.goal, InstanceAtom):
         return None
@@ -133,7 +139,9 @@ def value_join(
         if step.kind is Kind.LOOP and (equal or bounds or names & outer or not names & own):
             whole = False
             break
-        compared = _compared(step, own.union(constants), before) if names & own and names & outer else None
+        compared = (
+            _compared(step, own.union(constants), before, types) if names & own and names & outer else None
+        )
         if compared and compared[0] == "==" and compared[1] not in [each[1] for each in equal]:
             equal.append(compared)
             computed |= not (isinstance(step.goal, AttributeAtom) and step.goal.object in loop.binds)
@@ -170,7 +178,9 @@ _Compared = tuple[str, Side, Side]
 _FLIPPED: Final = {"==": "==", "<": ">", "<=": ">=", ">": "<", ">=": "<="}
 
 
-def _compared(step: Step, own: Collection[int], known: Collection[int]) -> _Compared | None:
+def _compared(
+    step: Step, own: Collection[int], known: Collection[int], types: Sequence[StaticType]
+) -> _Compared | None:
     """Return what a test compares, if one side is the loop's, and the other is known before it."""
     goal = step.goal
     match goal:
@@ -184,8 +194,32 @@ def _compared(step: Step, own: Collection[int], known: Collection[int]) -> _Comp
             one, other = (_side(side, dict(reads)) for side in (whole.left, whole.right))
             for left, right, sign in ((one, other, operator), (other, one, _FLIPPED[operator])):
                 if all(v in own for v in left.variables) and all(v in known for v in right.variables):
-                    return sign, left, right
+                    return _shifted(
+                        sign, left, right, [types[v] for v in (*left.variables, *right.variables)]
+                    )
     return None
+
+
+def _shifted(operator: str, own: Side, known: Side, types: Sequence[StaticType]) -> _Compared:
+    """The same comparison, `x < y - 3` for `x + 3 < y`, so that several bounds are of one value.
+
+    Of ints alone: with them a calculation is exact.
+    """
+    match own.expression:
+        case Binary("+" | "-" as sign, Variable() as value, Constant(int() as by) as constant):
+            if all(each is Scalar.INT for each in types) and _whole(known.expression) and type(by) is int:
+                other = Binary("-" if sign == "+" else "+", known.expression, constant)
+                return operator, Side(value, own.reads), Side(other, known.reads)
+    return operator, own, known
+
+
+def _whole(expression: Expression) -> bool:
+    """Return whether an expression of ints is calculated with ints alone, and cannot fail."""
+    if isinstance(expression, Binary):
+        return expression.operator in ("+", "-", "*") and all(map(_whole, children(expression)))
+    return isinstance(expression, Variable) or (
+        isinstance(expression, Constant) and type(expression.value) is int
+    )
 
 
 def _side(expression: Expression, numbers: Mapping[str, int]) -> Side:

@@ -28,6 +28,8 @@ from envgraph.metamodel import Reference
 from envgraph.pattern import (
     Absence,
     AggregateAtom,
+    AttributeAtom,
+    Binary,
     CallAtom,
     Closure,
     ClosureAtom,
@@ -53,6 +55,10 @@ Evaluate = Callable[[str], Callable[[], Sequence[Any]]]
 
 MOST_GOALS: Final = 40
 """Goals of a body that still gets delta functions: there is one for each, and each is planned."""
+
+
+MOST_ORDERED: Final = 100_000
+"""Estimated rows of a pattern with an inequality such as `x < y` that may still be held to be negated or counted."""
 
 
 class NotIncremental(Exception):
@@ -365,8 +371,24 @@ class NetworkBuilder:
             raise NotIncremental
         return self.view(pattern)
 
+    def _check_orderings(self, pattern: str) -> None:
+        """Refuse a pattern that is negated or aggregated and has very many rows because of an inequality.
+
+        Comparisons such as `x < y` relate nearly all objects with each other. A search answers them by order, and needs
+        no row for each pair, so the pattern that asks is evaluated anew after every change.
+        """
+        for body in self._bodies.of(pattern) if pattern not in self.operators else ():
+            if any(map(_is_ordering, body.goals)):
+                try:
+                    rows = self._planner.plan(body, body.goals, frozenset()).rows
+                except Unplannable:
+                    continue
+                if rows > MOST_ORDERED:
+                    raise NotIncremental
+
     def _absence(self, body: Conjunction, goal: Absence, place: str) -> Goal:
         if isinstance(call := negated(goal), CallAtom):
+            self._check_orderings(call.pattern)
             goal = replace(goal, alternatives=((self._call(body, call, place, free_inside(goal)),),))
         relation, local = negated(goal), set(free_inside(goal))
         if isinstance(relation, ClosureAtom):
@@ -403,6 +425,7 @@ class NetworkBuilder:
         if reached is not None and goal.function == "count" and len(local) == 1 and len(set(called)) == 2:
             return self._number_reached(body, goal, reached, place)
         if isinstance(relation, CallAtom):
+            self._check_orderings(relation.pattern)
             relation = self._call(body, relation, place)
         columns = tuple(dict.fromkeys(called))
         if (
@@ -532,6 +555,16 @@ class NetworkBuilder:
             kind, edges = self.edges[name][0]
             if kind == "rows":
                 yield str(edges)
+
+
+def _is_ordering(goal: Goal) -> bool:
+    """Return whether a goal compares two values by their order."""
+    return (
+        isinstance(goal, Condition)
+        and isinstance(goal.expression, Binary)
+        and goal.expression.operator in ("<", "<=", ">", ">=")
+        and len(goal.reads) > 1
+    )
 
 
 def called(place: Occurrence) -> str | None:
