@@ -63,8 +63,9 @@ class Store:
         loading: whether the model is being built without a journal.
         total: the sum behind the state hash.
         revision: grows with every change and every restoration.
-        touched: the objects whose values, class or place in their extent have changed since somebody set it to {}, each
-            with the revision of its last change, the latest last; None while nobody asks, and after a restoration.
+        touched: the objects whose values have changed since somebody set it to {}, and inverted (`~node`) those whose
+            class or place in the extent has, each with the revision of its last change, the latest last; None while
+            nobody asks, and after a restoration.
         followers: see `Follower`.
         value_added, value_removing: for each attribute (by `index`) a function of node and value, or None.
         class_added, class_removing: for each class (by index) a function of the node, or None.
@@ -168,7 +169,7 @@ class Store:
         self.total += self.salts[0][node] * self._class_codes[cls]
         self.revision += 1
         if self.touched is not None:
-            self._touch(node)
+            self._touch(~node)
         if self.listeners:
             self._inserted(ClassFact(self.metamodel.class_list[cls].name, node))
 
@@ -202,9 +203,9 @@ class Store:
         self.total -= self.salts[0][node] * self._class_codes[cls]
         self.revision += 1
         if self.touched is not None:
-            self._touch(node)
+            self._touch(~node)
             if place < len(extent):
-                self._touch(extent[place])
+                self._touch(~extent[place])
 
     def put(self, node: int, attribute: int, value: Any) -> None:
         """The object gets another value in an attribute, or None."""

@@ -92,7 +92,7 @@ class ValueIndex:
         if not self._made:
             self._asked += 1
             if self._asked > FEW:
-                self._table, self._filed, self._made = {}, {}, True
+                self._table, self._filed = {}, {}
                 for key, value, node in entries(chain.from_iterable(self._extents)):
                     self._table.setdefault(key, []).append((value, node) if self._operators else node)
                 for bucket in self._table.values():
@@ -100,50 +100,50 @@ class ValueIndex:
                         bucket[:] = sorted(each for each in bucket if each[0] is not None)
                     elif not self._alone:
                         bucket[:] = dict.fromkeys(bucket)
+                self._made = True
         return self._made
 
     def _follow(self, entries: Entries) -> None:
-        """Bring the index to the present state, or give it up."""
-        store, since = self._store, self._revision
-        self._revision = store.revision
+        """Bring the index to the present state, or give it up; so does an exception."""
+        store, since, made = self._store, self._revision, self._made
+        self._revision, self._made = store.revision, False
         if store.touched is None:
             store.touched = {}
-        nodes: list[int] = []
-        if self._alone and self._touched is not None and store.touched is self._touched:
-            most = sum(map(len, self._extents)) // FOLLOWED + 1 if self._made else 0
-            recent = takewhile(lambda each: each[1] > since, reversed(self._touched.items()))
-            nodes = [node for node, _ in islice(recent, most + 1)]
-            if not self._made or len(nodes) <= most:
-                self._file_again(entries, nodes)
+        if self._alone and store.touched is self._touched:
+            most = sum(map(len, self._extents)) // FOLLOWED + 1
+            recent = takewhile(lambda each: each[1] > since, reversed(store.touched.items()))
+            nodes = [node for node, _ in islice(recent, most + 1)] if made else []
+            if len(nodes) <= most:
+                if nodes:
+                    self._file_again(entries, nodes)
+                self._made = made
                 return
-        self._made, self._asked, self._touched = False, 0, store.touched
+        self._asked, self._touched = 0, store.touched
 
     def _file_again(self, entries: Entries, nodes: Sequence[int]) -> None:
-        """Remove objects, and insert them by the values that they have now."""
-        if not self._made:
-            return
+        """Remove objects of `Store.touched`, and insert them by the values and the places that they have now."""
+        table, place = self._table, self._place
         if not self._filed:
-            for key, bucket in self._table.items():
+            for key, bucket in table.items():
                 for item in bucket:
                     self._filed.setdefault(item[1] if self._operators else item, []).append((key, item))
-        for node in nodes:
+        new: dict[int, list[Any]] = {max(node, ~node): [] for node in nodes}
+        for key, value, node in entries([n for n in new if self._store.classes[n] in self._ranks]):
+            if value is not None or not self._operators:
+                new[node].append((key, (value, node) if self._operators else node))
+        moved = set() if self._operators else {~node for node in nodes if node < 0}
+        new = {n: filed for n, filed in new.items() if n in moved or filed != self._filed.get(n, [])}
+        for node in new:
             for key, item in self._filed.pop(node, ()):
-                bucket = self._table[key]
                 if self._operators:
-                    del bucket[bisect_left(bucket, item)]
+                    del table[key][bisect_left(table[key], item)]
                 else:  # a copy: whoever goes through the list may still do so
-                    self._table[key] = [each for each in bucket if each != node]
-        for key, value, node in entries([n for n in nodes if self._store.classes[n] in self._ranks]):
-            item = (value, node) if self._operators else node
-            bucket = self._table.setdefault(key, [])
-            if not self._operators:
-                bucket = self._table[key] = bucket.copy()
-                insort(bucket, node, key=self._place)
-            elif value is not None:
-                insort(bucket, item)
-            else:
-                continue
-            self._filed.setdefault(node, []).append((key, item))
+                    table[key] = [each for each in table[key] if each != node]
+        for node, filed in new.items():
+            for key, item in filed:
+                bucket = table[key] = table.get(key, []) if self._operators else [*table.get(key, ())]
+                insort(bucket, item, key=None if self._operators else place)
+            self._filed[node] = filed
 
     def _place(self, node: int) -> int:
         """Return where an object stands in the loop."""
