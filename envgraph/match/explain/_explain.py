@@ -119,15 +119,9 @@ def steps_text(
     known: Iterable[int] = (),
     alone: bool = False,
 ) -> Iterator[str]:
-    """One line for each step of a plan, and for those inside it.
+    """One line for each step of a plan, and for those inside it; `counts` are actual rows of the outer ones.
 
-    Args:
-        plan: the steps.
-        names: of the variables.
-        indent: before each line.
-        counts: actual rows of the outer steps.
-        known: variables that have a value before the plan.
-        alone: an index is only of values that depend on one object alone.
+    `known` are variables with a value before. Views have indexes only of values of one object (`alone`).
     """
     found = frozenset(known) - names.constants.keys()
     for number, step in enumerate(plan.steps):

@@ -123,10 +123,8 @@ def value_join(
     are called as often as without an index.
 
     Args:
-        loop: a step.
-        following: the steps after it.
-        known: variables with a value before it, constants left out.
-        constants: those with a fixed value.
+        loop, following: a step, and those after it.
+        known, constants: variables with a value before it, those with a fixed value apart.
         types: of all variables.
     """
     if loop.kind is not Kind.LOOP or not isinstance(loop.goal, InstanceAtom):

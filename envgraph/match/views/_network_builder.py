@@ -374,8 +374,8 @@ class NetworkBuilder:
     def _check_orderings(self, pattern: str) -> None:
         """Refuse a pattern that is negated or aggregated and has very many rows because of an inequality.
 
-        Comparisons such as `x < y` relate nearly all objects with each other. A search answers them by order, and needs
-        no row for each pair, so the pattern that asks is evaluated anew after every change.
+        Comparisons such as `x < y` relate nearly all objects. A search finds the answer by order and needs no row for
+        each pair, so the pattern that asks is evaluated anew after every change.
         """
         for body in self._bodies.of(pattern) if pattern not in self.operators else ():
             if any(map(_is_ordering, body.goals)):
@@ -559,12 +559,8 @@ class NetworkBuilder:
 
 def _is_ordering(goal: Goal) -> bool:
     """Return whether a goal compares two values by their order."""
-    return (
-        isinstance(goal, Condition)
-        and isinstance(goal.expression, Binary)
-        and goal.expression.operator in ("<", "<=", ">", ">=")
-        and len(goal.reads) > 1
-    )
+    expression = goal.expression if isinstance(goal, Condition) and len(goal.reads) > 1 else None
+    return isinstance(expression, Binary) and expression.operator in ("<", "<=", ">", ">=")
 
 
 def called(place: Occurrence) -> str | None:
