@@ -28,7 +28,6 @@ from envgraph.metamodel import Reference
 from envgraph.pattern import (
     Absence,
     AggregateAtom,
-    AttributeAtom,
     Binary,
     CallAtom,
     Closure,
