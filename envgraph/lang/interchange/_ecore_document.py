@@ -179,8 +179,8 @@ def without_values(element: Element) -> str | None:
 
 
 def is_computed(element: Element) -> bool:
-    """Return whether a feature is derived and of such a kind that a query can define it."""
-    contains = element.get("containment") == "true"
+    """Return whether a feature is derived and of such a kind that a query can define it: no container of any object."""
+    contains = element.get("containment") == "true" or element.get("eType").endswith(_ANY)
     return element.get("derived") == "true" and not contains and "kind" not in extended(element)
 
 

@@ -119,14 +119,14 @@ def test_a_metamodel_comes_back() -> None:
 def test_what_cannot_be_represented_is_told(caplog: pytest.LogCaptureFixture) -> None:
     package = ecore.EPackage("p", "http://p", "p")
     tagged = ecore.EClass("Tagged")
-    tagged.eStructuralFeatures.append(ecore.EAttribute("size", ecore.EInt, derived=True))
+    tagged.eStructuralFeatures.append(ecore.EAttribute("size", ecore.EInt, transient=True))
     tagged.eStructuralFeatures.append(ecore.EAttribute("name", ecore.EString))
     package.eClassifiers.append(tagged)
     with caplog.at_level("WARNING", "envgraph"):
         found = metamodel_from_pyecore(package)
-    assert caplog.messages == ["the derived feature `size` is left out"]
+    assert caplog.messages == ["the transient feature `size` is left out"]
     assert list(found.features("Tagged")) == ["name"]
-    assert found.left_out("Tagged", "size") == "it is derived, and was left out of the metamodel"
+    assert found.left_out("Tagged", "size") == "it is transient, and was left out of the metamodel"
 
 
 def test_classes_of_ecore_itself_are_known() -> None:
