@@ -10,11 +10,14 @@ from envgraph.errors import EvaluationError
 from envgraph.graph import SET, Store
 from envgraph.match._components import Reached, Tree, reachable_sets
 from envgraph.match.views._operators import Operator, Rows
-from envgraph.match.views._sets import Groups, MatchSet, Row, become
+from envgraph.match.views._sets import MatchSet, Row, become
 from envgraph.metamodel import components
 
 FEW: Final = 12
 """Starts that are searched one by one; more share the strongly connected components."""
+
+PART: Final = 8
+"""The search for the starts that a change concerns ends where it meets more nodes than one for each so many starts."""
 
 NOTHING: Final[Reached] = {}
 ABSENT: Final = object()
@@ -27,9 +30,6 @@ Patch = tuple[Any, Reached, Reached, Reached]
 
 Difference = tuple[list[Any], list[Any]]
 """What was reached and is no more, and what is reached and was not."""
-
-SPARSE: Final = 8
-"""Pairs for each node up to which it is also kept from which starts a node is reached."""
 
 
 class Steps:
@@ -75,7 +75,6 @@ class ClosureOperator(Operator):
         self.reflexive = reflexive
         self.reached: dict[Any, Reached] = {}
         self.begun = MatchSet(store)
-        self._inverse: Groups | None = None
         self._steps = steps
         self._gained: list[Step] = []
         self._lost: list[Step] = []
@@ -300,21 +299,28 @@ class ClosureOperator(Operator):
             del new[node]
         new |= reattached
         new |= come
-        if self._inverse is not None:
-            self._index(self._inverse, start, gone, fresh)
         if self.added is not None and fresh:
             self._notify(self.added, start, fresh)
 
-    def _concerned(self, lost: list[Step], gained: list[Step]) -> list[Any]:
-        """The starts that reach the near end of a changed step; all of them, if that is not kept."""
-        if self._inverse is None:
-            return [start for (start,) in self.begun]
-        found: dict[Any, None] = {}
-        for node, _ in (*lost, *gained):
-            found.update(dict.fromkeys(self._inverse.table[node]))
-            if (node,) in self.begun.position:
-                found[node] = None
-        return list(found)
+    def _concerned(self, lost: list[Step], gained: list[Step]) -> Collection[Any]:
+        """Return the starts that reached the near end of a changed step, and some others; all where those are many."""
+        before, most = self._steps.before, len(self.begun) // PART
+        if len(self.begun) > FEW:
+            gone: dict[Any, list[Any]] = {}
+            for node, other in lost:
+                gone.setdefault(other, []).append(node)
+            seen = dict.fromkeys(node for node, _ in (*lost, *gained))
+            todo = list(seen)
+            for node in todo:
+                for other in (*before(node), *gone.get(node, ())):
+                    if other not in seen:
+                        seen[other] = None
+                        todo.append(other)
+                if len(seen) > most:
+                    break
+            else:
+                return [node for node in todo if (node,) in self.begun.position]
+        return [start for (start,) in self.begun]
 
     def _solve(self, starts: Sequence[Any]) -> dict[Any, Reached]:
         """Return what the starts reach."""
@@ -340,16 +346,8 @@ class ClosureOperator(Operator):
             self.store.journal.extend((self.reached, start, old, SET))
         self.reached[start] = new
         self._owned[start] = self.store.epoch if type(new) is Tree else -1
-        if self._inverse is not None:
-            self._index(self._inverse, start, gone, come)
         if self.added is not None:
             self._notify(self.added, start, come)
-
-    def _index(self, inverse: Groups, start: Any, gone: Iterable[Any], come: Iterable[Any]) -> None:
-        for other in gone:
-            inverse.drop((other, start))
-        for other in come:
-            inverse.add((other, start))
 
     def _notify(self, hook: Any, start: Any, others: Iterable[Any]) -> None:
         for other in others:
@@ -370,12 +368,6 @@ class ClosureOperator(Operator):
         starts = list(self.starts.rows)
         become(self.store, self.reached, self._solve([start for (start,) in starts]), NOTHING)
         self.begun.replace(starts)
-        if self._inverse is None and not self.store.recording:
-            nodes = {node for each in {id(r): r for r in self.reached.values()}.values() for node in each}
-            if len(starts) > FEW and self.size() <= SPARSE * (len(starts) + len(nodes)):
-                self._inverse = Groups(self.store, (0,), 1)
-        if self._inverse is not None:
-            self._inverse.fill([(other, start) for (start,) in starts for other in self.reached[start]])
 
     def check(self) -> None:
         """Assert that everything is as a new search finds it."""
@@ -384,8 +376,6 @@ class ClosureOperator(Operator):
             reached = self.reached[start]
             assert reached.keys() == self._reach(start).keys(), self.name
             assert all(self._is_connected(node, start, reached) for node in reached), self.name
-        if self._inverse is not None:
-            self._inverse.check([(other, start) for (start,) in self.begun for other in self.reached[start]])
 
     def _is_connected(self, node: Any, start: Any, reached: Reached) -> bool:
         """Return whether the path from the start to a node has only steps that there are, as far as that is known."""
