@@ -200,5 +200,5 @@ class Network:
                     operator.check(operator.circles())
                 case Component():
                     assert not operator.pending
-                case Rows():
+                case Rows() if operator.name in self._planner.library.names():
                     operator.check(self._evaluate(operator.name)())

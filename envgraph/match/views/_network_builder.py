@@ -14,8 +14,8 @@ from envgraph.match.passes import FOR_VIEWS, Bodies
 from envgraph.match.passes._calls import CallGraph
 from envgraph.match.plan._options import Unplannable
 from envgraph.match.plan._plan import held_value
-from envgraph.match.plan._planner import determined, disjoint
-from envgraph.match.views._bodies import closure_of, component, existential, free_inside, link_of, negated
+from envgraph.match.views._asked_rows import Definitions, Wanted, doubled, led_to, passed_on
+from envgraph.match.views._bodies import closure_of, component, free_inside, link_of, negated
 from envgraph.match.views._closure_operator import CircleOperator, ClosureOperator, Steps
 from envgraph.match.views._delta import Delta, build_source, delta_source, derivable_source
 from envgraph.match.views._group_aggregates import Fold, Nth
@@ -125,13 +125,11 @@ class NetworkBuilder:
             if self.library.inputs(pattern):
                 raise NotIncremental
             if self.calls.recursive(pattern):
-                return self._recursive(pattern)
+                return self._members(self._definitions(pattern))[pattern]
             return self._define(pattern, self._bodies.of(pattern))
         except NotIncremental:
             self._open = under_way
-            for name in list(self.operators)[before:]:
-                del self.operators[name]
-                self.definitions.pop(name, None)
+            self._discard(*list(self.operators)[before:])
             for name in self._together(pattern):
                 self._enter(Evaluated(name, self.store, self._evaluate(name)))
             found = self.operators[pattern]
@@ -141,7 +139,7 @@ class NetworkBuilder:
     def recursive(self, pattern: str) -> Member | None:
         """The operator of a recursive pattern, if it has deltas."""
         try:
-            return self._recursive(pattern)
+            return self._members(self._definitions(pattern))[pattern]
         except NotIncremental:
             return None
 
@@ -154,9 +152,8 @@ class NetworkBuilder:
 
     def _define(self, name: str, bodies: Iterable[Conjunction]) -> View:
         """A view of some bodies."""
-        self._products[name] = False
         prepared = [self._prepared(name, number, body) for number, body in enumerate(bodies)]
-        view = View(name, self.store, counted=self._repeats(prepared))
+        view = View(name, self.store, counted=self._planner.repeats(prepared))
         try:
             lists = [
                 self._build(build_source(self._planner, name, number, body))
@@ -168,27 +165,52 @@ class NetworkBuilder:
         self.definitions[name] = Definition(view, tuple(prepared))
         return self._enter(view)
 
-    def _recursive(self, pattern: str) -> Member:
-        """The operators of all patterns that call each other with this one."""
-        component = self.calls.component(pattern)
+    def _definitions(self, pattern: str) -> Definitions:
+        """Return the bodies of all patterns that call each other with this one."""
         names = self._together(pattern)
-        if len(names) < len(component):
+        if len(names) < len(self.calls.component(pattern)):
             raise NotIncremental
-        members = {name: self._enter(Member(name, self.store)) for name in names}
+        definitions: Definitions = {name: self._bodies.of(name) for name in names}
+        if found := doubled(definitions):
+            # The last call asks for the bodies that are not recursive: as many rows, each with fewer derivations.
+            (body, first, last), exits = found, f"{pattern}/exits"
+            if exits not in self.operators:
+                self._define(exits, [each for each in definitions[pattern] if each is not body])
+            steps = ((CallAtom(exits, body.parameters),), (first, replace(last, pattern=exits)))
+            return {pattern: [replace(body, goals=goals) for goals in steps]}
+        return definitions
+
+    def _members(self, definitions: Definitions) -> dict[str, Member]:
+        """Make the operators of patterns that call each other."""
+        component = frozenset(definitions)
+        members = {name: self._enter(Member(name, self.store, component)) for name in definitions}
         self._open |= component
+        each = [(name, number, body) for name in members for number, body in enumerate(definitions[name])]
+        prepared = [(name, number, self._prepared(name, number, body)) for name, number, body in each]
         for name, member in members.items():
-            bodies = tuple(
-                self._prepared(name, number, body) for number, body in enumerate(self._bodies.of(name))
-            )
-            self.definitions[name] = Definition(member, bodies)
+            self.definitions[name] = Definition(member, tuple(body for of, _, body in prepared if of == name))
         self._open -= component
-        for member in members.values():
-            try:
-                self._make_member(member, component)
-            except Unplannable:
-                raise NotIncremental from None
-        self._enter(Component(f"{names[0]}/component", self.store, list(members.values())))
-        return members[pattern]
+        try:
+            for name, number, body in prepared:
+                member = members[name]
+                inside = [place for place in occurrences(body) if called(place) in component]
+                if not inside:
+                    base = self._build(build_source(self._planner, name, number, body))
+                    member.list_base = (*member.list_base, base)
+                for place in inside:
+                    target = members[called(place) or ""]
+                    delta = Delta(name, number, body, place, (), queued=True)
+                    self.spreading.append(delta)
+                    spread, retract = (delta_source(self._planner, delta, new) for new in (True, False))
+                    target.spread = (*target.spread, self._build(spread))
+                    target.retract = (*target.retract, self._build(retract))
+            self._enter(Component(f"{next(iter(members))}/component", self.store, list(members.values())))
+            for name, number, body in prepared:  # planned with the sizes that there are now
+                derivable = self._build(derivable_source(self._planner, name, number, body))
+                members[name].derivable = (*members[name].derivable, derivable)
+        except Unplannable:
+            raise NotIncremental from None
+        return members
 
     def _together(self, pattern: str) -> list[str]:
         """The patterns that call each other with this one, or the pattern alone; those that can be enumerated."""
@@ -239,79 +261,88 @@ class NetworkBuilder:
             found.append(CallAtom(self._define(f"{place}/{number}", [alone]).name, ()))
         return replace(body, goals=tuple(found))
 
-    def _make_member(self, member: Member, component: frozenset[str]) -> None:
-        """The functions of a member's bodies."""
-        bases, derivable = [], []
-        planner = self._planner
-        for number, body in enumerate(self.definitions[member.name].bodies):
-            inside = [place for place in occurrences(body) if called(place) in component]
-            if not inside:
-                bases.append(self._build(build_source(planner, member.name, number, body)))
-            derivable.append(self._build(derivable_source(planner, member.name, number, body)))
-            for place in inside:
-                target = self.operators[called(place) or ""]
-                assert isinstance(target, Member)
-                delta = Delta(member.name, number, body, place, (), queued=True)
-                self.spreading.append(delta)
-                target.spread = (*target.spread, self._build(delta_source(planner, delta, True)))
-                target.retract = (*target.retract, self._build(delta_source(planner, delta, False)))
-        member.list_base, member.derivable = bases, derivable
-
-    def _repeats(self, bodies: Sequence[Conjunction]) -> bool:
-        """Return whether a row may have several derivations."""
-        for body in bodies:
-            known = {*body.parameters, *(number for number, _ in body.constants)}
-            counted = {v for goal in body.goals for v in variables(goal)} - existential(body)
-            if not counted <= determined(body.goals, known, self._planner.sizes):
-                return True
-        positions = range(len(bodies[0].parameters)) if bodies else ()
-        return not disjoint(self.library.metamodel, positions, bodies)
-
     def _goals(self, body: Conjunction, name: str) -> list[Goal]:
-        """The goals over relations of the network."""
-        found: list[Goal] = []
-        for number, goal in enumerate(body.goals):
-            place = f"{name}/{number}"
+        """Return the goals over relations of the network, made in an order in which they restrict each other."""
+
+        def turn(number: int) -> int:
+            goal = pending[number]
+            if isinstance(goal, CallAtom) and not self._is_product(goal.pattern):
+                return 0 if self._is_made(goal) or self._restricted(body, goal) else 1
+            return 2 if isinstance(goal, ClosureAtom) else 3 if isinstance(goal, CallAtom) else 4
+
+        pending = dict(enumerate(body.goals))
+        while pending:
+            number = min(pending, key=turn)
+            goal, place = pending.pop(number), f"{name}/{number}"
             match goal:
                 case CallAtom(pattern) if pattern not in self._open:
-                    found.append(self._call(body, goal, place))
-                case ClosureAtom():
-                    found.append(self._closure(body, goal, place))
+                    goal = self._call(body, goal, place)
+                case ClosureAtom() if not self._is_made(goal):
+                    goal = self._closure(body, goal, place)
                 case Absence():
-                    found.append(self._absence(body, goal, place))
+                    goal = self._absence(body, goal, place)
                 case AggregateAtom():
-                    found.append(self._aggregate(body, goal, place))
-                case _:
-                    found.append(goal)
-        return found
+                    goal = self._aggregate(body, goal, place)
+            body = replace(body, goals=(*body.goals[:number], goal, *body.goals[number + 1 :]))
+        return list(body.goals)
+
+    def _is_made(self, goal: RelationAtom) -> bool:
+        """Return whether a relation has its operator, or needs none that the body may restrict."""
+        if isinstance(goal, CallAtom):
+            return goal.pattern in self.operators or not self.calls.recursive(goal.pattern)
+        return not isinstance(goal, ClosureAtom) or isinstance(self.operators.get(goal.step), ClosureOperator)
+
+    def _restricting(self, body: Conjunction, heads: Iterable[int]) -> list[Goal]:
+        """Return the goals that restrict some variables: relations linked with them that are made, and their tests."""
+        fixed = frozenset(dict(body.constants))
+        near = component([each for each in self._linked(body.goals) if self._is_made(each)], heads, fixed)
+        known = fixed.union(*map(variables, near))
+        tests = [each for each in body.goals if isinstance(each, UnequalAtom | Condition | Valuation)]
+        return [*near, *(each for each in tests if near and known.issuperset(variables(each)))]
+
+    def _restricted(self, body: Conjunction, goal: CallAtom) -> tuple[int, ...]:
+        """Return the positions of a call where the rest of the body restricts the value."""
+        fixed = dict(body.constants)
+        return tuple(p for p, v in enumerate(goal.arguments) if v in fixed or self._restricting(body, [v]))
 
     def _call(self, body: Conjunction, goal: CallAtom, place: str, local: Container[int] = ()) -> CallAtom:
-        """Return the call of a pattern's view or, if its rows are a product, of a view of those that the body needs.
+        """Return the call of a pattern's view or, if it may be large, of a view of those rows that the body needs.
 
-        `not { y -next-> z : N; }` is a pattern over `x` and `y` if `z` must differ from an outer `x`. Its view is
-        joined with the `x` and `y` that other goals of the body allow, and has no columns for local variables.
+        `not { y -next-> z : N; }` is a pattern over `x` and `y` if `z` must differ from an outer `x`. Such a product is
+        joined with the `x` and `y` that other goals of the body allow, and has no columns for local variables. A
+        recursive pattern is joined with the values that they allow at one position.
         """
-        fixed, linked = frozenset(dict(body.constants)), self._linked(body.goals)
-        bound = fixed.union(*map(variables, linked))
-        places = [p for p, v in enumerate(goal.arguments) if v in bound]
-        if not places or not self._is_product(goal.pattern):
+        definitions: Definitions = {}
+        places = self._restricted(body, goal)
+        choices: list[tuple[int, ...]] = [(p,) for p in places]
+        if not self._is_made(goal):
+            definitions = self._definitions(goal.pattern)
+        elif places and self._is_product(goal.pattern):
+            kept = [p for p, v in enumerate(goal.arguments) if v not in local or p in places]
+            goal = replace(goal, arguments=tuple(goal.arguments[p] for p in kept))
+            bodies: list[Conjunction] = []
+            for number, inner in enumerate(self._bodies.of(goal.pattern)):
+                inner = replace(inner, parameters=tuple(inner.parameters[p] for p in kept))
+                bodies += self._with_few(inner, f"{place}/{number}")
+            definitions, choices = {goal.pattern: bodies}, [tuple(map(kept.index, places))]
+        found: dict[View, Wanted] = {}
+        for positions in choices if definitions else ():
+            name, heads = f"{place}/{positions[0]}", tuple(goal.arguments[p] for p in positions)
+            wanted = passed_on(definitions, positions, name) or led_to(definitions, positions[0], name)
+            if wanted:
+                near = tuple(self._restricting(body, heads))
+                found[self._define(f"{name}/asked", [replace(body, parameters=heads, goals=near)])] = wanted
+        if not found:
             self._usable(goal.pattern)
             return goal
-        heads = tuple(goal.arguments[p] for p in places)
-        near = component(linked, heads, fixed)
-        known = fixed.union(*map(variables, near))
-        tests = (each for each in body.goals if isinstance(each, UnequalAtom | Condition | Valuation))
-        near += (each for each in tests if known.issuperset(variables(each)))
-        allowed = self._define(f"{place}/for", [replace(body, parameters=heads, goals=tuple(near))])
-        kept = [p for p, v in enumerate(goal.arguments) if v not in local]
-        bodies: list[Conjunction] = []
-        for number, inner in enumerate(self._bodies.of(goal.pattern)):
-            call = CallAtom(allowed.name, tuple(inner.parameters[p] for p in places))
-            inner = replace(inner, parameters=tuple(inner.parameters[p] for p in kept))
-            for each in self._with_few(inner, f"{place}/{number}"):
-                bodies.append(replace(each, goals=(call, *each.goals)))
-        view = self._define(f"{place}/needed", bodies)
-        return CallAtom(view.name, tuple(goal.arguments[p] for p in kept))
+        asked = min(found, key=View.size)
+        self._discard(*(other.name for other in found if other is not asked))
+        members, views = found[asked]
+        if members:
+            self._members(members)
+        for name, rows in views.items():
+            self._define(name, rows)
+        return replace(goal, pattern=asked.name.removesuffix("asked") + goal.pattern)
 
     def _with_few(self, body: Conjunction, place: str) -> list[Conjunction]:
         """Return the body, or one for each of a few rows with a variable of which only differences are asked.
@@ -343,9 +374,10 @@ class NetworkBuilder:
 
     def _is_product(self, pattern: str) -> bool:
         """Return whether no relations link some parameters of a pattern, or none gives them values."""
+        if pattern in self.operators or self.calls.recursive(pattern):
+            return False
         if pattern not in self._products:
-            bodies = () if self.calls.recursive(pattern) else self._bodies.of(pattern)
-            self._products[pattern] = not all(map(self._is_linked, bodies))
+            self._products[pattern] = not all(map(self._is_linked, self._bodies.of(pattern)))
         return self._products[pattern]
 
     def _is_linked(self, body: Conjunction) -> bool:
@@ -478,9 +510,7 @@ class NetworkBuilder:
         if not asked:
             raise NotIncremental
         forward, starts = min(asked, key=lambda option: option[1].size())
-        for _, other in asked:
-            if other is not starts:
-                del self.operators[other.name], self.definitions[other.name]
+        self._discard(*(other.name for _, other in asked if other is not starts))
         name = f"{place}/{goal.closure}"
         steps = self._steps(name, goal.step, forward)
         self._enter(ClosureOperator(name, self.store, starts, steps, forward, reflexive))
@@ -496,36 +526,33 @@ class NetworkBuilder:
         rows, near = self._usable(step), 0 if forward else 1
         return Steps(rows.group((near,), 1 - near).table, rows.group((1 - near,), near).table)
 
+    def _discard(self, *names: str) -> None:
+        for name in names:
+            del self.operators[name]
+            self.definitions.pop(name, None)
+
     def _starts(
         self, body: Conjunction, goal: ClosureAtom, forward: bool, place: str
     ) -> tuple[bool, View] | None:
         """The view of what the rest of the body allows at one end."""
+        way = 1 if forward else -1
         start = goal.source if forward else goal.target
-        fixed = frozenset(number for number, _ in body.constants)
-        others = [each for each in self._linked(body.goals) if not isinstance(each, ClosureAtom)]
-        goals: list[Goal] = list(component(others, [start], fixed))
-        types = list(body.types)
-        type_ = self.library.parameter_types(goal.step)[0 if forward else 1]
-        if goal.closure is Closure.STAR and isinstance(type_, ObjectType):
-            goals.append(InstanceAtom(type_.cls, start))
-        if not goals and start not in fixed:
-            other = len(types)
-            types.append(self.library.parameter_types(goal.step)[1 if forward else 0])
-            ends = (start, other) if forward else (other, start)
-            goals = [self._step(goal.step, ends)]
+        others = tuple(each for each in body.goals if not isinstance(each, ClosureAtom))
+        goals = self._restricting(replace(body, goals=others), [start])
+        types, (near, far) = body.types, self.library.parameter_types(goal.step)[::way]
+        if goal.closure is Closure.STAR and isinstance(near, ObjectType):
+            goals.append(InstanceAtom(near.cls, start))
+        if not goals and start not in dict(body.constants):
+            link, ends = link_of(self._bodies.of(goal.step)), (start, len(types))[::way]
+            goals, types = [CallAtom(goal.step, ends)], (*types, far)
+            if link:
+                goals = [LinkAtom(self.library.metamodel.references[link[0]], *ends[:: -1 if link[1] else 1])]
         try:
             name = f"{place}/{'from' if forward else 'to'}"
-            starts = replace(body, types=tuple(types), parameters=(start,), goals=tuple(goals))
+            starts = replace(body, types=types, parameters=(start,), goals=tuple(goals))
             return forward, self._define(name, [starts])
         except NotIncremental:
             return None
-
-    def _step(self, step: str, ends: tuple[int, int]) -> Goal:
-        link = link_of(self._bodies.of(step))
-        if link is None:
-            return CallAtom(step, ends)
-        reference = self.library.metamodel.references[link[0]]
-        return LinkAtom(reference, *(ends[::-1] if link[1] else ends))
 
     # --- who reads whom
 

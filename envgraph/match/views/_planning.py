@@ -12,6 +12,7 @@ from envgraph.match.plan._live import LiveSizes
 from envgraph.match.plan._options import ACCESS, EXPRESSION, Bound, Option, Options, PlanInside
 from envgraph.match.plan._order import Draft, Search
 from envgraph.match.plan._plan import Kind, Plan, ViewKey, ViewPlan, held_value
+from envgraph.match.plan._planner import determined, disjoint
 from envgraph.match.views._bodies import existential
 from envgraph.metamodel import Reference
 from envgraph.pattern import (
@@ -72,6 +73,16 @@ class ViewPlanner:
         wanted = {v for goal in goals for v in variables(goal)} - loose - bound - fixed
         wanted.update(v for v in conjunction.parameters if v not in bound and v not in fixed)
         return ViewSearch(self, conjunction, bound | fixed, frozenset(wanted)).plan(goals)
+
+    def repeats(self, bodies: Sequence[Conjunction]) -> bool:
+        """Return whether a row may have several derivations."""
+        for body in bodies:
+            known = {*body.parameters, *(number for number, _ in body.constants)}
+            counted = {v for goal in body.goals for v in variables(goal)} - existential(body)
+            if not counted <= determined(body.goals, known, self.sizes):
+                return True
+        positions = range(len(bodies[0].parameters)) if bodies else ()
+        return not disjoint(self.library.metamodel, positions, bodies)
 
 
 class ViewOptions(Options):

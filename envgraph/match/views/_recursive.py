@@ -22,14 +22,16 @@ class Member(Rows):
     """The rows of one of the patterns that call each other.
 
     Attributes:
+        component: names of those patterns.
         queue: derivations that have come (True) or gone (False), flat.
         spread, retract: find what a row that has come, or one that is about to go, derives inside the component.
         derivable: whether a row follows from what there is.
         list_base: the rows that need no other row of the component.
     """
 
-    def __init__(self, name: str, store: Store) -> None:
+    def __init__(self, name: str, store: Store, component: frozenset[str]) -> None:
         super().__init__(name, store)
+        self.component = component
         self.queue: list[Any] = []
         self.spread: Sequence[Hook] = ()
         self.retract: Sequence[Hook] = ()

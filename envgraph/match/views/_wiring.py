@@ -149,9 +149,9 @@ class Wiring:
 
     def _inside(self, definition: Definition, key: Key) -> bool:
         """Return whether a relation is a pattern of the same component, whose rows spread on their own."""
-        if not isinstance(definition.view, Member) or key[0] != "rows":
-            return False
-        return key[1] in self._builder.calls.component(definition.view.name)
+        return (
+            isinstance(definition.view, Member) and key[0] == "rows" and key[1] in definition.view.component
+        )
 
     def _with_own(self, delta: Delta, view: View | Member) -> Delta:
         """The delta with an index of the view on its own rows, where that pays."""

@@ -17,7 +17,7 @@ from envgraph.match.demand import _recursion as recursion
 from envgraph.match.views import _recursive as recursive_views
 from envgraph.metamodel import Attribute, Class, Metamodel, Reference, Scalar
 from envgraph.pattern import Aggregate, Check, Constraint, Library, Pattern
-from tests.unit.match.kinds import Kind, every_kind
+from tests.unit.match.kinds import Kind, assert_sound, every_kind
 from tests.unit.match.writing import equal, find, fold, is_a, neg, op, path, pattern, unequal, value
 
 CELLS = Metamodel(
@@ -432,3 +432,34 @@ def test_a_recursive_pattern_that_is_asked_while_a_version_is_held_changes_nothi
     assert not model.store.journal
     model.checkout(version)
     assert matcher.count("far", (FREE, FREE)) == 27
+
+
+@every_kind
+@pytest.mark.parametrize(
+    "body",
+    [
+        [find("rows", "a", "m"), path("Cell.to", "m", "b")],
+        [path("Cell.to", "a", "m"), find("rows", "m", "b")],
+        [find("rows", "a", "m"), find("rows", "m", "b")],
+    ],
+    ids=["left", "right", "double"],
+)
+def test_a_recursive_pattern_without_base_rows_is_empty(kind: Kind, body: list[Constraint]) -> None:
+    zero = path("Cell.n", "a", 0)
+    patterns = library(
+        pattern("rows(a : Cell, b : Cell)", body),
+        pattern("from(a : Cell, b : Cell)", [zero, find("rows", "a", "b")]),
+        pattern(
+            "without(a : Cell, b : Cell)", [zero, path("Cell.to", "a", "b"), neg(find("rows", "a", "b"))]
+        ),
+    )
+    model = Model(CELLS)
+    n, to = (model.metamodel.feature("Cell", name) for name in ("n", "to"))
+    matcher = kind(model, patterns)
+    first, second = model.new("Cell"), model.new("Cell")
+    model.set_value(second, n, 1)  # type: ignore[arg-type]
+    for near, far in ((first, second), (second, first)):
+        model.link(near, to, far)  # type: ignore[arg-type]
+    assert matcher.count("from", (FREE, FREE)) == 0
+    assert list(matcher.rows("without", (FREE, FREE))) == [(first, second)]
+    assert_sound(matcher)

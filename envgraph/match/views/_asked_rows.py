@@ -1,0 +1,93 @@
+"""Patterns by demand: definitions of those rows alone that have asked values at some positions.
+
+Magic sets, where it is plain what recursive calls ask for: J. F. Naughton, R. Ramakrishnan, Y. Sagiv, J. D. Ullman,
+"Efficient evaluation of right-, left-, and multi-linear rules", SIGMOD 1989.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import replace
+
+from envgraph.pattern import CallAtom, Conjunction, mentioned
+
+Definitions = Mapping[str, Sequence[Conjunction]]
+"""The bodies of patterns that call each other, by name."""
+
+Wanted = tuple[Definitions, Definitions]
+"""Definitions of patterns that call each other, and of views that are made after them."""
+
+
+def calls(body: Conjunction, names: Collection[str]) -> list[CallAtom]:
+    """Return the calls of some patterns in a body."""
+    return [goal for goal in body.goals if isinstance(goal, CallAtom) and goal.pattern in names]
+
+
+def passed_on(definitions: Definitions, positions: Sequence[int], place: str) -> Wanted | None:
+    """Return definitions of the rows that have values of `place/asked` at positions; those of `p` are `place/p`.
+
+    None unless all recursive calls have the values at the positions that their caller has.
+    """
+    found: dict[str, list[Conjunction]] = {f"{place}/{name}": [] for name in definitions}
+    for name, bodies in definitions.items():
+        for body in bodies:
+            own, asked = calls(body, definitions), _at(body.parameters, positions)
+            if len(asked) < len(positions) or any(_at(call.arguments, positions) != asked for call in own):
+                return None
+            inside = [CallAtom(f"{place}/{call.pattern}", call.arguments) for call in own]
+            outside = [goal for goal in body.goals if goal not in own]
+            first = inside or [CallAtom(f"{place}/asked", asked)]
+            found[f"{place}/{name}"].append(replace(body, goals=(*first, *outside)))
+    return (
+        (found, {})
+        if any(calls(body, found) for bodies in found.values() for body in bodies)
+        else ({}, found)
+    )
+
+
+def led_to(definitions: Definitions, position: int, place: str) -> Wanted | None:
+    """Return the same by `place/led`: each value of `place/asked` with those that recursive calls lead to from it.
+
+    None unless there is one pattern whose recursive calls differ from their caller in the value at the position alone,
+    and no other goal is about the rest: then it does not matter for which of the calls a row is found.
+    """
+    (pattern, bodies), *others = definitions.items()
+    if others:
+        return None
+    type_ = bodies[0].types[bodies[0].parameters[position]]
+    led = [Conjunction((type_,), (), (0, 0), (CallAtom(f"{place}/asked", (0,)),))]
+    rows: list[Conjunction] = []
+    for body in bodies:
+        own, start, near = calls(body, definitions), len(body.types), body.parameters[position]
+        goals = tuple(goal for goal in body.goals if goal not in own)
+        heads, found = _with(body.parameters, position, start), rows
+        if own:
+            given, far = {*_with(body.parameters, position)}, own[0].arguments[position : position + 1]
+            used = {near, *far, *(v for goal in goals for v in mentioned(goal)), *dict(body.constants)}
+            alike = own == [CallAtom(pattern, _with(body.parameters, position, *far))]
+            if not alike or used & given or len(given) + 1 < len(body.parameters):
+                return None
+            heads, found = (start, *far), led
+        goals = (CallAtom(f"{place}/led", (start, near)), *goals)
+        found.append(replace(body, types=(*body.types, type_), parameters=heads, goals=goals))
+    return ({f"{place}/led": led}, {f"{place}/{pattern}": rows}) if rows else None
+
+
+def doubled(definitions: Definitions) -> tuple[Conjunction, CallAtom, CallAtom] | None:
+    """Return the one recursive body, if it is `p(a, m), p(m, b)` and no more, and its calls in this order."""
+    (_, bodies), *others = definitions.items()
+    own = [body for body in bodies if calls(body, definitions)]
+    found = [] if others or len(own) != 1 else calls(own[0], definitions)
+    for first, last in (found, found[::-1]) if len(found) == 2 == len(own[0].goals) else ():
+        match first.arguments, last.arguments:
+            case (a, m), (k, b) if m == k and (a, b) == own[0].parameters and len({a, b, m}) == 3:
+                return own[0], first, last
+    return None
+
+
+def _at(values: tuple[int, ...], positions: Iterable[int]) -> tuple[int, ...]:
+    return tuple(value for p in positions for value in values[p : p + 1])
+
+
+def _with(values: tuple[int, ...], position: int, *new: int) -> tuple[int, ...]:
+    return (*values[:position], *new, *values[position + 1 :])
