@@ -70,7 +70,7 @@ def led_to(definitions: Definitions, position: int, place: str) -> Wanted | None
             heads, found = (start, *far), led
         goals = (CallAtom(f"{place}/led", (start, near)), *goals)
         found.append(replace(body, types=(*body.types, type_), parameters=heads, goals=goals))
-    return ({f"{place}/led": led}, {f"{place}/{pattern}": rows}) if rows else None
+    return {f"{place}/led": led}, {f"{place}/{pattern}": rows}
 
 
 def doubled(definitions: Definitions) -> tuple[Conjunction, CallAtom, CallAtom] | None:
