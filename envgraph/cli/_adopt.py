@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from envgraph.cli._new import KINDS, domain_environment, write_files
-from envgraph.cli._output import OutputFormat, print_json, print_line
+from envgraph.cli._output import print_json, print_line
 from envgraph.env import (
     DEFAULT_LIMIT,
     Adopted,
@@ -38,19 +38,17 @@ _STEPS = 200
 _Words = Mapping[str, Any]
 
 
-def adopt_environment(
-    id: str, output: Path | None, options: Iterable[str], seed: int, format: OutputFormat
-) -> None:
+def adopt_environment(environment: str, output: Path | None, options: Iterable[str], seed: int) -> None:
     """Write a domain whose environment steps as one of Gymnasium does, which is tried out before.
 
     Raises:
         InvalidArgument: the environment does not tell its transitions, or the languages cannot say them; or a file
             exists.
     """
-    name = _name(id)
-    adopted, limit = adopt(id, seed, **_options(options))
+    name = _name(environment)
+    adopted, limit = adopt(environment, seed, **_options(options))
     words = {
-        "id": id,
+        "id": environment,
         "name": name,
         "environment": "".join(word.capitalize() for word in name.split("_")),
         "limit": limit or 200,
@@ -62,16 +60,14 @@ def adopt_environment(
         if problem is None:
             break
     else:
-        raise InvalidArgument(f"`{id}` is not what the domain does: {problem}")
+        raise InvalidArgument(f"`{environment}` is not what the domain does: {problem}")
     directory = output or Path(name)
     paths = write_files({directory / file: text for file, text in texts.items()})
-    if format is OutputFormat.JSON:
-        written = [path.as_posix() for path in paths]
-        print_json({"written": written, "states": tried.states, "actions": tried.actions, "kind": kind})
-        return
+    found = {"states": tried.states, "actions": tried.actions, "kind": kind}
+    print_json(lambda: {"written": [path.as_posix() for path in paths], **found})
     for path in paths:
         print_line(f"wrote {path}")
-    print_line(f"steps as `{id}` does: {tried.said}")
+    print_line(f"steps as `{environment}` does: {tried.said}")
     print_line(f"next: envgraph generate {directory}")
 
 

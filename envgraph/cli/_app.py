@@ -12,7 +12,7 @@ from typing import Any, Final, NoReturn
 import click
 
 from envgraph import __version__
-from envgraph.cli._output import error_to_dict, print_error, print_json
+from envgraph.cli._output import error_to_dict, print_error, write_json
 from envgraph.errors import EnvgraphError
 
 _INTERRUPTED: Final = 128 + signal.SIGINT
@@ -86,7 +86,7 @@ def _run() -> int:
         if isinstance(error, OSError) and error.filename is None:
             raise
         if formats[-1:] == ["json"]:
-            print_json(error_to_dict(error))
+            write_json(error_to_dict(error))
         else:
             print_error(error)
         return 1

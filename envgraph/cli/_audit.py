@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Final
 
 from envgraph import __version__
-from envgraph.cli._output import OutputFormat, print_json, print_line, print_table, progress_bar
+from envgraph.cli._output import print_json, print_line, print_table, progress_bar
 from envgraph.errors import InvalidArgument, did_you_mean
 from envgraph.files import replace_file, write_lock
 from envgraph.lang import DiskFiles, bundled_domains, data_path
@@ -44,7 +44,6 @@ def audit_scores(
     workers: int,
     force: bool,
     overrides: Sequence[str],
-    format: OutputFormat,
 ) -> None:
     """Audit each family, and write tables, figures and the page.
 
@@ -77,7 +76,7 @@ def audit_scores(
         replace_file(directory / f"{name}.svg", standalone(chart))
     page = directory / "audit.html"
     replace_file(page, render_html(audit_report(studies, findings, _facts(found))))
-    _print(studies, findings, page, format)
+    _print(studies, findings, page)
 
 
 def _study(
@@ -129,11 +128,14 @@ def _methods(names: str | None) -> list[Method]:
     return [method for method in every if method.name in wanted]
 
 
-def _print(studies: Sequence[Study], findings: Sequence[Finding], page: Path, format: OutputFormat) -> None:
-    if format is OutputFormat.JSON:
-        rows = [asdict(one) for study in studies for one in summaries(study)]
-        claims = [{**asdict(one), "verdict": one.verdict} for one in findings]
-        print_json({"page": str(page), "methods": rows, "claims": claims})
+def _print(studies: Sequence[Study], findings: Sequence[Finding], page: Path) -> None:
+    if print_json(
+        lambda: {
+            "page": str(page),
+            "methods": [asdict(one) for study in studies for one in summaries(study)],
+            "claims": [{**asdict(one), "verdict": one.verdict} for one in findings],
+        }
+    ):
         return
     for study in studies:
         found = summaries(study)

@@ -6,30 +6,27 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from envgraph.cli._inputs import Inputs
-from envgraph.cli._output import OutputFormat, print_diagnostics, print_json, print_line
+from envgraph.cli._output import print_diagnostics, print_json, print_line
 from envgraph.errors import Diagnostic, InvalidArgument, LoadError, Severity, has_errors, sort_diagnostics
 
 
 def check_files(
     files: Sequence[str],
     inputs: Inputs,
-    format: OutputFormat,
-    ignored: Sequence[str] = (),
-    overrides: Sequence[str] = (),
+    ignore: Sequence[str],
+    overrides: Sequence[str],
 ) -> int:
     """Print all problems of the files, each group of which is read with the metamodels; the exit code.
 
-    Warnings with a code that is `ignored` are left out; `overrides` hold instead of what family files say.
+    Warnings with a code of `ignore` are left out; `overrides` hold instead of what family files say.
     """
     inputs.check()
     if overrides and not any(_is_family(name) for name in files):
         raise InvalidArgument("`--set` is about family files: name one, its directory or a bundled domain")
     found = dict.fromkeys(one for group in _groups(files) for one in _problems(group, inputs, overrides))
-    diagnostics = tuple(one for one in found if one.severity is Severity.ERROR or one.code not in ignored)
+    diagnostics = tuple(one for one in found if one.severity is Severity.ERROR or one.code not in ignore)
     failed = has_errors(diagnostics)
-    if format is OutputFormat.JSON:
-        print_json({"ok": not failed, "diagnostics": [diagnostic.to_dict() for diagnostic in diagnostics]})
-    else:
+    if not print_json(lambda: {"ok": not failed, "diagnostics": [one.to_dict() for one in diagnostics]}):
         print_diagnostics(diagnostics)
         print_line(_summary(diagnostics) if diagnostics else f"no problems in {', '.join(files)}")
     return int(failed)

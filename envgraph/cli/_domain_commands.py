@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pathlib import Path
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import click
@@ -12,6 +12,7 @@ from envgraph.cli._options import (
     PATH,
     count_option,
     definitions_argument,
+    done_in,
     format_option,
     inputs_options,
     model_argument,
@@ -20,7 +21,6 @@ from envgraph.cli._options import (
     variant_option,
     where_option,
 )
-from envgraph.cli._output import OutputFormat, print_line
 
 if TYPE_CHECKING:  # it reads the languages, which not every command does
     from envgraph.cli._inputs import Inputs
@@ -32,17 +32,9 @@ if TYPE_CHECKING:  # it reads the languages, which not every command does
     "--directory", "-d", type=PATH, show_default="a directory of that name", help="Where to put it."
 )
 @click.option("--domain", help="Copy the files of this bundled domain instead.")
-def new(name: str, directory: Path | None, domain: str | None) -> None:
+@done_in("_new", "new_domain")
+def new() -> None:
     """Write a small domain to start from: a grid, a robot, rules, rewards, a family of mazes. Or copy a bundled one."""
-    from envgraph.cli._new import copy_domain, write_domain
-
-    place = directory or Path(name)
-    files = write_domain(place, name) if domain is None else copy_domain(place, name, domain)
-    for path in files:
-        print_line(f"wrote {path}")
-    commands = {"family.toml": f"generate {place}", "problem.toml": f"optimise {place}"}
-    known = [commands[path.name] for path in files if path.name in commands]
-    print_line(f"next: envgraph {known[0] if known else f'check {files[0]}'}")
 
 
 @app.command()
@@ -57,15 +49,11 @@ def new(name: str, directory: Path | None, domain: str | None) -> None:
 )
 @count_option("--seed", least=0, default=0, help="Seed of the level of MiniGrid.")
 @format_option
-def adopt(
-    environment: str, output: Path | None, options: tuple[str, ...], seed: int, format: OutputFormat
-) -> None:
+@done_in("_adopt", "adopt_environment")
+def adopt() -> None:
     """Write a domain that steps as an environment of Gymnasium does: one that tells its transitions, as FrozenLake, or
     a level of MiniGrid.
     """
-    from envgraph.cli._adopt import adopt_environment
-
-    adopt_environment(environment, output, options, seed, format)
 
 
 @app.command()
@@ -81,17 +69,11 @@ def adopt(
 )
 @overrides_option
 @format_option
-def check(
-    files: tuple[str, ...],
-    inputs: Inputs,
-    ignore: tuple[str, ...],
-    overrides: tuple[str, ...],
-    format: OutputFormat,
-) -> int:
+def check(files: Sequence[str], inputs: Inputs, ignore: Sequence[str], overrides: Sequence[str]) -> int:
     """Read files and everything they import, and print all problems: position, line, hint. Exit code 1 on errors."""
     from envgraph.cli._check import check_files
 
-    return check_files(files, inputs, format, ignore, overrides)
+    return check_files(files, inputs, ignore, overrides)
 
 
 @app.command("format")
@@ -109,14 +91,9 @@ def check(
 @click.option(
     "--derived", is_flag=True, help="Print the rules that `derive` stands for in .rules files instead."
 )
-def format_(files: tuple[str, ...], check: bool, stdout: bool, language: str | None, derived: bool) -> int:
+@done_in("_format", "format_files")
+def format_() -> None:
     """Write files in the one style: indentation, blanks, line ends; comments stay. Files with errors are left alone."""
-    from envgraph.cli._format import format_files, print_derived
-
-    if derived:
-        print_derived(files)
-        return 0
-    return format_files(files, check=check, stdout=stdout, language=language)
 
 
 @app.command()
@@ -127,18 +104,9 @@ def format_(files: tuple[str, ...], check: bool, stdout: bool, language: str | N
 @variant_option
 @inputs_options
 @format_option
-def match(
-    model: str,
-    queries: str,
-    pattern: str,
-    where: tuple[str, ...],
-    inputs: Inputs,
-    format: OutputFormat,
-) -> None:
+@done_in("_query", "print_matches")
+def match() -> None:
     """Print the matches of a pattern in a model."""
-    from envgraph.cli._query import print_matches
-
-    print_matches(model, queries, pattern, where, inputs, format)
 
 
 @app.command()
@@ -149,21 +117,12 @@ def match(
 @variant_option
 @inputs_options
 @format_option
-def explain(
-    model: str,
-    definitions: str,
-    name: str,
-    where: tuple[str, ...],
-    inputs: Inputs,
-    format: OutputFormat,
-) -> None:
+@done_in("_reasons", "print_plan")
+def explain() -> None:
     """Print how the matches of a pattern or rule are found: the plan, with the rows of each step, and its source.
 
     Of an environment it says whether it is compiled, and else what keeps it from that.
     """
-    from envgraph.cli._reasons import print_plan
-
-    print_plan(model, definitions, name, where, inputs, format)
 
 
 @app.command("why-not")
@@ -174,18 +133,9 @@ def explain(
 @variant_option
 @inputs_options
 @format_option
-def why_not(
-    model: str,
-    definitions: str,
-    name: str,
-    where: tuple[str, ...],
-    inputs: Inputs,
-    format: OutputFormat,
-) -> None:
+@done_in("_reasons", "print_reasons")
+def why_not() -> None:
     """Print why a pattern or rule has no match, or a unit fails: how far it comes, and what is in the way."""
-    from envgraph.cli._reasons import print_reasons
-
-    print_reasons(model, definitions, name, where, inputs, format)
 
 
 @app.command()
@@ -208,35 +158,9 @@ def why_not(
 @click.option("--trace", type=PATH, help="Write what was applied here, for `envgraph replay`: JSON lines.")
 @click.option("--allow-none", is_flag=True, help="Exit code 0 also when nothing matches or a unit fails.")
 @format_option
-def apply(
-    model: str,
-    rules: str,
-    rule: str,
-    where: tuple[str, ...],
-    inputs: Inputs,
-    times: int,
-    seed: int,
-    output: Path | None,
-    trace: Path | None,
-    allow_none: bool,
-    format: OutputFormat,
-) -> int:
+@done_in("_query", "apply_rule")
+def apply() -> None:
     """Apply a rule to a model, at matches drawn at random, and print what was done. Exit code 1 if that is nothing."""
-    from envgraph.cli._query import apply_rule
-
-    applied = apply_rule(
-        model,
-        rules,
-        rule,
-        where,
-        inputs=inputs,
-        times=times,
-        seed=seed,
-        output=output,
-        trace=trace,
-        format=format,
-    )
-    return 0 if applied or allow_none else 1
 
 
 @app.command()
@@ -246,18 +170,9 @@ def apply(
 @inputs_options
 @click.option("--output", "-o", type=PATH, help="Write the resulting model here: .model, .xmi or .json.")
 @format_option
-def replay(
-    model: str,
-    rules: str,
-    trace: Path,
-    inputs: Inputs,
-    output: Path | None,
-    format: OutputFormat,
-) -> None:
+@done_in("_replay", "replay_trace")
+def replay() -> None:
     """Do again what a trace says, and compare each state with the recorded one. Exit code 1 where they differ."""
-    from envgraph.cli._replay import replay_trace
-
-    replay_trace(model, rules, trace, inputs=inputs, output=output, format=format)
 
 
 @app.command()
@@ -267,11 +182,9 @@ def replay(
 )
 @inputs_options
 @click.option("--lossy", is_flag=True, help="Write what can be kept, although warnings say what is lost.")
-def convert(file: str, output: Path, inputs: Inputs, lossy: bool) -> None:
+@done_in("_convert", "convert_file")
+def convert() -> None:
     """Write a metamodel or a model in a format of other tools: Ecore, XMI, JSON.
 
     Exit code 1 if something of it cannot be kept, which warnings say; then nothing is written.
     """
-    from envgraph.cli._convert import convert_file
-
-    convert_file(file, output, inputs, lossy=lossy)

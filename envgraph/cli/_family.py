@@ -8,9 +8,8 @@ from math import inf
 from pathlib import Path
 from typing import Any
 
-from envgraph.cli._inputs import take
+from envgraph.cli._inputs import as_overrides, take
 from envgraph.cli._output import (
-    OutputFormat,
     print_diagnostics,
     print_json,
     print_line,
@@ -53,36 +52,48 @@ TRAINING, REPORT = "training", "report.html"
 
 
 def generate_family(
-    location: str,
+    family: str,
     *,
     name: str | None,
-    overrides: Sequence[str],
+    seed: int | None,
     generations: int | None,
+    population: int | None,
+    samples: int | None,
+    overrides: Sequence[str],
     resume: bool,
     force: bool,
     directory: Path,
-    format: OutputFormat,
-    workers: int = 1,
-    require: float | None = None,
+    workers: int,
+    require: float | None,
 ) -> None:
     """Evolve a family, or go on with one, and print it.
 
     Args:
-        location: a family file, its directory, or a bundled domain.
+        family: a family file, its directory, or a bundled domain.
         name: of the run; by default that of the family.
-        overrides: what holds instead of what the family file says.
-        generations: where a resumed run is to end.
+        seed, population, samples, overrides: what holds instead of what the family file says.
+        generations: likewise; or where a resumed run is to end.
         resume: whether to go on with a run.
         force: whether an existing run, with all that was made of it, makes room once the new one has a generation.
         directory: where runs are kept.
-        format: what to print.
         workers: threads for learners of an objective.
         require: the least value of the objective, or without an objective the least diversity; None: no condition.
 
     Raises:
         EnvgraphError: the value is below `require`. The run is kept.
     """
-    domain = Domain.load(location, overrides=overrides)
+    given = {
+        "seed": seed,
+        "search.generations": generations,
+        "search.population": population,
+        "samples.count": samples,
+    }
+    short = as_overrides(given)
+    if resume and (len(short) > (generations is not None) or overrides or force):
+        raise InvalidArgument(
+            "a resumed run keeps what it began with, but for --generations: leave the others out"
+        )
+    domain = Domain.load(family, overrides=[] if resume else [*short, *overrides])
     path = _run_path(directory, name or domain.spec.name)
     total = domain.spec.search.generations
     if resume:
@@ -120,23 +131,23 @@ def generate_family(
                 "workers": workers,
             }
             if resume:
-                family = resume_run(path, generations=generations, **told)
+                made = resume_run(path, generations=generations, **told)
             else:
-                family = evolve(domain, path, overwrite=force, warn=print_diagnostics, **told)
+                made = evolve(domain, path, overwrite=force, warn=print_diagnostics, **told)
     except KeyboardInterrupt:
         if is_old:
             sys.stderr.write(f"there was no generation yet: the old run in {path.parent} is unchanged\n")
         elif path.exists():
-            words = f"envgraph generate {location} --name {path.parent.name} --directory {directory} --resume"
+            words = f"envgraph generate {family} --name {path.parent.name} --directory {directory} --resume"
             sys.stderr.write(f"`{words}` {'begins anew' if whole else 'goes on'}\n")
         raise
     with RunStore.open(path) as store:
-        low, about = why_low(family, store), describe_search(family, store)
-    _print_family(family, format, path, low)
-    for line in about if format is OutputFormat.TEXT else ():
+        low, about = why_low(made, store), describe_search(made, store)
+    _print_family(made, path, low)
+    for line in about:
         print_line(line)
     print_diagnostics([low] if low else [])
-    value = Outcome.of(family).diversity if family.value is None else family.value
+    value = Outcome.of(made).diversity if made.value is None else made.value
     if require is not None and not value >= require:
         raise EnvgraphError(f"the family has a value of {value:.3f}, but `--require` is {require:g}")
 
@@ -147,21 +158,20 @@ def _run_path(directory: Path, name: str) -> Path:
     return directory / name / "run.sqlite"
 
 
-def show_family(run: str, directory: Path, variant: str | None, format: OutputFormat) -> None:
+def show_family(run: str, directory: Path, variant: str | None) -> None:
     """Print the measures and maps of a family, or of one member."""
     family = open_family(run, directory)
     members = family.members if variant is None else (family.member(variant),)
-    if format is OutputFormat.JSON:
-        print_json(
-            {
-                "name": family.name,
-                **_outcome(Outcome.of(family)),
-                "members": [_member(family, member, full=True) for member in members],
-            }
-        )
+    if print_json(
+        lambda: {
+            "name": family.name,
+            **_outcome(Outcome.of(family)),
+            "members": [_member(family, member, full=True) for member in members],
+        }
+    ):
         return
     if variant is None:
-        _print_family(family, format, None)
+        _print_family(family, None)
     if len(members) > _MOST_SHOWN:
         print_line(f"`--variant {members[0].name}` shows an environment")
         return
@@ -171,7 +181,7 @@ def show_family(run: str, directory: Path, variant: str | None, format: OutputFo
         print_lines(family.text(member))
 
 
-def show_lineage(run: str, directory: Path, variant: str, format: OutputFormat) -> None:
+def show_lineage(run: str, directory: Path, variant: str) -> None:
     """Print the rules that made a member of a run, and where they were applied."""
     family = open_family(run, directory)
     member = family.member(variant)
@@ -181,9 +191,10 @@ def show_lineage(run: str, directory: Path, variant: str, format: OutputFormat) 
             (step.generation, step.rule, {name: spelled(one) for name, one in step.match.items()})
             for step in lineage(store, family.domain, member.individual)
         ]
-    if format is OutputFormat.JSON:
-        names = ("generation", "rule", "match")
-        print_json({"name": member.name, "steps": [dict(zip(names, step, strict=True)) for step in steps]})
+    names = ("generation", "rule", "match")
+    if print_json(
+        lambda: {"name": member.name, "steps": [dict(zip(names, step, strict=True)) for step in steps]}
+    ):
         return
     rows = [
         (str(place), str(generation), rule, ", ".join(f"{name} = {text}" for name, text in match.items()))
@@ -195,13 +206,12 @@ def show_lineage(run: str, directory: Path, variant: str, format: OutputFormat) 
     print_table(title, ("", "generation", "rule", "at"), rows, (0, 1)) if rows else print_line(title)
 
 
-def show_rejections(run: str, directory: Path, format: OutputFormat) -> None:
+def show_rejections(run: str, directory: Path) -> None:
     """Print why models were turned down, the most frequent reason first."""
     with _store_of(run, directory) as store:
         reasons = store.reasons().most_common()
         accepted = sum(row[2] for row in store.history())
-    if format is OutputFormat.JSON:
-        print_json({"accepted": accepted, "rejected": dict(reasons)})
+    if print_json(lambda: {"accepted": accepted, "rejected": dict(reasons)}):
         return
     total = sum(count for _, count in reasons)
     rows = [(f"{count:,}", f"{count / total:.0%}", reason) for reason, count in reasons]
@@ -222,7 +232,6 @@ def import_family(
     overrides: Sequence[str],
     directory: Path,
     force: bool,
-    format: OutputFormat,
 ) -> None:
     """Read a ga4cl file into a run, and print it."""
     take(str(file), ("json",), "a ga4cl family")
@@ -230,7 +239,7 @@ def import_family(
     path = _run_path(directory, name or file.stem)
     family, warnings = import_ga4cl(source, domain, path, overwrite=force, overrides=overrides)
     print_diagnostics(warnings)
-    _print_family(family, format, path)
+    _print_family(family, path)
 
 
 def _member(family: Family, member: Member, *, full: bool = False) -> dict[str, Any]:
@@ -256,20 +265,17 @@ def _outcome(outcome: Outcome) -> dict[str, Any]:
     return found
 
 
-def _print_family(
-    family: Family, format: OutputFormat, path: Path | None, low: Diagnostic | None = None
-) -> None:
+def _print_family(family: Family, path: Path | None, low: Diagnostic | None = None) -> None:
     outcome = Outcome.of(family)
-    if format is OutputFormat.JSON:
-        print_json(
-            {
-                "name": family.name,
-                "run": str(path) if path else None,
-                **_outcome(outcome),
-                "warning": low.to_dict() if low else None,
-                "members": [_member(family, member) for member in family.members],
-            }
-        )
+    if print_json(
+        lambda: {
+            "name": family.name,
+            "run": str(path) if path else None,
+            **_outcome(outcome),
+            "warning": low.to_dict() if low else None,
+            "members": [_member(family, member) for member in family.members],
+        }
+    ):
         return
     if len(family.members) > _MOST_SHOWN:
         _print_summary(family, outcome)

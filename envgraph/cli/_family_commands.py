@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from contextlib import nullcontext
 from pathlib import Path
-from typing import Any
 
 import click
 
@@ -13,18 +11,16 @@ from envgraph.cli._options import (
     PATH,
     count_option,
     directory_option,
+    done_in,
     force_option,
     format_option,
-    metamodel_option,
+    inputs_options,
     noted,
     overrides_option,
     run_argument,
     seed_option,
-    unresolved_option,
     variant_option,
 )
-from envgraph.cli._output import OutputFormat, ShowFormat, printed_to
-from envgraph.errors import InvalidArgument
 
 
 @app.command()
@@ -56,39 +52,9 @@ from envgraph.errors import InvalidArgument
 @force_option
 @directory_option
 @format_option
-def generate(
-    family: str,
-    name: str | None,
-    seed: int | None,
-    generations: int | None,
-    population: int | None,
-    samples: int | None,
-    overrides: tuple[str, ...],
-    resume: bool,
-    workers: int,
-    require: float | None,
-    force: bool,
-    directory: Path,
-    format: OutputFormat,
-) -> None:
+@done_in("_family", "generate_family")
+def generate() -> None:
     """Make a family of environments out of one model."""
-    from envgraph.cli._family import generate_family
-
-    given = {
-        "seed": seed,
-        "search.generations": generations,
-        "search.population": population,
-        "samples.count": samples,
-    }
-    short = [f"{key}={value}" for key, value in given.items() if value is not None]
-    if resume and (len(short) > (generations is not None) or overrides or force):
-        raise InvalidArgument(
-            "a resumed run keeps what it began with, but for --generations: leave the others out"
-        )
-    generate_family(
-        family, name=name, overrides=[] if resume else [*short, *overrides], generations=generations,
-        resume=resume, force=force, directory=directory, format=format, workers=workers, require=require,
-    )  # fmt: skip
 
 
 @app.command()
@@ -105,26 +71,9 @@ def generate(
 )
 @click.option("--picture", type=PATH, help="Draw the front of the first two objectives here, as SVG.")
 @format_option
-def optimise(
-    problem: str,
-    seed: int | None,
-    steps: int | None,
-    overrides: tuple[str, ...],
-    solution: int,
-    output: Path | None,
-    trace: Path | None,
-    picture: Path | None,
-    format: OutputFormat,
-) -> int:
+@done_in("_optimise", "optimise_model")
+def optimise() -> None:
     """Find the model that is best by some queries, by applying rules. Exit code 1 if it violates a constraint."""
-    from envgraph.cli._optimise import optimise_model
-
-    given = {"seed": seed, "optimise.steps": steps}
-    short = [f"{key}={value}" for key, value in given.items() if value is not None]
-    return optimise_model(
-        problem, overrides=[*short, *overrides], solution=solution, output=output, trace=trace, picture=picture,
-        format=format,
-    )  # fmt: skip
 
 
 @app.command("verify")
@@ -132,34 +81,22 @@ def optimise(
 @click.option("--resume", is_flag=True, help="Leave out what was verified before, as after an interruption.")
 @directory_option
 @format_option
-def verify_(run: str, resume: bool, directory: Path, format: OutputFormat) -> None:
+@done_in("_verify", "verify_family")
+def verify_() -> None:
     """Print what is certain of each environment of a family, computed twice by different means.
 
     The fewest steps to success, how likely a random walk succeeds, and the optimal return. Exit code 1 where the two
     differ. A run keeps what was verified, environment by environment.
     """
-    from envgraph.cli._verify import verify_family
-    from envgraph.search import RunStore, run_file
-
-    is_file = run.endswith(".json")
-    with nullcontext() if is_file else RunStore.open(run_file(run, directory), writing=True) as store:
-        verify_family(run, directory, format, store, resume=resume)
 
 
 @app.command("runs")
 @click.argument("compared", nargs=-1, metavar="[RUN OTHER]", help="Two runs: what differs between them.")
 @directory_option
 @format_option
-def runs_(compared: tuple[str, ...], directory: Path, format: OutputFormat) -> None:
+@done_in("_runs", "show_runs")
+def runs_() -> None:
     """List the runs that there are, or what differs between two of them: settings, texts, figures and members."""
-    from envgraph.cli._runs import compare_runs, list_runs
-
-    if not compared:
-        list_runs(directory, format)
-    elif len(compared) == 2:
-        compare_runs(*compared, directory, format)
-    else:
-        raise InvalidArgument("two runs are compared", "name both; without any all are listed")
 
 
 @app.command()
@@ -174,12 +111,11 @@ def runs_(compared: tuple[str, ...], directory: Path, format: OutputFormat) -> N
 )
 @click.option("--rejections", is_flag=True, help="Why models were turned down in a run, and how often.")
 @directory_option
-@metamodel_option
-@unresolved_option
+@inputs_options
 @click.option(
     "--format",
-    type=click.Choice(ShowFormat, case_sensitive=False),
-    default=ShowFormat.TEXT.value,
+    type=click.Choice(["text", "json", "dot", "svg"], case_sensitive=False),
+    default="text",
     callback=noted,
     help="text or json; models and metamodels also as a picture: dot or svg.",
 )
@@ -190,44 +126,9 @@ def runs_(compared: tuple[str, ...], directory: Path, format: OutputFormat) -> N
     show_default="standard output",
     help="Where to; .json, .dot and .svg say the format, too.",
 )
-def show(
-    run: str,
-    variant: str | None,
-    lineage: str | None,
-    rejections: bool,
-    directory: Path,
-    metamodel: tuple[str, ...],
-    allow_unresolved: bool,
-    format: ShowFormat,
-    output: Path | None,
-) -> None:
+@done_in("_show", "show")
+def show() -> None:
     """Print a family: its measures and its maps. Or a model or a metamodel: what is in it, or a picture of it."""
-    from envgraph.cli._inputs import DEFINITIONS, METAMODELS, MODELS, Inputs
-    from envgraph.cli._picture import show_file
-    from envgraph.lang import DiskFiles, file_format
-
-    if output is not None and format is ShowFormat.TEXT and output.suffix[1:] in list(ShowFormat):
-        format = ShowFormat(output.suffix[1:])
-    shown = file_format(DiskFiles(), run)
-    if shown in (*MODELS, *METAMODELS):
-        with printed_to(output):
-            show_file(run, variant, Inputs(metamodel, allow_unresolved), format)
-        return
-    if shown in DEFINITIONS:
-        raise InvalidArgument(f"`{run}` is no run, model or metamodel; `envgraph check {run}` reads it")
-    from envgraph.cli._family import show_family, show_lineage, show_rejections
-
-    if format in (ShowFormat.DOT, ShowFormat.SVG):
-        raise InvalidArgument(
-            f"`envgraph export {run} --format svg` draws a run; `show` draws models and metamodels"
-        )
-    with printed_to(output):
-        if lineage is not None:
-            show_lineage(run, directory, lineage, OutputFormat(format.value))
-        elif rejections:
-            show_rejections(run, directory, OutputFormat(format.value))
-        else:
-            show_family(run, directory, variant, OutputFormat(format.value))
 
 
 @app.command()
@@ -250,20 +151,16 @@ def show(
     help="Templates for --format python, instead of those of `envgraph templates`.",
 )
 @directory_option
-def export(run: str, format: str, output: Path | None, templates: Path | None, directory: Path) -> None:
+@done_in("_export", "export_family")
+def export() -> None:
     """Write a family in another format."""
-    from envgraph.cli._export import export_family
-
-    export_family(run, directory, format, output, templates)
 
 
 @app.command("templates")
 @click.argument("folder", type=PATH, help="Where to; there must be nothing in it.")
-def templates_(folder: Path) -> None:
+@done_in("_export", "write_templates")
+def templates_() -> None:
     """Write the templates of `envgraph export --format python`, to be changed."""
-    from envgraph.cli._export import write_templates
-
-    write_templates(folder)
 
 
 @app.command("import")
@@ -294,28 +191,9 @@ def templates_(folder: Path) -> None:
 @force_option
 @directory_option
 @format_option
-def import_(
-    file: Path,
-    domain: str | None,
-    name: str | None,
-    output: Path | None,
-    legend: tuple[str, ...],
-    overrides: tuple[str, ...],
-    force: bool,
-    directory: Path,
-    format: OutputFormat,
-) -> None:
+@done_in("_levels", "import_file")
+def import_() -> None:
     """Read a published family, measure it, and keep it as a run; or write levels as models."""
-    from envgraph.cli._levels import holds_levels, import_levels
-
-    if holds_levels(file):
-        if overrides:
-            raise InvalidArgument("`--set` is about the family file of a domain, and levels become models")
-        import_levels(file, domain, output, legend, format)
-        return
-    from envgraph.cli._family import import_family
-
-    import_family(file, domain or "burning_forest/paper.toml", name, overrides, directory, force, format)
 
 
 @app.command()
@@ -359,14 +237,9 @@ def import_(
 )
 @directory_option
 @format_option
-def train(run: str, directory: Path, **asked: Any) -> None:
+@done_in("_learn", "train_agents")
+def train() -> None:
     """Train agents on curricula, single environments and controls, and evaluate them on the target."""
-    from envgraph.cli._learn import train_agents
-    from envgraph.files import write_lock
-    from envgraph.search import run_file
-
-    with write_lock(Path(run) if run.endswith(".json") else run_file(run, directory)):
-        train_agents(run, directory, **asked)
 
 
 @app.command()
@@ -374,11 +247,9 @@ def train(run: str, directory: Path, **asked: Any) -> None:
 @click.option("--output", "-o", type=PATH, show_default="report.html in the run", help="Where to.")
 @directory_option
 @format_option
-def report(run: str, output: Path | None, directory: Path, format: OutputFormat) -> None:
+@done_in("_learn", "write_report")
+def report() -> None:
     """Write one self-contained HTML page: the family, the search, the training; and print a short table."""
-    from envgraph.cli._learn import write_report
-
-    write_report(run, directory, output, format)
 
 
 @app.command()
@@ -400,14 +271,12 @@ def report(run: str, output: Path | None, directory: Path, format: OutputFormat)
 @count_option("--workers", default=1, help="How many agents learn at a time; changes no result.")
 @click.option("--force", is_flag=True, help="Replace what an earlier one has written.")
 @format_option
-def reproduce(what: str, output: Path, **asked: Any) -> None:
+@done_in("_reproduce", "reproduce_paper")
+def reproduce() -> None:
     """Make the paper's experiments again, with many seeds and controls: which of its claims hold.
 
     Writes a page, its tables as CSV and its charts as SVG.
     """
-    from envgraph.cli._reproduce import reproduce_paper
-
-    reproduce_paper(what, output, **asked)
 
 
 @app.command()
@@ -434,11 +303,9 @@ def reproduce(what: str, output: Path, **asked: Any) -> None:
 @click.option("--force", is_flag=True, help="Replace an audit of other files or with other settings.")
 @click.option("--directory", "-d", type=PATH, default=Path("audits"), help="Where audits are kept.")
 @format_option
-def audit(families: tuple[str, ...], directory: Path, **asked: Any) -> None:
+@done_in("_audit", "audit_scores")
+def audit() -> None:
     """Say what the scores by which curricula choose levels rank, teach and cost, beside exact regret and learnability.
 
     An audit that was interrupted goes on where it was. Writes audit.html, its figures, and tables as CSV.
     """
-    from envgraph.cli._audit import audit_scores
-
-    audit_scores(families, directory, **asked)

@@ -13,8 +13,12 @@ from envgraph.files import replace_file
 STDIN = "-"
 
 
-def format_files(files: Sequence[str], *, check: bool, stdout: bool, language: str | None) -> int:
+def format_files(
+    files: Sequence[str], *, check: bool, stdout: bool, language: str | None, derived: bool
+) -> int:
     """Bring files into the one style; the exit code: 1 if one has errors or, with `check`, another style.
+
+    With `derived` they are left alone, and what their derivations stand for is printed.
 
     Family files, which are TOML, are left alone with a warning: who names all files of a domain means the others.
 
@@ -22,6 +26,8 @@ def format_files(files: Sequence[str], *, check: bool, stdout: bool, language: s
         InvalidArgument: standard input among files, or without a language.
         OSError: a file cannot be written.
     """
+    if derived:
+        return _print_derived(files)
     if STDIN in files:
         return _format_input(files, check, language)
     diagnostics: list[Diagnostic] = []
@@ -53,7 +59,7 @@ def format_files(files: Sequence[str], *, check: bool, stdout: bool, language: s
     return int(failed or (check and changed > 0))
 
 
-def print_derived(files: Sequence[str]) -> None:
+def _print_derived(files: Sequence[str]) -> int:
     """Print what the derivations of files stand for, as a `.query` text and a `.rules` text for each.
 
     Raises:
@@ -75,6 +81,7 @@ def print_derived(files: Sequence[str]) -> None:
         for what, text in (("patterns", patterns), ("rules", rules)):
             if text:
                 _write(f"// --- {what} of `{one.qualified_name}` ---\n\n{text}\n")
+    return 0
 
 
 def _format_input(files: Sequence[str], check: bool, language: str | None) -> int:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from envgraph.cli._output import print_diagnostics
 from envgraph.code import dataclass
@@ -34,6 +34,11 @@ def take(path: str, formats: tuple[str, ...], wanted: str) -> None:
             raise InvalidArgument(f"`{path}` is {what}, not {wanted}")
     elif files.is_directory(path) and "toml" not in formats:
         raise InvalidArgument(f"`{path}` is a directory, not {wanted}")
+
+
+def as_overrides(options: Mapping[str, int | None]) -> list[str]:
+    """Return options that are given, by the keys of a family file that they stand for, as `--set` has them."""
+    return [f"{key}={value}" for key, value in options.items() if value is not None]
 
 
 @dataclass(frozen=True, slots=True)

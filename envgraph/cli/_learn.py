@@ -14,11 +14,11 @@ from typing import Any
 
 from envgraph import __version__
 from envgraph.cli._family import REPORT, TRAINING, run_directory
-from envgraph.cli._output import OutputFormat, print_json, print_line, print_table, progress_bar
+from envgraph.cli._output import print_json, print_line, print_table, progress_bar
 from envgraph.env import Tabular, TooManyStates
 from envgraph.env.compiled import NotCompiled
 from envgraph.errors import MOST_STEPS, EvaluationError, InvalidArgument, did_you_mean, listed, parse_within
-from envgraph.files import replace_file
+from envgraph.files import replace_file, write_lock
 from envgraph.learn import (
     CONTROLS,
     EXACT,
@@ -84,12 +84,20 @@ def train_agents(
     workers: int,
     resume: bool,
     force: bool,
-    format: OutputFormat,
 ) -> None:
     """Train with each budget, evaluate, write CSV files, and print a summary.
 
     Results of the same budgets, and a training that was interrupted, make room only by `force`.
     """
+    given = (steps, seeds, seed_offset, curricula, controls, student)
+    wanted: dict[str, Any] = dict(zip(_OPTIONS, given, strict=True))
+    with write_lock(Path(run) if run.endswith(".json") else run_file(run, directory)):
+        _train_family(run, directory, wanted, workers, resume, force)
+
+
+def _train_family(
+    run: str, directory: Path, wanted: dict[str, Any], workers: int, resume: bool, force: bool
+) -> None:
     family = open_family(run, directory)
     if len(family.members) > _MOST_MEMBERS:
         message = (
@@ -99,9 +107,6 @@ def train_agents(
         raise InvalidArgument(message, hint)
     base = run_directory(run, directory) / TRAINING
     again = f"envgraph train {run} --directory {directory} --resume"
-    wanted: dict[str, Any] = dict(
-        zip(_OPTIONS, (steps, seeds, seed_offset, curricula, controls, student), strict=True)
-    )
     journal = None
     if resume:
         if force:
@@ -154,7 +159,7 @@ def train_agents(
             journal.path.unlink()  # there is nothing to go on with
         raise
     journal.path.unlink()
-    _print_summary(family, trained, results, format)
+    _print_summary(family, trained, results)
 
 
 def _refuse_results(base: Path, budgets: list[TrainingSettings]) -> None:
@@ -246,7 +251,7 @@ def _write(trained: Trained, base: Path) -> None:
         shutil.rmtree(directory / STAGES, ignore_errors=True)
 
 
-def write_report(run: str, directory: Path, output: Path | None, format: OutputFormat) -> None:
+def write_report(run: str, directory: Path, output: Path | None) -> None:
     """Write the page, and print the short table."""
     family = open_family(run, directory)
     base = run_directory(run, directory)
@@ -262,9 +267,9 @@ def write_report(run: str, directory: Path, output: Path | None, format: OutputF
     )
     path = output or base / REPORT
     replace_file(path, render_html(page))
-    if format is OutputFormat.JSON:
-        rows = stage_rows(family, trained)
-        print_json({"name": family.name, "report": str(path), "environments": rows})
+    if print_json(
+        lambda: {"name": family.name, "report": str(path), "environments": stage_rows(family, trained)}
+    ):
         return
     table = stage_table(family, trained)
     print_table(family.name, table.columns, table.rows, table.numeric)
@@ -428,10 +433,11 @@ def _random(family: Family, run: str, directory: Path, count: int) -> list[list[
     return found
 
 
-def _print_summary(family: Family, trained: list[Trained], directory: Path, format: OutputFormat) -> None:
+def _print_summary(family: Family, trained: list[Trained], directory: Path) -> None:
     found = [(one.steps, each) for one in trained for each in one.experiment.best_optimistic().summaries()]
     best = [way for one in trained if (way := one.best_way(family.members[-1].name))]
-    if format is OutputFormat.JSON:
+
+    def data() -> dict[str, Any]:
         results = [{"steps_per_environment": steps, "seeds": one.runs, **asdict(one)} for steps, one in found]
         claims = [
             {"steps_per_environment": budget.steps, **asdict(one), "verdict": one.verdict, "text": str(one)}
@@ -440,7 +446,9 @@ def _print_summary(family: Family, trained: list[Trained], directory: Path, form
         ]
         ways = [{"best": one.best, **asdict(one), "text": str(one)} for one in best]
         about = {"name": family.name, "student": trained[0].student, "directory": str(directory)}
-        print_json({**about, "ways": ways, "results": results, "comparisons": claims})
+        return {**about, "ways": ways, "results": results, "comparisons": claims}
+
+    if print_json(data):
         return
     for way in best:
         print_line(str(way))

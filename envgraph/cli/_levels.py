@@ -7,8 +7,9 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from envgraph.cli._family import import_family
 from envgraph.cli._new import domain_texts, write_files
-from envgraph.cli._output import OutputFormat, print_diagnostics, print_json, print_line
+from envgraph.cli._output import print_diagnostics, print_json, print_line
 from envgraph.env import unbound
 from envgraph.errors import MOST_ERRORS, Diagnostic, InvalidArgument, LoadError, Severity, Span, has_errors
 from envgraph.lang import (
@@ -30,7 +31,26 @@ DOMAIN = "sokoban"
 _SUFFIXES = (".xsb", ".sok", ".txt", ".des", ".tmx", ".tmj")
 
 
-def holds_levels(file: Path) -> bool:
+def import_file(
+    file: Path,
+    domain: str | None,
+    name: str | None,
+    output: Path | None,
+    legend: Sequence[str],
+    overrides: Sequence[str],
+    force: bool,
+    directory: Path,
+) -> None:
+    """Read a published family into a run, or levels into models."""
+    if not _holds_levels(file):
+        import_family(file, domain or "burning_forest/paper.toml", name, overrides, directory, force)
+    elif overrides:
+        raise InvalidArgument("`--set` is about the family file of a domain, and levels become models")
+    else:
+        _import_levels(file, domain, output, legend)
+
+
+def _holds_levels(file: Path) -> bool:
     """Return whether a file is one of levels: its suffix says so, or it is JSON with layers."""
     if file.suffix != ".json" or not file.is_file():
         return file.suffix in _SUFFIXES
@@ -40,9 +60,7 @@ def holds_levels(file: Path) -> bool:
     )
 
 
-def import_levels(
-    file: Path, domain: str | None, output: Path | None, legend: Sequence[str], format: OutputFormat
-) -> None:
+def _import_levels(file: Path, domain: str | None, output: Path | None, legend: Sequence[str]) -> None:
     """Write a model for each level of a file into a directory, which gets the files of the domain if it has none.
 
     Raises:
@@ -59,9 +77,7 @@ def import_levels(
     written = {} if there else domain_texts(Path(family).parent, directory)
     paths = write_files({**written, **{directory / name: text for name, (text, _) in texts.items()}})
     print_diagnostics(warnings)
-    if format is OutputFormat.JSON:
-        print_json({"written": [path.as_posix() for path in paths]})
-        return
+    print_json(lambda: {"written": [path.as_posix() for path in paths]})
     for path in paths:
         print_line(f"wrote {path}")
     print_line(f"next: envgraph generate {directory} --set model={next(iter(texts))}")

@@ -9,11 +9,23 @@ from typing import Final
 
 from jinja2 import Environment, PackageLoader
 
+from envgraph.cli._output import print_line
 from envgraph.errors import InvalidArgument
 from envgraph.files import jinja_environment, replacing
 from envgraph.lang import bundled_domain
 
 KINDS: Final = ("metamodel", "model", "query", "rules", "environment")
+
+
+def new_domain(name: str, directory: Path | None, domain: str | None) -> None:
+    """Write a domain, or copy a bundled one, and say how to go on."""
+    place = directory or Path(name)
+    files = write_domain(place, name) if domain is None else copy_domain(place, name, domain)
+    for path in files:
+        print_line(f"wrote {path}")
+    commands = {"family.toml": f"generate {place}", "problem.toml": f"optimise {place}"}
+    known = [commands[path.name] for path in files if path.name in commands]
+    print_line(f"next: envgraph {known[0] if known else f'check {files[0]}'}")
 
 
 def write_domain(directory: Path, name: str) -> list[Path]:

@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from envgraph.cli._convert import check_format
-from envgraph.cli._output import OutputFormat, print_json, print_line, print_table, progress_bar
+from envgraph.cli._inputs import as_overrides
+from envgraph.cli._output import print_json, print_line, print_table, progress_bar
 from envgraph.cli._query import write_model
 from envgraph.errors import InvalidArgument
 from envgraph.files import replace_file
@@ -18,29 +19,30 @@ from envgraph.search import Domain, Optimum, optimise_domain, problem_of
 
 
 def optimise_model(
-    location: str,
+    problem: str,
     *,
+    seed: int | None,
+    steps: int | None,
     overrides: Sequence[str],
     solution: int,
     output: Path | None,
     trace: Path | None,
     picture: Path | None,
-    format: OutputFormat,
 ) -> int:
     """Find what a file asks for, print it, and write one solution of it; the exit code: 1 if it violates something.
 
     Args:
-        location: a family file with `[optimise]`, its directory, or a bundled domain.
-        overrides: what holds instead of what the file says.
+        problem: a family file with `[optimise]`, its directory, or a bundled domain.
+        seed, steps, overrides: what holds instead of what the file says.
         solution: which one of the front is written, from 1.
         output: where the model is written.
         trace: where the rules that lead to it are written, for `envgraph replay`.
         picture: where the front is drawn, as SVG.
-        format: what to print.
     """
     if output is not None:
         check_format(output)
-    domain = Domain.load(location, overrides=overrides)
+    given = as_overrides({"seed": seed, "optimise.steps": steps})
+    domain = Domain.load(problem, overrides=[*given, *overrides])
     spec = domain.spec.optimise
     if picture is not None and spec is not None and len(spec.maximise + spec.minimise) < 2:
         raise InvalidArgument("a front is drawn of two objectives or more, and the file has one")
@@ -53,22 +55,21 @@ def optimise_model(
     chosen = found.front[solution - 1]
     engine.checkout(chosen.version)
     broken = [str(one) for one in problem_of(domain, engine).violations()] if chosen.violation else []
-    if format is OutputFormat.JSON:
-        print_json(_data(domain, found) | {"violated": broken, "model": model_to_json(engine.model)})
-    else:
+    if not print_json(
+        lambda: _data(domain, found) | {"violated": broken, "model": model_to_json(engine.model)}
+    ):
         _print(domain, found)
-        if broken:
-            print_line(f"no model that satisfies all constraints was found: {', '.join(broken)}")
+    if broken:
+        print_line(f"no model that satisfies all constraints was found: {', '.join(broken)}")
     if output is not None:
-        write_model(engine, output, format)
+        write_model(engine, output)
     for path, text in (
         (trace, trace and trace_to_text(engine, chosen.trace)),
         (picture, picture and _picture(domain, found)),
     ):
         if path is not None and text:
             replace_file(path, text)
-            if format is OutputFormat.TEXT:
-                print_line(f"wrote {path}")
+            print_line(f"wrote {path}")
     return int(bool(broken))
 
 

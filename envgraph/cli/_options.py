@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import wraps
+from importlib import import_module
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
 import click
 
-from envgraph.cli._output import OutputFormat, ShowFormat
 from envgraph.errors import LARGEST_INT, MOST_STEPS, InvalidArgument, parse_within
 
 RUNS = Path("runs")
@@ -17,19 +17,18 @@ RUNS = Path("runs")
 PATH: Final = click.Path(path_type=Path)
 
 
-def noted(
-    context: click.Context, parameter: click.Parameter, format: OutputFormat | ShowFormat
-) -> OutputFormat | ShowFormat:
-    """Tells `main` what errors are printed as."""
-    context.find_root().obj.append(format.value)
+def noted(context: click.Context, parameter: click.Parameter, format: str) -> str:
+    """Note what results and errors are printed as."""
+    context.find_root().obj.append(format)
     return format
 
 
 format_option = click.option(
     "--format",
-    type=click.Choice(OutputFormat, case_sensitive=False),
-    default=OutputFormat.TEXT.value,
+    type=click.Choice(["text", "json"], case_sensitive=False),
+    default="text",
     callback=noted,
+    expose_value=False,
     help="How to print the result, and errors: for people, or as one JSON document.",
 )
 run_argument = click.argument(
@@ -58,6 +57,20 @@ unresolved_option = click.option(
 )
 Command = Callable[..., Any]
 _Command = TypeVar("_Command", bound=Command)
+
+
+def done_in(module: str, name: str) -> Callable[[Command], Command]:
+    """Run a command by a function that takes its options by name, and import its module only then."""
+
+    def bound(declared: Command) -> Command:
+        @wraps(declared)
+        def run(**given: Any) -> Any:
+            return getattr(import_module(f"envgraph.cli.{module}"), name)(**given)
+
+        run.__dict__["done_in"] = f"envgraph.cli.{module}", name
+        return run
+
+    return bound
 
 
 def inputs_options(command: Command) -> Command:

@@ -1,7 +1,8 @@
 """How results, problems and progress reach the terminal.
 
-Results go to standard output, everything else to standard error, so that `--format json` can be piped. What is printed
-may come from files: it passes through `visible` here, and nothing in this package prints in another way.
+Results go to standard output, everything else to standard error, so that `--format json` can be piped: then the
+functions that print texts on standard output print nothing, and `print_json` prints the result. What is printed may
+come from files: it passes through `visible` here, and nothing in this package prints in another way.
 """
 
 from __future__ import annotations
@@ -9,12 +10,13 @@ from __future__ import annotations
 import json
 import re
 import sys
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, redirect_stdout
-from enum import StrEnum
 from io import StringIO
 from pathlib import Path
 from typing import Final, Protocol
+
+import click
 
 from envgraph.errors import Diagnostic, EnvgraphError, Severity, visible
 from envgraph.files import replace_file, telling
@@ -30,50 +32,58 @@ class Advance(Protocol):
         """So much is done; the remark is shown beside the bar."""
 
 
-class OutputFormat(StrEnum):
-    """What a command prints its result as."""
-
-    TEXT = "text"
-    JSON = "json"
-
-
-class ShowFormat(StrEnum):
-    """What `envgraph show` prints; the last two are pictures of models and metamodels."""
-
-    TEXT = "text"
-    JSON = "json"
-    DOT = "dot"
-    SVG = "svg"
-
-
 @contextmanager
-def printed_to(output: Path | None) -> Iterator[None]:
-    """What is printed inside goes into a file, as a whole, in place of standard output; None: it is printed."""
+def printed_to(output: Path | None, format: str) -> Iterator[None]:
+    """Print what is printed inside in a format, and into a file, as a whole; None: on standard output."""
     if output is None:
         yield
         return
-    with redirect_stdout(StringIO()) as printed:
-        yield
+    formats = click.get_current_context().find_root().obj
+    formats.append(format)
+    try:
+        with redirect_stdout(StringIO()) as printed:
+            yield
+    finally:
+        formats.pop()
     replace_file(output, printed.getvalue())
-    print_line(f"wrote {output}")
+    _write(f"wrote {output}")
+
+
+def _wants_json() -> bool:
+    """Return whether the command that runs is to print JSON: the last format that it noted."""
+    context = click.get_current_context(silent=True)
+    return context is not None and context.find_root().obj[-1:] == ["json"]
+
+
+def _write(line: str) -> None:
+    sys.stdout.write(visible(line) + "\n")
 
 
 def print_line(text: str) -> None:
-    """One line on standard output."""
-    sys.stdout.write(visible(text) + "\n")
+    """Print a line, unless JSON is wanted."""
+    if not _wants_json():
+        _write(text)
 
 
 def print_lines(text: str) -> None:
-    """A text of several lines, tabs included, on standard output."""
-    sys.stdout.write("".join(line + "\n" for line in _lines(text)))
+    """Print a text of several lines, tabs included, unless JSON is wanted."""
+    if not _wants_json():
+        sys.stdout.write("".join(line + "\n" for line in _lines(text)))
 
 
 def _lines(text: str) -> list[str]:
     return ["\t".join(map(visible, line.split("\t"))) for line in text.split("\n")]
 
 
-def print_json(value: object) -> None:
-    """One JSON document on standard output."""
+def print_json(value: Callable[[], object]) -> bool:
+    """Print a JSON document if one is wanted; whether it was."""
+    if wanted := _wants_json():
+        write_json(value())
+    return wanted
+
+
+def write_json(value: object) -> None:
+    """Write a JSON document on standard output."""
     try:
         "\N{GREEK SMALL LETTER ALPHA}".encode(sys.stdout.encoding or "utf-8")
         narrow = False
@@ -92,7 +102,9 @@ def printable_json(text: str) -> str:
 def print_table(
     title: str, columns: Sequence[str], rows: Iterable[Sequence[str]], right: Iterable[int] = ()
 ) -> None:
-    """A title and a table on standard output; `right` names the columns to set flush right."""
+    """Print a title and a table, unless JSON is wanted; `right` names the columns to set flush right."""
+    if _wants_json():
+        return
     title, columns = visible(title), [visible(column) for column in columns]
     rows = [[visible(cell) for cell in row] for row in rows]
     if len(rows) > _MOST_STYLED or not sys.stdout.isatty():

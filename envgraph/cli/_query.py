@@ -5,17 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
+from secrets import randbits
 from shlex import quote
 from typing import Any
 
 from envgraph.cli._inputs import A_MODEL, DEFINITIONS, MODELS, THE_DEFINITIONS, Inputs, take
-from envgraph.cli._output import (
-    OutputFormat,
-    print_json,
-    print_line,
-    print_lines,
-    print_table,
-)
+from envgraph.cli._output import print_json, print_line, print_lines, print_table
 from envgraph.code import dataclass
 from envgraph.errors import InvalidArgument, did_you_mean, listed, name_hint, parse_int, with_article
 from envgraph.files import replace_file
@@ -29,20 +24,12 @@ _SAMPLES = {Scalar.INT: "3", Scalar.FLOAT: "2.5", Scalar.BOOL: "true"}
 """A value of a type, for messages."""
 
 
-def print_matches(
-    model: str,
-    queries: str,
-    pattern: str,
-    where: Sequence[str],
-    inputs: Inputs,
-    format: OutputFormat,
-) -> None:
+def print_matches(model: str, queries: str, pattern: str, where: Sequence[str], inputs: Inputs) -> None:
     """Print the matches of a pattern."""
     engine = open_engine(model, queries, inputs)
     bound = parse_values(engine, _variable_types(engine, pattern), where)
     matches = engine.matches(pattern, bound=bound)
-    if format is OutputFormat.JSON:
-        print_json([{name: _plain(match[name]) for name in match.names} for match in matches])
+    if print_json(lambda: [{name: _plain(match[name]) for name in match.names} for match in matches]):
         return
     if not matches:
         print_line(f"no match of {pattern}")
@@ -98,13 +85,12 @@ def _engine_on_member(run: str, variant: str, workspace: Workspace, seed: int) -
     return engine
 
 
-def write_model(engine: Engine, output: Path, format: OutputFormat) -> None:
+def write_model(engine: Engine, output: Path) -> None:
     """Write the model of an engine, and say so to people."""
     from envgraph.cli._convert import model_text  # matches are printed without what writes files
 
     replace_file(output, model_text(engine.model, output))
-    if format is OutputFormat.TEXT:
-        print_line(f"wrote {output}")
+    print_line(f"wrote {output}")
 
 
 def apply_rule(
@@ -115,18 +101,18 @@ def apply_rule(
     *,
     inputs: Inputs,
     times: int,
-    seed: int,
+    seed: int | None,
     output: Path | None,
     trace: Path | None,
-    format: OutputFormat,
-) -> bool:
-    """Apply a rule or a unit some times, and print each application; whether one was made and none failed."""
+    allow_none: bool,
+) -> int:
+    """Apply a rule or a unit some times, and print each application; 1 if none was made or one failed."""
     from envgraph.cli._convert import check_format
     from envgraph.graph import model_to_json
 
     if output is not None:
         check_format(output)
-    engine = open_engine(model, rules, inputs, seed)
+    engine = open_engine(model, rules, inputs, randbits(63) if seed is None else seed)
     signature = engine.signature(rule)
     taken = (*signature.parameters, *signature.variables)
     bound = parse_values(engine, {one.name: one.type for one in taken}, where)
@@ -144,29 +130,21 @@ def apply_rule(
                 break
     if trace is not None:
         replace_file(trace, trace_to_text(engine, recorded))
-    if format is OutputFormat.JSON:
-        failure = failed.reason if failed is not None else None
-        result = {
-            "rule": rule,
-            "applications": done,
-            "failure": failure,
-            "model": model_to_json(engine.model),
-        }
-        print_json(result)
-    else:
-        for line in lines:
-            print_line(line)
-        if failed is not None:
-            print_line(f"{rule} failed: {failed.reason}")
-            if failed.span is not None:
-                print_lines(failed.span.excerpt())
-        elif len(done) < times:
-            print_line(f"no match of {rule}" + (f" after {len(done)} applications" if done else ""))
-        if trace is not None:
-            print_line(f"wrote {trace}")
+    result = {"rule": rule, "applications": done, "failure": failed.reason if failed is not None else None}
+    print_json(lambda: {**result, "model": model_to_json(engine.model)})
+    for line in lines:
+        print_line(line)
+    if failed is not None:
+        print_line(f"{rule} failed: {failed.reason}")
+        if failed.span is not None:
+            print_lines(failed.span.excerpt())
+    elif len(done) < times:
+        print_line(f"no match of {rule}" + (f" after {len(done)} applications" if done else ""))
+    if trace is not None:
+        print_line(f"wrote {trace}")
     if output is not None:
-        write_model(engine, output, format)
-    return bool(done) and failed is None
+        write_model(engine, output)
+    return int(not (allow_none or (done and failed is None)))
 
 
 def complete(engine: Engine, signature: Signature, bound: dict[str, Any]) -> None:

@@ -7,7 +7,7 @@ from contextlib import suppress
 from typing import Any
 
 from envgraph.cli._inputs import Inputs
-from envgraph.cli._output import OutputFormat, print_json, print_lines
+from envgraph.cli._output import print_json, print_lines
 from envgraph.cli._query import complete, open_both, parse_values, pattern_types
 from envgraph.errors import InvalidArgument, Span, did_you_mean, nearest
 from envgraph.lang import Workspace
@@ -17,9 +17,7 @@ from envgraph.pattern import StaticType
 from envgraph.rewrite import Engine
 
 
-def print_plan(
-    model: str, definitions: str, name: str, where: Sequence[str], inputs: Inputs, format: OutputFormat
-) -> None:
+def print_plan(model: str, definitions: str, name: str, where: Sequence[str], inputs: Inputs) -> None:
     """Print how matches of a pattern or rule are found, or what steps an environment."""
     engine, workspace = open_both(model, definitions, inputs)
     behaviour = next((one for one in workspace.behaviours if one.name == name), None)
@@ -30,15 +28,11 @@ def print_plan(
     else:
         _check_name(engine, workspace, name)
         text = engine.explain(name, bound=parse_values(engine, _types(engine, name, bool(where)), where))
-    if format is OutputFormat.JSON:
-        print_json({"name": name, "explanation": text})
-    else:
-        print_lines(text)
+    print_json(lambda: {"name": name, "explanation": text})
+    print_lines(text)
 
 
-def print_reasons(
-    model: str, definitions: str, name: str, where: Sequence[str], inputs: Inputs, format: OutputFormat
-) -> None:
+def print_reasons(model: str, definitions: str, name: str, where: Sequence[str], inputs: Inputs) -> None:
     """Print why there is no match, or which there is."""
     engine, workspace = open_both(model, definitions, inputs)
     if name in {one.name for one in workspace.behaviours} and not _means(engine, name):
@@ -52,8 +46,7 @@ def print_reasons(
         if signature is not None:
             complete(engine, signature, bound)
     why = engine.why_not(name, bound=bound)
-    if format is OutputFormat.JSON:
-        print_json(_data(why, engine))
+    if print_json(lambda: _data(why, engine)):
         return
     print_lines(str(why))
     for span in _spans(why):

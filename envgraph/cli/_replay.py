@@ -7,20 +7,12 @@ from pathlib import Path
 import envgraph.lang
 from envgraph.cli._convert import check_format
 from envgraph.cli._inputs import Inputs, take
-from envgraph.cli._output import OutputFormat, print_json, print_line
+from envgraph.cli._output import print_json, print_line
 from envgraph.cli._query import open_engine, write_model
 from envgraph.graph import model_to_json
 
 
-def replay_trace(
-    model: str,
-    rules: str,
-    trace: Path,
-    *,
-    inputs: Inputs,
-    output: Path | None,
-    format: OutputFormat,
-) -> None:
+def replay_trace(model: str, rules: str, trace: Path, inputs: Inputs, output: Path | None) -> None:
     """Do what a trace says, and compare the states with those that it has."""
     if output is not None:
         check_format(output)
@@ -30,13 +22,11 @@ def replay_trace(
     read = envgraph.lang.parse_trace(source, engine)
     engine.replay(read)
     state = f"{engine.model.state_hash():016x}"
-    if format is OutputFormat.JSON:
-        print_json({"applications": len(read), "state": state, "model": model_to_json(engine.model)})
-    else:
-        checked = len(read.states)
-        print_line(
-            f"{len(read)} application{'s' * (len(read) != 1)}; state {state}; "
-            f"{checked} state{'s' * (checked != 1)} compared"
-        )
+    print_json(lambda: {"applications": len(read), "state": state, "model": model_to_json(engine.model)})
+    checked = len(read.states)
+    print_line(
+        f"{len(read)} application{'s' * (len(read) != 1)}; state {state}; "
+        f"{checked} state{'s' * (checked != 1)} compared"
+    )
     if output is not None:
-        write_model(engine, output, format)
+        write_model(engine, output)

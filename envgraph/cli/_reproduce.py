@@ -8,7 +8,7 @@ from typing import Any
 
 from envgraph import __version__
 from envgraph.cli._learn import budgets_of
-from envgraph.cli._output import OutputFormat, print_json, print_line, print_table, progress_bar
+from envgraph.cli._output import print_json, print_line, print_table, progress_bar
 from envgraph.errors import InvalidArgument, did_you_mean
 from envgraph.files import replace_file
 from envgraph.report import png, render_html, standalone
@@ -31,7 +31,6 @@ def reproduce_paper(
     times: bool,
     workers: int,
     force: bool,
-    format: OutputFormat,
 ) -> None:
     """Train, write the page, tables and charts, and print which claims hold.
 
@@ -62,8 +61,9 @@ def reproduce_paper(
             replace_file(output / f"{name}.png", pixels)
     page = output / "paper.html"
     replace_file(page, render_html(reproduction_report(found, facts)))
-    if format is OutputFormat.JSON:
-        print_json({"page": str(page), "seeds": seeds, "claims": [_data(one) for one in claims(found)]})
+    if print_json(
+        lambda: {"page": str(page), "seeds": seeds, "claims": [_data(one) for one in claims(found)]}
+    ):
         return
     table = claims_table(found)
     print_table(f"the paper, with {seeds} seeds", table.columns, table.rows)

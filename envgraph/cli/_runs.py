@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from hashlib import sha256
 from itertools import zip_longest
 from pathlib import Path
@@ -9,12 +10,22 @@ from typing import Any
 
 from envgraph.cli._family import TRAINING
 from envgraph.cli._options import RUNS
-from envgraph.cli._output import OutputFormat, print_json, print_line, print_table
+from envgraph.cli._output import print_json, print_line, print_table
 from envgraph.errors import InvalidArgument
 from envgraph.search import Member, RunStore, open_family, run_file
 
 
-def list_runs(directory: Path, format: OutputFormat) -> None:
+def show_runs(compared: Sequence[str], directory: Path) -> None:
+    """List the runs of a directory, or compare two."""
+    if not compared:
+        _list_runs(directory)
+    elif len(compared) == 2:
+        _compare_runs(compared[0], compared[1], directory)
+    else:
+        raise InvalidArgument("two runs are compared", "name both; without any all are listed")
+
+
+def _list_runs(directory: Path) -> None:
     """Print the runs of a directory, by name; one that cannot be read with what is wrong with it.
 
     Raises:
@@ -23,8 +34,7 @@ def list_runs(directory: Path, format: OutputFormat) -> None:
     if directory != RUNS and not directory.is_dir():
         raise InvalidArgument(f"there is no directory `{directory}`")
     runs = [_run(file) for file in sorted(directory.glob("*/run.sqlite"))]
-    if format is OutputFormat.JSON:
-        print_json({"directory": str(directory), "runs": runs})
+    if print_json(lambda: {"directory": str(directory), "runs": runs}):
         return
     if not runs:
         print_line(f"there are no runs in {directory}; `envgraph generate` makes one")
@@ -52,7 +62,7 @@ def _run(file: Path) -> dict[str, Any]:
     return {**found, "trained": sorted(int(one.name) for one in results if one.name.isdecimal())}
 
 
-def compare_runs(first: str, second: str, directory: Path, format: OutputFormat) -> None:
+def _compare_runs(first: str, second: str, directory: Path) -> None:
     """Print what differs between two runs: settings, texts, figures, and the members that only one of them has.
 
     Raises:
@@ -68,9 +78,8 @@ def compare_runs(first: str, second: str, directory: Path, format: OutputFormat)
     families = [open_family(file).members for file in files]
     models = [{member.model for member in members} for members in families]
     alone = [[m for m in members if m.model not in models[1 - n]] for n, members in enumerate(families)]
-    if format is OutputFormat.JSON:
-        only = [[{"name": m.name, **m.measures} for m in members] for members in alone]
-        print_json({"runs": [first, second], "differences": differences, "members": only})
+    only = [[{"name": m.name, **m.measures} for m in members] for members in alone]
+    if print_json(lambda: {"runs": [first, second], "differences": differences, "members": only}):
         return
     rows = [(name, *map(_cell, values)) for name, values in differences.items()]
     rows += [("member", *map(_member, pair)) for pair in zip_longest(*alone)]

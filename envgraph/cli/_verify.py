@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
+from contextlib import nullcontext
 from dataclasses import asdict
 from math import isfinite
 from pathlib import Path
 from typing import Any
 
-from envgraph.cli._output import OutputFormat, print_json, print_line, print_table, progress_bar
+from envgraph.cli._output import print_json, print_line, print_table, progress_bar
 from envgraph.env.compiled import Plan
 from envgraph.errors import EnvgraphError, InvalidArgument, listed
 from envgraph.search import (
@@ -21,13 +22,19 @@ from envgraph.search import (
     apart,
     keep_certificates,
     open_family,
+    run_file,
     verify,
 )
 
 
-def verify_family(
-    run: str, directory: Path, format: OutputFormat, store: RunStore | None, *, resume: bool
-) -> None:
+def verify_family(run: str, directory: Path, resume: bool) -> None:
+    """Print what is certain of the members of a family; a run keeps it, and is open for writing meanwhile."""
+    is_file = run.endswith(".json")
+    with nullcontext() if is_file else RunStore.open(run_file(run, directory), writing=True) as store:
+        _verify_family(run, directory, store, resume)
+
+
+def _verify_family(run: str, directory: Path, store: RunStore | None, resume: bool) -> None:
     """Print what is certain of the members of a family, and whether it is the same when computed again.
 
     The store of a run has it from then on, member by member, if it can be written; `resume` leaves out those.
@@ -57,9 +64,7 @@ def verify_family(
             again = f"envgraph verify {run} --directory {directory} --resume"
             sys.stderr.write(f"{len(kept) + len(found)} environments are verified: `{again}` goes on\n")
         raise
-    if format is OutputFormat.JSON:
-        print_json({"name": family.name, "members": [*map(_kept_data, kept), *map(_data, found)]})
-    else:
+    if not print_json(lambda: {"name": family.name, "members": [*map(_kept_data, kept), *map(_data, found)]}):
         _print(family.name, kept, found)
         _print_apart(family, [one for one in found if isinstance(one, Verification)])
     if unkept:

@@ -1,0 +1,48 @@
+"""`envgraph show --output`: the file has the format that its name says, the terminal that of `--format`."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+import pytest
+
+from envgraph.cli import main
+
+METAMODEL = "metamodel s class Part { }"
+MODEL = 'import "s.metamodel" model small : s { p : Part }'
+
+
+@pytest.fixture(autouse=True)
+def small(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("s.metamodel").write_text(METAMODEL, encoding="utf-8")
+    Path("s.model").write_text(MODEL, encoding="utf-8")
+
+
+def show(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> int:
+    monkeypatch.setattr(sys, "argv", ["envgraph", "show", *arguments])
+    return main()
+
+
+@pytest.mark.parametrize("format", ["text", "json"])
+def test_json_goes_into_a_file_and_what_was_written_to_the_terminal(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], format: str
+) -> None:
+    assert show(monkeypatch, "s.model", "--format", format, "-o", "x.json") == 0
+    assert capsys.readouterr().out == "wrote x.json\n"
+    assert [one["class"] for one in json.loads(Path("x.json").read_text(encoding="utf-8"))["objects"]] == [
+        "Part"
+    ]
+
+
+def test_an_error_is_printed_as_format_says_and_not_as_the_name_of_the_file(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert show(monkeypatch, "s.metamodel", "-o", "x.json") == 1
+    printed = capsys.readouterr()
+    assert (printed.out, Path("x.json").exists()) == ("", False)
+    assert printed.err.startswith("error: a metamodel has no form in JSON")
+    assert show(monkeypatch, "s.metamodel", "--format", "json", "-o", "x.json") == 1
+    assert json.loads(capsys.readouterr().out)["ok"] is False
