@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from envgraph.graph import Model
-from envgraph.match import FREE, CompiledMatcher, NaiveMatcher, ViewMatcher
+from envgraph.match import FREE, CompiledMatcher, ViewMatcher
 from envgraph.match.generate import _generate
 from envgraph.metamodel import Attribute, Class, EnumType, Metamodel, Reference, Scalar, Value
 from envgraph.pattern import (
@@ -23,6 +23,7 @@ from envgraph.pattern import (
     Library,
     Pattern,
 )
+from tests.oracle.naive._naive import NaiveMatcher
 from tests.oracle.worlds import Dice, edit
 from tests.profile import examples
 from tests.unit.match.writing import equal, find, fold, neg, op, path, pattern, v, value

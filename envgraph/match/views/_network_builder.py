@@ -28,7 +28,6 @@ from envgraph.metamodel import Reference
 from envgraph.pattern import (
     Absence,
     AggregateAtom,
-    Binary,
     CallAtom,
     Closure,
     ClosureAtom,
@@ -54,10 +53,6 @@ Evaluate = Callable[[str], Callable[[], Sequence[Any]]]
 
 MOST_GOALS: Final = 40
 """Goals of a body that still gets delta functions: there is one for each, and each is planned."""
-
-
-MOST_ORDERED: Final = 100_000
-"""Estimated rows of a pattern with an inequality such as `x < y` that may still be held to be negated or counted."""
 
 
 class NotIncremental(Exception):
@@ -402,24 +397,10 @@ class NetworkBuilder:
             raise NotIncremental
         return self.view(pattern)
 
-    def _check_orderings(self, pattern: str) -> None:
-        """Refuse a pattern that is negated or aggregated and has very many rows because of an inequality.
-
-        Comparisons such as `x < y` relate nearly all objects. A search finds the answer by order and needs no row for
-        each pair, so the pattern that asks is evaluated anew after every change.
-        """
-        for body in self._bodies.of(pattern) if pattern not in self.operators else ():
-            if any(map(_is_ordering, body.goals)):
-                try:
-                    rows = self._planner.plan(body, body.goals, frozenset()).rows
-                except Unplannable:
-                    continue
-                if rows > MOST_ORDERED:
-                    raise NotIncremental
-
     def _absence(self, body: Conjunction, goal: Absence, place: str) -> Goal:
         if isinstance(call := negated(goal), CallAtom):
-            self._check_orderings(call.pattern)
+            if call.pattern not in self.operators and self._planner.orders(self._bodies.of(call.pattern)):
+                raise NotIncremental
             goal = replace(goal, alternatives=((self._call(body, call, place, free_inside(goal)),),))
         relation, local = negated(goal), set(free_inside(goal))
         if isinstance(relation, ClosureAtom):
@@ -456,7 +437,10 @@ class NetworkBuilder:
         if reached is not None and goal.function == "count" and len(local) == 1 and len(set(called)) == 2:
             return self._number_reached(body, goal, reached, place)
         if isinstance(relation, CallAtom):
-            self._check_orderings(relation.pattern)
+            if relation.pattern not in self.operators and self._planner.orders(
+                self._bodies.of(relation.pattern)
+            ):
+                raise NotIncremental
             relation = self._call(body, relation, place)
         columns = tuple(dict.fromkeys(called))
         if (
@@ -581,12 +565,6 @@ class NetworkBuilder:
             kind, edges = self.edges[name][0]
             if kind == "rows":
                 yield str(edges)
-
-
-def _is_ordering(goal: Goal) -> bool:
-    """Return whether a goal compares two values by their order."""
-    expression = goal.expression if isinstance(goal, Condition) and len(goal.reads) > 1 else None
-    return isinstance(expression, Binary) and expression.operator in ("<", "<=", ">", ">=")
 
 
 def called(place: Occurrence) -> str | None:

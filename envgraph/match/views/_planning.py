@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from typing import Protocol
+from contextlib import suppress
+from typing import Final, Protocol
 
 from envgraph.match.passes._calls import CallGraph
 from envgraph.match.plan._estimate import Sizes
 from envgraph.match.plan._live import LiveSizes
-from envgraph.match.plan._options import ACCESS, EXPRESSION, Bound, Option, Options, PlanInside
+from envgraph.match.plan._options import ACCESS, EXPRESSION, Bound, Option, Options, PlanInside, Unplannable
 from envgraph.match.plan._order import Draft, Search
 from envgraph.match.plan._plan import Kind, Plan, ViewKey, ViewPlan, held_value
 from envgraph.match.plan._planner import determined, disjoint
@@ -19,8 +20,10 @@ from envgraph.pattern import (
     Absence,
     AggregateAtom,
     AttributeAtom,
+    Binary,
     CallAtom,
     ClosureAtom,
+    Condition,
     Conjunction,
     Goal,
     InstanceAtom,
@@ -28,6 +31,9 @@ from envgraph.pattern import (
     LinkAtom,
     variables,
 )
+
+MOST_ORDERED: Final = 100_000
+"""Estimated rows of a pattern with an inequality such as `x < y` that may still be held to be negated or counted."""
 
 
 class Held(Protocol):
@@ -83,6 +89,25 @@ class ViewPlanner:
                 return True
         positions = range(len(bodies[0].parameters)) if bodies else ()
         return not disjoint(self.library.metamodel, positions, bodies)
+
+    def orders(self, bodies: Sequence[Conjunction]) -> bool:
+        """Return whether a pattern has very many rows because of a comparison such as `x < y`.
+
+        Comparisons relate nearly all objects. A search finds by order whether there is a row, or how many, and
+        needs no row for each pair: who negates or counts such a pattern is better evaluated anew after every change.
+        """
+        for body in bodies:
+            if any(map(_is_ordering, body.goals)):
+                with suppress(Unplannable):
+                    if self.plan(body, body.goals, frozenset()).rows > MOST_ORDERED:
+                        return True
+        return False
+
+
+def _is_ordering(goal: Goal) -> bool:
+    """Return whether a goal compares two values by their order."""
+    expression = goal.expression if isinstance(goal, Condition) and len(goal.reads) > 1 else None
+    return isinstance(expression, Binary) and expression.operator in ("<", "<=", ">", ">=")
 
 
 class ViewOptions(Options):
