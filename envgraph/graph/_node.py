@@ -267,6 +267,10 @@ class ValueList(MutableSequence[Value]):
         else:
             self._object.model.remove_value_at(self._object.id, self._attribute, index)
 
+    def reverse(self) -> None:
+        """Turn the order round, at once: on the way a value would stand twice."""
+        self._set(list(self)[::-1])
+
     def __iter__(self) -> Iterator[Value]:
         return iter(tuple(self._values()))
 

@@ -13,10 +13,11 @@ if TYPE_CHECKING:
 
 
 class Defined(NamedTuple):
-    """The query that defines a feature, and a function that gives the values, or ids of targets, of an object."""
+    """The query that defines a feature, what gives the values, or ids of targets, of an object, and the matcher."""
 
     query: str
     read: Callable[[int], Sequence[Any]]
+    matcher: object
 
 
 def first_with(model: Model, feature: Feature) -> int | None:

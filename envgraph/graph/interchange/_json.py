@@ -84,6 +84,8 @@ def _object(model: Model, node: int) -> dict[str, Any]:
         entry["name"] = name
     features: dict[str, Any] = {}
     for feature in model.metamodel.features(entry["class"]).values():
+        if feature in model.defined:
+            continue
         if isinstance(feature, Attribute):
             values = [str(v) if v in _INFINITIES.values() else v for v in model.values(node, feature)]
             features[feature.name] = values if feature.many else values[0] if values else None

@@ -332,11 +332,12 @@ class TagReader:
         """The value of a text; None if it is none of the attribute's type, which is reported."""
         value = value_of(text, attribute.type)
         if value is not None:
-            if isinstance(value, float) and repr(value) != text and attribute.is_decimal:
+            if isinstance(value, float) and attribute.is_decimal and (repr(value) != text or attribute.many):
                 kept = self._model.digits.setdefault((node, attribute.index, value), text)
-                if Decimal(text) != Decimal(repr(value)):
+                same = Decimal(kept) == Decimal(text)
+                if not same or Decimal(text) != Decimal(repr(value)):
                     why = "a float has 64 bits; only a written `.xmi` file has all digits of each value"
-                    said = "rounded" if kept == text else "left out"
+                    said = "rounded" if same else "left out"
                     self._reading.omit("value", f"of `{attribute}`", where(), why, said)
             return value
         type_, span = attribute.type, where()

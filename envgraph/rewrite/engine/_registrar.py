@@ -151,7 +151,7 @@ class Registrar:
         return registration
 
     def _define_features(self, library: Library) -> None:
-        """Let the model read the features that the patterns of a library define.
+        """Let the model read the features that the patterns of a library define, whatever other engines define.
 
         Raises:
             ResolutionError: the model has values of such a feature.
@@ -159,12 +159,13 @@ class Registrar:
         model, matcher = self._catalog.model, self._catalog.matcher
 
         def defined(query: str) -> Defined:
-            return Defined(query, lambda node: [row[1] for row in matcher.rows(query, (node, FREE))])
+            return Defined(query, lambda node: [row[1] for row in matcher.rows(query, (node, FREE))], matcher)
 
         features: dict[str, Feature] = {str(one): one for one in model.metamodel.attributes}
         features |= {str(one): one for one in model.metamodel.references}
         new = {features[one]: query for one, query in library.definitions.items()}
-        new = {one: query for one, query in new.items() if one not in model.defined}
+        known = {one for one, defined in model.defined.items() if defined.matcher is matcher}
+        new = {one: query for one, query in new.items() if one not in known}
         for feature, query in new.items():
             node = first_with(model, feature)
             if node is not None:
@@ -272,5 +273,6 @@ class Registrar:
                 known.pop(name, None)
         catalog.matcher.forget()
         catalog.forget()
-        model = catalog.model
-        model.define({one: known for one, known in model.defined.items() if known.query not in patterns})
+        defined, own = catalog.model.defined.items(), catalog.matcher
+        kept = {one: by for one, by in defined if by.matcher is not own or by.query not in patterns}
+        catalog.model.define(kept)

@@ -46,7 +46,11 @@ def test_a_handle_has_a_live_list(model: Model) -> None:
     book.tags += ["d"]
     book.tags[0] = "y"
     del book.tags[1]
+    book.tags.reverse()
+    book.tags.reverse()
     assert repr(book.tags) == "['y', 'c', 'd']" and "d" in book.tags and len(book.tags) == 3
+    book.tags.reverse()
+    assert book.tags == ["d", "c", "y"]
     book.marks.append(1)
     assert book.marks == [1.0, 1.0, 2.5, 1.0]
     book.marks = []

@@ -9,7 +9,7 @@ import pytest
 
 from envgraph import Engine, Pattern
 from envgraph.errors import EnvgraphError, InvalidArgument, ResolutionError, TypeMismatch
-from envgraph.graph import Model, Node, model_to_json, model_to_xmi
+from envgraph.graph import Model, Node, model_from_json, model_to_json, model_to_xmi
 from envgraph.match import FREE
 from envgraph.metamodel import Annotation, Attribute, Class, Metamodel, Reference, Scalar
 from tests.oracle.naive._naive import NaiveMatcher
@@ -204,6 +204,18 @@ def test_two_engines_of_a_model_keep_their_definitions(engine: Engine) -> None:
     assert engine.model["a"].total == 22
     other.remove("old")
     assert engine.model["a"].total == 22
+    annotation = '@QueryBasedFeature(feature = "total")'
+    other.add(Pattern("total", "p : Person, n : int", "Person.age(p, n)", annotations=annotation))
+    assert engine.model["a"].total == 7  # the last one counts, also where the first engine is gone
+    engine.remove("total")
+    assert engine.model["a"].total == 7
+
+
+def test_json_leaves_defined_features_out(engine: Engine) -> None:
+    written = model_to_json(engine.model)
+    assert "total" not in written["objects"][0]["features"]
+    engine.remove("total", "nicks", "ages", "below")
+    assert model_to_json(model_from_json(written, KIN)) == model_to_json(engine.model)
 
 
 def test_rules_match_and_never_write(engine: Engine) -> None:
