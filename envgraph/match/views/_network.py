@@ -80,12 +80,18 @@ class Network:
     # --- what plans ask
 
     def rows(self, view: str) -> float:
-        """Matches of a view."""
-        return max(self.operators[view].size(), 0.5)
+        """Matches of a view; where it is asked about before it is made, as many as there are objects."""
+        operator = self.operators.get(view)
+        return max(operator.size() if operator else self._objects(), 0.5)
+
+    def _objects(self) -> float:
+        return float(sum(map(len, self._store.extents)))
 
     def matching(self, view: str, positions: tuple[int, ...]) -> float:
         """Matches of a view that agree with values at these positions, on average."""
-        operator = self.operators[view]
+        operator = self.operators.get(view)
+        if operator is None:
+            return 1.0
         assert isinstance(operator, Rows)
         keys = len({tuple([row[p] for p in positions]) for row in operator.rows[:512]})
         sample = min(len(operator.rows), 512)
@@ -93,7 +99,9 @@ class Network:
 
     def reached(self, closure: str) -> tuple[bool, float, float]:
         """Return whether it is followed from the source, how many starts it has, and what each reaches."""
-        operator = self.operators[closure]
+        operator = self.operators.get(closure)
+        if operator is None:
+            return True, self._objects(), 1.0
         assert isinstance(operator, ClosureOperator)
         starts = max(len(operator.begun), 1)
         return operator.forward, float(starts), max(operator.size() / starts, 1.0)
