@@ -190,6 +190,11 @@ def _replace(model: Model, relation: Relation, source: int, targets: Sequence[in
                 relation.disconnect(holders[0], target)
     for target in targets:
         model.link(source, relation.reference, target)
+    if tuple(relation.forward[source]) != tuple(
+        targets
+    ):  # of more than 32, the last takes the place of one removed
+        for index, target in enumerate(targets):
+            model.store.move_target(relation, source, target, index)
 
 
 def container(model: Model, node: int) -> tuple[int, Reference] | None:

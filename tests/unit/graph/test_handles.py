@@ -285,3 +285,18 @@ def test_a_full_reference_refuses_what_is_appended_and_nothing_has_moved():
             add(people[45])
     assert model.state_hash() == before and people[45].team == other
     model.check_integrity()
+
+
+def test_targets_that_stay_are_in_the_order_that_was_assigned():
+    model = forest()
+    wood = model.nodes("Forest")[0]
+    tiles = [model.create("RoadTile") for _ in range(40)]
+    wood.states = tiles
+    savepoint = model.savepoint()
+    wood.states = [tiles[6], tiles[38]]
+    assert wood.states == [tiles[6], tiles[38]]
+    model.rollback(savepoint)
+    assert wood.states == tiles
+    wood.states = [*tiles[20:], tiles[3]]
+    assert wood.states == [*tiles[20:], tiles[3]]
+    model.check_integrity()
