@@ -140,12 +140,10 @@ def _annotations(doc: str | None, annotations: Iterable[Annotation], indent: str
     for one in annotations:
         if one.name != "annotation":
             continue
-        source, *rest = map(str, one.arguments)
-        pairs = (*zip(rest[::2], rest[1::2], strict=True), *one.named)
-        details = [(key, str(value)) for key, value in pairs]
-        if source == _GENMODEL:
+        details = one.details
+        if one.is_from(_GENMODEL):
             details, documented = [*documented, *details], []
-        yield from _annotation(source, details, indent)
+        yield from _annotation(str(one.arguments[0]), details, indent)
     if documented:
         yield from _annotation(_GENMODEL, documented, indent)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import field
 from enum import StrEnum
 from math import isnan
@@ -76,6 +76,17 @@ class Annotation:
     named: tuple[tuple[str, Value], ...] = ()
     span: Span | None = field(default=None, compare=False, repr=False)
     places: Places = field(default=(), compare=False, repr=False)
+
+    def is_from(self, source: str) -> bool:
+        """Return whether this is the `@annotation` of a tool."""
+        return self.name == "annotation" and self.arguments[:1] == (source,)
+
+    @property
+    def details(self) -> Sequence[tuple[str, str]]:
+        """Keys and texts of an `@annotation`; keys that are no names stand before their texts among the arguments."""
+        words = self.arguments[1:]
+        pairs = (*zip(words[::2], words[1::2], strict=True), *self.named)
+        return [(str(key), str(text)) for key, text in pairs]
 
 
 @dataclass(frozen=True, slots=True)
@@ -221,7 +232,6 @@ class Class:
         frozen: derived operators leave it alone (`@frozen`).
         package: the nested package that it is in, see `Package`.
         left_out: names of features that the file has and the class has not, each with the reason.
-        xml: by names of features, "" for the class: what ExtendedMetaData says of them. Feature maps have a key "map".
         places: "extends A" for each supertype, "key a" for each attribute of the key, "letter", "colour".
     """
 
@@ -238,7 +248,6 @@ class Class:
     places: Places = field(default=(), compare=False, repr=False)
     package: str = ""
     left_out: tuple[tuple[str, str], ...] = field(default=(), compare=False, repr=False)
-    xml: tuple[tuple[str, Mapping[str, str]], ...] = field(default=(), compare=False, repr=False)
 
 
 @dataclass(frozen=True, slots=True)

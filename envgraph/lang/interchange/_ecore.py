@@ -35,10 +35,9 @@ from envgraph.lang.interchange._ecore_parts import (
     name_of,
     notes_of,
     said,
-    xml_of,
 )
 from envgraph.lang.interchange._ecore_tags import Tags
-from envgraph.lang.read._ecore_types import ECORE, ECORE_TYPES, XML_TYPES, library_types
+from envgraph.lang.read._ecore_types import A_MAP, ECORE, ECORE_TYPES, XML_TYPES, library_types
 from envgraph.lang.read._metamodel import MetamodelFile
 from envgraph.lang.syntax._xml import Element
 from envgraph.metamodel import (
@@ -265,7 +264,6 @@ class _Reader(Tags):
             places=(*places, *marks.places),
             package=path,
             left_out=self._left_out_of(element),
-            xml=xml_of(element),
         )
 
     def _left_out_of(self, element: Element) -> tuple[tuple[str, str], ...]:
@@ -304,8 +302,9 @@ class _Reader(Tags):
             message = f"the {what} `{element.attributes.get('name', '')}` is left out"
             hint = _WITHOUT_VALUES[word]
             self.warn("left-out", message, self.places.name_of(element.byte, word), hint)
-            why = "a feature map" if word == "eType" else word
-            self._leave_out(element, f"it is {why}, and was left out of the metamodel")
+            self._leave_out(
+                element, A_MAP if word == "eType" else f"it is {word}, and was left out of the metamodel"
+            )
             return None
         errors = self.joint.errors
         found = self._attribute(element) if kind == "EAttribute" else self._reference(element)

@@ -9,14 +9,13 @@ from importlib.resources import files as package_files
 from urllib.parse import unquote
 
 from envgraph.errors import Source, Span
-from envgraph.lang.read._ecore_types import ECORE, ECORE_TYPES, FEATURE_MAP, library_types
+from envgraph.lang.read._ecore_types import ECORE, ECORE_TYPES, EXTENDED, FEATURE_MAP, library_types
 from envgraph.lang.syntax._files import Files
 from envgraph.lang.syntax._xml import XMI, Element, XmlPlaces, read_tree
 
 _NAMING = ("eType", "eSuperTypes", "eOpposite", "eClassifier")
 _SKIPPED = ("eOperations", "eAnnotations")
 _PARTS = ("eClassifiers", "eSubpackages", "eStructuralFeatures", "eLiterals", "eTypeParameters")
-_EXTENDED = "http:///org/eclipse/emf/ecore/util/ExtendedMetaData"
 _MOST = 1000
 """So many other files are looked for; that there are more is reported where they are named."""
 _UP = 12
@@ -194,7 +193,7 @@ def details_of(element: Element, source: str) -> Iterator[tuple[Element, str, st
 
 def extended(element: Element) -> dict[str, str]:
     """What Ecore's ExtendedMetaData says of an element in documents."""
-    return {key: value for _, key, value in details_of(element, _EXTENDED)}
+    return {key: value for _, key, value in details_of(element, EXTENDED)}
 
 
 @cache

@@ -12,9 +12,7 @@ from envgraph.errors import did_you_mean, name_hint
 from envgraph.lang.interchange._ecore_document import (
     details_of,
     ecore_itself,
-    extended,
     is_computed,
-    without_values,
 )
 from envgraph.lang.interchange._ecore_names import Names, Target, inside
 from envgraph.lang.read._ecore_types import ECORE_TYPES, DataType, java_type, value_of, why_unfit
@@ -109,16 +107,6 @@ def _number(text: str) -> Value:
         with suppress(ValueError):
             return read(text)
     return text
-
-
-def xml_of(element: Element) -> tuple[tuple[str, Mapping[str, str]], ...]:
-    """Return what the `xml` of a class is."""
-    found = [("", extended(element))]
-    for one in inside(element, "eStructuralFeatures"):
-        found.append(
-            (one.get("name"), extended(one) | ({"map": ""} if without_values(one) == "eType" else {}))
-        )
-    return tuple((name, details) for name, details in found if details)
 
 
 def doc_of(element: Element) -> str | None:

@@ -21,8 +21,9 @@ from envgraph.errors import (
     plural,
     too_many_errors,
 )
-from envgraph.graph import Model, usual_value
+from envgraph.graph import Model
 from envgraph.lang.interchange._ecore_document import ecore_itself
+from envgraph.lang.interchange._xmi_names import XmlNames
 from envgraph.lang.read._ecore_types import ECORE, library_types, value_of
 from envgraph.lang.syntax._once import NAMES
 from envgraph.lang.syntax._xml import XSI, Stop, XmlPlaces
@@ -42,28 +43,6 @@ _MANY = 1000
 _KEYED = re.compile(r"@([^\[]+)\[(.*)\]")
 _KEY = re.compile(r"([^=,]+)=(null|'[^']*'|\"[^\"]*\"|\[[^\]]*\])(?:,|$)")
 _QUOTED = re.compile(r"'([^']*)'|\"([^\"]*)\"")
-
-
-@dataclass(slots=True)
-class Table:
-    """What a class says about the tags of its objects.
-
-    Attributes:
-        tags, keys: features by what they are called as an XML element, and as an XML attribute.
-        unset: attributes that have no value where a tag does not mention them, though a fresh object has one; by keys.
-        identifiers: the keys of the `iD` attribute.
-        text: the attribute that holds the text of a tag, or None.
-        map: the feature map, "" for none; the order among different ones of its `members`, by places, is not kept.
-    """
-
-    name: str
-    tags: Mapping[str, Feature]
-    keys: Mapping[str, Feature]
-    unset: Mapping[str, Attribute]
-    identifiers: Sequence[str]
-    text: Attribute | None
-    map: str
-    members: Mapping[str, int]
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,33 +86,10 @@ class Reading:
         self.documents: dict[str, Document | None] = {}
         self.children: dict[tuple[int, str], list[int | tuple[Document, Link] | None]] = {}
         self._looking = 0
-        self._tables: dict[str, Table] = {}
+        self.names = XmlNames(self.metamodel)
         self.packages = {package.uri: package for package in self.metamodel.packages}
         self.foreign: set[str] = set()
         self._omitted: dict[tuple[str, str, str, str], tuple[int, Span]] = {}
-        self.called: dict[str, dict[str, str]] = {}
-        """Classes by their names in XML, and by their packages."""
-        self.elements: dict[tuple[str, str], tuple[str, Reference, str]] = {}
-        """By uri and name: elements that can be the root of a document; class and feature, and what they substitute."""
-        uris = {one.path: one.uri for one in self.metamodel.packages}
-        for cls in self.metamodel.class_list:
-            said = dict(cls.xml)
-            name = said.get("", {}).get("name")
-            if name:
-                self.called.setdefault(name, {})[cls.package] = cls.name
-            for one in cls.features if name == "" else ():
-                if isinstance(one, Reference) and one.containment:
-                    details = said.get(one.name, {})
-                    head = details.get("affiliation", "").rpartition("#")[2]
-                    self.elements[uris[cls.package], details.get("name", one.name)] = cls.name, one, head
-
-    def head(self, uri: str, tag: str, known: Mapping[str, Feature]) -> str:
-        """The known element that an element of a document may stand in for, by substitution groups; else a name."""
-        for _ in range(MOST_NESTED):
-            if tag in known or (uri, tag) not in self.elements:
-                break
-            tag = self.elements[uri, tag][2]
-        return tag
 
     def omit(
         self, noun: str, rest: str, span: Span, hint: str = "no class has this", said: str = "left out"
@@ -154,38 +110,6 @@ class Reading:
         for (said, noun, rest, hint), (count, span) in self._omitted.items():
             code = f"values-{said.replace(' ', '-')}"
             yield Diagnostic(code, f"{said}: {plural(count, noun)} {rest}", span, hint, Severity.WARNING)
-
-    def table(self, cls: str) -> Table:
-        """Return what a class says about its tags; worked out for the classes that a file has, and no others."""
-        found = self._tables.get(cls)
-        if found is None:
-            found = self._tables[cls] = self._table(cls)
-        return found
-
-    def _table(self, cls: str) -> Table:
-        features = self.metamodel.features(cls)
-        tags, keys, members = dict(features), dict(features), {}
-        text, map_ = None, ""
-        above = [self.metamodel.classes[one].xml for one in self.metamodel.supertypes(cls)]
-        mixed = any(dict(one).get("", {}).get("kind") == "mixed" for one in above)
-        for name, said in (pair for one in above for pair in one):
-            kind, feature = said.get("kind"), features.get(name)
-            if "map" in said:
-                map_ = name
-            elif kind == "simple":
-                text = feature
-            elif feature is not None:
-                if kind != "element":
-                    keys[said.get("name", name)] = feature
-                if kind != "attribute":
-                    tags[said.get("name", name)] = feature
-                if "group" in said or (mixed and kind == "element"):
-                    members[name] = [*features].index(name)
-        values = {key: one for key, one in keys.items() if isinstance(one, Attribute)}
-        unset = {key: one for key, one in values.items() if usual_value(one) is None and not one.many}
-        identifiers = [key for key, one in values.items() if one.identifier]
-        assert text is None or isinstance(text, Attribute)
-        return Table(cls, tags, keys, unset, identifiers, text, map_, members)
 
     def hold(self, node: int, reference: Reference, child: int) -> list[int | tuple[Document, Link] | None]:
         """Note a child whose place counts though the model does not list it; return all children there."""
@@ -450,7 +374,7 @@ class Library(Document):
             if cls is None:
                 return None
             self.ids[name] = model.new(cls, None)
-            for attribute in self.reading.table(cls).unset.values():
+            for attribute in self.reading.names.table(cls).unset.values():
                 model.set_value(self.ids[name], attribute, name if attribute.name == "name" else None)
         return self.ids.get(name)
 

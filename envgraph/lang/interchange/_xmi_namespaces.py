@@ -92,7 +92,7 @@ class Namespaces:
         """The class of this name in a package; without one the class that alone has the name."""
         metamodel = self._reading.metamodel
         homes = {path: one for path, one in metamodel.named(simple).items() if one in metamodel.classes}
-        homes |= self._reading.called.get(simple, {})
+        homes |= self._reading.names.classes.get(simple, {})
         if package and package.path in homes:
             return homes[package.path]
         if not package and len(homes) == 1:

@@ -9,7 +9,8 @@ from functools import partial
 
 from envgraph.code import dataclass
 from envgraph.errors import MOST_ERRORS, Note, Span, did_you_mean, plural, quoted, with_article
-from envgraph.lang.interchange._xmi_document import LOST, Document, Link, Table, short
+from envgraph.lang.interchange._xmi_document import LOST, Document, Link, short
+from envgraph.lang.interchange._xmi_names import Table
 from envgraph.lang.interchange._xmi_namespaces import Namespaces
 from envgraph.lang.read._ecore_types import value_of, why_unfit
 from envgraph.lang.read._features import allowed_values, unknown_literal
@@ -158,9 +159,9 @@ class TagReader:
             self._skipped = 1
             self._reading.omit("tag", f"`{tag}` {_FOREIGN}", self._document.places.tag(at))
             return
-        element = self._reading.elements.get((self._spaces.scope.get(prefix, ""), simple))
+        element = self._reading.names.elements.get((self._spaces.scope.get(prefix, ""), simple))
         if element is not None:  # the object of the document, with the one of the tag in it
-            table = self._reading.table(element[0])
+            table = self._reading.names.table(element[0])
             self._document.roots.append(self._create(table, {}, at))
             self._child(_Frame(self._document.roots[-1], table), element[1], attributes, at, element[1])
             return
@@ -169,7 +170,7 @@ class TagReader:
             self._document.roots.append(LOST)
             self._skipped = 1
             return
-        table = self._reading.table(cls)
+        table = self._reading.names.table(cls)
         self._spaces.type_of(attributes)
         node = self._create(table, attributes, at)
         self._document.roots.append(node)
@@ -184,9 +185,9 @@ class TagReader:
         reference, typed = table.tags.get(tag), None
         if reference is None:
             uri, tag = self._spaces.local(tag)
-            reference = table.tags.get(self._reading.head(uri, tag, table.tags))
+            reference = table.tags.get(self._reading.names.head(uri, tag, table.tags))
             if tag not in table.tags and reference is not None:
-                typed = self._reading.elements[uri, tag][1]
+                typed = self._reading.names.elements[uri, tag][1]
         if reference is not None and reference.name in table.members:
             place = table.members[reference.name]
             if place < frame.last:
@@ -226,7 +227,7 @@ class TagReader:
             self._reading.hold(frame.node, reference, LOST)
             self._skipped = 1
             return
-        table = self._reading.table(cls)
+        table = self._reading.names.table(cls)
         node = self._create(table, attributes, at)
         text: list[str] | None = [] if table.text else None
         self._stack.append(_Frame(node, table, frame.node, reference, text=text))

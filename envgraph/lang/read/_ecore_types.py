@@ -9,6 +9,7 @@ from envgraph.code import dataclass
 from envgraph.metamodel import LARGEST_INT, EnumType, Scalar, Value, parse_value
 
 ECORE = "http://www.eclipse.org/emf/2002/Ecore"
+EXTENDED = "http:///org/eclipse/emf/ecore/util/ExtendedMetaData"
 XML_TYPES = "http://www.eclipse.org/emf/2003/XMLType"
 
 
@@ -38,6 +39,8 @@ _NULLABLE: Mapping[Scalar, str] = {
     "EResource EResourceSet EEnumerator EDiagnosticChain EInvocationTargetException",
 }
 FEATURE_MAP = "EFeatureMapEntry"
+A_MAP = "it is a feature map, and was left out of the metamodel"
+"""Why a class has no feature map, though its file has one."""
 
 _XML: Mapping[Scalar, str] = {
     Scalar.INT: "Int Integer Long Short Byte UnsignedInt UnsignedLong UnsignedShort UnsignedByte NonNegativeInteger "

@@ -147,6 +147,33 @@ def test_classes_and_ids_have_their_names_in_documents() -> None:
     assert found.nodes("Item")[0]["id"] == "k"
 
 
+def test_a_written_metamodel_reads_the_same_documents() -> None:
+    document = (
+        '<m:purchase-order xmlns:m="http://x/m" no="7"><comment>soon</comment><fast key="a"/><slow key="b"/>'
+        '<m:start-event name="s"/><text lang="en">good</text></m:purchase-order>'
+    )
+    first = loaded(document).model()
+    second = loaded(document, metamodel_to_ecore(first.metamodel)).model()
+    assert model_to_xmi(second) == model_to_xmi(first)
+    (found,) = second.nodes("Order")
+    assert (found.number, found.remark, found.text[0].value) == (7, "soon", "good")
+
+
+def test_metamodel_files_name_elements_by_annotations() -> None:
+    space = "http:///org/eclipse/emf/ecore/util/ExtendedMetaData"
+    files = {
+        "m.metamodel": f"""metamodel m uri "http://x/m"
+            @annotation("{space}", name = "tOrder", kind = "elementOnly")
+            class Order {{
+                @annotation("{space}", name = "no", kind = "attribute")
+                int number;
+            }}""",
+        "a.xmi": '<m:tOrder xmlns:m="http://x/m" no="7"/>',
+    }
+    (found,) = load_workspace(["m.metamodel", "a.xmi"], files=TextFiles(files)).model().nodes("Order")
+    assert found.number == 7
+
+
 def test_members_of_a_group_are_kept_and_places_among_others_are_counted() -> None:
     found = order('<fast key="a"/><slow key="b"/><fast key="c"/><fast key="d"/>')
     (one,) = found.model().nodes("Order")

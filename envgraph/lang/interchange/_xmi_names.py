@@ -1,0 +1,102 @@
+"""What tags and XML attributes are called, by the names of a metamodel and by its annotations of ExtendedMetaData."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+
+from envgraph.code import dataclass
+from envgraph.errors import MOST_NESTED
+from envgraph.graph import usual_value
+from envgraph.lang.read._ecore_types import A_MAP, EXTENDED
+from envgraph.metamodel import Annotation, Attribute, Feature, Metamodel, Reference
+
+
+@dataclass(slots=True)
+class Table:
+    """What a class says about the tags of its objects.
+
+    Attributes:
+        tags, keys: features by what they are called as an XML element, and as an XML attribute.
+        unset: attributes that have no value where a tag does not mention them, though a fresh object has one; by keys.
+        identifiers: the keys of the `iD` attribute.
+        text: the attribute that holds the text of a tag, or None.
+        map: the feature map, "" for none; the order among different ones of its `members`, by places, is not kept.
+    """
+
+    name: str
+    tags: Mapping[str, Feature]
+    keys: Mapping[str, Feature]
+    unset: Mapping[str, Attribute]
+    identifiers: Sequence[str]
+    text: Attribute | None
+    map: str
+    members: Mapping[str, int]
+
+
+class XmlNames:
+    """The names of a metamodel in documents.
+
+    Attributes:
+        classes: classes by their names in XML, and by their packages.
+        elements: by uri and name, elements that can be the root of a document: class and feature, and the element that
+            they substitute.
+    """
+
+    def __init__(self, metamodel: Metamodel) -> None:
+        self._metamodel = metamodel
+        self._tables: dict[str, Table] = {}
+        self.classes: dict[str, dict[str, str]] = {}
+        self.elements: dict[tuple[str, str], tuple[str, Reference, str]] = {}
+        uris = {one.path: one.uri for one in metamodel.packages}
+        for cls in metamodel.class_list:
+            name = _extended(cls.annotations).get("name")
+            if name:
+                self.classes.setdefault(name, {})[cls.package] = cls.name
+            for one in cls.features if name == "" else ():
+                if isinstance(one, Reference) and one.containment:
+                    said = _extended(one.annotations)
+                    head = said.get("affiliation", "").rpartition("#")[2]
+                    self.elements[uris[cls.package], said.get("name", one.name)] = cls.name, one, head
+
+    def head(self, uri: str, tag: str, known: Mapping[str, Feature]) -> str:
+        """The known element that an element of a document may stand in for, by substitution groups; else a name."""
+        for _ in range(MOST_NESTED):
+            if tag in known or (uri, tag) not in self.elements:
+                break
+            tag = self.elements[uri, tag][2]
+        return tag
+
+    def table(self, cls: str) -> Table:
+        """Return what a class says about its tags; worked out for the classes that a file has, and no others."""
+        found = self._tables.get(cls)
+        if found is None:
+            found = self._tables[cls] = self._table(cls)
+        return found
+
+    def _table(self, cls: str) -> Table:
+        features = self._metamodel.features(cls)
+        above = [self._metamodel.classes[one] for one in self._metamodel.supertypes(cls)]
+        mixed = any(_extended(one.annotations).get("kind") == "mixed" for one in above)
+        maps = [name for one in above for name, why in one.left_out if why == A_MAP]
+        tags, keys, members, text = dict(features), dict(features), {}, None
+        for place, (name, feature) in enumerate(features.items()):
+            said = _extended(feature.annotations)
+            kind, called = said.get("kind"), said.get("name", name)
+            if kind == "simple" and isinstance(feature, Attribute):
+                text = feature
+                continue
+            if kind != "element":
+                keys[called] = feature
+            if kind != "attribute":
+                tags[called] = feature
+            if "group" in said or (mixed and kind == "element"):
+                members[name] = place
+        values = {key: one for key, one in keys.items() if isinstance(one, Attribute)}
+        unset = {key: one for key, one in values.items() if usual_value(one) is None and not one.many}
+        identifiers = [key for key, one in values.items() if one.identifier]
+        return Table(cls, tags, keys, unset, identifiers, text, maps[-1] if maps else "", members)
+
+
+def _extended(annotations: Iterable[Annotation]) -> dict[str, str]:
+    """Return what ExtendedMetaData says of a class or a feature."""
+    return {key: value for one in annotations if one.is_from(EXTENDED) for key, value in one.details}
