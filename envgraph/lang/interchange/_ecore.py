@@ -308,8 +308,6 @@ class _Reader(Tags):
             return None
         errors = self.joint.errors
         found = self._attribute(element) if kind == "EAttribute" else self._reference(element)
-        if found is not None and is_computed(element):
-            found = replace(found, annotations=(Annotation("derived"), *found.annotations))
         if found is None and self.joint.allow_unresolved and self.joint.errors == errors:
             self._leave_out(element, "its type is in a file that is nowhere")
         elif found is None:
@@ -357,7 +355,7 @@ class _Reader(Tags):
             )
         return None
 
-    def _attribute(self, element: Element) -> Attribute | None:
+    def _attribute(self, element: Element) -> Feature | None:
         target = self._type(element, "attribute")
         lower, upper = bounds_of(self, element)
         name = name_of(self, element, "attribute")
@@ -369,8 +367,9 @@ class _Reader(Tags):
             return None
         many = upper != 1
         default = None if many else default_of(self, element, name, data.type)
-        places = [("type", target.span), ("default", self.at(element, "defaultValueLiteral"))]
-        places += self._multiplicity(element)
+        places = [("type", target.span), *self._multiplicity(element)]
+        if default is not None:
+            places.append(("default", self.at(element, "defaultValueLiteral")))
         found = Attribute(
             name,
             data.type,
@@ -384,16 +383,14 @@ class _Reader(Tags):
             unique=said(self, element, "unique"),
             identifier=said(self, element, "iD"),
         )
-        named = self._type_name(target)
-        kept = kept_of(element, plain_parts(found, named), eType=named)
-        return replace(found, annotations=(*found.annotations, *kept)) if kept else found
+        return self._with_kept(element, found, {"eType": self._type_name(target)})
 
     def _multiplicity(self, element: Element) -> list[tuple[str, Span]]:
         """Return where the bounds of a feature stand, if they do."""
         bounds = (one for one in ("upperBound", "lowerBound") if one in element.attributes)
         return [("multiplicity", self.at(element, bound)) for bound in bounds][:1]
 
-    def _reference(self, element: Element) -> Reference | None:
+    def _reference(self, element: Element) -> Feature | None:
         target = self._type(element, "reference")
         lower, upper = bounds_of(self, element)
         name = name_of(self, element, "reference")
@@ -429,8 +426,14 @@ class _Reader(Tags):
         )
         apart = () if opposite else self._targets(element, "eOpposite")
         back = next((one.element.get("name") for one in apart if one.element), None)
-        kept = kept_of(element, plain_parts(found), eKeys=" ".join(keys) or None, eOpposite=back)
-        return replace(found, annotations=(*found.annotations, *kept)) if kept else found
+        return self._with_kept(element, found, {"eKeys": " ".join(keys), "eOpposite": back})
+
+    def _with_kept(
+        self, element: Element, feature: Attribute | Reference, named: Mapping[str, str | None]
+    ) -> Feature:
+        """Return a feature with what is kept of its tag for other tools."""
+        kept = kept_of(element, plain_parts(feature, named.get("eType")), named)
+        return replace(feature, annotations=(*feature.annotations, *kept)) if kept else feature
 
     def _opposite(self, element: Element, there: Element) -> tuple[str, Span] | None:
         """The name of the opposite, checked here: what a `.metamodel` file would say about it does not help."""

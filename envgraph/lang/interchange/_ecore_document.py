@@ -179,8 +179,9 @@ def without_values(element: Element) -> str | None:
 
 def is_computed(element: Element) -> bool:
     """Return whether a feature is derived and of such a kind that a query can define it: no container of any object."""
-    contains = element.get("containment") == "true" or element.get("eType").endswith(_ANY)
-    return element.get("derived") == "true" and not contains and "kind" not in extended(element)
+    if element.get("derived") != "true" or element.get("containment") == "true":
+        return False
+    return not element.get("eType").endswith(_ANY) and "kind" not in extended(element)
 
 
 def details_of(element: Element, source: str) -> Iterator[tuple[Element, str, str]]:

@@ -136,11 +136,11 @@ class Names:
             after = words[index + 1] if index + 1 < len(words) else ""
             if "#" not in word and ":" in word and "#" in after:
                 continue  # the type of what comes next
-            target = self._find(word, self.places.attribute(element.byte, name, word))
+            target = self._find(word, self.at(element, name, word))
             if target:
                 yield target
-        for child in inside(element, name):
-            if "href" in child.attributes:
+        for child in element.children:
+            if child.name == name and "href" in child.attributes:
                 target = self._find(child.attributes["href"], self.at(child, "href"))
                 if target:
                     yield target
@@ -255,8 +255,8 @@ class Names:
     def named(self, element: Element) -> Span:
         return self.at(element, "name")
 
-    def at(self, element: Element, attribute: str) -> Span:
-        return self.places.attribute(element.byte, attribute)
+    def at(self, element: Element, attribute: str, word: str | None = None) -> Span:
+        return self.span if self.joint.quiet else self.places.attribute(element.byte, attribute, word)
 
     def error(
         self, code: str, message: str, where: Span, hint: str | None = None, notes: tuple[Note, ...] = ()

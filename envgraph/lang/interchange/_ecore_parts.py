@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from functools import cache
+from types import MappingProxyType
 from typing import Any
 
 from envgraph.errors import did_you_mean, name_hint
@@ -51,7 +52,7 @@ def marks_of(names: Names, element: Element, features: Sequence[Feature]) -> Mar
 
 def annotations_of(names: Names, element: Element) -> tuple[Annotation, ...]:
     """Return what `metamodel_to_ecore` keeps of the annotations of a `.metamodel` file."""
-    found: list[Annotation] = []
+    found = [Annotation("derived")] if is_computed(element) else []
     for one, name, value in details_of(element, _OWN):
         values: tuple[Value, ...] = tuple(value.split())
         named: tuple[tuple[str, Value], ...] = ()
@@ -82,23 +83,30 @@ def notes_of(names: Names, element: Element, *, with_doc: bool = False) -> Itera
 
 
 def kept_of(
-    element: Element, written: Mapping[str, str | None], **named: str | None
+    element: Element,
+    written: Mapping[str, str | None],
+    named: Mapping[str, str | None] = MappingProxyType({}),
 ) -> tuple[Annotation, ...]:
     """Return `@ecore(..)` with the XML attributes that mean nothing here, beside the usual and the `written` ones.
 
     A member of a feature map, which is not kept, holds its values itself: it is written as an ordinary feature.
+
+    Args:
+        element: a classifier or a feature.
+        written: the XML attributes that it is written with.
+        named: what names other parts of the file, as `@ecore` has it.
     """
-    found = {}
-    computed = is_computed(element)
-    own = _OF_MEMBERS if element.get("derived") == "true" and not computed else ()
-    if computed:
-        written = {**written, "derived": "true"}
-    for key in {**element.attributes, **written}:
-        usual = _said_by_ecore()[key][1] if key in _said_by_ecore() else None
-        text = element.attributes.get(key) or usual
-        if text and text != (written.get(key) or usual) and key not in (*_NAMING, *own) and ":" not in key:
+    attributes, usual = element.attributes, _said_by_ecore()
+    is_member = attributes.get("derived") == "true" and not is_computed(element)
+    found = {key: text for key, text in named.items() if text and text != written.get(key)}
+    for key, text in attributes.items():
+        if text == written.get(key) or key in _NAMING or ":" in key or (is_member and key in _OF_MEMBERS):
+            continue
+        if written.get(key) or key not in usual or text != usual[key][1]:
             found[key] = text
-    found.update((key, text) for key, text in named.items() if text and text != written.get(key))
+    for key, plain in written.items():
+        if plain and key not in attributes and key in usual and plain != usual[key][1]:
+            found[key] = usual[key][1]
     return (Annotation("ecore", named=tuple(sorted(found.items()))),) if found else ()
 
 

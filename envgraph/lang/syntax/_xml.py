@@ -154,9 +154,9 @@ class XmlPlaces:
         start, end = found.start(2) + 1, found.end(2) - 1
         place = self._words_of(byte, name, start, end).get(part) if part else None
         if place:
-            return self.source.span(*place)
+            return Span(self.source, *place)
         # An empty value is shown by its quotes.
-        return self.source.span(start, end) if end > start else self.source.span(start - 1, end + 1)
+        return Span(self.source, start, end) if end > start else Span(self.source, start - 1, end + 1)
 
     def name_of(self, byte: int, name: str) -> Span:
         """The name of an attribute of a tag."""
@@ -328,19 +328,15 @@ _WORDS: Mapping[str, tuple[str, str | None]] = {
 
 @dataclass(slots=True, eq=False)
 class Element:
-    """A tag with what is inside; `byte` is where it begins, `scope` the namespaces by prefix."""
+    """A tag with what is inside; `byte` is where it begins, `scope` the namespaces by prefix, `name` has no prefix."""
 
     tag: str
+    name: str
     byte: int
     attributes: Mapping[str, str]
     scope: Mapping[str, str]
     children: list[Element] = field(default_factory=list)
     text: str = ""
-
-    @property
-    def name(self) -> str:
-        """The tag without its prefix."""
-        return self.tag.rpartition(":")[2]
 
     def get(self, name: str) -> str:
         """The value of an attribute, "" if it is not there."""
@@ -375,7 +371,7 @@ def read_tree(places: XmlPlaces) -> tuple[Element | None, Diagnostic | None]:
             reader.refuse("too-many-tags", f"the file has more than {most:,} tags")
         scope = path[-1].scope if path else {"xml": "http://www.w3.org/XML/1998/namespace"}
         own = namespaces(attributes)
-        element = Element(tag, byte, attributes, {**scope, **own} if own else scope)
+        element = Element(tag, tag.rpartition(":")[2], byte, attributes, {**scope, **own} if own else scope)
         (path[-1].children if path else roots).append(element)
         path.append(element)
 
