@@ -345,7 +345,9 @@ class _Reader(Tags):
     def _type(self, element: Element, what: str) -> Target | None:
         """The one type of a feature; None if it has none or it cannot be read, which has been reported."""
         before = len(self.joint.diagnostics)
-        found = [*self._targets(element, "eType"), *self._generic(element, "eGenericType")]
+        found = [*self._targets(element, "eType")]
+        if element.children:
+            found += self._generic(element, "eGenericType")
         if found:
             return found[0]
         if len(self.joint.diagnostics) == before and not self._mentions(element, ("eType", "eGenericType")):

@@ -131,6 +131,8 @@ class Names:
 
     def _targets(self, element: Element, name: str) -> Iterator[Target]:
         """Yield what an attribute names (`#//A ecore:EClass other.ecore#//B`), and tags of that name with an `href`."""
+        if not element.children and name not in element.attributes:
+            return
         words = element.get(name).split()
         for index, word in enumerate(words):
             after = words[index + 1] if index + 1 < len(words) else ""

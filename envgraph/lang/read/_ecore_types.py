@@ -86,7 +86,7 @@ _SOURCES = (
 
 def library_types(document: str) -> Mapping[str, DataType] | None:
     """The data types of a document that every tool knows, by its URI; None for other documents."""
-    for uri, path, types in _SOURCES:
+    for uri, path, types in _SOURCES if document else ():
         if document == uri or document.endswith(f"/{path}"):
             return types
     return None

@@ -152,7 +152,8 @@ class XmlPlaces:
         if found is None:
             return self.tag(byte)
         start, end = found.start(2) + 1, found.end(2) - 1
-        place = self._words_of(byte, name, start, end).get(part) if part else None
+        one_word = part and self.source.text[start:end] == part
+        place = self._words_of(byte, name, start, end).get(part) if part and not one_word else None
         if place:
             return Span(self.source, *place)
         # An empty value is shown by its quotes.
