@@ -184,9 +184,9 @@ def _annotations(
     """Write the documentation, the annotations that are meant for other tools, and our own."""
     found = [(str(one.arguments[0]), one.details) for one in annotations if one.name == "annotation"]
     if doc:
-        place = next((place for place, (source, _) in enumerate(found) if source == _GENMODEL), len(found))
-        others = [pair for _, details in found[place : place + 1] for pair in details]
-        found[place : place + 1] = [(_GENMODEL, [("documentation", doc), *others])]
+        place = next((place for place, (source, _) in enumerate(found) if source == _GENMODEL), None)
+        others = [] if place is None else found.pop(place)[1]
+        found.insert(place or 0, (_GENMODEL, [("documentation", doc), *others]))
     if marks:
         found.append(("envgraph", [*marks.items()]))
     lines = []

@@ -13,6 +13,7 @@ from envgraph.errors import did_you_mean, name_hint
 from envgraph.lang.interchange._ecore_document import (
     details_of,
     ecore_itself,
+    extended,
     is_computed,
 )
 from envgraph.lang.interchange._ecore_names import Names, Target, inside
@@ -98,6 +99,7 @@ def kept_of(
     """
     attributes, usual = element.attributes, _said_by_ecore()
     is_member = attributes.get("derived") == "true" and not is_computed(element)
+    is_member = is_member and extended(element).get("kind") != "attribute"
     found = {key: text for key, text in named.items() if text and text != written.get(key)}
     for key, text in attributes.items():
         if text == written.get(key) or key in _NAMING or ":" in key or (is_member and key in _OF_MEMBERS):

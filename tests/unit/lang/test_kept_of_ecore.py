@@ -157,6 +157,35 @@ def test_what_is_usual_needs_no_annotation() -> None:
     assert all(not one.annotations for one in metamodel(metamodel_to_ecore(plain)).attributes)
 
 
+def test_derived_contents_that_are_written_as_attributes_stay_derived() -> None:
+    said = (
+        '<eAnnotations source="http:///org/eclipse/emf/ecore/util/ExtendedMetaData">'
+        '<details key="kind" value="attribute"/></eAnnotations>'
+    )
+    flags = 'containment="true" derived="true" transient="true" volatile="true"'
+    text = (
+        f'{HEAD}<eClassifiers xsi:type="ecore:EClass" name="A">'
+        f'<eStructuralFeatures xsi:type="ecore:EReference" name="nodes" {flags} eType="#//A">{said}'
+        "</eStructuralFeatures></eClassifiers></ecore:EPackage>"
+    )
+    (reference,) = metamodel(text).references
+    assert reference.annotations[-1].named == (
+        ("derived", "true"),
+        ("transient", "true"),
+        ("volatile", "true"),
+    )
+    assert metamodel(metamodel_to_ecore(metamodel(text))).references == (reference,)
+
+
+def test_documentation_is_written_first() -> None:
+    text = f"""{HEAD}<eClassifiers xsi:type="ecore:EClass" name="A">
+        <eAnnotations source="http://www.eclipse.org/emf/2002/GenModel"><details key="documentation" value="d"/>
+        </eAnnotations>
+        <eAnnotations source="subsets"/></eClassifiers></ecore:EPackage>"""
+    written = metamodel_to_ecore(metamodel(text))
+    assert written.index("documentation") < written.index("subsets")
+
+
 def test_what_nothing_keeps_is_counted() -> None:
     text = (
         HEAD
