@@ -224,7 +224,6 @@ class Document:
         self.identified: dict[str, int] = {}
         self.links: list[Link] = []
         self._found: dict[str, int | None] = {}
-        self._listed: dict[str, Sequence[int]] = {}
         self._named: dict[int, dict[str, int]] = {}
         self._keyed: dict[tuple[int, str, tuple[Attribute, ...]], dict[object, int]] = {}
 
@@ -237,27 +236,12 @@ class Document:
         if not fragment.startswith("/"):
             found = self.ids.get(fragment)
             return self.identified.get(fragment) if found is None else found
-        siblings, _, index = fragment.rpartition(".")
-        listed = self._listed.get(siblings)
-        if listed is not None and index.isdecimal() and len(index) < 10 and int(index) < len(listed):
-            return listed[int(index)]
-        return self._look_for(fragment)
-
-    def _look_for(self, fragment: str) -> int | None:
         head, _, last = fragment.rpartition("/")
-        if head == "" or fragment == "//":
+        if not head or fragment == "//":
             return self._root_at(last)
         if head not in self._found:
             self._found[head] = self._walk(head)
-        above = self._found[head]
-        found = self._step(above, last)
-        if found in (None, LOST) or above is None or last[:1] != "@" or not last[-1].isdecimal():
-            return found
-        name = last[1:].partition(".")[0]
-        reference = self.reading.metamodel.feature(self.model.class_of(above), name)
-        if isinstance(reference, Reference) and (above, name) not in self.reading.children:
-            self._listed[fragment.rpartition(".")[0]] = self.model.targets(above, reference)
-        return found
+        return self._step(self._found[head], last)
 
     def _walk(self, fragment: str) -> int | None:
         root, *steps = fragment.split("/")[1:] or ["?"]  # `/@a` has no root
@@ -276,7 +260,7 @@ class Document:
             return node
         if not step.startswith("@"):
             return self._child_named(node, step)
-        keyed = _KEYED.fullmatch(step)
+        keyed = _KEYED.fullmatch(step) if step[-1] == "]" else None
         name, _, index = (keyed[1], "", "") if keyed else step[1:].partition(".")
         feature: Feature | None = self.reading.metamodel.feature(self.model.class_of(node), name)
         place = int(index) if index.isdecimal() and len(index) < 10 else 0 if not index else -1

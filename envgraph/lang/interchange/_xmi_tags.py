@@ -196,13 +196,12 @@ class TagReader:
         if not isinstance(reference, Reference):
             self._other_tag(frame, table, tag, attributes, at)
             return
-        if "href" in attributes or any(
-            key[-5:] == "idref" and key.rpartition(":")[2] == "idref" for key in attributes
-        ):
-            self._href(frame.node, reference, attributes, at)
-            self._skipped = 1
-            return
-        if self._spaces.is_nil(attributes):
+        for key in attributes:
+            if key in ("href", "idref") or key[-6:] == ":idref":
+                self._href(Link(frame.node, reference, attributes[key].strip(), at, key))
+                self._skipped = 1
+                return
+        if attributes and self._spaces.is_nil(attributes):
             self._skipped = 1
             return
         if not reference.containment:
@@ -410,11 +409,10 @@ class TagReader:
         if children is not None:
             children.append(frame.node)
 
-    def _href(self, node: int, reference: Reference, attributes: dict[str, str], at: int) -> None:
-        key = next(key for key in attributes if key == "href" or key.rpartition(":")[2] == "idref")
-        link = Link(node, reference, attributes[key].strip(), at, key)
-        if reference.containment:
-            children = self._reading.hold(node, reference, LOST)
+    def _href(self, link: Link) -> None:
+        """Note a link to an object that a tag names; in a containment reference its place counts."""
+        if link.reference.containment:
+            children = self._reading.hold(link.node, link.reference, LOST)
             link = replace(link, place=len(children) - 1)
             children[-1] = self._document, link
         self._document.links.append(link)
