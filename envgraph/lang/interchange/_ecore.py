@@ -82,11 +82,8 @@ def read_ecore(
     except Enough:
         stopped = True
     for (noun, rest), spans in joint.dropped.items():
-        message, hint = (
-            f"left out: {plural(len(spans), noun)} {rest}",
-            "a written `.ecore` file will lack this",
-        )
-        readers[0].warn("left-out", message, spans[0], hint)
+        message = f"left out: {plural(len(spans), noun)} {rest}"
+        readers[0].warn("left-out", message, spans[0], "a written `.ecore` file will lack this")
     # What is left out of a class is no gap: to name it is a mistake, of which the class knows the reason.
     lost = joint.lost - joint.left_out.keys()
     if stopped:

@@ -164,24 +164,26 @@ _ANY = f"{ECORE}#//EObject"
 def without_values(element: Element) -> str | None:
     """Return the word that says why a feature holds nothing that a file could say, or None.
 
-    A transient one may follow from its opposite. A derived one that is an XML element is a member of a feature map;
-    queries can define the others that contain nothing.
+    A transient one may follow from its opposite. A derived one that is an XML element is a member of a feature map.
     """
     attributes = element.attributes
+    if is_computed(element):
+        return None
     if attributes.get("derived") == "true":
-        if extended(element).get("kind") in ("element", "attribute") or is_computed(element):
-            return None
-        return "derived"
+        return None if extended(element).get("kind") in ("element", "attribute") else "derived"
     if attributes.get("transient") == "true" and "eOpposite" not in attributes:
         return "transient"
     return "eType" if attributes.get("eType", "").endswith(f"#//{FEATURE_MAP}") else None
 
 
 def is_computed(element: Element) -> bool:
-    """Return whether a feature is derived and of such a kind that a query can define it: no container of any object."""
-    if element.get("derived") != "true" or element.get("containment") == "true":
+    """Return whether a feature has values that are computed, and a query can define: it contains no objects."""
+    attributes = element.attributes
+    is_volatile = attributes.get("volatile") == "true" == attributes.get("transient")
+    if attributes.get("derived") != "true" and (not is_volatile or "eOpposite" in attributes):
         return False
-    return not element.get("eType").endswith(_ANY) and "kind" not in extended(element)
+    plain = attributes.get("containment") != "true" and "kind" not in extended(element)
+    return plain and not element.get("eType").endswith((_ANY, f"#//{FEATURE_MAP}"))
 
 
 def details_of(element: Element, source: str) -> Iterator[tuple[Element, str, str]]:

@@ -196,9 +196,9 @@ class TagReader:
         if not isinstance(reference, Reference):
             self._other_tag(frame, table, tag, attributes, at)
             return
-        for key in attributes:
+        for key, value in attributes.items():
             if key in ("href", "idref") or key[-6:] == ":idref":
-                self._href(Link(frame.node, reference, attributes[key].strip(), at, key))
+                self._href(Link(frame.node, reference, value.strip(), at, key))
                 self._skipped = 1
                 return
         if attributes and self._spaces.is_nil(attributes):

@@ -61,14 +61,11 @@ _JAVA: Mapping[Scalar, str] = {
 }
 
 
-def _table() -> dict[str, DataType]:
-    found = {name: DataType(type_) for type_, names in _WORDS.items() for name in names.split()}
-    for type_, names in _NULLABLE.items():
-        found.update((name, DataType(type_, True)) for name in names.split())
-    return found
+def _types(words: Mapping[Scalar, str], nullable: bool) -> dict[str, DataType]:
+    return {name: DataType(type_, nullable) for type_, names in words.items() for name in names.split()}
 
 
-ECORE_TYPES: Mapping[str, DataType] = _table()
+ECORE_TYPES: Mapping[str, DataType] = _types(_WORDS, False) | _types(_NULLABLE, True)
 """The data types of Ecore itself that can be read."""
 
 _XML_SCHEMA = {

@@ -177,6 +177,21 @@ def test_derived_contents_that_are_written_as_attributes_stay_derived() -> None:
     assert metamodel(metamodel_to_ecore(metamodel(text))).references == (reference,)
 
 
+def test_volatile_features_are_computed_as_derived_ones() -> None:
+    flags = 'transient="true" volatile="true"'
+    text = (
+        f'{HEAD}<eClassifiers xsi:type="ecore:EClass" name="A">'
+        f'<eStructuralFeatures xsi:type="ecore:EReference" name="owner" {flags} lowerBound="1" eType="#//A"/>'
+        "</eClassifiers></ecore:EPackage>"
+    )
+    first = metamodel(text)
+    (owner,) = first.references
+    assert (owner.annotations[0].name, owner.lower) == ("derived", 0)
+    written = metamodel_to_ecore(first)
+    assert 'derived="false"' in written and 'lowerBound="1"' in written
+    assert metamodel(written).references == (owner,)
+
+
 def test_documentation_is_written_first() -> None:
     text = f"""{HEAD}<eClassifiers xsi:type="ecore:EClass" name="A">
         <eAnnotations source="http://www.eclipse.org/emf/2002/GenModel"><details key="documentation" value="d"/>
