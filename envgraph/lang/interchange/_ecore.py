@@ -85,7 +85,7 @@ def read_ecore(
         message = f"left out: {plural(len(spans), noun)} {rest}"
         readers[0].warn("left-out", message, spans[0], "a written `.ecore` file will lack this")
     # What is left out of a class is no gap: to name it is a mistake, of which the class knows the reason.
-    lost = joint.lost - joint.left_out.keys()
+    lost = joint.lost.difference(*joint.left_out.values())
     if stopped:
         lost = {name for reader in readers for name in reader.names()}
     return MetamodelFile(metamodel, readers[0].span, tuple(joint.diagnostics), frozenset(lost))
@@ -146,12 +146,9 @@ def _built(
             joint.enums[one] = reader.enum(path, one)
         elif joint.kinds.get(one) == "EDataType":
             home = f"#//{path.replace('.', '/')}/" if path else "#//"
-            joint.data_types[one] = (home if joint.owners[one].get("nsURI") != ECORE else "") + one.get(
-                "name"
-            )
+            own = name_of(reader, one, "data type")
+            joint.data_types[one] = own if joint.owners[one].get("nsURI") == ECORE else home + own
     classes = [reader.cls(path, one) for path, one, reader in classifiers if joint.kinds.get(one) == "EClass"]
-    for _, one, reader in classifiers:
-        reader.check_instance(one)
     known = [reader.package(path, one) for path, one, reader in packages]
     uri = root.attributes.get("nsURI") or None
     try:
@@ -260,13 +257,8 @@ class _Reader(Tags):
             span=self.named(element),
             places=(*places, *marks.places),
             package=path,
-            left_out=self._left_out_of(element),
+            left_out=tuple(self.joint.left_out.get(element, {}).items()),
         )
-
-    def _left_out_of(self, element: Element) -> tuple[tuple[str, str], ...]:
-        members = [(one.get("name"), one) for one in inside(element, "eStructuralFeatures")]
-        known = self.joint.left_out
-        return tuple((name, known[name][one]) for name, one in members if one in known.get(name, ()))
 
     def _supertypes(self, element: Element) -> Iterator[Target]:
         targets = [*self._targets(element, "eSuperTypes"), *self._generic(element, "eGenericSuperTypes")]
@@ -335,9 +327,8 @@ class _Reader(Tags):
         return word
 
     def _leave_out(self, element: Element, why: str) -> None:
-        name = element.get("name")
-        self.joint.lost.add(name)
-        self.joint.left_out.setdefault(name, {})[element] = why
+        self.joint.lost.add(element.get("name"))
+        self.joint.left_out.setdefault(self._owners[element], {})[element.get("name")] = why
 
     def _type(self, element: Element, what: str) -> Target | None:
         """The one type of a feature; None if it has none or it cannot be read, which has been reported."""
@@ -464,9 +455,7 @@ class _Reader(Tags):
                 file = "" if there_reader is self else self.places.source.name.rpartition("/")[2]
                 hint = f'write `eOpposite="{file}{self._fragment(element)}"` there, and `{cls}` as its type'
                 if self._owners[other] is not there:
-                    hint = (
-                        f"declare the opposite in `{there.attributes.get('name')}`, to which `{mine}` leads"
-                    )
+                    hint = f"declare the opposite in `{there.get('name')}`, to which `{mine}` leads"
                 message = f"`{mine}` and `{its}` are not each other's opposites"
                 self.error("opposite-mismatch", message, target.span, hint, (note,))
                 return None
@@ -483,10 +472,3 @@ class _Reader(Tags):
 
     def _path(self, element: Element) -> str:
         return f"{self._owners[element].attributes.get('name', '')}.{element.attributes.get('name', '')}"
-
-    # --- parts of an element ---
-
-    def check_instance(self, element: Element) -> None:
-        """Report a data type without a name."""
-        if self._kinds.get(element) == "EDataType":
-            name_of(self, element, "data type")

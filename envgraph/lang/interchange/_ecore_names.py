@@ -39,7 +39,7 @@ class Joint:
 
     Attributes:
         lost: names of what is in the files but could not be read: to mention them is no mistake.
-        left_out: names of features that are left out, with the features that have them.
+        left_out: by classes, the names of the features that they lack, each with the reason.
         names: what classes and enums are called in the metamodel.
         missing: files that are named and are not there, which has been reported.
         any_object: the class of Ecore that every class extends, where some class names it.
@@ -49,7 +49,7 @@ class Joint:
 
     diagnostics: list[Diagnostic] = field(default_factory=list)
     lost: set[str] = field(default_factory=set)
-    left_out: dict[str, dict[Element, str]] = field(default_factory=dict)
+    left_out: dict[Element, dict[str, str]] = field(default_factory=dict)
     readers: list[Names] = field(default_factory=list)
     by_file: dict[str, Names] = field(default_factory=dict)
     owners: dict[Element, Element] = field(default_factory=dict)

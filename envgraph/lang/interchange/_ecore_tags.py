@@ -115,10 +115,8 @@ class Tags(Names):
         if key is None:
             wrong = next((one for one in element.attributes if one.endswith(":type")), None)
             if wrong:
-                where, hint = (
-                    self.places.name_of(element.byte, wrong),
-                    f'write `xmlns:xsi="{XSI}"` in the first tag',
-                )
+                where = self.places.name_of(element.byte, wrong)
+                hint = f'write `xmlns:xsi="{XSI}"` in the first tag'
                 message = f"the prefix `{wrong.rpartition(':')[0]}` is not declared"
                 self.error("unknown-prefix", message, where, hint)
                 return None

@@ -58,11 +58,10 @@ class Linker:
                 message = f"`{short(path)}` is not read: only files beside this one are"
                 self._reading.unresolved("other-file", message, span, LEAVE_OUT)
             else:
-                message, hint = (
-                    f"`{short(path)}`: there is no such file",
-                    "a text that is no file names no others",
+                message = f"`{short(path)}`: there is no such file"
+                self._reading.unresolved(
+                    "missing-file", message, span, "a text that is no file names no others"
                 )
-                self._reading.unresolved("missing-file", message, span, hint)
             return None
         known = self._reading.documents.get(source.name)  # by another path
         document = known or self._reading.enter(source)

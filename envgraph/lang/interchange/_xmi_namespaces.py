@@ -74,11 +74,8 @@ class Namespaces:
         prefix, _, simple = name.rpartition(":")
         metamodel, package = self._reading.metamodel, None
         if prefix and prefix not in self.scope:
-            hint = (
-                did_you_mean(prefix, self.scope)
-                or f'write `xmlns:{prefix}="{metamodel.uri or metamodel.name}"`'
-            )
-            self._document.report("unknown-prefix", f"the prefix `{prefix}` is not declared", span, hint)
+            hint = f'write `xmlns:{prefix}="{metamodel.uri or metamodel.name}"`'
+            self.undeclared(prefix, span, hint)
         elif prefix or "" in self.scope:
             package = self._package(self.scope[prefix], span)
             if package is None and not near_uri(self.scope[prefix], self._reading.packages):
@@ -87,6 +84,11 @@ class Namespaces:
         if cls is None or not is_concrete(metamodel, cls, simple, self._document.report, span):
             return None
         return cls
+
+    def undeclared(self, prefix: str, span: Span, hint: str) -> None:
+        """Report a prefix, with a declared one that is nearly called so, or the hint."""
+        hint = did_you_mean(prefix, self.scope) or hint
+        self._document.report("unknown-prefix", f"the prefix `{prefix}` is not declared", span, hint)
 
     def _home(self, simple: str, package: Package | None, span: Span) -> str | None:
         """The class of this name in a package; without one the class that alone has the name."""

@@ -360,12 +360,8 @@ class TagReader:
             uri = self._spaces.scope.get(prefix)
             if uri is None and prefix != "xml":
                 space = XSI if prefix == "xsi" else XMI if prefix == "xmi" else "..."
-                hint = (
-                    did_you_mean(prefix, self._spaces.scope)
-                    or f'write `xmlns:{prefix}="{space}"` in the first tag'
-                )
-                span = self._document.places.name_of(at, key)
-                self._document.report("unknown-prefix", f"the prefix `{prefix}` is not declared", span, hint)
+                hint = f'write `xmlns:{prefix}="{space}"` in the first tag'
+                self._spaces.undeclared(prefix, self._document.places.name_of(at, key), hint)
             elif simple not in _OF_XMI and prefix not in ("xmlns", "xml"):
                 self._reading.omit("attribute", f"`{key}` {_FOREIGN}", self._document.places.name_of(at, key))
             return

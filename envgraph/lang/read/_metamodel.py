@@ -48,7 +48,7 @@ _FOREIGN = {
 """What is kept for other tools, with how it is written."""
 _ECORE = (
     "changeable volatile transient unsettable ordered resolveProxies eKeys eOpposite eType lowerBound upperBound "
-    "unique defaultValueLiteral interface abstract instanceClassName instanceTypeName serializable"
+    "unique defaultValueLiteral derived interface abstract instanceClassName instanceTypeName serializable"
 )
 _REFERENCE_ANNOTATIONS = ("derived", "frozen", "annotation", "ecore")
 _ATTRIBUTE_ANNOTATIONS = (*_REFERENCE_ANNOTATIONS, "range", "glyph", "colour", "nonunique")
@@ -363,14 +363,11 @@ class _Reader(Reading):
         """Report what could not be written to an `.ecore` file."""
         number, known = len(one.arguments), _ECORE.split()
         unknown = [key for key, _ in one.named if one.name != "annotation" and key not in known]
-        right = (
-            number == 0 if one.name == "ecore" else number == 1 or (one.name == "annotation" and number % 2)
-        )
+        right = number % 2 if one.name == "annotation" else number == (one.name == "datatype")
+        texts = all(isinstance(value, str) for value in (*one.arguments, *dict(one.named).values()))
         if unknown:
             self.error("bad-annotation", f"Ecore has no `{unknown[0]}`", part, name_hint(unknown[0], known))
-        elif not right or not all(
-            isinstance(value, str) for value in (*one.arguments, *dict(one.named).values())
-        ):
+        elif not right or not texts:
             message = f"`@{one.name}` takes texts in quotes, as an `.ecore` file has them"
             self.error("bad-annotation", message, part, _FOREIGN[one.name])
 
