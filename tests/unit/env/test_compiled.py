@@ -25,7 +25,7 @@ from tests.unit.env.side_by_side import (
     step_side_by_side,
 )
 
-STEPS = 20_000
+STEPS = 20_000 if NIGHTLY else 5_000
 """Of each of six members."""
 
 MODELS = {
