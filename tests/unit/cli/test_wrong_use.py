@@ -171,6 +171,7 @@ def test_a_way_that_a_beam_may_have_missed(refused: Call, monkeypatch: pytest.Mo
     monkeypatch.setattr(_planning, "BREADTH", 3)
     monkeypatch.setattr(_planning, "WIDTH", 1)
     monkeypatch.setattr(_planning, "NARROW", (3, 1))
+    monkeypatch.setenv("NUMBA_DISABLE_JIT", "1")  # compiling takes longer than a beam of one state
     path = Path("forest/family.toml")
     path.write_text(path.read_text().replace("forbid = []", 'forbid = []\nreachable = ["failure"]'))
     environment = Path("forest/burning_forest.environment")
