@@ -7,7 +7,8 @@ Fenced blocks are told apart by the words after the fence, which readers do not 
 - `environment clause` stands inside an environment; `toml part` replaces tables of the family file.
 - `query wrong` has a mistake; the `text` block after it shows lines of what is reported.
 - `python` and `sh` blocks of a page run one after the other in one empty directory; a `text` block after one of them
-  is what it prints. `skip` is for what takes too long.
+  is what it prints. `skip` is for what takes too long. A search for a family that teaches is cut short in a `shorter`
+  block, which shows nothing of the result.
 """
 
 from __future__ import annotations
@@ -280,7 +281,7 @@ def run_shell(block: Block) -> str:
         line.startswith("envgraph ") and line.isprintable() and not set(line) & set("<>|&;$`")
         for line in lines
     ):
-        return "".join(run_command(block, shlex.split(line)) for line in lines)
+        return "".join(run_command(block, shortened(block, shlex.split(line))) for line in lines)
     bin_ = Path(sys.executable).parent
     done = subprocess.run(
         ["sh", "-e", "-c", block.text],
@@ -291,6 +292,12 @@ def run_shell(block: Block) -> str:
     )
     assert done.returncode == 0, f"{block}: {done.stdout}{done.stderr}"
     return done.stdout
+
+
+def shortened(block: Block, words: list[str]) -> list[str]:
+    """Return a command with less effort for a search, if its block is a `shorter` one."""
+    quick = "shorter" in block.words and words[:2] == ["envgraph", "generate"]
+    return [*words, "--set", "objective.effort=10_000_000"] if quick else words
 
 
 def run_command(block: Block, words: list[str]) -> str:
