@@ -167,9 +167,7 @@ class Store:
             self.journal.extend((extent, node, None, OUT))
         extent.add(node)
         self.total += self.salts[0][node] * self._class_codes[cls]
-        self.revision += 1
-        if self.touched is not None:
-            self._touch(~node)
+        self._changed(~node)
         if self.listeners:
             self._inserted(ClassFact(self.metamodel.class_list[cls].name, node))
 
@@ -201,11 +199,7 @@ class Store:
             self.journal.extend((extent, node, self.place[node], IN))
         place = extent.take(node)
         self.total -= self.salts[0][node] * self._class_codes[cls]
-        self.revision += 1
-        if self.touched is not None:
-            self._touch(~node)
-            if place < len(extent):
-                self._touch(~extent[place])
+        self._changed(~node, *(~moved for moved in extent[place : place + 1]))
 
     def put(self, node: int, attribute: int, value: Any) -> None:
         """The object gets another value in an attribute, or None."""
@@ -232,9 +226,7 @@ class Store:
                 self.journal.extend((column, node, old, SET))
             column[node] = value
             self.total += self.salts[0][node] * change
-            self.revision += 1
-            if self.touched is not None:
-                self._touch(node)
+            self._changed(node)
             if value is not None:
                 hook = self.value_added[attribute]
                 if hook is not None:
@@ -264,9 +256,7 @@ class Store:
         for each in (values or ()), (old or ()):
             change = sum(codes.get(value) or self._code(attribute, value) for value in each) - change
         self.total -= self.salts[0][node] * change
-        self.revision += 1
-        if self.touched is not None:
-            self._touch(node)
+        self._changed(node)
         for value in after if heard else ():
             if value not in before:
                 self.add_end(distinct, node, value)
@@ -288,9 +278,7 @@ class Store:
         sign = 1 if inserting else -1
         code = self._value_codes[attribute].get(value) or self._code(attribute, value)
         self.total += sign * self.salts[0][node] * code
-        self.revision += 1
-        if self.touched is not None:
-            self._touch(node)
+        self._changed(node)
         if inserting and not stays:
             self.add_end(distinct, node, value)
         if (stays or inserting) and index < len(column[node]) - inserting:
@@ -521,11 +509,13 @@ class Store:
         self.revision += 1
         self.touched = None
 
-    def _touch(self, node: int) -> None:
-        touched = self.touched
-        assert touched is not None
-        touched.pop(node, None)
-        touched[node] = self.revision
+    def _changed(self, *nodes: int) -> None:
+        """Begin a new revision, with other objects touched."""
+        self.revision += 1
+        if self.touched is not None:
+            for node in nodes:
+                self.touched.pop(node, None)
+                self.touched[node] = self.revision
 
     # --- reading
 

@@ -7,9 +7,9 @@ from dataclasses import replace
 
 from envgraph.draw import markup
 from envgraph.match.explain._trace import Trace
-from envgraph.match.generate._narrowing import value_join
 from envgraph.match.generate._sources import view_source
 from envgraph.match.generate._symbols import Mode
+from envgraph.match.generate._value_joins import value_join
 from envgraph.match.plan._plan import BodyPlan, Kind, Plan, Step, ViewKey
 from envgraph.match.plan._planner import Planner
 from envgraph.pattern import (
@@ -117,21 +117,21 @@ def steps_text(
     indent: str,
     counts: Sequence[float] = (),
     known: Iterable[int] = (),
-    alone: bool = False,
+    watched: bool = False,
 ) -> Iterator[str]:
     """One line for each step of a plan, and for those inside it; `counts` are actual rows of the outer ones.
 
-    `known` are variables with a value before. Views have indexes only of values of one object (`alone`).
+    `known` are variables with a value before. Of a `watched` pattern the steps are those of a view.
     """
     found = frozenset(known) - names.constants.keys()
     for number, step in enumerate(plan.steps):
         join = value_join(step, plan.steps[number + 1 :], found, names.constants, names.types)
-        how = ", looked up by value" if join and (join.alone or not alone) else ""
+        how = ", looked up by value" if join and join.usable(watched) else ""
         actual = f", actually {_exactly(counts[number])}" if counts else ""
         yield f"{indent}{_VERBS[step.kind]:7} {goal_text(step, names)}{how}  (rows {_number(step.rows)}{actual})"
         for inner in step.inner:
             if not isinstance(step.goal, AggregateAtom):
-                yield from steps_text(inner, names, indent + "  ", (), found, alone)
+                yield from steps_text(inner, names, indent + "  ", (), found, watched)
         found = found.union(step.binds)
 
 

@@ -14,7 +14,7 @@ from envgraph import code
 from envgraph.code import dataclass
 from envgraph.match.generate._bindings import Bindings
 from envgraph.match.generate._distinct_sets import END, DistinctSets
-from envgraph.match.generate._narrowing import Side, ValueJoin, link_tests, value_join, value_tests
+from envgraph.match.generate._narrowing import link_tests
 from envgraph.match.generate._relations import Relations, same_for_all
 from envgraph.match.generate._sinks import (
     COUNT,
@@ -38,6 +38,7 @@ from envgraph.match.generate._symbols import (
     Valued,
     closed,
 )
+from envgraph.match.generate._value_joins import Side, ValueJoin, value_join
 from envgraph.match.generate._write import Module, local
 from envgraph.match.plan._distinct import Distinct, distinct_places
 from envgraph.match.plan._plan import Kind, Plan, Step
@@ -167,17 +168,16 @@ class Translation:
                 return
             self._distinct.begin(id(step))
             following = [each for each in steps[number + 1 :] if id(each) not in found]
-            join = self._value_join(step, following)
-            self._guard(step, following, sink, join)
-            indexed = step.kind is Kind.LOOP and self._shares and self.indexes
-            if join is not None:
+            types, known = self._conjunction.types, self._bindings.changing
+            join = value_join(step, following, known, self._bindings.constants, types)
+            self._guard(step, sink, join)
+            indexed = step.kind is Kind.LOOP and self.indexes
+            if join is not None and indexed and join.usable(not self._shares):
                 self._loop_joined(step, join, sink)
+                found.update(map(id, join.tests))
                 if join.whole and sink is COUNT:
                     return
-            elif indexed and (tests := value_tests(step, following, self._bindings)):
-                self._loop_by_value(step, tests)
-                found.update(map(id, tests))
-            elif indexed and (links := link_tests(step, following, self._bindings)):
+            elif indexed and self._shares and (links := link_tests(step, following, self._bindings)):
                 self._loop_common(step, links)
             elif step.kind is Kind.LOOP:
                 self._loop(step)
@@ -190,20 +190,11 @@ class Translation:
         self._distinct.test(END)
         self._block.add(*sink.each(self._bindings.source))
 
-    def _value_join(self, step: Step, following: Sequence[Step]) -> ValueJoin | None:
-        """Return which comparisons tell a loop to be over fewer objects, if any do."""
-        if not self.indexes:
-            return None
-        types = self._conjunction.types
-        join = value_join(step, following, self._bindings.changing, self._bindings.constants, types)
-        return join if self._shares or (join and join.alone) else None
-
-    def _guard(self, step: Step, following: Sequence[Step], sink: Sink, join: ValueJoin | None) -> None:
+    def _guard(self, step: Step, sink: Sink, join: ValueJoin | None) -> None:
         """Before a loop that nothing connects with the loops around it: there must not be too many matches."""
         if self.bounded is None or step.kind is not Kind.LOOP or not (self._block.loops or self._continues):
             return
-        connected = join is not None or any(map(self._bindings.known, variables(step.goal)))
-        if not connected and not value_tests(step, following, self._bindings):
+        if join is None and not any(map(self._bindings.known, variables(step.goal))):
             name = dict(enumerate(self._conjunction.names)).get(next(iter(step.binds), -1), "")
             check = code.call(self._module.name(self.bounded), self._size(sink), self._module.literal(name))
             self._block.add(code.Do(check))
@@ -330,20 +321,19 @@ class Translation:
             self._block.test(test)
         self._bindings.names.update((v, self._bindings.local(v)) for v in targets if v is not None)
 
-    def _loop_by_value(self, step: Step, tests: Sequence[Step]) -> None:
-        """Loop over the objects with the values that tests ask for."""
-        goal = step.goal
-        assert isinstance(goal, InstanceAtom)
-        pairs = {t.goal.attribute.index: t.goal.value for t in tests if isinstance(t.goal, AttributeAtom)}
-        valued = Valued(tuple(self._relations.indices(goal.cls, goal.exact)), tuple(sorted(pairs)))
-        values = [self._bindings.source(pairs[attribute]) for attribute in sorted(pairs)]
-        self._each([goal.variable], code.call(self._module.name(valued), *values))
-
     def _loop_joined(self, step: Step, join: ValueJoin, sink: Sink) -> None:
         """Loop over the objects that an index has for what is known; or count them, if there is nothing else to do."""
         goal = step.goal
         assert isinstance(goal, InstanceAtom)
         classes = tuple(self._relations.indices(goal.cls, goal.exact))
+        if join.tests:
+            goals = (test.goal for test in join.tests)
+            pairs = sorted(
+                (one.attribute.index, one.value) for one in goals if isinstance(one, AttributeAtom)
+            )
+            index = self._module.name(Valued(classes, tuple(attribute for attribute, _ in pairs)))
+            self._each(step.binds, code.call(index, *(self._bindings.source(value) for _, value in pairs)))
+            return
         number = self._module.fresh("c")
         index = self._module.name(Valued(classes, (), tuple(join.operators), join.alone, number))
         asked: list[code.Local] = []

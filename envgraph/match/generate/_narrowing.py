@@ -1,66 +1,27 @@
-"""Which of the tests that follow a loop tell it to be over fewer objects."""
+"""Which of the tests that follow a loop over the ends of a link tell it to be over fewer objects."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
-from functools import partial
+from collections.abc import Sequence
 from itertools import takewhile
-from typing import Final
 
-from envgraph.code import dataclass
-from envgraph.errors import spelling
 from envgraph.match.generate._bindings import Bindings
 from envgraph.match.plan._plan import Kind, Step
-from envgraph.match.plan._sharing import mentioned
-from envgraph.metamodel import Reference, Scalar
-from envgraph.pattern import (
-    AggregateAtom,
-    AttributeAtom,
-    Binary,
-    Condition,
-    Constant,
-    Expression,
-    FunctionCall,
-    InstanceAtom,
-    LinkAtom,
-    StaticType,
-    UnequalAtom,
-    Valuation,
-    Variable,
-    children,
-    variables,
-)
-
-
-def value_tests(loop: Step, following: Sequence[Step], bindings: Bindings) -> list[Step]:
-    """The tests of attributes of an object that is looped over, for values that are known and change."""
-    if not isinstance(loop.goal, InstanceAtom):
-        return []
-    tests: dict[int, tuple[int, Step]] = {}
-    for each in _tests(following):
-        goal = each.goal
-        if (
-            isinstance(goal, AttributeAtom)
-            and goal.object == loop.goal.variable
-            and bindings.known(goal.value)
-        ):
-            tests.setdefault(goal.attribute.index, (goal.value, each))
-    if bindings.constants.keys() >= {value for value, _ in tests.values()}:
-        return []
-    return [test for _, test in tests.values()]
+from envgraph.metamodel import Reference
+from envgraph.pattern import LinkAtom
 
 
 def link_tests(loop: Step, following: Sequence[Step], bindings: Bindings) -> list[Step]:
-    """The tests of links between the end of a link, over which is looped, and objects that are known."""
+    """Return the tests of links between the end of a link, over which is looped, and objects that are known."""
     if not (isinstance(loop.goal, LinkAtom) and isinstance(loop.goal.reference, Reference)):
         return []
     (end,) = loop.binds
     found: list[Step] = []
-    for each in _tests(following):
+    for each in takewhile(lambda step: step.kind is not Kind.LOOP, following):
         goal = each.goal
         if (
-            isinstance(goal, LinkAtom)
+            each.kind is Kind.TEST
+            and isinstance(goal, LinkAtom)
             and isinstance(goal.reference, Reference)
             and goal.source != goal.target
         ):
@@ -68,183 +29,3 @@ def link_tests(loop: Step, following: Sequence[Step], bindings: Bindings) -> lis
             if end in (goal.source, goal.target) and bindings.known(other):
                 found.append(each)
     return found
-
-
-def _tests(following: Sequence[Step]) -> Iterator[Step]:
-    """Yield the tests before the next loop."""
-    before = takewhile(lambda step: step.kind is not Kind.LOOP, following)
-    return (step for step in before if step.kind is Kind.TEST)
-
-
-@dataclass(frozen=True, slots=True)
-class Side:
-    """One side of a comparison: an expression, and the variables that its names stand for."""
-
-    expression: Expression
-    reads: tuple[tuple[str, int], ...]
-
-    @property
-    def variables(self) -> tuple[int, ...]:
-        """The variables that it reads."""
-        return tuple(variable for _, variable in self.reads)
-
-
-@dataclass(frozen=True, slots=True)
-class ValueJoin:
-    """Comparisons of values that are computed of an object, over which is looped, with values that are known before.
-
-    Attributes:
-        own: what is computed of the object: what has to be equal, and last what has bounds, or `none`.
-        known: what it is compared with, in the same order; as many bounds at the end as there are operators.
-        operators: of the bounds, with the value of the object on the left.
-        steps: what has to be met to compute it, of what follows the loop.
-        alone: whether that depends on nothing but the attributes and the class of the object.
-        whole: whether nothing else follows.
-    """
-
-    own: tuple[Side, ...]
-    known: tuple[Side, ...]
-    operators: tuple[str, ...]
-    steps: tuple[Step, ...]
-    alone: bool
-    whole: bool
-
-
-def value_join(
-    loop: Step,
-    following: Sequence[Step],
-    known: frozenset[int],
-    constants: Iterable[int],
-    types: Sequence[StaticType],
-) -> ValueJoin | None:
-    """Return the comparisons that tell a loop to be over fewer objects; None without any that is computed.
-
-    An expression that fails has no value, and no comparison with it holds. Functions of the user are left out: they
-    are called as often as without an index.
-
-    Args:
-        loop, following: a step, and those after it.
-        known, constants: variables with a value before it, those with a fixed value apart.
-        types: of all variables.
-    """
-    if loop.kind is not Kind.LOOP or not isinstance(loop.goal, InstanceAtom):
-        return None
-    own, outer, before = set(loop.binds), set(known), known.union(constants)
-    equal, bounds, steps = list[_Compared](), list[_Compared](), list[Step]()
-    computed, whole = False, True
-    for step in following:
-        names = set(mentioned(step))
-        if step.kind is Kind.LOOP and (equal or bounds or names & outer or not names & own):
-            whole = False
-            break
-        compared = (
-            _compared(step, own.union(constants), before, types) if names & own and names & outer else None
-        )
-        if compared and compared[0] == "==" and compared[1] not in [each[1] for each in equal]:
-            equal.append(compared)
-            computed |= not (isinstance(step.goal, AttributeAtom) and step.goal.object in loop.binds)
-            if not isinstance(step.goal, Condition):
-                steps.append(replace(step, kind=Kind.BIND, binds=compared[1].variables))
-        elif (
-            compared
-            and compared[0] != "=="
-            and all(spelling(compared[1]) == spelling(s) for _, s, _ in bounds)
-        ):
-            bounds.append(compared)
-        elif names & outer or (
-            isinstance(step.goal, Condition | Valuation) and not _pure(step.goal.expression)
-        ):
-            outer.update(step.binds)
-            whole = False
-        else:
-            steps.append(step)
-            own.update(step.binds)
-    if not (computed or bounds):
-        return None
-    return ValueJoin(
-        (*(side for _, side, _ in equal), bounds[0][1] if bounds else Side(Constant(None), ())),
-        tuple(side for _, _, side in (*equal, *bounds)),
-        tuple(operator for operator, _, _ in bounds),
-        tuple(steps),
-        all(map(partial(_alone, loop), steps)),
-        whole and all(step.kind is not Kind.LOOP for step in steps),
-    )
-
-
-_Compared = tuple[str, Side, Side]
-"""An operator, the side of a loop, and the side that is known before."""
-_FLIPPED: Final = {"==": "==", "<": ">", "<=": ">=", ">": "<", ">=": "<="}
-
-
-def _compared(
-    step: Step, own: Collection[int], known: Collection[int], types: Sequence[StaticType]
-) -> _Compared | None:
-    """Return what a test compares, if one side is the loop's, and the other is known before it."""
-    goal = step.goal
-    match goal:
-        case _ if step.kind is not Kind.TEST:
-            return None
-        case AttributeAtom(_, _, value) | Valuation(_, _, value) | AggregateAtom(_, _, _, value):
-            side = Side(Variable("value"), (("value", value),))
-            if value in known and all(v in own for v in variables(goal) if v != value):
-                return "==", side, side
-        case Condition(Binary(operator) as whole, reads) if operator in _FLIPPED and _pure(whole):
-            one, other = (_side(side, dict(reads)) for side in (whole.left, whole.right))
-            for left, right, sign in ((one, other, operator), (other, one, _FLIPPED[operator])):
-                if all(v in own for v in left.variables) and all(v in known for v in right.variables):
-                    return _shifted(
-                        sign, left, right, [types[v] for v in (*left.variables, *right.variables)]
-                    )
-    return None
-
-
-def _shifted(operator: str, own: Side, known: Side, types: Sequence[StaticType]) -> _Compared:
-    """The same comparison, `x < y - 3` for `x + 3 < y`, so that several bounds are of one value.
-
-    Of ints alone: with them a calculation is exact.
-    """
-    match own.expression:
-        case Binary("+" | "-" as sign, Variable() as value, Constant(int() as by) as constant):
-            if all(each is Scalar.INT for each in types) and _whole(known.expression) and type(by) is int:
-                other = Binary("-" if sign == "+" else "+", known.expression, constant)
-                return operator, Side(value, own.reads), Side(other, known.reads)
-    return operator, own, known
-
-
-def _whole(expression: Expression) -> bool:
-    """Return whether an expression of ints is calculated with ints alone, and cannot fail."""
-    if isinstance(expression, Binary):
-        return expression.operator in ("+", "-", "*") and all(map(_whole, children(expression)))
-    return isinstance(expression, Variable) or (
-        isinstance(expression, Constant) and type(expression.value) is int
-    )
-
-
-def _side(expression: Expression, numbers: Mapping[str, int]) -> Side:
-    return Side(expression, tuple((name, numbers[name]) for name in dict.fromkeys(_names(expression))))
-
-
-def _names(expression: Expression) -> Iterator[str]:
-    if isinstance(expression, Variable):
-        yield expression.name
-    for child in children(expression):
-        yield from _names(child)
-
-
-def _alone(loop: Step, step: Step) -> bool:
-    """Return whether a step reads nothing but attributes and the class of the object of a loop."""
-    goal = step.goal
-    if step.kind is Kind.TEST or step.kind is Kind.BIND:
-        return isinstance(goal, Condition | InstanceAtom | UnequalAtom | Valuation) or (
-            isinstance(goal, AttributeAtom) and goal.object in loop.binds
-        )
-    return False
-
-
-def _pure(expression: Expression) -> bool:
-    """Return whether an expression calls no function of the user, and has no `none` in it, which equals itself."""
-    if isinstance(expression, FunctionCall) and expression.declaration is not None:
-        return False
-    if isinstance(expression, Constant) and expression.value is None:
-        return False
-    return all(map(_pure, children(expression)))

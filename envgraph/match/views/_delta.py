@@ -14,10 +14,10 @@ from envgraph import code
 from envgraph.code import dataclass
 from envgraph.match.generate._bindings import Bindings
 from envgraph.match.generate._generate import Translation
-from envgraph.match.generate._narrowing import ValueJoin
 from envgraph.match.generate._relations import Relations, forward_column
 from envgraph.match.generate._sinks import EXISTENCE, OUT, Sink, gathering, length, row, value
 from envgraph.match.generate._symbols import Bounded, Column, Held, Source
+from envgraph.match.generate._value_joins import ValueJoin
 from envgraph.match.generate._write import Module, local
 from envgraph.match.plan._plan import Kind, Plan, Step
 from envgraph.match.views._bodies import free_inside, negated

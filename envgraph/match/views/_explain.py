@@ -74,7 +74,7 @@ def _delta(delta: Delta, planner: ViewPlanner, actual: Actual) -> Iterator[str]:
     text = relation_text(delta.occurrence.relation, names)
     yield f"body {delta.body + 1}: when {text} comes or goes{_ROLES[delta.occurrence.role]}"
     known = [variable for variable in delta.occurrence.columns if variable is not None]
-    yield from steps_text(delta_plan(planner, delta), names, "  ", actual(delta), known, alone=True)
+    yield from steps_text(delta_plan(planner, delta), names, "  ", actual(delta), known, watched=True)
     if delta.own is not None:
         yield "  the rows that are lost are looked up in the view itself"
     yield delta_source(planner, delta, True).text
