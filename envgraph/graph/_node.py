@@ -140,11 +140,7 @@ class Targets(Sequence[Node]):
         self._reference = reference
 
     def _ids(self) -> Sequence[int]:
-        self._source.cls  # noqa: B018 - raises for an object that is gone
-        model = self._source.model
-        if model.defined and self._reference in model.defined:
-            return model.defined[self._reference].read(self._source.id)
-        return model.targets(self._source.id, self._reference)
+        return _held(self._source, self._reference)
 
     def append(self, target: Node) -> None:
         """Add a target; nothing happens if it is one already.
@@ -233,11 +229,7 @@ class ValueList(MutableSequence[Value]):
         self._attribute = attribute
 
     def _values(self) -> Sequence[Value]:
-        self._object.cls  # noqa: B018 - raises for an object that is gone
-        model = self._object.model
-        if model.defined and self._attribute in model.defined:
-            return model.defined[self._attribute].read(self._object.id)
-        return model.store.values[self._attribute.index][self._object.id] or ()
+        return _held(self._object, self._attribute)
 
     def _set(self, values: list[Value]) -> None:
         self._object.model.set_value(self._object.id, self._attribute, values)
@@ -316,8 +308,13 @@ def _feature(node: Node, name: str, error: type[Exception] = AttributeError) -> 
 
 def _read(node: Node, feature: Feature) -> Value | ValueList | Node | Targets | None:
     if node.model.defined and not feature.many and feature in node.model.defined:
-        found = _only(node, feature, node.model.defined[feature].read(node.id))
-        return found if found is None or isinstance(feature, Attribute) else Node(node.model, int(found))
+        found = _held(node, feature)
+        if len(found) > 1:
+            query = node.model.defined[feature].query
+            raise InvalidArgument(
+                f"`{feature}` has one value, and query `{query}` gives {node!r} {len(found)}"
+            )
+        return next((one if isinstance(feature, Attribute) else Node(node.model, one) for one in found), None)
     if isinstance(feature, Attribute):
         if feature.many:
             return ValueList(node, feature)
@@ -328,11 +325,14 @@ def _read(node: Node, feature: Feature) -> Value | ValueList | Node | Targets | 
     return None if target is None else Node(node.model, target)
 
 
-def _only(node: Node, feature: Feature, values: Sequence[Value]) -> Value | None:
-    if len(values) > 1:
-        query = node.model.defined[feature].query
-        raise InvalidArgument(f"`{feature}` has one value, and query `{query}` gives {node!r} {len(values)}")
-    return values[0] if values else None
+def _held(node: Node, feature: Feature) -> Sequence[Any]:
+    """Return the values of a feature, or the ids of its targets: those of a query, if one defines the feature."""
+    node.cls  # noqa: B018 - raises for an object that is gone
+    model = node.model
+    if model.defined and feature in model.defined:
+        return model.defined[feature].read(node.id)
+    columns = model.store.values if isinstance(feature, Attribute) else model.store.forward
+    return columns[feature.index][node.id] or ()
 
 
 def _write(node: Node, feature: Feature, value: object) -> None:

@@ -249,8 +249,7 @@ class Store:
             if value not in after:
                 self._notify(node, attribute, value, False)
                 self.drop_end(distinct, node, value)
-        if self.recording:
-            self.journal.extend((column, node, old, SET))
+        self.record(column, node, old, SET)
         column[node] = values if values is None or len(values) <= self.crowd else Ordered(values)
         codes, change = self._value_codes[attribute], 0
         for each in (values or ()), (old or ()):
@@ -293,12 +292,10 @@ class Store:
         old = column[node] or ()
         if isinstance(old, Ordered) and (inserting or len(old) > self.crowd + 1):
             key = (index, value, len(old) + inserting)
-            if self.recording:
-                self.journal.extend((old, key, None, OUT) if inserting else (old, key, index, IN))
+            self.record(old, key, *((None, OUT) if inserting else (index, IN)))
             old.put(key, None) if inserting else old.take(key)
             return
-        if self.recording:
-            self.journal.extend((column, node, column[node], SET))
+        self.record(column, node, column[node], SET)
         new = (*old[:index], value, *old[index:]) if inserting else (*old[:index], *old[index + 1 :])
         column[node] = new if len(new) <= self.crowd else Ordered(new)
 
@@ -313,8 +310,7 @@ class Store:
     def keep_distinct(self, distinct: Any, node: int, values: Values) -> None:
         """Make these the distinct values of an object, in their order."""
         if tuple(distinct[node]) != values:
-            if self.recording:
-                self.journal.extend((distinct, node, distinct[node], SET))
+            self.record(distinct, node, distinct[node], SET)
             distinct[node] = self.grouped(values)
 
     @_mended
@@ -415,8 +411,7 @@ class Store:
             self.map_name(old, None)
         if name is not None:
             self.map_name(name, node)
-        if self.recording:
-            self.journal.extend((self.names, node, old, SET))
+        self.record(self.names, node, old, SET)
         self.names[node] = name
         self.revision += 1
 
@@ -424,8 +419,7 @@ class Store:
 
     def map_name(self, name: str, node: int | None) -> None:
         """A name is that of an object, or of none."""
-        if self.recording:
-            self.journal.extend((self.by_name, name, self.by_name.get(name), SET))
+        self.record(self.by_name, name, self.by_name.get(name), SET)
         self.by_name[name] = node
 
     def grouped(self, items: Sequence[Item]) -> tuple[Item, ...] | IndexedSet[Item]:
@@ -472,12 +466,10 @@ class Store:
         if at == index:
             return
         if isinstance(old, IndexedSet):
-            if self.recording:
-                self.journal.extend((old, item, at, MOVE))
+            self.record(old, item, at, MOVE)
             old.move(item, index)
             return
-        if self.recording:
-            self.journal.extend((column, key, old, SET))
+        self.record(column, key, old, SET)
         rest = old[:at] + old[at + 1 :]
         column[key] = (*rest[:index], item, *rest[index:])
 

@@ -90,26 +90,25 @@ class _Populations:
     """
 
     def __init__(self, metamodel: Metamodel) -> None:
-        self.sizes: dict[str, float] = {}
         self._metamodel = metamodel
         self._into: defaultdict[str, list[Reference]] = defaultdict(list)
         self._below: defaultdict[str, list[str]] = defaultdict(list)
-        self._owners: set[str] = set()
         self._held: defaultdict[str, float] = defaultdict(float)  # by part, in the owners filled so far
-        self._parts: set[str] = set()
+        owners, parts = set[str](), set[str]()
         for reference in metamodel.references:
             if reference.containment:
                 self._into[reference.target].append(reference)
-                self._owners.update(metamodel.concrete(reference.owner))
-                self._parts.update(metamodel.concrete(reference.target))
+                owners.update(metamodel.concrete(reference.owner))
+                parts.update(metamodel.concrete(reference.target))
         for cls in metamodel.class_list:
             for above in cls.supertypes:
                 self._below[above].append(cls.name)
-        concrete = [("exact", cls.name) for cls in metamodel.class_list if not cls.abstract]
-        entered_by_none: list[str] = []
-        for nodes, _ in components(concrete, self._leads):
-            entered_by_none += self._fill(dict.fromkeys(nodes))
-        self.sizes.update(dict.fromkeys(entered_by_none, UNKNOWN))
+        concrete = [cls.name for cls in metamodel.class_list if not cls.abstract]
+        roots = [name for name in concrete if name not in parts]
+        self.sizes = {name: 1.0 if name in owners else UNKNOWN for name in roots}
+        for nodes, _ in components([("exact", name) for name in concrete], self._leads):
+            self._fill(dict.fromkeys(nodes))
+        self.sizes = dict.fromkeys(concrete, UNKNOWN) | self.sizes  # some contain only each other
 
     def _leads(self, node: tuple[str, str]) -> Iterator[tuple[str, str]]:
         """Lead from a class to those that may contain its objects, by way of what it inherits and they hand down."""
@@ -124,37 +123,24 @@ class _Populations:
                 yield "exact", name
             yield from (("owner", below) for below in self._below[name])
 
-    def _fill(self, nodes: Mapping[tuple[str, str], None]) -> list[str]:
-        """Fill the classes of a component; return those that only each other contain."""
-        left = [name for kind, name in nodes if kind == "exact"]
+    def _fill(self, nodes: Mapping[tuple[str, str], None]) -> None:
+        """Fill the classes of a component."""
+        left = [name for kind, name in nodes if kind == "exact" and name not in self.sizes]
         into = [reference for kind, name in nodes if kind == "part" for reference in self._into[name]]
         inner = [reference for reference in into if ("owner", reference.owner) in nodes]
-        self._hold(into)
+        self._hold(into, self.sizes)
         while wave := {name: min(max(self._held[name], 1.0), MOST) for name in left if name in self._held}:
             self.sizes.update(wave)
-            left = [name for name in left if name not in self.sizes]
-            ready: list[Reference] = []
-            waiting: list[Reference] = []
-            for reference in inner:
-                owners = self._metamodel.concrete(reference.owner)
-                (waiting if wave.keys().isdisjoint(owners) else ready).append(reference)
-            self._hold(ready)
-            inner = waiting
-        free = [name for name in left if name not in self._parts]
-        self.sizes.update((name, 1.0 if name in self._owners else UNKNOWN) for name in free)
-        return [name for name in left if name in self._parts]
+            left = [name for name in left if name not in wave]
+            self._hold(inner, wave)
 
-    def _hold(self, references: Iterable[Reference]) -> None:
-        """Share what references hold equally among the classes that can stand there."""
+    def _hold(self, references: Iterable[Reference], owners: Mapping[str, float]) -> None:
+        """Share what owners hold by references equally among the classes that can stand there."""
         shares: defaultdict[str, float] = defaultdict(float)
         for reference in references:
             held = PARTS if reference.upper is None else min(float(reference.upper), PARTS)
-            known = (
-                [n for n in self._metamodel.concrete(reference.owner) if n in self.sizes]
-                if self.sizes
-                else ()
-            )
-            shares[reference.target] += held * sum(map(self.sizes.__getitem__, known))
+            known = (owners.get(name, 0.0) for name in self._metamodel.concrete(reference.owner))
+            shares[reference.target] += held * sum(known)
         for target, size in shares.items():
             classes = self._metamodel.concrete(target) if size else ()
             for name in classes:
