@@ -8,7 +8,7 @@ from itertools import zip_longest
 
 from envgraph.code import dataclass
 from envgraph.errors import Span
-from envgraph.metamodel import Annotation, Feature, Metamodel
+from envgraph.metamodel import Feature, Metamodel
 from envgraph.pattern._binding import Binding
 from envgraph.pattern._bodies import (
     Reading,
@@ -138,17 +138,20 @@ class Read:
     span: Span | None
 
 
-def defining(pattern: Pattern) -> Annotation | None:
-    """Return the annotation that makes a pattern define a derived feature."""
-    return next((one for one in pattern.annotations if one.name == "QueryBasedFeature"), None)
+def defining(pattern: Pattern) -> tuple[str, Span | None] | None:
+    """Return the name of the derived feature that an annotation makes a pattern define, and its place."""
+    found = next((one for one in pattern.annotations if one.name == "QueryBasedFeature"), None)
+    if found is None:
+        return None
+    return str(dict(found.named).get("feature", pattern.name)), dict(found.places).get("feature", found.span)
 
 
 def defined_feature(pattern: Pattern, source: StaticType | None, metamodel: Metamodel) -> Feature | None:
     """Return the feature of the class of its first parameter that a pattern defines, if there is one."""
-    annotation = defining(pattern)
-    if annotation is None or len(pattern.parameters) != 2 or not isinstance(source, ObjectType):
+    found = defining(pattern)
+    if found is None or len(pattern.parameters) != 2 or not isinstance(source, ObjectType):
         return None
-    return metamodel.feature(source.cls, str(dict(annotation.named).get("feature", pattern.name)))
+    return metamodel.feature(source.cls, found[0])
 
 
 def derived_reads(types: BodyTypes) -> Iterator[Read]:
@@ -414,9 +417,9 @@ def _may_be_method(expression: Expression) -> bool:
     return False
 
 
-def definitions(entries: Mapping[str, Entry]) -> dict[str, str]:
+def definitions(entries: Mapping[str, Entry]) -> dict[Feature, str]:
     """Return the derived features that patterns define, each with the qualified name of its first pattern."""
-    return {str(one.defines): name for name, one in reversed([*entries.items()]) if one.defines is not None}
+    return {one.defines: name for name, one in reversed([*entries.items()]) if one.defines is not None}
 
 
 def is_closure(call: PatternCall) -> bool:

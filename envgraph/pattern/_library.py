@@ -7,7 +7,7 @@ from copy import copy
 from typing import NamedTuple
 
 from envgraph.errors import Diagnostic, InvalidArgument, ResolutionError, Severity, did_you_mean, has_errors
-from envgraph.metamodel import Attribute, AttributeType, Metamodel, Reference, type_name
+from envgraph.metamodel import Attribute, AttributeType, Feature, Metamodel, Reference, type_name
 from envgraph.pattern._analysis import Analysis, Entry, Names, UnknownNames, definitions
 from envgraph.pattern._binding import bound_by_type
 from envgraph.pattern._bodies import Data, Reading
@@ -68,7 +68,7 @@ class Library:
         self._generated: dict[str, Entry] = {}
         self._lowered: dict[str, LoweredPattern] = {}
         self._checked: Checked | None = None
-        self._definitions: tuple[dict[str, Entry], dict[str, str]] = {}, {}
+        self._definitions: tuple[dict[str, Entry], dict[Feature, str]] = {}, {}
 
     @property
     def patterns(self) -> tuple[Pattern, ...]:
@@ -149,11 +149,11 @@ class Library:
             InvalidArgument: there is no such pattern.
         """
         entry, defined = self._entry(qualified_name), self.definitions
-        read = (defined[str(one.feature)] for one in entry.reads if str(one.feature) in defined)
+        read = (defined[one.feature] for one in entry.reads if one.feature in defined)
         return tuple(dict.fromkeys((*entry.calls.values(), *read)))
 
     @property
-    def definitions(self) -> Mapping[str, str]:
+    def definitions(self) -> Mapping[Feature, str]:
         """The derived features that patterns define, each with the qualified name of its pattern."""
         if self._definitions[0] is not self._entries:
             self._definitions = self._entries, definitions(self._entries)
@@ -292,12 +292,12 @@ class Library:
         entry = self._entry(qualified_name)
         return bound_by_type(entry.bodies[number], entry.pattern.parameters)
 
-    def _generate(self, wanted: ResolvedPath | AttributeType | Attribute | Reference) -> str:
+    def _generate(self, wanted: ResolvedPath | AttributeType | Feature) -> str:
         """Register the pattern of a path or of the values of a type; the same one always has the same name."""
         if isinstance(wanted, ResolvedPath):
             return self._path_pattern(wanted)
         if isinstance(wanted, Attribute | Reference):
-            return self.definitions.get(str(wanted), "")
+            return self.definitions.get(wanted, "")
         return self._values_pattern(wanted)
 
     def _values_pattern(self, type_: AttributeType) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -26,6 +26,7 @@ from envgraph.pattern import (
     Variable,
     children,
     variables,
+    variables_in,
 )
 
 
@@ -151,20 +152,16 @@ def _compared(
             one, other = (_side(side, dict(reads)) for side in (whole.left, whole.right))
             for left, right, sign in ((one, other, operator), (other, one, _FLIPPED[operator])):
                 if all(v in own for v in left.variables) and all(v in known for v in right.variables):
-                    return _shifted(
-                        sign, left, right, [types[v] for v in (*left.variables, *right.variables)]
-                    )
+                    exact = all(types[v] is Scalar.INT for v in (*left.variables, *right.variables))
+                    return _shifted(sign, left, right) if exact else (sign, left, right)
     return None
 
 
-def _shifted(operator: str, own: Side, known: Side, types: Sequence[StaticType]) -> _Compared:
-    """The same comparison, `x < y - 3` for `x + 3 < y`, so that several bounds are of one value.
-
-    Of ints alone: with them a calculation is exact.
-    """
+def _shifted(operator: str, own: Side, known: Side) -> _Compared:
+    """Return the same comparison of ints, `x < y - 3` for `x + 3 < y`, so that several bounds are of one value."""
     match own.expression:
-        case Binary("+" | "-" as sign, Variable() as value, Constant(int() as by) as constant):
-            if all(each is Scalar.INT for each in types) and _whole(known.expression) and type(by) is int:
+        case Binary("+" | "-" as sign, Variable() as value, Constant() as constant):
+            if _whole(known.expression) and _whole(constant):
                 other = Binary("-" if sign == "+" else "+", known.expression, constant)
                 return operator, Side(value, own.reads), Side(other, known.reads)
     return operator, own, known
@@ -180,24 +177,16 @@ def _whole(expression: Expression) -> bool:
 
 
 def _side(expression: Expression, numbers: Mapping[str, int]) -> Side:
-    return Side(expression, tuple((name, numbers[name]) for name in dict.fromkeys(_names(expression))))
-
-
-def _names(expression: Expression) -> Iterator[str]:
-    if isinstance(expression, Variable):
-        yield expression.name
-    for child in children(expression):
-        yield from _names(child)
+    names = dict.fromkeys(variable.name for variable in variables_in(expression))
+    return Side(expression, tuple((name, numbers[name]) for name in names))
 
 
 def _alone(loop: Step, step: Step) -> bool:
     """Return whether a step reads nothing but attributes and the class of the object of a loop."""
-    goal = step.goal
-    if step.kind is Kind.TEST or step.kind is Kind.BIND:
-        return isinstance(goal, Condition | InstanceAtom | UnequalAtom | Valuation) or (
-            isinstance(goal, AttributeAtom) and goal.object in loop.binds
-        )
-    return False
+    if isinstance(step.goal, AttributeAtom):
+        return step.goal.object in loop.binds
+    computed = isinstance(step.goal, Condition | InstanceAtom | UnequalAtom | Valuation)
+    return computed and step.kind in (Kind.TEST, Kind.BIND)
 
 
 def _pure(expression: Expression) -> bool:

@@ -146,7 +146,7 @@ class _PatternCheck:
     def _undefined(self) -> Iterator[Diagnostic]:
         defined = definitions(self._analysis.entries)
         for read in self._analysis.entries[self._pattern.qualified_name].reads:
-            if str(read.feature) not in defined:
+            if read.feature not in defined:
                 yield derived_feature(read.feature, read.span)
 
     def _parameter_type(self, parameter: Parameter, bodies: Sequence[_BodyCheck]) -> Iterator[Diagnostic]:
@@ -201,14 +201,16 @@ class _PatternCheck:
 
 def _definition(pattern: Pattern, analysis: Analysis) -> Iterator[Diagnostic]:
     """Check that the feature that a pattern defines is derived, has the pattern's types, and no other definition."""
-    annotation, entry = defining(pattern), analysis.entries[pattern.qualified_name]
-    if annotation is None or not entry.types or None in entry.types:
+    defines, entry, metamodel = (
+        defining(pattern),
+        analysis.entries[pattern.qualified_name],
+        analysis.metamodel,
+    )
+    if defines is None or not entry.types or None in entry.types:
         return
-    metamodel, span = analysis.metamodel, dict(annotation.places).get("feature", annotation.span)
-    name = str(dict(annotation.named).get("feature", pattern.name))
-    source = entry.types[0] if len(entry.types) == 2 else None
-    value = entry.types[-1]
-    if not isinstance(source, ObjectType) or value is None:
+    name, span = defines
+    source, value = entry.types[0], entry.types[-1]
+    if not isinstance(source, ObjectType) or value is None or len(entry.types) != 2:
         message = "a pattern that defines a feature has two parameters: an object and a value of the feature"
         yield Diagnostic(
             "query-feature", message, span, f"write `pattern {pattern.name}(this : Class, value)`"

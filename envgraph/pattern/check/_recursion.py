@@ -9,7 +9,7 @@ from typing import Final
 
 from envgraph.code import dataclass
 from envgraph.errors import Diagnostic, Severity
-from envgraph.metamodel import components, shortest_way
+from envgraph.metamodel import Feature, components, shortest_way
 from envgraph.pattern._analysis import Entry, calls_of, definitions, is_closure
 from envgraph.pattern._queries import Closure, Pattern, PatternCall
 
@@ -61,7 +61,7 @@ def check_recursion(patterns: Sequence[Pattern], entries: Mapping[str, Entry]) -
         yield replace(_diagnostic(edge, cycle), subject=tuple(link.caller for link in cycle))
 
 
-def _edges(pattern: Pattern, entries: Mapping[str, Entry], defined: Mapping[str, str]) -> Iterator[_Edge]:
+def _edges(pattern: Pattern, entries: Mapping[str, Entry], defined: Mapping[Feature, str]) -> Iterator[_Edge]:
     calls = entries[pattern.qualified_name].calls
     for body in pattern.bodies:
         for site in calls_of(body):
@@ -69,8 +69,8 @@ def _edges(pattern: Pattern, entries: Mapping[str, Entry], defined: Mapping[str,
                 word = site.grouped or (str(site.call.closure) if is_closure(site.call) else "")
                 yield _Edge(pattern.qualified_name, calls[site.call.pattern], site.call, word)
     for read in entries[pattern.qualified_name].reads:
-        if str(read.feature) in defined:
-            callee = defined[str(read.feature)]
+        if read.feature in defined:
+            callee = defined[read.feature]
             yield _Edge(pattern.qualified_name, callee, PatternCall(callee, (), span=read.span), read.word)
 
 

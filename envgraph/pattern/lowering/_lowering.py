@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 
 from envgraph.errors import Span
-from envgraph.metamodel import Attribute, AttributeType, Feature, Metamodel, Reference, Scalar
+from envgraph.metamodel import Attribute, AttributeType, Feature, Metamodel, Scalar
 from envgraph.pattern._binding import bound_by_type
 from envgraph.pattern._bodies import base_of, children, none_test, terms_of, with_children
 from envgraph.pattern._inference import BodyTypes
@@ -56,7 +56,7 @@ from envgraph.pattern.expressions._evaluate import holds, value_of
 from envgraph.pattern.expressions._expressions import ExpressionChecker
 from envgraph.pattern.lowering._slots import Slots, Unsatisfiable
 
-Generate = Callable[[ResolvedPath | AttributeType | Attribute | Reference], str]
+Generate = Callable[[ResolvedPath | AttributeType | Feature], str]
 """Registers the generated pattern of a path, or of the values of an enum, and gives its qualified name; of a derived
 feature gives the pattern that defines it, or ""."""
 

@@ -208,7 +208,7 @@ class AssignmentReader:
                 Diagnostic("wrong-type", "`none` is no value here", expression.span or span, "write `= none`")
             ]
         for read in expression_reads(expression, self.scope.types, self.scope.metamodel):
-            query = self.scope.defined.get(str(read.feature))
+            query = self.scope.defined.get(read.feature)
             if query is not None:
                 message = f"query `{query}` defines `{read.feature}`, which is read on the left side"
                 hint = f"write `find {query}(object, value)` there, and `value` here"

@@ -7,7 +7,7 @@ from dataclasses import field
 
 from envgraph.code import dataclass
 from envgraph.errors import Diagnostic, Severity, Span, did_you_mean, listed, name_hint, with_article
-from envgraph.metamodel import Attribute, Metamodel, Reference
+from envgraph.metamodel import Attribute, Feature, Metamodel, Reference
 from envgraph.pattern import Edge, ObjectType, StaticType
 
 LinkKey = tuple[int, str, str]
@@ -60,7 +60,7 @@ class RuleScope:
     unlinked: dict[LinkKey, ResolvedEdge] = field(default_factory=dict)
     equated: set[frozenset[str]] = field(default_factory=set)
     elsewhere: Mapping[str, str] = field(default_factory=dict)
-    defined: Mapping[str, str] = field(default_factory=dict)
+    defined: Mapping[Feature, str] = field(default_factory=dict)
     _reported: set[str] = field(default_factory=set)
 
     def inner(self, names: Mapping[str, StaticType | None]) -> RuleScope:
@@ -209,9 +209,8 @@ class RuleScope:
             hint = self.metamodel.left_out(cls, name) or self._subclass_hint(cls, name)
             hint = hint or name_hint(name, self.metamodel.features(cls))
             self.error("unknown-feature", f"`{cls}` has no feature `{name}`", span, hint)
-        elif str(feature) in self.defined:
-            query = self.defined[str(feature)]
-            message = f"`{feature}` is read-only: query `{query}` defines its values"
+        elif feature in self.defined:
+            message = f"`{feature}` is read-only: query `{self.defined[feature]}` defines its values"
             self.error("read-only-feature", message, span, "change what the query reads")
             return None
         return feature
@@ -273,7 +272,7 @@ class RuleScope:
         if edge.closure or cls is None or edge.source not in self.types or edge.target not in self.types:
             return None
         feature = self.metamodel.feature(cls, edge.reference)
-        if not isinstance(feature, Reference) or str(feature) in self.defined:
+        if not isinstance(feature, Reference) or feature in self.defined:
             return None
         return ResolvedEdge(edge.source, feature, edge.target, edge.span)
 

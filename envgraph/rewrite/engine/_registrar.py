@@ -8,7 +8,7 @@ from copy import copy
 from envgraph.errors import Diagnostic, InvalidArgument, ResolutionError, Severity, has_errors
 from envgraph.graph import Defined, first_with
 from envgraph.match import FREE, ViewMatcher
-from envgraph.metamodel import Feature, reached
+from envgraph.metamodel import reached
 from envgraph.pattern import FunctionDeclaration, Library, Pattern
 from envgraph.rewrite._names import Directory
 from envgraph.rewrite.check._well_formed import mistake_in
@@ -161,11 +161,8 @@ class Registrar:
         def defined(query: str) -> Defined:
             return Defined(query, lambda node: [row[1] for row in matcher.rows(query, (node, FREE))], matcher)
 
-        features: dict[str, Feature] = {str(one): one for one in model.metamodel.attributes}
-        features |= {str(one): one for one in model.metamodel.references}
-        new = {features[one]: query for one, query in library.definitions.items()}
         known = {one for one, defined in model.defined.items() if defined.matcher is matcher}
-        new = {one: query for one, query in new.items() if one not in known}
+        new = {one: query for one, query in library.definitions.items() if one not in known}
         for feature, query in new.items():
             node = first_with(model, feature)
             if node is not None:

@@ -299,7 +299,7 @@ class NaiveMatcher(Matcher):
         feature = self.library.metamodel.feature(self.model.class_of(node), name)
         if feature is None:
             return []
-        query = self.library.definitions.get(str(feature))
+        query = self.library.definitions.get(feature)
         if query is not None:
             return [row[1] for row in self._matches(query, (node, FREE))]
         if isinstance(feature, Attribute):
