@@ -15,15 +15,14 @@ from envgraph.pattern._bodies import (
     base_of,
     children,
     expressions,
-    grouped_relations,
     none_test,
-    positive_relations,
+    relations_of,
     rewritten,
 )
 from envgraph.pattern._inference import BodyTypes, Callee, Signature
 from envgraph.pattern._lowered import ObjectType, StaticType
 from envgraph.pattern._paths import ResolvedPath, derived, resolve_path
-from envgraph.pattern._queries import Body, Closure, PathConstraint, Pattern, PatternCall
+from envgraph.pattern._queries import Body, PathConstraint, Pattern, PatternCall
 from envgraph.pattern._terms import Expression, FunctionCall, Navigation, Variable
 from envgraph.pattern._types import joins, static_type
 from envgraph.pattern.check._header import too_long
@@ -31,26 +30,9 @@ from envgraph.pattern.expressions._expressions import ExpressionChecker, is_meth
 from envgraph.pattern.expressions._operations import FUNCTIONS
 
 
-@dataclass(frozen=True, slots=True)
-class CallSite:
-    """One `find`, and what it stands under.
-
-    Attributes:
-        grouped: "neg", the name of an aggregate, or "" for a positive call.
-    """
-
-    call: PatternCall
-    grouped: str = ""
-
-
-def calls_of(body: Body) -> Iterator[CallSite]:
-    """All calls of a body: the positive ones, then those under a negation or an aggregate."""
-    for relation in positive_relations(body):
-        if isinstance(relation, PatternCall):
-            yield CallSite(relation)
-    for relation, aggregate in grouped_relations(body):
-        if isinstance(relation, PatternCall):
-            yield CallSite(relation, aggregate.function if aggregate else "neg")
+def calls_of(body: Body) -> Iterator[tuple[PatternCall, str]]:
+    """Yield all calls of a body, each with what it stands under, as `relations_of` does."""
+    return ((one, word) for one, word in relations_of(body) if isinstance(one, PatternCall))
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,11 +139,8 @@ def defined_feature(pattern: Pattern, source: StaticType | None, metamodel: Meta
 def derived_reads(types: BodyTypes) -> Iterator[Read]:
     """Yield the places of a body that read derived features."""
     body = types.reading.body
-    relations = [(relation, "") for relation in positive_relations(body)]
-    relations += [(one, fold.function if fold else "neg") for one, fold in grouped_relations(body)]
-    for relation, word in relations:
-        path = types.path(relation) if isinstance(relation, PathConstraint) else None
-        if path is not None and isinstance(relation, PathConstraint):
+    for relation, word in relations_of(body):
+        if isinstance(relation, PathConstraint) and (path := types.path(relation)) is not None:
             for step, span in zip_longest(path.steps, relation.feature_spans):
                 if derived(step):
                     yield Read(step, word or str(relation.closure), span or relation.span)
@@ -266,10 +245,10 @@ class Analysis:
     def _resolved(self, pattern: Pattern) -> dict[str, str]:
         calls: dict[str, str] = {}
         for body in pattern.bodies:
-            for site in calls_of(body):
-                found, _ = self.names.candidates(site.call.pattern, pattern.package, pattern)
+            for call, _ in calls_of(body):
+                found, _ = self.names.candidates(call.pattern, pattern.package, pattern)
                 if len(found) == 1:
-                    calls[site.call.pattern] = found[0].qualified_name
+                    calls[call.pattern] = found[0].qualified_name
         return calls
 
     def _declared(self, pattern: Pattern) -> tuple[StaticType | None, ...]:
@@ -290,9 +269,9 @@ class Analysis:
             name
             for name, pattern in self._new.items()
             if any(
-                site.call.pattern not in self.entries[name].calls
+                call.pattern not in self.entries[name].calls
                 for body in pattern.bodies
-                for site in calls_of(body)
+                for call, _ in calls_of(body)
             )
         }.union(names)
         size = 0
@@ -420,8 +399,3 @@ def _may_be_method(expression: Expression) -> bool:
 def definitions(entries: Mapping[str, Entry]) -> dict[Feature, str]:
     """Return the derived features that patterns define, each with the qualified name of its first pattern."""
     return {one.defines: name for name, one in reversed([*entries.items()]) if one.defines is not None}
-
-
-def is_closure(call: PatternCall) -> bool:
-    """Return whether the call follows the pattern more than once."""
-    return call.closure is not Closure.ONCE

@@ -114,6 +114,12 @@ def positive_relations(body: Body) -> list[Relation]:
     return [c for c in body.constraints if isinstance(c, TypeConstraint | PathConstraint | PatternCall)]
 
 
+def relations_of(body: Body) -> Iterator[tuple[Relation, str]]:
+    """Yield all relations of a body, each with "neg", the name of the aggregate that it stands under, or ""."""
+    yield from ((relation, "") for relation in positive_relations(body))
+    yield from ((one, fold.function if fold else "neg") for one, fold in grouped_relations(body))
+
+
 def expressions(body: Body) -> Iterator[tuple[Expression, Check | Evaluation]]:
     """The expressions of all checks and evals, in the order of the text."""
     for constraint in body.constraints:

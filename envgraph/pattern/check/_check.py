@@ -86,11 +86,11 @@ def check_patterns(analysis: Analysis) -> tuple[list[Diagnostic], frozenset[str]
 
 def _unused(patterns: Sequence[Pattern], analysis: Analysis) -> Iterator[Diagnostic]:
     called = {
-        analysis.entries[pattern.qualified_name].calls.get(site.call.pattern)
+        analysis.entries[pattern.qualified_name].calls.get(call.pattern)
         for pattern in patterns
         for body in pattern.bodies
-        for site in calls_of(body)
-        if analysis.entries[pattern.qualified_name].calls.get(site.call.pattern) != pattern.qualified_name
+        for call, _ in calls_of(body)
+        if analysis.entries[pattern.qualified_name].calls.get(call.pattern) != pattern.qualified_name
     }
     for pattern in patterns:
         # A search asks for the patterns that are annotated as constraints.

@@ -8,17 +8,17 @@ from itertools import pairwise
 from typing import Final
 
 from envgraph.code import dataclass
-from envgraph.errors import Diagnostic, Severity
+from envgraph.errors import Diagnostic, Severity, Span
 from envgraph.metamodel import Feature, components, shortest_way
-from envgraph.pattern._analysis import Entry, calls_of, definitions, is_closure
-from envgraph.pattern._queries import Closure, Pattern, PatternCall
+from envgraph.pattern._analysis import Entry, calls_of, definitions
+from envgraph.pattern._queries import Closure, Pattern
 
 
 @dataclass(frozen=True, slots=True)
 class _Edge:
     caller: str
     callee: str
-    call: PatternCall
+    span: Span | None
     word: str
 
     @property
@@ -64,14 +64,13 @@ def check_recursion(patterns: Sequence[Pattern], entries: Mapping[str, Entry]) -
 def _edges(pattern: Pattern, entries: Mapping[str, Entry], defined: Mapping[Feature, str]) -> Iterator[_Edge]:
     calls = entries[pattern.qualified_name].calls
     for body in pattern.bodies:
-        for site in calls_of(body):
-            if site.call.pattern in calls:
-                word = site.grouped or (str(site.call.closure) if is_closure(site.call) else "")
-                yield _Edge(pattern.qualified_name, calls[site.call.pattern], site.call, word)
+        for call, word in calls_of(body):
+            if call.pattern in calls:
+                span = call.pattern_span or call.span
+                yield _Edge(pattern.qualified_name, calls[call.pattern], span, word or str(call.closure))
     for read in entries[pattern.qualified_name].reads:
         if read.feature in defined:
-            callee = defined[read.feature]
-            yield _Edge(pattern.qualified_name, callee, PatternCall(callee, (), span=read.span), read.word)
+            yield _Edge(pattern.qualified_name, defined[read.feature], read.span, read.word)
 
 
 def _without_base(
@@ -84,9 +83,9 @@ def _without_base(
         caller, calls = pattern.qualified_name, entries[pattern.qualified_name].calls
         for number, body in enumerate(pattern.bodies):
             needed = {
-                calls[site.call.pattern]: None
-                for site in calls_of(body)
-                if not site.grouped and site.call.closure is not Closure.STAR and site.call.pattern in calls
+                calls[call.pattern]: None
+                for call, word in calls_of(body)
+                if not word and call.closure is not Closure.STAR and call.pattern in calls
             }
             inside = [one for one in needed if component.get(one, -1) == component.get(caller)]
             missing[caller, number] = len(inside)
@@ -123,8 +122,7 @@ def _declared_safe(pattern: Pattern) -> bool:
 def _no_base(edge: _Edge, cycle: Sequence[_Edge]) -> Diagnostic:
     message = f"recursion without a base case can never match: {_path(cycle)}"
     hint = f"give `{edge.caller}` a body that does not need it: `or {{ .. }}`"
-    span = edge.call.pattern_span or edge.call.span
-    return Diagnostic("no-base-case", message, span, hint, Severity.WARNING)
+    return Diagnostic("no-base-case", message, edge.span, hint, Severity.WARNING)
 
 
 def _path(cycle: Sequence[_Edge]) -> str:
@@ -135,8 +133,7 @@ def _path(cycle: Sequence[_Edge]) -> str:
 
 
 def _diagnostic(edge: _Edge, cycle: Sequence[_Edge]) -> Diagnostic:
-    span = edge.call.pattern_span or edge.call.span
-    path = _path(cycle)
+    span, path = edge.span, _path(cycle)
     if edge.monotone:
         hint = "`@SafeRecursion` says that this is meant"
         return Diagnostic("recursive-pattern", f"recursive pattern: {path}", span, hint, Severity.WARNING)
