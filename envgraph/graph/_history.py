@@ -62,13 +62,17 @@ class History:
         self._repairing = False
         store.interrupted.repair = self.repair
 
+    def _mended(self) -> Store:
+        """Return the store, after what was interrupted is made good."""
+        if self._store.interrupted:
+            self.repair()
+        return self._store
+
     # --- savepoints
 
     def savepoint(self) -> Savepoint:
         """Open a savepoint inside those that are open."""
-        store = self._store
-        if store.interrupted:
-            self.repair()
+        store = self._mended()
         if self._store.loading:
             raise TransactionError("a model that is loading has no journal to roll back")
         for follower in store.followers:
@@ -86,9 +90,7 @@ class History:
 
     def rollback(self, savepoint: Savepoint) -> None:
         """Back to the state at the innermost savepoint, and close it."""
-        store = self._store
-        if store.interrupted:
-            self.repair()
+        store = self._mended()
         self._check_innermost(savepoint)
         try:
             changed = self._roll_back(savepoint)
@@ -124,17 +126,14 @@ class History:
 
     def unwind(self, depth: int) -> None:
         """Roll back until so many savepoints are open."""
-        if self._store.interrupted:
-            self.repair()
+        self._mended()
         if len(self._stack) > depth:
             del self._stack[depth + 1 :]
             self.rollback(self._stack[depth])
 
     def shelve(self, savepoint: Savepoint) -> Shelf:
         """As `rollback`, and what was undone can be resumed."""
-        store = self._store
-        if store.interrupted:
-            self.repair()
+        store = self._mended()
         for follower in store.followers:
             follower.settle()
         self._check_innermost(savepoint)
@@ -179,8 +178,7 @@ class History:
 
     def release(self, savepoint: Savepoint) -> None:
         """Close the innermost savepoint and keep the changes."""
-        if self._store.interrupted:
-            self.repair()
+        self._mended()
         self._check_innermost(savepoint)
         self._stack.pop()
         if not self._stack:
@@ -202,8 +200,7 @@ class History:
     @property
     def depth(self) -> int:
         """How many savepoints are open."""
-        if self._store.interrupted:
-            self.repair()
+        self._mended()
         return len(self._stack)
 
     # --- loading
@@ -215,8 +212,7 @@ class History:
 
     def begin_loading(self) -> None:
         """Stop recording; nothing that is done from now on can be undone."""
-        if self._store.interrupted:
-            self.repair()
+        self._mended()
         self._settle()
         self._refuse_inside("load")
         if self.versions.held:
@@ -237,8 +233,7 @@ class History:
 
     def version(self) -> Version | None:
         """The version that the model is in, or None after uncommitted changes."""
-        if self._store.interrupted:
-            self.repair()
+        self._mended()
         if self._stack:
             return None
         self._settle()
@@ -246,11 +241,9 @@ class History:
 
     def commit(self) -> Version:
         """Name the present state; without changes since the last version, that one."""
-        if self._store.interrupted:
-            self.repair()
+        store = self._mended()
         self._refuse_inside("commit")
         self._settle()
-        store = self._store
         for follower in store.followers:
             follower.settle()
         version = self.versions.commit()
@@ -263,9 +256,7 @@ class History:
             raise InvalidArgument(f"a version is what `commit` gives, not {version!r}")
         if version.model is not self.versions.model():
             raise TransactionError(f"{version!r} is a version of another model")
-        store = self._store
-        if store.interrupted:
-            self.repair()
+        store = self._mended()
         self._refuse_inside("check out")
         self._settle()
         assert self.versions.current is not None, (
@@ -302,8 +293,7 @@ class History:
     @property
     def idle(self) -> bool:
         """Whether nothing is under way: no savepoint is open, nobody holds a version, and it is not loading."""
-        if self._store.interrupted:
-            self.repair()
+        self._mended()
         self._settle()
         return not self._stack and not self.versions.held and not self._store.loading
 

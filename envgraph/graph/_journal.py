@@ -77,9 +77,7 @@ class IndexedSet(list[Item]):
 
     def take(self, item: Item) -> int:
         """Remove an element; the last one moves into its place, which is returned."""
-        index = self.position[item]
-        if index >= len(self) or self[index] != item:
-            index = self.where(item)
+        index = self.where(item)
         del self.position[item]
         last = self.pop()
         if index < len(self):

@@ -8,7 +8,7 @@ from typing import Any
 from envgraph.graph import Store
 from envgraph.match._matcher import Row
 from envgraph.match.plan._plan import BodyPlan, Kind
-from envgraph.metamodel import Attribute
+from envgraph.metamodel import Attribute, Reference
 from envgraph.pattern import InstanceAtom, LinkAtom
 
 
@@ -21,16 +21,16 @@ def order_of(body: BodyPlan, store: Store) -> Callable[[Row], list[int]] | None:
     loops: list[tuple[Any, int, int]] = []
     for step in body.plan.steps:
         if step.kind is Kind.LOOP:
-            ends: Any = None
+            ends: Any
             match step.goal:
                 case InstanceAtom(_, far) | LinkAtom(Attribute(), far, _) if (far,) == step.binds:
-                    near = far
-                case LinkAtom(reference, near, far) if (far,) == step.binds:
-                    ends = (store.distinct if isinstance(reference, Attribute) else store.forward)[
-                        reference.index
-                    ]
-                case LinkAtom(reference, far, near) if (far,) == step.binds:
-                    ends = store.backward[reference.index]
+                    near, ends = far, None
+                case LinkAtom(Attribute(index=index), near, far) if (far,) == step.binds:
+                    ends = store.distinct[index]
+                case LinkAtom(Reference(index=index), near, far) if (far,) == step.binds:
+                    ends = store.forward[index]
+                case LinkAtom(Reference(index=index), far, near) if (far,) == step.binds:
+                    ends = store.backward[index]
                 case _:
                     return None
             if near not in columns or far not in columns:

@@ -18,14 +18,8 @@ def link_tests(loop: Step, following: Sequence[Step], bindings: Bindings) -> lis
     (end,) = loop.binds
     found: list[Step] = []
     for each in takewhile(lambda step: step.kind is not Kind.LOOP, following):
-        goal = each.goal
-        if (
-            each.kind is Kind.TEST
-            and isinstance(goal, LinkAtom)
-            and isinstance(goal.reference, Reference)
-            and goal.source != goal.target
-        ):
-            other = goal.source if goal.target == end else goal.target
-            if end in (goal.source, goal.target) and bindings.known(other):
-                found.append(each)
+        match each:
+            case Step(kind=Kind.TEST, goal=LinkAtom(Reference(), one, other)) if end in (one, other):
+                if one != other and bindings.known(other if one == end else one):
+                    found.append(each)
     return found

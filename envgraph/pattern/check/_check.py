@@ -201,14 +201,10 @@ class _PatternCheck:
 
 def _definition(pattern: Pattern, analysis: Analysis) -> Iterator[Diagnostic]:
     """Check that the feature that a pattern defines is derived, has the pattern's types, and no other definition."""
-    defines, entry, metamodel = (
-        defining(pattern),
-        analysis.entries[pattern.qualified_name],
-        analysis.metamodel,
-    )
+    defines, entry = defining(pattern), analysis.entries[pattern.qualified_name]
     if defines is None or not entry.types or None in entry.types:
         return
-    name, span = defines
+    (name, span), metamodel = defines, analysis.metamodel
     source, value = entry.types[0], entry.types[-1]
     if not isinstance(source, ObjectType) or value is None or len(entry.types) != 2:
         message = "a pattern that defines a feature has two parameters: an object and a value of the feature"
