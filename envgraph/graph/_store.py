@@ -273,7 +273,7 @@ class Store:
             self._notify(node, attribute, value, False)
             self.move_end(distinct, node, value, len(old))
             self.drop_end(distinct, node, value)
-        self._splice(column, node, index, value, inserting)
+        _splice(self, column, node, index, value, inserting)
         sign = 1 if inserting else -1
         code = self._value_codes[attribute].get(value) or self._code(attribute, value)
         self.total += sign * self.salts[0][node] * code
@@ -287,17 +287,6 @@ class Store:
             self.move_end(distinct, node, value, place)
         if inserting and not stays:
             self._notify(node, attribute, value, True)
-
-    def _splice(self, column: list[Any], node: int, index: int, value: Value, inserting: bool) -> None:
-        old = column[node] or ()
-        if isinstance(old, Ordered) and (inserting or len(old) > self.crowd + 1):
-            key = (index, value, len(old) + inserting)
-            self.record(old, key, *((None, OUT) if inserting else (index, IN)))
-            old.put(key, None) if inserting else old.take(key)
-            return
-        self.record(column, node, column[node], SET)
-        new = (*old[:index], value, *old[index:]) if inserting else (*old[:index], *old[index + 1 :])
-        column[node] = new if len(new) <= self.crowd else Ordered(new)
 
     def _notify(self, node: int, attribute: int, value: Value, there: bool) -> None:
         hook = (self.value_added if there else self.value_removing)[attribute]
@@ -515,3 +504,16 @@ class Store:
         """All objects, class by class in the order of declaration."""
         for extent in self.extents:
             yield from extent
+
+
+def _splice(store: Store, column: list[Any], node: int, index: int, value: Value, inserting: bool) -> None:
+    """Insert a value into those of an object, or remove it, and journal that."""
+    old = column[node] or ()
+    if isinstance(old, Ordered) and (inserting or len(old) > store.crowd + 1):
+        key = (index, value, len(old) + inserting)
+        store.record(old, key, *((None, OUT) if inserting else (index, IN)))
+        old.put(key, None) if inserting else old.take(key)
+        return
+    store.record(column, node, column[node], SET)
+    new = (*old[:index], value, *old[index:]) if inserting else (*old[:index], *old[index + 1 :])
+    column[node] = new if len(new) <= store.crowd else Ordered(new)
