@@ -49,6 +49,7 @@ class Sizes(NamedTuple):
         budgets: seeds of each length of training.
         random: seeds of each random family.
         families: how many of the 30 random families.
+        break_even: whether to measure in new processes from how many steps on compiling pays.
     """
 
     steps: dict[str, int]
@@ -56,16 +57,27 @@ class Sizes(NamedTuple):
     budgets: int
     random: int
     families: int
+    break_even: bool
 
 
-FULL = Sizes({"numba": 1_000_000, "python": 100_000}, reproduction=20, budgets=200, random=50, families=30)
-QUICK = Sizes({"numba": 1_000, "python": 1_000}, reproduction=1, budgets=1, random=2, families=3)
+FULL = Sizes(
+    {"numba": 1_000_000, "python": 100_000},
+    reproduction=20,
+    budgets=200,
+    random=50,
+    families=30,
+    break_even=True,
+)
+QUICK = Sizes(
+    {"numba": 1_000, "python": 1_000}, reproduction=1, budgets=1, random=2, families=3, break_even=False
+)
 
 
 def main(sizes: Sizes) -> None:
     """Print every table."""
     print_speed(sizes.steps)
-    print_break_even(sizes.steps)
+    if sizes.break_even:
+        print_break_even(sizes.steps)
     print_reproduction(sizes.reproduction)
     print_budgets(sizes.budgets)
     print_random_families(sizes.random, sizes.families)
@@ -87,7 +99,7 @@ def print_speed(steps: dict[str, int]) -> None:
 
 def print_break_even(steps: dict[str, int]) -> None:
     """Print from how many steps on it pays to import numba and to compile the loop, or to load what was compiled."""
-    if "numba" not in steps or BACKEND != "numba":
+    if BACKEND != "numba":
         return
     print(f"{'break-even, million steps':28}{'nothing compiled yet':>22}{'compiled before':>18}")
     for label, settings in {

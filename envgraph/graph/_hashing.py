@@ -99,11 +99,15 @@ def _total_since(store: Store, first: int) -> int:
 
 
 def recomputed_total(store: Store, salts: tuple[Sequence[int], Sequence[int]] | None = None) -> int:
-    """The sum behind the state hash, from the facts alone; with other numbers of the nodes, if they are given."""
+    """Return the sum behind the state hash, from the facts alone; with other numbers of the nodes, if they are given.
+
+    An object whose change of class was interrupted is in no class, and has its values and links.
+    """
     first, second = salts or node_salts(0, len(store.classes))
     total = 0
-    for node in store.nodes():
-        total += first[node] * class_code(store.metamodel.class_list[store.classes[node]])
+    for node, cls in enumerate(store.classes):
+        if cls >= 0:
+            total += first[node] * class_code(store.metamodel.class_list[cls])
         for attribute, column in zip(store.metamodel.attributes, store.values, strict=True):
             value = column[node]
             if value is not None:

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import pytest
 
 from envgraph.graph import guarded
+from envgraph.graph._journal import Extent
 from tests.unit.graph.domain import forest
 
 
@@ -102,3 +103,28 @@ def test_a_handler_of_somebody_else_stays():
             assert signal.getsignal(signal.SIGINT) is other
     finally:
         signal.signal(signal.SIGINT, before)
+
+
+def test_a_change_of_class_is_finished_after_a_second_interruption(monkeypatch):
+    model = forest()
+    tile = model["t00"]
+    tile.x = 7
+    take = Extent.take
+
+    def interrupted(whole, after):
+        calls = []
+
+        def replaced(*arguments):
+            calls.append(whole(*arguments) if after or calls else None)
+            if len(calls) == 1:
+                raise KeyboardInterrupt
+            return calls[-1]
+
+        return replaced
+
+    monkeypatch.setattr(Extent, "take", interrupted(take, after=True))
+    monkeypatch.setattr(model._history, "_repair", interrupted(model._history._repair, after=False))
+    with pytest.raises(KeyboardInterrupt):
+        tile.retype("BurningTile")
+    model.check_integrity()
+    assert (tile.cls, tile.x) == ("BurningTile", 7)
