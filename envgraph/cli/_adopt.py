@@ -60,7 +60,7 @@ def adopt_environment(environment: str, output: Path | None, options: Iterable[s
         if problem is None:
             break
     else:
-        raise InvalidArgument(f"`{environment}` is not what the domain does: {problem}")
+        raise InvalidArgument(f"the domain does not step as `{environment}` does: {problem}")
     directory = output or Path(name)
     paths = write_files({directory / file: text for file, text in texts.items()})
     found = {"states": tried.states, "actions": tried.actions, "kind": kind}

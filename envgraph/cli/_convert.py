@@ -19,7 +19,7 @@ _FORMATS = (".ecore", ".model", ".xmi", ".json")
 _WRITTEN = _FORMATS[1:]
 """Formats of models."""
 _LOST = {".ecore": ("left-out", "generic-type"), ".xmi": ("values-left-out",)}
-"""Codes of the warnings that say what such a file cannot have; of the other formats, `_LOST_VALUES`."""
+"""By format, the codes of the warnings about what such a file cannot hold; for others, `_LOST_VALUES`."""
 _LOST_VALUES = ("values-left-out", "values-rounded")
 
 
@@ -27,7 +27,7 @@ def convert_file(file: str, output: Path, inputs: Inputs, *, lossy: bool) -> Non
     """Write the metamodel or model of a file in the format that the name of another one asks for.
 
     Raises:
-        InvalidArgument: there is no such format, or something is lost and it is not to be `lossy`.
+        InvalidArgument: the format is unknown, or something would be lost and `lossy` is False.
     """
     check_format(output, _FORMATS)
     whole = output.suffix == ".ecore"

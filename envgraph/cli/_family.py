@@ -71,8 +71,8 @@ def generate_family(
     Args:
         family: a family file, its directory, or a bundled domain.
         name: of the run; by default that of the family.
-        seed, population, samples, overrides: what holds instead of what the family file says.
-        generations: likewise; or where a resumed run is to end.
+        seed, population, samples, overrides: values that replace those of the family file.
+        generations: likewise; for a resumed run, the generation at which it ends.
         resume: whether to go on with a run.
         force: whether an existing run, with all that was made of it, makes room once the new one has a generation.
         directory: where runs are kept.
@@ -90,9 +90,7 @@ def generate_family(
     }
     short = as_overrides(given)
     if resume and (len(short) > (generations is not None) or overrides or force):
-        raise InvalidArgument(
-            "a resumed run keeps what it began with, but for --generations: leave the others out"
-        )
+        raise InvalidArgument("a resumed run keeps its options, except --generations: leave the others out")
     domain = Domain.load(family, overrides=[] if resume else [*short, *overrides])
     path = _run_path(directory, name or domain.spec.name)
     total = domain.spec.search.generations

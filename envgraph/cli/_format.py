@@ -18,9 +18,9 @@ def format_files(
 ) -> int:
     """Bring files into the one style; the exit code: 1 if one has errors or, with `check`, another style.
 
-    With `derived` they are left alone, and what their derivations stand for is printed.
+    With `derived`, print what their `derive` statements produce, and write nothing.
 
-    Family files, which are TOML, are left alone with a warning: who names all files of a domain means the others.
+    Skip family files, which are TOML, with a warning, so that a pattern may name all files of a domain.
 
     Raises:
         InvalidArgument: standard input among files, or without a language.

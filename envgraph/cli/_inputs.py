@@ -37,7 +37,7 @@ def take(path: str, formats: tuple[str, ...], wanted: str) -> None:
 
 
 def as_overrides(options: Mapping[str, int | None]) -> list[str]:
-    """Return options that are given, by the keys of a family file that they stand for, as `--set` has them."""
+    """Return the given options as `--set` takes them; their names are keys of a family file."""
     return [f"{key}={value}" for key, value in options.items() if value is not None]
 
 

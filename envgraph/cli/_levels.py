@@ -45,7 +45,7 @@ def import_file(
     if not _holds_levels(file):
         import_family(file, domain or "burning_forest/paper.toml", name, overrides, directory, force)
     elif overrides:
-        raise InvalidArgument("`--set` is about the family file of a domain, and levels become models")
+        raise InvalidArgument("`--set` changes a family file, but levels become models: leave it out")
     else:
         _import_levels(file, domain, output, legend)
 

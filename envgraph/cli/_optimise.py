@@ -33,7 +33,7 @@ def optimise_model(
 
     Args:
         problem: a family file with `[optimise]`, its directory, or a bundled domain.
-        seed, steps, overrides: what holds instead of what the file says.
+        seed, steps, overrides: values that replace those of the file.
         solution: which one of the front is written, from 1.
         output: where the model is written.
         trace: where the rules that lead to it are written, for `envgraph replay`.

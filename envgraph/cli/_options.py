@@ -18,7 +18,7 @@ PATH: Final = click.Path(path_type=Path)
 
 
 def noted(context: click.Context, parameter: click.Parameter, format: str) -> str:
-    """Note what results and errors are printed as."""
+    """Record the output format for `print_json` and for errors."""
     context.find_root().obj.append(format)
     return format
 
@@ -53,14 +53,14 @@ metamodel_option = click.option(
 unresolved_option = click.option(
     "--allow-unresolved",
     is_flag=True,
-    help="Leave links of EMF models to files and objects that are nowhere out, with a warning.",
+    help="Leave out links of EMF models to missing files and objects, with a warning.",
 )
 Command = Callable[..., Any]
 _Command = TypeVar("_Command", bound=Command)
 
 
 def done_in(module: str, name: str) -> Callable[[Command], Command]:
-    """Run a command by a function that takes its options by name, and import its module only then."""
+    """Run a command by calling the function `name`, with the options by name; import its module only then."""
 
     def bound(declared: Command) -> Command:
         @wraps(declared)

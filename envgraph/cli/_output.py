@@ -1,8 +1,8 @@
-"""How results, problems and progress reach the terminal.
+"""Print results, problems and progress.
 
-Results go to standard output, everything else to standard error, so that `--format json` can be piped: then the
-functions that print texts on standard output print nothing, and `print_json` prints the result. What is printed may
-come from files: it passes through `visible` here, and nothing in this package prints in another way.
+Results go to standard output, everything else to standard error, so that the output of `--format json` can be piped.
+With that option only `print_json` prints on standard output. Texts may come from files: `visible` escapes their control
+characters, and all of this package prints through this module.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class Advance(Protocol):
 
 @contextmanager
 def printed_to(output: Path | None, format: str) -> Iterator[None]:
-    """Print what is printed inside in a format, and into a file, as a whole; None: on standard output."""
+    """Redirect the output of the block, in a format, into a file; None leaves it on standard output."""
     if output is None:
         yield
         return
@@ -50,7 +50,7 @@ def printed_to(output: Path | None, format: str) -> Iterator[None]:
 
 
 def _wants_json() -> bool:
-    """Return whether the command that runs is to print JSON: the last format that it noted."""
+    """Return whether the running command prints JSON, according to the last format recorded."""
     context = click.get_current_context(silent=True)
     return context is not None and context.find_root().obj[-1:] == ["json"]
 
@@ -60,13 +60,13 @@ def _write(line: str) -> None:
 
 
 def print_line(text: str) -> None:
-    """Print a line, unless JSON is wanted."""
+    """Print a line, unless the format is JSON."""
     if not _wants_json():
         _write(text)
 
 
 def print_lines(text: str) -> None:
-    """Print a text of several lines, tabs included, unless JSON is wanted."""
+    """Print a text of several lines, tabs included, unless the format is JSON."""
     if not _wants_json():
         sys.stdout.write("".join(line + "\n" for line in _lines(text)))
 
@@ -76,7 +76,7 @@ def _lines(text: str) -> list[str]:
 
 
 def print_json(value: Callable[[], object]) -> bool:
-    """Print a JSON document if one is wanted; whether it was."""
+    """Print a JSON document if the format is JSON; return whether it is."""
     if wanted := _wants_json():
         write_json(value())
     return wanted
@@ -102,7 +102,7 @@ def printable_json(text: str) -> str:
 def print_table(
     title: str, columns: Sequence[str], rows: Iterable[Sequence[str]], right: Iterable[int] = ()
 ) -> None:
-    """Print a title and a table, unless JSON is wanted; `right` names the columns to set flush right."""
+    """Print a title and a table, unless the format is JSON; `right` are the columns to align right."""
     if _wants_json():
         return
     title, columns = visible(title), [visible(column) for column in columns]

@@ -22,7 +22,7 @@ def show_runs(compared: Sequence[str], directory: Path) -> None:
     elif len(compared) == 2:
         _compare_runs(compared[0], compared[1], directory)
     else:
-        raise InvalidArgument("two runs are compared", "name both; without any all are listed")
+        raise InvalidArgument("a comparison needs two runs", "name both, or none to list all runs")
 
 
 def _list_runs(directory: Path) -> None:

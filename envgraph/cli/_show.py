@@ -24,7 +24,7 @@ def show(
     """Print a family, a model or a metamodel, or write it into a file.
 
     Raises:
-        InvalidArgument: it is another file, or cannot be printed in that format.
+        InvalidArgument: the file is something else, or cannot be printed in that format.
     """
     if output is not None and format == "text" and output.suffix in (".json", ".dot", ".svg"):
         format = output.suffix[1:]
@@ -35,7 +35,7 @@ def show(
         return
     if shown in DEFINITIONS:
         raise InvalidArgument(f"`{run}` is no run, model or metamodel; `envgraph check {run}` reads it")
-    from envgraph.cli._family import show_family, show_lineage, show_rejections  # models are shown without
+    from envgraph.cli._family import show_family, show_lineage, show_rejections  # models do not need it
 
     if format in ("dot", "svg"):
         raise InvalidArgument(
@@ -65,7 +65,7 @@ def _show_file(path: str, inputs: Inputs, format: str) -> None:
         print_lines(shown.to_svg())
     elif isinstance(shown, Metamodel):
         if format == "json":
-            raise InvalidArgument("a metamodel has no form in JSON; there are text, dot and svg")
+            raise InvalidArgument("a metamodel cannot be printed as JSON: choose text, dot or svg")
         print_table(
             shown.name, ("class", "extends", "features"), [_class_row(cls) for cls in shown.class_list]
         )

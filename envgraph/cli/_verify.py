@@ -28,7 +28,7 @@ from envgraph.search import (
 
 
 def verify_family(run: str, directory: Path, resume: bool) -> None:
-    """Print what is certain of the members of a family; a run keeps it, and is open for writing meanwhile."""
+    """Print the properties proved of the members of a family. A run stores them, and is locked for writing."""
     is_file = run.endswith(".json")
     with nullcontext() if is_file else RunStore.open(run_file(run, directory), writing=True) as store:
         _verify_family(run, directory, store, resume)

@@ -82,22 +82,22 @@ def explore(
 
 
 Row = list[list[tuple[float, int, float, int]]]
-"""For each action its outcomes: probability, state, reward, terminated; equal neighbours are one."""
+"""The outcomes of each action: probability, next state, reward, end. Consecutive equal outcomes are merged."""
 
 
 @dataclass(slots=True)
 class _Search:
-    """A depth-first walk: every move is made once, and undone; so the way from one state to the next is short.
+    """Enumerates the states depth first: each move is made once and then undone, so the next state is always near.
 
-    A state is known by the hash of the model, by whose turn it is, and by whether the episode is over: a start state is
-    not over even where a step to it would have ended the episode.
+    The key of a state is the hash of the model, whose turn it is, and whether the episode is over. A start state is not
+    over, even if a step that leads to it ends the episode.
 
     Attributes:
-        most: how many outcomes there may be.
-        number: of each state, in the order of the walk.
-        rows: outcomes of every state; None where the episode is over.
-        did: of every state whether each action did something in one of its outcomes.
-        starts: the probability to begin in a state.
+        most: the largest number of outcomes.
+        number: the number of each state, by key, in the order of the walk.
+        rows: the outcomes of every state; None if the episode is over.
+        did: for every state, whether each action changed something in one of its outcomes.
+        starts: the probability that an episode begins in a state.
     """
 
     simulator: Simulator
@@ -122,24 +122,24 @@ class _Search:
         try:
             with walk_of_savepoints(simulator.engine.model) as walk:
                 for probability, _, _, savepoint in simulator.attempts(None):
-                    found = self._enter(walk, savepoint, GOES_ON)
+                    found = self._number_of(walk, savepoint, GOES_ON)
                     self.starts[found] = self.starts.get(found, 0.0) + probability
                 while self._waiting:
                     state = self._waiting.pop()
                     walk.go(state + 1)
                     simulator.turn = self.turns[state]
-                    self._leave(walk, state)
+                    self._expand(walk, state)
         finally:
             simulator.turn = first
 
-    def _leave(self, walk: SavepointWalk, state: int) -> None:
-        """Every outcome of every action in the present state."""
+    def _expand(self, walk: SavepointWalk, state: int) -> None:
+        """Add all outcomes of all actions in the current state."""
         simulator, row = self.simulator, self.rows[state]
         assert row is not None
         for action, outcomes in enumerate(row):
             for chance, reward, ended, savepoint in simulator.attempts(action):
                 self.did[state][action] |= simulator.did and simulator.together is None
-                found = self._enter(walk, savepoint, ended)
+                found = self._number_of(walk, savepoint, ended)
                 if outcomes and outcomes[-1][1:] == (found, reward, ended):
                     outcomes[-1] = outcomes[-1][0] + chance, found, reward, ended
                 else:
@@ -147,8 +147,8 @@ class _Search:
                 self._count()
             simulator.turn = self.turns[state]
 
-    def _enter(self, walk: SavepointWalk, savepoint: Savepoint, ended: int) -> int:
-        """The number of the state that a move since a savepoint has led to; the move is undone."""
+    def _number_of(self, walk: SavepointWalk, savepoint: Savepoint, ended: int) -> int:
+        """Return the number of the current state, which is added if it is new; undo the move since the savepoint."""
         over = ended != GOES_ON
         key = *self.simulator.state_key(), over
         found = self.number.setdefault(key, len(self.rows))

@@ -53,7 +53,7 @@ def can_end(
 
 
 class _Search:
-    """One start after the other."""
+    """Searches for an outcome, from one start after the other."""
 
     def __init__(self, simulator: Simulator, outcome: int, limit: int, progress: Progress | None) -> None:
         self._simulator, self._outcome, self._limit = simulator, outcome, limit
@@ -64,7 +64,7 @@ class _Search:
         self._looks: set[tuple[int, ...]] = set()
 
     def run(self) -> bool:
-        """Whether the outcome was found."""
+        """Return whether the outcome was found."""
         with closing(self._simulator.starts()) as starts:
             return any(self._from_here() for _ in starts)
 
@@ -72,19 +72,19 @@ class _Search:
         rank = self._rank()
         if rank is None:
             return False
-        turns, number = [self._simulator.turn], 0  # whose turn it is in each state that was found
+        turns, number = [self._simulator.turn], 0  # whose turn it is, by state
         queues, waiting = ([(*rank, 0)], [(*rank, 0)]), {0}
         with walk_of_savepoints(self._model) as walk:
             while waiting and len(self._known) < self._limit:
                 number += 1
                 *_, state = heappop(queues[number % 2])
                 state = abs(state)
-                if state not in waiting:  # it had its turn in the other queue
+                if state not in waiting:  # already expanded from the other queue
                     continue
                 waiting.remove(state)
                 walk.go(state)
                 self._simulator.turn = turns[state]
-                for rank, savepoint in self._found():
+                for rank, savepoint in self._successors():
                     if rank is None:
                         return True
                     found = len(turns)
@@ -95,8 +95,8 @@ class _Search:
                     waiting.add(found)
         return False
 
-    def _found(self) -> Iterator[tuple[tuple[int, bool] | None, Savepoint]]:
-        """What every action of the present state leads to that is new, with its rank; None for the end sought."""
+    def _successors(self) -> Iterator[tuple[tuple[int, bool] | None, Savepoint]]:
+        """Move to each new state that an action leads to, and yield its rank, or None if the outcome is reached."""
         simulator, turn = self._simulator, self._simulator.turn
         for action in range(len(simulator.action_names)):
             for _, _, ended, savepoint in simulator.attempts(action):
@@ -108,7 +108,7 @@ class _Search:
             simulator.turn = turn
 
     def _rank(self) -> tuple[int, bool] | None:
-        """How far behind the present state stands in the queue; None if it was met before."""
+        """Return the priority of the current state in the queue; None if it is known already."""
         key = self._simulator.state_key()
         if key in self._known:
             return None

@@ -297,9 +297,9 @@ class Simulator:
                 self.turn = turn
 
     def attempts(self, action: int | None) -> Iterator[tuple[float, float, int, Savepoint]]:
-        """`outcomes`, and a savepoint of each; of None those are the starts.
+        """Yield the outcomes of an action, or the starts for None, each with a savepoint before it.
 
-        The caller takes each outcome back before the next is asked for: it rolls its savepoint back, or shelves it.
+        The caller undoes each outcome before it asks for the next: it rolls back to the savepoint, or shelves it.
 
         Raises:
             TooManyOutcomes: there are more than 10,000 of them.

@@ -60,7 +60,7 @@ def add_target(model: Model, source: int, reference: Reference, target: int) -> 
 
 
 def insert_target(model: Model, source: int, reference: Reference, index: int, target: int) -> None:
-    """As `add_target`, at a position as a list has them; a target that is there already moves, and no link changes.
+    """Link a target and place it at `index`, as `list.insert` counts. If it is linked already, only move it.
 
     Raises:
         TypeMismatch, RuleError: as `link`.
@@ -190,9 +190,8 @@ def _replace(model: Model, relation: Relation, source: int, targets: Sequence[in
                 relation.disconnect(holders[0], target)
     for target in targets:
         model.link(source, relation.reference, target)
-    if tuple(relation.forward[source]) != tuple(
-        targets
-    ):  # of more than 32, the last takes the place of one removed
+    # Among more than 32 targets, the last one takes the place of a removed one.
+    if tuple(relation.forward[source]) != tuple(targets):
         for index, target in enumerate(targets):
             model.store.move_target(relation, source, target, index)
 

@@ -49,9 +49,9 @@ class Model:
         name: for reports.
 
     Attributes:
-        defined: the features whose values queries give, see `define`.
+        defined: the derived features whose values queries compute, see `define`.
         places: what a file calls objects that have no name, `tile[3,1]` in a grid; for `find_object`.
-        digits: how a file writes decimals, by object, index of the attribute, and value as a float.
+        digits: the text of a decimal in its file, by object, index of the attribute, and value as a float.
     """
 
     def __init__(self, metamodel: Metamodel, name: str = "model") -> None:

@@ -260,7 +260,7 @@ class ValueList(MutableSequence[Value]):
             self._object.model.remove_value_at(self._object.id, self._attribute, index)
 
     def reverse(self) -> None:
-        """Turn the order round, at once: on the way a value would stand twice."""
+        """Reverse the order in one write: swapping values one by one would repeat a unique value."""
         self._set(list(self)[::-1])
 
     def __iter__(self) -> Iterator[Value]:

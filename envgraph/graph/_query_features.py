@@ -1,4 +1,4 @@
-"""Features whose values queries give: they are read through handles, and never written."""
+"""Derived features whose values queries compute: handles read them, and nothing writes them."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 class Defined(NamedTuple):
-    """The query that defines a feature, what gives the values, or ids of targets, of an object, and the matcher."""
+    """A derived feature: its pattern, a function that reads the values or target ids of an object, the matcher."""
 
     query: str
     read: Callable[[int], Sequence[Any]]
@@ -29,15 +29,15 @@ def first_with(model: Model, feature: Feature) -> int | None:
 
 
 def define(model: Model, defined: Mapping[Feature, Defined]) -> None:
-    """Let queries give the values of these features, which no object has, and of no others; refuse to write them."""
+    """Set the derived features, replacing earlier ones, and refuse to write them. No object may have stored values."""
     if model.defined == defined:
         return
     model.defined, model._layout = dict(defined), Layout(model.metamodel, model.store)
-    nobody = (False,) * (len(model.metamodel.class_list) + 1)
+    no_class = (False,) * (len(model.metamodel.class_list) + 1)
     for relation in model.store.relations:
         owner = model.metamodel.instances(relation.reference.owner)
-        relation.source_ok = nobody if relation.reference in defined else owner
+        relation.source_ok = no_class if relation.reference in defined else owner
     model._layout.attribute_ok = tuple(
-        nobody if attribute in defined else ok
+        no_class if attribute in defined else ok
         for attribute, ok in zip(model.metamodel.attributes, model._layout.attribute_ok, strict=True)
     )

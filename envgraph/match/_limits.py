@@ -9,20 +9,18 @@ from envgraph.errors import RAISE_LIMIT, EvaluationError, limit
 from envgraph.pattern import Pattern
 
 MOST_MATCHES: Final = 1_000_000
-"""Of a pattern that nothing holds together, or combinations without a match: a second, 200 MB for a dozen variables."""
+"""Matches of a pattern with unconnected variables, or combinations tried: a second, 200 MB for a dozen variables."""
 
 
 def at_most(pattern: Pattern, searched: bool) -> Callable[..., None]:
-    """A function that is called where objects are combined with others that nothing connects with them.
+    """Return a function that raises an `EvaluationError` after too many combinations of unconnected objects.
 
-    It is given the number of matches found so far, and a variable of these objects; nothing when a search begins.
+    A search calls it without arguments at its beginning, and before each loop over objects that nothing connects with
+    the objects of outer loops: with the number of matches so far, and the variable of the loop.
 
     Args:
-        pattern: whose matches they are.
+        pattern: the pattern of the search, named in the error.
         searched: whether combinations without a match count, too.
-
-    Raises:
-        EvaluationError: these are too many.
     """
     most = limit(MOST_MATCHES)
     known = tried = 0

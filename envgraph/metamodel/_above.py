@@ -24,7 +24,7 @@ def linearise(name: str, classes: Mapping[str, Class]) -> tuple[str, ...]:
 
 
 def supertypes_first(classes: Mapping[str, Class]) -> list[list[str]]:
-    """Classes that are each other's supertypes, in one list each, and supertypes before subtypes."""
+    """Return the classes, supertypes before subtypes. Classes that are supertypes of each other share a list."""
     known = {name: [above for above in cls.supertypes if above in classes] for name, cls in classes.items()}
     return [names[::-1] for names, _ in components(list(classes), known.__getitem__)]
 

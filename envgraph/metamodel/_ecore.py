@@ -44,7 +44,7 @@ _ESCAPES = _NAMELESS | str.maketrans(
     {"&": "&amp;", "<": "&lt;", ">": "&gt;", '"': "&quot;", "\n": "&#10;", "\r": "&#13;", "\t": "&#9;"}
 )
 _ESCAPED = re.compile('[&<>"\0-\x1f\ufffe\uffff]')
-"""What is to be translated; to look for it first takes a fifth of the time."""
+"""Characters to escape; searching for one first takes a fifth of the time."""
 
 Parts = Mapping[str, str | None]
 
@@ -53,9 +53,9 @@ def metamodel_to_ecore(metamodel: Metamodel) -> str:
     """The text of an `.ecore` file, the same for the same metamodel.
 
     `envgraph.open` and `load_workspace` read it back. An attribute of type `int` becomes an `ELong`, and `float` an
-    `EDouble`, unless `@ecore(eType = "EInt")` names another type. What Ecore has no word for (`@key`, `@glyph`,
-    `@frozen`) is written as annotations with the source "envgraph", which other tools skip. A metamodel without a uri
-    gets its name for one. The classes of Ecore itself are named, and not written.
+    `EDouble`, unless `@ecore(eType = "EInt")` names another type. Annotations that Ecore lacks (`@key`, `@glyph`,
+    `@frozen`) are written with the source "envgraph", which other tools ignore. A metamodel without a uri gets its name
+    as nsURI. The classes of Ecore itself are not written, but links to them are.
 
     >>> text = metamodel_to_ecore(Metamodel("house", [Class("Room")], uri="http://house"))
     >>> print(text.splitlines()[2])
@@ -66,7 +66,7 @@ def metamodel_to_ecore(metamodel: Metamodel) -> str:
 
 
 class _Writer:
-    """Makes the lines of the tags of one metamodel, without the indentation of those around them."""
+    """Writes the tags of one metamodel as lists of lines, not yet indented for the tags around them."""
 
     def __init__(self, metamodel: Metamodel) -> None:
         self._metamodel = metamodel
@@ -170,7 +170,7 @@ class _Writer:
 
 
 def _marks(annotations: Iterable[Annotation]) -> dict[str, str]:
-    """Return the annotations that mean something here, as details of one for Ecore."""
+    """Return the annotations that envgraph uses, as keys and values of one annotation of Ecore."""
     return {
         one.name: " ".join([*map(str, one.arguments), *(f"{key}={value}" for key, value in one.named)])
         for one in annotations
@@ -181,7 +181,7 @@ def _marks(annotations: Iterable[Annotation]) -> dict[str, str]:
 def _annotations(
     doc: str | None, annotations: Iterable[Annotation], marks: Mapping[str, str] = MappingProxyType({})
 ) -> list[str]:
-    """Write the documentation, the annotations that are meant for other tools, and our own."""
+    """Return the tags of the documentation, of the annotations for other tools, and of those of envgraph."""
     found = [(str(one.arguments[0]), one.details) for one in annotations if one.name == "annotation"]
     if doc:
         place = next((place for place, (source, _) in enumerate(found) if source == _GENMODEL), None)
@@ -197,7 +197,7 @@ def _annotations(
 
 
 def plain_parts(feature: Feature, type_name: str | None = None) -> dict[str, str | None]:
-    """Return XML attributes of a feature, but not names of others; `type_name` is the data type that `@ecore` names."""
+    """Return the XML attributes of a feature that name no other part; `type_name` is the data type in `@ecore`."""
     parts = {
         "lowerBound": str(feature.lower) if feature.lower else None,
         "upperBound": None if feature.upper == 1 else str(feature.upper or -1),

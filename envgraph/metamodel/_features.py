@@ -64,8 +64,8 @@ class Annotation:
     """`@name(1, key = "v")`: positional values, then named ones in the order of the text.
 
     A value is a data value, or a tuple of names (`@key(y, x)`, `@hom(a, b)` give their names as positional `str`).
-    What only other tools use is kept in `@ecore(changeable = "false")`, with the names of Ecore, in
-    `@annotation("source", key = "value")` and in `@datatype("Money", instanceClassName = "java.math.BigDecimal")`.
+    Three annotations hold what only other tools use: `@ecore(changeable = "false")` XML attributes of Ecore,
+    `@annotation("source", key = "value")`, and `@datatype("Money", instanceClassName = "java.math.BigDecimal")`.
 
     Attributes:
         places: "@" for the name, and where each of the `named` values stands, in their order and by their keys.
@@ -78,12 +78,12 @@ class Annotation:
     places: Places = field(default=(), compare=False, repr=False)
 
     def is_from(self, source: str) -> bool:
-        """Return whether this is the `@annotation` of a tool."""
+        """Return whether this is an `@annotation` with the given source."""
         return self.name == "annotation" and self.arguments[:1] == (source,)
 
     @property
     def details(self) -> Sequence[tuple[str, str]]:
-        """Keys and texts of an `@annotation`; keys that are no names stand before their texts among the arguments."""
+        """Return the keys and texts of an `@annotation`; in `arguments`, keys and texts alternate."""
         words = self.arguments[1:]
         pairs = (*zip(words[::2], words[1::2], strict=True), *self.named)
         return [(str(key), str(text)) for key, text in pairs]
@@ -165,7 +165,7 @@ class Attribute(_Bounded):
 
     @property
     def is_decimal(self) -> bool:
-        """Whether other tools know it as a number of any precision, by the type that `@ecore` names."""
+        """Return whether its type in `@ecore` is a decimal number of any precision."""
         named = dict(pair for one in self.annotations if one.name == "ecore" for pair in one.named)
         name = str(named.get("eType", "EDouble")).rpartition("/")[2]
         return self.type is Scalar.FLOAT and not name.removesuffix("Object").endswith(("Double", "Float"))

@@ -104,9 +104,9 @@ def parse_ecore(source: Source) -> Metamodel:
 
 
 _WITHOUT_VALUES: Mapping[str, str] = {
-    "derived": "a pattern can find the same",
+    "derived": "a pattern can find the same values",
     "transient": 'write `transient="false"` to keep it',
-    "eType": "its members hold what is in it, without the texts and the order between them",
+    "eType": "its members hold its elements, without texts and without the order among members",
 }
 
 
@@ -212,7 +212,7 @@ class _Reader(Tags):
             numbers.append(said(self, literal, "value"))
             places.append((f"literal {index}", self.named(literal)))
         if not literals:
-            hint = "it has no literals: nothing has a value of it"
+            hint = "an enum without literals has no values; add a literal"
             self.warn("left-out", f"the enum `{element.get('name')}` is left out", self.named(element), hint)
         usual = tuple(range(len(literals)))
         return EnumType(
@@ -304,7 +304,7 @@ class _Reader(Tags):
         return found
 
     def _type_name(self, target: Target) -> str | None:
-        """Return how a written file names the data type of an attribute; None for an enum or a type parameter."""
+        """Return the name of an attribute's data type in a written file; None for an enum or a type parameter."""
         if target.data is None:
             return self.joint.data_types.get(target.element) if target.element else None
         document, _, path = target.span.text.rpartition("#")
@@ -312,7 +312,7 @@ class _Reader(Tags):
         return path.rpartition("/")[2] if own else f"{XML_TYPES}#{path}"
 
     def _without_values(self, element: Element) -> str | None:
-        """Why a feature holds nothing: see `without_values`; of a transient pair of opposites neither does."""
+        """Return why files hold no values of a feature: see `without_values`, or both opposites are transient."""
         word = without_values(element)
         beside = inside(self._owners[element], "eStructuralFeatures")
         if (
@@ -320,7 +320,7 @@ class _Reader(Tags):
             and element.get("containment") == "true"
             and any(without_values(one) == "eType" for one in beside)
         ):
-            return None  # what is contained follows from nothing: it is a member of the map
+            return None  # a member of the feature map beside it: contained objects cannot be computed
         if word is None and element.get("transient") == "true" and element.get("derived") != "true":
             other = [one.element for one in self.quietly(element, "eOpposite")]
             word = "transient" if any(one and one.get("transient") == "true" for one in other) else None
@@ -331,7 +331,7 @@ class _Reader(Tags):
         self.joint.left_out.setdefault(self._owners[element], {})[element.get("name")] = why
 
     def _type(self, element: Element, what: str) -> Target | None:
-        """The one type of a feature; None if it has none or it cannot be read, which has been reported."""
+        """Return the type of a feature. If there is none, or it cannot be read, report this and return None."""
         before = len(self.joint.diagnostics)
         found = [*self._targets(element, "eType")]
         if element.children:

@@ -23,14 +23,14 @@ _UP = 12
 
 
 class EcoreDocument:
-    """One file.
+    """One `.ecore` file as a tree of tags.
 
     Attributes:
-        top: the first tag, or those in an `xmi:XMI`.
-        roots: the outermost packages, of `top`.
-        packages: those and the ones in them.
-        root: the first tag, or None where the text is no XML, which `problem` tells.
-        paths: the names of the files that words before a `#` lead to, as far as there are such files.
+        top: the first tag; if that is an `xmi:XMI`, the tags in it.
+        roots: the packages in `top`.
+        packages: the `roots` and all their subpackages.
+        root: the first tag; None if the text is not XML, then `problem` says why.
+        paths: by the text before a `#`, the name of the file that it stands for, if there is such a file.
         ids: the elements with an `xmi:id`; filled in by `index`.
     """
 
@@ -50,7 +50,7 @@ class EcoreDocument:
 
     @property
     def span(self) -> Span:
-        """The name of the package, or the start of the file."""
+        """Return the place of the package's name, or the start of the file."""
         if not self.roots or "name" not in self.roots[0].attributes:
             return self.source.span(0, 0)
         return self.places.attribute(self.roots[0].byte, "name")
@@ -72,7 +72,7 @@ class EcoreDocument:
         return tuple(one.attributes["nsURI"] for one in self.packages if one.attributes.get("nsURI"))
 
     def calls(self) -> Iterator[str]:
-        """Yield what other files may call the file by: the nsURIs of its packages, and the names of the outermost."""
+        """Yield the names by which other files may import it: nsURIs of packages, and names of root packages."""
         yield from self.uris
         yield from (one.get("name") for one in self.roots)
 
@@ -126,7 +126,7 @@ class EcoreDocument:
             waiting.extend(element.children)
 
     def at(self, fragment: str, base: Element) -> Element | None:
-        """`//A/b`, `/1/@eClassifiers.2/@eStructuralFeatures.0`, or an `xmi:id`; paths begin at a package."""
+        """Return the element of `//A/b`, `/1/@eClassifiers.2/@eStructuralFeatures.0`, or an `xmi:id`."""
         if not fragment.startswith("/"):
             return self.ids.get(fragment)
         root, *steps = fragment.split("/")[1:]
@@ -148,7 +148,7 @@ class EcoreDocument:
         return inside[place] if place < len(inside) else None
 
     def parts(self, element: Element) -> Mapping[str, Element]:
-        """Return what is in an element, by name."""
+        """Return the named parts of an element, by name."""
         if element not in self._names:
             named = {}
             for child in reversed(element.children):
@@ -162,9 +162,9 @@ _ANY = f"{ECORE}#//EObject"
 
 
 def without_values(element: Element) -> str | None:
-    """Return the word that says why a feature holds nothing that a file could say, or None.
+    """Return why files hold no values of a feature ("derived", "transient" or "eType"), or None if they may hold some.
 
-    A transient one may follow from its opposite. A derived one that is an XML element is a member of a feature map.
+    A transient feature may follow from its opposite. A derived XML element or attribute may belong to a feature map.
     """
     attributes = element.attributes
     if is_computed(element):
@@ -177,7 +177,7 @@ def without_values(element: Element) -> str | None:
 
 
 def is_computed(element: Element) -> bool:
-    """Return whether a feature has values that are computed, and a query can define: it contains no objects."""
+    """Return whether the values of a feature are computed and a query can define them: it contains no objects."""
     attributes = element.attributes
     is_volatile = attributes.get("volatile") == "true" == attributes.get("transient")
     if attributes.get("derived") != "true" and (not is_volatile or "eOpposite" in attributes):
@@ -187,7 +187,7 @@ def is_computed(element: Element) -> bool:
 
 
 def details_of(element: Element, source: str) -> Iterator[tuple[Element, str, str]]:
-    """The details of the annotations with this source, each with its key and value."""
+    """Yield the details of the annotations with this source: element, key and value."""
     for annotation in (one for one in element.children if one.name == "eAnnotations"):
         if annotation.attributes.get("source") == source:
             for one in (one for one in annotation.children if one.name == "details"):
@@ -195,7 +195,7 @@ def details_of(element: Element, source: str) -> Iterator[tuple[Element, str, st
 
 
 def extended(element: Element) -> dict[str, str]:
-    """What Ecore's ExtendedMetaData says of an element in documents."""
+    """Return the ExtendedMetaData of an element: its name and kind in XML documents."""
     return {key: value for _, key, value in details_of(element, EXTENDED)}
 
 
@@ -207,7 +207,7 @@ def ecore_itself() -> EcoreDocument:
 
 
 def eclipse_path(files: Files, text: str, beside: str) -> str | None:
-    """The file that another one calls so, if there is one.
+    """Return the name of the file that a link in the file `beside` stands for; None if there is no such file.
 
     A path of Eclipse's workspace (`platform:/resource/project/model/a.ecore`) is looked for in the directories above,
     with the directory of the project and without, and at last beside the file.

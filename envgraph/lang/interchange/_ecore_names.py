@@ -38,13 +38,13 @@ class Joint:
     """What the readings of all files share.
 
     Attributes:
-        lost: names of what is in the files but could not be read: to mention them is no mistake.
+        lost: names of parts that could not be read. Uses of these names are not reported.
         left_out: by classes, the names of the features that they lack, each with the reason.
-        names: what classes and enums are called in the metamodel.
-        missing: files that are named and are not there, which has been reported.
+        names: the names of classes and enums in the metamodel.
+        missing: files that do not exist, and have been reported.
         any_object: the class of Ecore that every class extends, where some class names it.
-        data_types: those of the files, with how a written file names each.
-        dropped: what nothing keeps, with the places of each kind.
+        data_types: the data types of the files, with the name of each in a written file.
+        dropped: by kind, the places of parts that are not kept.
     """
 
     diagnostics: list[Diagnostic] = field(default_factory=list)
@@ -272,7 +272,7 @@ class Names:
             raise Enough
 
     def drop(self, noun: str, rest: str, element: Element) -> None:
-        """Note one of the things that nothing keeps; one warning counts all of a kind."""
+        """Record a part that is not kept. One warning counts all parts of the same kind."""
         self.joint.dropped.setdefault((noun, rest), []).append(self.places.tag(element.byte))
 
     def warn(self, code: str, message: str, where: Span, hint: str | None = None) -> None:

@@ -68,7 +68,7 @@ def annotations_of(names: Names, element: Element) -> tuple[Annotation, ...]:
 
 
 def notes_of(names: Names, element: Element, *, with_doc: bool = False) -> Iterator[Annotation]:
-    """Yield what is for other tools as `@annotation("source", key = "value")`, documentation only if asked for."""
+    """Yield each annotation as `@annotation("source", key = "value")`; documentation only `with_doc`."""
     for one in inside(element, "eAnnotations"):
         source = one.get("source")
         if "references" in one.attributes:
@@ -88,16 +88,17 @@ def kept_of(
     written: Mapping[str, str | None],
     named: Mapping[str, str | None] = MappingProxyType({}),
 ) -> tuple[Annotation, ...]:
-    """Return `@ecore(..)` with the XML attributes that mean nothing here, beside the usual and the `written` ones.
+    """Return `@ecore(..)` with the XML attributes that only other tools use.
 
-    A member of a feature map, which is not kept, holds its values itself: it is written as an ordinary feature.
+    Left out are attributes with their default, and those in `written`. Feature maps are not kept, so a member of one is
+    written as an ordinary feature.
 
     Args:
         element: a classifier or a feature.
-        written: the XML attributes that it is written with.
-        named: what names other parts of the file, as `@ecore` has it.
+        written: the XML attributes that the metamodel implies.
+        named: the XML attributes that name other parts of the file, in the form of `@ecore`.
     """
-    attributes, usual = element.attributes, _said_by_ecore()
+    attributes, usual = element.attributes, _ecore_defaults()
     is_member = attributes.get("derived") == "true" and not is_computed(element)
     is_member = is_member and extended(element).get("kind") != "attribute"
     found = {key: text for key, text in named.items() if text and text != written.get(key)}
@@ -141,8 +142,8 @@ def called(names: Names, element: Element, what: str) -> str:
 
 
 @cache
-def _said_by_ecore() -> Mapping[str, tuple[Scalar | EnumType, str, Value | None]]:
-    """The type of each attribute that Ecore's own tags have, and what holds without it, as text and value."""
+def _ecore_defaults() -> Mapping[str, tuple[Scalar | EnumType, str, Value | None]]:
+    """Return the type of each bool or int attribute of Ecore's tags, and its default as text and as value."""
     found = {}
     for cls in ecore_itself().packages[0].children:
         for one in inside(cls, "eStructuralFeatures"):
@@ -154,8 +155,8 @@ def _said_by_ecore() -> Mapping[str, tuple[Scalar | EnumType, str, Value | None]
 
 
 def said(names: Names, element: Element, name: str) -> Any:
-    """A truth value or a number, as Ecore says; a wrong one is reported."""
-    type_, _, usual = _said_by_ecore()[name]
+    """Return the bool or int of an XML attribute, else its default in Ecore. Report a wrong one."""
+    type_, _, usual = _ecore_defaults()[name]
     text = element.attributes.get(name)
     if text is None:
         return usual
@@ -171,15 +172,15 @@ def said(names: Names, element: Element, name: str) -> Any:
 
 
 def bounds_of(names: Names, element: Element) -> tuple[int, int | None]:
-    """Return the lower and the upper bound of a feature, None for any number; 0 for what queries define."""
+    """Return the lower bound of a feature (0 if a query can define it) and its upper bound (None if unlimited)."""
     lower, upper = said(names, element, "lowerBound"), said(names, element, "upperBound")
-    return 0 if is_computed(
-        element
-    ) else lower, 1 if upper == -2 else None if upper < 0 else upper  # -2: once, in the root of a document
+    if upper == -2:  # Ecore's "unspecified", of elements of a document root
+        upper = 1
+    return 0 if is_computed(element) else lower, None if upper < 0 else upper
 
 
 def default_of(names: Names, element: Element, name: str, type_: Scalar | EnumType) -> Value | None:
-    """The default of an attribute of this name; None if there is none, or a wrong one, which is reported."""
+    """Return the default of the attribute `name`, or None. Report a default of the wrong type."""
     text = element.attributes.get("defaultValueLiteral")
     if text is None:
         return None
@@ -194,7 +195,7 @@ def default_of(names: Names, element: Element, name: str, type_: Scalar | EnumTy
 
 
 def data_type_of(names: Names, target: Target) -> DataType | None:
-    """The type of an attribute, by what it leads to; None, reported, if it is none."""
+    """Return the data type that the `eType` of an attribute names. If it is no data type, report it: None."""
     if target.data is not None:
         return target.data
     if target.element is None:

@@ -30,15 +30,15 @@ from envgraph.lang.syntax._xml import XSI, Stop, XmlPlaces
 from envgraph.metamodel import Attribute, Feature, Reference
 
 LOST = -1
-"""The place of an object that could not be read: to name it is no mistake."""
+"""Stands for an object that could not be read. Links to such an object are not reported as mistakes."""
 
 Fetch = Callable[[str, str], Source | None]
-"""Reads another document, by its path and the name of the one that names it; raises LoadError. None: it is no file."""
+"""Reads a document, given its path and the name of the document that links to it. Returns None if there is none."""
 
 _NAMED = "objects are named by `xmi:id`, by an `iD` attribute of the metamodel, or by place: `//@...`"
 LEAVE_OUT = "`--allow-unresolved` leaves out links to what is nowhere"
 _MANY = 1000
-"""Among more names than this, nobody looks for the nearest."""
+"""Names above which no similar name is suggested: comparing all of them would take too long."""
 
 _KEYED = re.compile(r"@([^\[]+)\[(.*)\]")
 _KEY = re.compile(r"([^=,]+)=(null|'[^']*'|\"[^\"]*\"|\[[^\]]*\])(?:,|$)")
@@ -47,10 +47,10 @@ _QUOTED = re.compile(r"'([^']*)'|\"([^\"]*)\"")
 
 @dataclass(frozen=True, slots=True)
 class Link:
-    """A reference that waits until all objects are there; `key` is the XML attribute that holds it.
+    """A reference that is linked after all objects have been read; `key` is the XML attribute that holds it.
 
     Attributes:
-        place: of an `href` in a containment reference, its place among the `children` there; else -1.
+        place: for an `href` in a containment reference, its index in `Reading.children`; else -1.
     """
 
     node: int
@@ -62,12 +62,12 @@ class Link:
 
 
 class Reading:
-    """One model, from one document and those that it names.
+    """Reads one model from a document and from the documents that it links to.
 
     Attributes:
-        allow_unresolved: whether links to what is nowhere are left out with a warning, and are no mistakes.
-        children: the objects in a containment reference in the order of the text, where some could not be read (`LOST`)
-            or are named by an `href`; None while the object of an `href` is looked for.
+        allow_unresolved: whether links to missing files and objects are warnings instead of errors.
+        children: by container and reference, the children in the order of the text, if one could not be read (`LOST`)
+            or is named by an `href` (document and link). None while `child` resolves such an `href`.
     """
 
     def __init__(
@@ -81,7 +81,7 @@ class Reading:
         self.errors = 0
         self._unresolved = 0
         self._places: dict[str, int] = {}
-        """How often something has been said."""
+        """How often each problem has been reported."""
         self.diagnostics: list[Diagnostic] = []
         self.documents: dict[str, Document | None] = {}
         self.children: dict[tuple[int, str], list[int | tuple[Document, Link] | None]] = {}
@@ -94,25 +94,25 @@ class Reading:
     def omit(
         self, noun: str, rest: str, span: Span, hint: str = "no class has this", said: str = "left out"
     ) -> None:
-        """Note one of the things that the model does not have, or has in another way."""
+        """Count a part of the file that the model lacks or holds differently; `said` is how, such as "rounded"."""
         count, first = self._omitted.get((said, noun, rest, hint), (0, span))
         self._omitted[said, noun, rest, hint] = count + 1, first
 
     def lose(self, cls: str, feature: str, span: Span, noun: str = "value") -> bool:
-        """Note a value, text or place of a feature that the metamodel has left out; return whether it has."""
+        """Return whether the metamodel has left out a feature; if so, count its lost value, text or place."""
         reason = self.metamodel.left_out(cls, feature)
         if reason:
             self.omit(noun, f"of `{cls}.{feature}`", span, f"the feature is not there: {reason}")
         return bool(reason)
 
     def omissions(self) -> Iterator[Diagnostic]:
-        """Yield a warning for each kind of things that are left out or rounded, at the first of them."""
+        """Yield one warning for each kind of part that was left out or rounded, with the place of the first."""
         for (said, noun, rest, hint), (count, span) in self._omitted.items():
             code = f"values-{said.replace(' ', '-')}"
             yield Diagnostic(code, f"{said}: {plural(count, noun)} {rest}", span, hint, Severity.WARNING)
 
     def hold(self, node: int, reference: Reference, child: int) -> list[int | tuple[Document, Link] | None]:
-        """Note a child whose place counts though the model does not list it; return all children there."""
+        """Append a child that counts for places such as `//@goods.1` but is not in the model; return all children."""
         key = node, reference.name
         if key not in self.children:
             self.children[key] = [*self.model.targets(node, reference)]
@@ -120,7 +120,7 @@ class Reading:
         return self.children[key]
 
     def child(self, node: int, name: str, place: int) -> int | None:
-        """The object at a place of a containment reference, `LOST`, or None."""
+        """Return the object at a place of a containment reference, `LOST` if it could not be read, or None."""
         children = self.children[node, name]
         child = children[place] if place < len(children) else None
         if isinstance(child, tuple):
@@ -131,7 +131,7 @@ class Reading:
         return child
 
     def inside(self, node: int, reference: Reference) -> Sequence[int]:
-        """The objects in a containment reference, in the order of the text."""
+        """Return the objects in a containment reference, in the order of the text."""
         listed = self.children.get((node, reference.name))
         if listed is None:
             return self.model.targets(node, reference)
@@ -255,7 +255,7 @@ class Document:
         return self.roots[place] if 0 <= place < len(self.roots) else None
 
     def _step(self, node: int | None, step: str) -> int | None:
-        """The child at `@feature.3`, `@feature`, `@feature[key='a']`, or of a name, as in models of Ecore."""
+        """Return the child for one step of a path: `@feature.3`, `@feature`, `@feature[key='a']`, or a name."""
         if node is None or node == LOST:
             return node
         if not step.startswith("@"):
@@ -275,7 +275,7 @@ class Document:
         return targets[place] if place < len(targets) else None
 
     def _child_named(self, node: int, name: str) -> int | None:
-        """The first child of this `name`; `title.1` is the second `title`."""
+        """Return the first child with this `name`; `title.1` is the second child named `title`."""
         if node not in self._named:
             known = self._named[node] = {}
             counts: dict[object, int] = {}
@@ -289,7 +289,7 @@ class Document:
         return self._named[node].get(name)
 
     def _child_with(self, node: int, reference: Reference, predicate: str) -> int | None:
-        """The first child with these values, as EMF writes it for `eKeys`: `ID='a%20b',version='3'`."""
+        """Return the first child with these values, written as EMF does for `eKeys`: `ID='a%20b',version='3'`."""
         keys = {name: _QUOTED.findall(text) for name, text in _KEY.findall(predicate)}
         features = [self.reading.metamodel.feature(reference.target, name) for name in keys]
         attributes = tuple(one for one in features if isinstance(one, Attribute))
@@ -306,7 +306,7 @@ class Document:
         return self._keyed[node, reference.name, attributes].get(wanted)
 
     def target(self, link: Link, word: str) -> int | None:
-        """The object that a word names, or `LOST`; None, reported, if there is none."""
+        """Return the object that a word names, or `LOST`. If there is none, report this and return None."""
         path, _, fragment = word.rpartition("#")
         document = self.reading.documents.get(self.beside(unquote(path))) if path else self
         if document is None:
@@ -320,7 +320,7 @@ class Document:
             if "[" in fragment:
                 hint = "no object there has these values: a path such as `//@reference[key='value']` finds the first"
             elif fragment[:1] == "/":
-                hint = "a path begins at the root, and counts from 0: `//@reference.0`"
+                hint = "a path begins at the root, and its numbers count from 0: `//@reference.0`"
             message = f"there is no object `{short(word)}`"
             self.reading.unresolved("unknown-object", message, self.where(link, word), hint or LEAVE_OUT)
         return found
@@ -345,10 +345,10 @@ class Document:
 
 
 class Library(Document):
-    """Ecore's own package, or that of XML Schema: of it the model has what links name, without what is in that."""
+    """Ecore's own package, or that of XML Schema. Only types that links name are created, without features."""
 
     def find(self, fragment: str) -> int | None:
-        """The data type or class of a fragment such as `//EString`, which is created the first time."""
+        """Return the data type or class of a fragment such as `//EString`; create it at the first call."""
         name, model = fragment.rpartition("/")[2], self.model
         classes = ecore_itself().parts(ecore_itself().roots[0])
         if name not in self.ids and (name in (library_types(self.source.name) or ()) or name in classes):

@@ -60,7 +60,7 @@ class Linker:
             else:
                 message = f"`{short(path)}`: there is no such file"
                 self._reading.unresolved(
-                    "missing-file", message, span, "a text that is no file names no others"
+                    "missing-file", message, span, "a model that is read from a text cannot link to files"
                 )
             return None
         known = self._reading.documents.get(source.name)  # by another path
@@ -69,8 +69,8 @@ class Linker:
         return None if known else document
 
     def link(self, spans: Spans) -> None:
-        """Makes the links of all references."""
-        # To name an object twice is to name it once, as in EMF.
+        """Link the targets of all references."""
+        # A target that is named twice is linked once, as in EMF.
         links = Links(self._model, self._document.report, spans, repeated=False)
         for link in self._document.links:
             targets = links.fill(link.node, link.reference, self._targets(link))
@@ -83,7 +83,7 @@ class Linker:
         words = link.text.split() if link.key != "href" else [link.text]
         for index, word in enumerate(words):
             if ":" in word and "#" not in word and index + 1 < len(words) and "#" in words[index + 1]:
-                continue  # the type of the object that comes next
+                continue  # the type of the next word's object
             if link.place < 0:
                 target = self._document.target(link, word)
             else:
@@ -92,7 +92,7 @@ class Linker:
                 yield target, partial(self._document.where, link, word)
 
     def reorder(self) -> None:
-        """Gives many-valued references the order of the text, which making links from the other end has changed."""
+        """Restore the order of the text in many-valued references: links from the opposite end have changed it."""
         for (node, _), (reference, targets) in self._order.items():
             if (node, reference.name) in self._reading.children:
                 targets = [*self._reading.inside(node, reference)]
@@ -104,5 +104,5 @@ class Linker:
 
 
 def _words(link: Link) -> list[str]:
-    """What names objects and their types: an `href` names one object, and may have blanks in it."""
+    """Return the words of a link, which name objects and types. An `href` is one word, even with blanks in it."""
     return [link.text] if link.key == "href" else link.text.split()

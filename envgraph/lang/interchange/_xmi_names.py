@@ -1,4 +1,4 @@
-"""What tags and XML attributes are called, by the names of a metamodel and by its annotations of ExtendedMetaData."""
+"""Look up classes and features by their XML names: their own names, or those in ExtendedMetaData."""
 
 from __future__ import annotations
 
@@ -13,14 +13,16 @@ from envgraph.metamodel import Annotation, Attribute, Feature, Metamodel, Refere
 
 @dataclass(slots=True)
 class Table:
-    """What a class says about the tags of its objects.
+    """How the objects of a class are written in XML.
 
     Attributes:
-        tags, keys: features by what they are called as an XML element, and as an XML attribute.
-        unset: attributes that have no value where a tag does not mention them, though a fresh object has one; by keys.
+        name: the class.
+        tags, keys: the features by the name of their XML element, and by the name of their XML attribute.
+        unset: by keys, the attributes that have no value if the tag lacks them, although a new object has one.
         identifiers: the keys of the `iD` attribute.
         text: the attribute that holds the text of a tag, or None.
-        map: the feature map, "" for none; the order among different ones of its `members`, by places, is not kept.
+        map: the feature map, or "" if the class has none.
+        members: the features that hold the elements of the map, each with its place; the order among them is lost.
     """
 
     name: str
@@ -34,12 +36,12 @@ class Table:
 
 
 class XmlNames:
-    """The names of a metamodel in documents.
+    """Finds classes and features of a metamodel by their names in documents.
 
     Attributes:
-        classes: classes by their names in XML, and by their packages.
-        elements: by uri and name, elements that can be the root of a document: class and feature, and the element that
-            they substitute.
+        classes: classes by their names in XML, then by package.
+        elements: the elements that can be the root of a document, by uri and name. Each has its class, its feature, and
+            the name of the element that it may replace, "" if none.
     """
 
     def __init__(self, metamodel: Metamodel) -> None:
@@ -59,7 +61,7 @@ class XmlNames:
                     self.elements[uris[cls.package], said.get("name", one.name)] = cls.name, one, head
 
     def head(self, uri: str, tag: str, known: Mapping[str, Feature]) -> str:
-        """The known element that an element of a document may stand in for, by substitution groups; else a name."""
+        """Return the name in `known` that a tag may replace by substitution groups; else an unknown name."""
         for _ in range(MOST_NESTED):
             if tag in known or (uri, tag) not in self.elements:
                 break
@@ -67,7 +69,7 @@ class XmlNames:
         return tag
 
     def table(self, cls: str) -> Table:
-        """Return what a class says about its tags; worked out for the classes that a file has, and no others."""
+        """Return the table of a class; it is computed at the first call."""
         found = self._tables.get(cls)
         if found is None:
             found = self._tables[cls] = self._table(cls)
@@ -98,5 +100,5 @@ class XmlNames:
 
 
 def _extended(annotations: Iterable[Annotation]) -> dict[str, str]:
-    """Return what ExtendedMetaData says of a class or a feature."""
+    """Return the keys and values of the ExtendedMetaData annotations."""
     return {key: value for one in annotations if one.is_from(EXTENDED) for key, value in one.details}

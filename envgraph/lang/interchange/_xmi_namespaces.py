@@ -49,7 +49,7 @@ class Namespaces:
         return XMI_SPACES.fullmatch(self.scope.get(prefix, "")) is not None
 
     def local(self, name: str) -> tuple[str, str]:
-        """The namespace of a tag or attribute, and its name, with the prefix if that is none of the metamodel's."""
+        """Return the namespace and name of a tag; the name keeps its prefix if the metamodel lacks the namespace."""
         prefix, _, simple = name.rpartition(":")
         uri = self.scope.get(prefix, "")
         return uri, simple if uri in self._reading.packages else name
@@ -62,7 +62,7 @@ class Namespaces:
         self.id_key = next((f"{one}:id" for one in spaces if scope[one] != XSI), None)
 
     def class_named(self, name: str, at: int, key: str | None) -> str | None:
-        """The class of a tag or an `xsi:type`, such as `railway:Region`; None, reported, if there is none."""
+        """Return the class of a tag or an `xsi:type` such as `railway:Region`. If there is none, report it: None."""
         if name in self._types:
             return self._types[name]
         found = self._look_up(name, at, key)
@@ -86,12 +86,12 @@ class Namespaces:
         return cls
 
     def undeclared(self, prefix: str, span: Span, hint: str) -> None:
-        """Report a prefix, with a declared one that is nearly called so, or the hint."""
+        """Report a prefix that is not declared; suggest a declared prefix with a similar name, else give the hint."""
         hint = did_you_mean(prefix, self.scope) or hint
         self._document.report("unknown-prefix", f"the prefix `{prefix}` is not declared", span, hint)
 
     def _home(self, simple: str, package: Package | None, span: Span) -> str | None:
-        """The class of this name in a package; without one the class that alone has the name."""
+        """Return the class of this name in a package. Without a package, the name must belong to one class only."""
         metamodel = self._reading.metamodel
         homes = {path: one for path, one in metamodel.named(simple).items() if one in metamodel.classes}
         homes |= self._reading.names.classes.get(simple, {})
@@ -105,7 +105,7 @@ class Namespaces:
         hint = did_you_mean(simple, (simple_name(one) for one in metamodel.classes))
         if not self.scope and not self._document.roots:
             uri = metamodel.uri or metamodel.name
-            hint = f'the document names no metamodel: a model of this one begins with `xmlns:m="{uri}"`'
+            hint = f'the document declares no namespace: write `xmlns:m="{uri}"` in the first tag'
         if homes:
             uris = [f"`{one.uri}`" for one in metamodel.packages if one.path in homes]
             hint = "it is in " + " and ".join(uris)

@@ -24,16 +24,16 @@ _FOREIGN = "of other tools"
 
 @dataclass(slots=True)
 class _Frame:
-    """A tag that is open: an object, or an attribute that stands as a tag.
+    """An open tag: an object, an attribute written as a tag, or a reference whose targets the text names.
 
     Attributes:
-        node: the object, or the one whose attribute it is.
-        table: None where nothing inside can be understood.
-        parent: the container, to which the object is linked by `reference` at the end. Of a tag that names the targets
-            of a reference: the byte at which it begins.
-        text: what stands in an attribute's tag, or in that of an object with such an attribute; else None.
-        values: of the object's attributes with many, each with the place of its tag.
-        last: the place of the last of the `members` of a feature map.
+        node: the object, or the object that has the attribute or reference.
+        table: the names that may occur inside; None if everything inside is skipped.
+        parent: the container, to which `reference` links the object when the tag ends. For a tag whose text names the
+            targets of a reference: the byte at which the tag begins.
+        text: the pieces of text in the tag, if its attribute, reference or object needs them; else None.
+        values: the values of many-valued attributes, each with the place of its tag.
+        last: the greatest place so far among the `members` of a feature map.
     """
 
     node: int
@@ -160,7 +160,7 @@ class TagReader:
             self._reading.omit("tag", f"`{tag}` {_FOREIGN}", self._document.places.tag(at))
             return
         element = self._reading.names.elements.get((self._spaces.scope.get(prefix, ""), simple))
-        if element is not None:  # the object of the document, with the one of the tag in it
+        if element is not None:  # create the document root, then the object of this tag inside it
             table = self._reading.names.table(element[0])
             self._document.roots.append(self._create(table, {}, at))
             self._child(_Frame(self._document.roots[-1], table), element[1], attributes, at, element[1])
@@ -212,7 +212,7 @@ class TagReader:
     def _child(
         self, frame: _Frame, reference: Reference, attributes: dict[str, str], at: int, typed: Reference
     ) -> None:
-        """An object in another one; without an `xsi:type` it is of the class that `typed` leads to."""
+        """Open a contained object. Its class is its `xsi:type`, else the target of the reference `typed`."""
         type_, key = self._spaces.type_of(attributes)
         # The name alone would be looked up in the namespace of the tag, and a reference has none.
         cls = self._spaces.class_named(type_, at, key) if type_ else self._spaces.declared(typed, at)
@@ -307,7 +307,7 @@ class TagReader:
         self._document.report("duplicate-object", message, where, hint, notes=notes)
 
     def _set(self, node: int, attribute: Attribute, text: str, at: int, key: str) -> None:
-        """Set an attribute that stands in the tag; many values have white space between them, as in EMF."""
+        """Set an attribute from an XML attribute; white space separates several values, as in EMF."""
 
         def span() -> Span:
             return self._document.places.attribute(at, key)
@@ -323,20 +323,20 @@ class TagReader:
     def _set_many(
         self, node: int, attribute: Attribute, found: Sequence[tuple[Value, Callable[[], Span]]]
     ) -> None:
-        """Add to the values of an attribute with many."""
+        """Append to the values of a many-valued attribute."""
         kept, mark = self._model.values(node, attribute), '`unique="false"` in the metamodel'
         values = allowed_values(attribute, found, self._document.report, mark=mark, kept=kept)
         self._model.set_value(node, attribute, values)
 
     def _value(self, node: int, attribute: Attribute, text: str, where: Callable[[], Span]) -> Value | None:
-        """The value of a text; None if it is none of the attribute's type, which is reported."""
+        """Return the value of a text. If the text does not fit the attribute's type, report this and return None."""
         value = value_of(text, attribute.type)
         if value is not None:
             if isinstance(value, float) and attribute.is_decimal and (repr(value) != text or attribute.many):
                 kept = self._model.digits.setdefault((node, attribute.index, value), text)
                 same = Decimal(kept) == Decimal(text)
                 if not same or Decimal(text) != Decimal(repr(value)):
-                    why = "a float has 64 bits; only a written `.xmi` file has all digits of each value"
+                    why = "a float has 64 bits; only `.xmi` files keep all digits"
                     said = "rounded" if same else "left out"
                     self._reading.omit("value", f"of `{attribute}`", where(), why, said)
             return value
@@ -371,7 +371,7 @@ class TagReader:
     def _close_attribute(self, frame: _Frame, attribute: Attribute) -> None:
         assert frame.text is not None
         at = self._xml.at
-        # Positions of texts are not kept: the tag that ends it stands for the value.
+        # The parser has no positions of texts, so mistakes are reported at the end tag.
         value = self._value(frame.node, attribute, "".join(frame.text), lambda: self._document.places.tag(at))
         if value is not None and attribute.many:
             self._stack[-1].values.setdefault(attribute, []).append((value, at))
@@ -379,7 +379,7 @@ class TagReader:
             self._model.set_value(frame.node, attribute, value)
 
     def _close_reference(self, frame: _Frame, reference: Reference) -> None:
-        """A reference may name its targets in a tag of its own: `<incoming>Flow_1</incoming>`."""
+        """Link the targets that the text of a tag names, as in `<incoming>Flow_1</incoming>`."""
         words, at = "".join(frame.text or ()).strip(), frame.parent
         if words:
             self._document.links.append(Link(frame.node, reference, words, at, ""))
@@ -389,7 +389,7 @@ class TagReader:
         self._document.report("wrong-type", message, self._document.places.tag(at), hint)
 
     def _contain(self, frame: _Frame) -> None:
-        """Links an object that is complete to its container: then no chain of containers is walked."""
+        """Link a complete object to its container: linking it last avoids walking a chain of containers."""
         assert frame.reference is not None
         upper, children = frame.reference.upper, None
         if self._reading.children:
@@ -406,7 +406,7 @@ class TagReader:
             children.append(frame.node)
 
     def _href(self, link: Link) -> None:
-        """Note a link to an object that a tag names; in a containment reference its place counts."""
+        """Record the link of a tag with an `href`; in a containment reference the object keeps its place."""
         if link.reference.containment:
             children = self._reading.hold(link.node, link.reference, LOST)
             link = replace(link, place=len(children) - 1)

@@ -448,11 +448,12 @@ class Loader:
         return [one for one in models if one.span.source.name not in parts]
 
     def _fetch(self, path: str, beside: str) -> Source | None:
-        """Another XMI document, or the file of a metamodel that has this nsURI; None for what is at no path."""
+        """Return another XMI document, or the file of the metamodel with this nsURI; None if there is no such file."""
         from envgraph.lang.interchange._ecore_document import eclipse_path
 
         for document, _ in self.metamodels.ecore.values():
-            if path in document.uris and document.source.name != path:  # what is built in has that name
+            # The name of a built-in file is its nsURI.
+            if path in document.uris and document.source.name != path:
                 return document.source
         name = eclipse_path(self.files, path, beside)
         if name is None:

@@ -40,7 +40,7 @@ _NULLABLE: Mapping[Scalar, str] = {
 }
 FEATURE_MAP = "EFeatureMapEntry"
 A_MAP = "it is a feature map, and was left out of the metamodel"
-"""Why a class has no feature map, though its file has one."""
+"""The reason why the metamodel leaves a feature map out."""
 
 _XML: Mapping[Scalar, str] = {
     Scalar.INT: "Int Integer Long Short Byte UnsignedInt UnsignedLong UnsignedShort UnsignedByte NonNegativeInteger "
@@ -123,9 +123,9 @@ def value_of(text: str, type_: Scalar | EnumType) -> Value | None:
 
 
 def why_unfit(text: str, type_: Scalar | EnumType) -> str | None:
-    """A hint for a number that cannot be kept because of its size, or as it is none; else None."""
+    """Return a hint for a number that is too large for its type, or is `NaN`; else None."""
     if type_ is Scalar.FLOAT and text == "NaN":
-        return "`NaN` equals nothing, not even itself, so that no query could find it"
+        return "`NaN` does not equal itself, so no query could find it"
     if type_ is Scalar.INT and _INT.fullmatch(text):
         return f"an int has 64 bits: it is {LARGEST_INT} at most"
     if type_ is Scalar.FLOAT and _FLOAT.fullmatch(text):

@@ -45,7 +45,7 @@ _FOREIGN = {
     "ecore": 'write `@ecore(changeable = "false")`',
     "datatype": 'write `@datatype("Money", instanceClassName = "java.math.BigDecimal")`',
 }
-"""What is kept for other tools, with how it is written."""
+"""The annotations that only other tools use, each with a hint that shows its form."""
 _ECORE = (
     "changeable volatile transient unsettable ordered resolveProxies eKeys eOpposite eType lowerBound upperBound "
     "unique defaultValueLiteral derived interface abstract instanceClassName instanceTypeName serializable"
@@ -360,7 +360,7 @@ class _Reader(Reading):
         return found
 
     def _check_foreign(self, part: Tree[Token], one: Annotation) -> None:
-        """Report what could not be written to an `.ecore` file."""
+        """Report an annotation that cannot be written to an `.ecore` file."""
         number, known = len(one.arguments), _ECORE.split()
         unknown = [key for key, _ in one.named if one.name != "annotation" and key not in known]
         right = number % 2 if one.name == "annotation" else number == (one.name == "datatype")
@@ -380,7 +380,7 @@ class _Reader(Reading):
         marks.places = (*marks.places, *((f"key {name}", self.span(name)) for name in names))
 
     def _words(self, tree: Tree[Token], kind: str) -> list[Token]:
-        """The arguments of an annotation if they all are of a kind, and without keys; else none."""
+        """Return the arguments of an annotation if all are of one kind and have no keys; else an empty list."""
         arguments = trees(tree.children)
         values = [value for argument in arguments for value in trees(argument.children)]
         plain = all(one.data == "annotation_argument" for one in arguments)

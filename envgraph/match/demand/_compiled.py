@@ -129,7 +129,7 @@ class CompiledMatcher(Matcher):
         return self._program.cost(pattern, bound)
 
     def work(self, pattern: str) -> float:
-        """Estimate the work of `rows` without arguments, in accesses to a model of about the size that it has now."""
+        """Estimate the cost of listing all rows, in accesses to the model; measured again when its size has doubled."""
         place = pattern, len(self.model).bit_length()
         if place not in self._works:
             planner = Planner(self.library, self.calls, LiveSizes(self.library, self.model.store))
@@ -137,7 +137,7 @@ class CompiledMatcher(Matcher):
         return self._works[place]
 
     def order(self, pattern: str) -> Callable[[Row], list[int]] | None:
-        """Return a key that sorts rows as `prepare` lists them from now on; None where they do not tell the order."""
+        """Return a key that sorts rows in the order of `prepare`; None if the order does not follow from the rows."""
         if self.calls.recursive(pattern):
             return None
         bodies = self._program.planner.view(self._program.key(pattern, (), Mode.ROWS)).bodies

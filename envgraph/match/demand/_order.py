@@ -1,4 +1,4 @@
-"""The order in which a search lists rows, as a key to sort them by."""
+"""Sort rows into the order in which a search lists them."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from envgraph.pattern import InstanceAtom, LinkAtom
 
 
 def order_of(body: BodyPlan, store: Store) -> Callable[[Row], list[int]] | None:
-    """Return a key that sorts rows as the loops of a plan come to them: the position of the value of each loop.
+    """Return a key that sorts rows as the loops of a plan list them: the position of each loop's value in its loop.
 
-    None if a loop is over something other than objects or ends of links, or if a row does not hold its value.
+    Return None if a loop is not over objects or ends of links, or if the rows have no column for its variable.
     """
     columns = {variable: column for column, variable in enumerate(body.conjunction.parameters)}
     loops: list[tuple[Any, int, int]] = []

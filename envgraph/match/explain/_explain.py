@@ -119,7 +119,7 @@ def steps_text(
     known: Iterable[int] = (),
     watched: bool = False,
 ) -> Iterator[str]:
-    """One line for each step of a plan, and for those inside it; `counts` are actual rows of the outer ones.
+    """Yield one line for each step of a plan and, indented, for the steps inside it.
 
     `known` are variables with a value before. Of a `watched` pattern the steps are those of a view.
     """

@@ -200,7 +200,7 @@ class Translation:
             self._block.add(code.Do(check))
 
     def _size(self, sink: Sink) -> code.Expression:
-        """Hook: the number of matches that there are."""
+        """Return the number of matches so far; subclasses override it."""
         return sink.size
 
     def _place_distinct(self, steps: Sequence[Step], sink: Sink) -> None:
@@ -322,7 +322,7 @@ class Translation:
         self._bindings.names.update((v, self._bindings.local(v)) for v in targets if v is not None)
 
     def _loop_joined(self, step: Step, join: ValueJoin, sink: Sink) -> None:
-        """Loop over the objects that an index has for what is known; or count them, if there is nothing else to do."""
+        """Emit a loop over the objects that an index holds for the known values; only count them if that is enough."""
         goal = step.goal
         assert isinstance(goal, InstanceAtom)
         classes = tuple(self._relations.indices(goal.cls, goal.exact))
@@ -340,7 +340,7 @@ class Translation:
         for side in join.known:
             asked.append(code.Local(self._module.fresh("u")))
             found = self._side(side, self._bindings.source)
-            self._block.test(code.some(code.Let(asked[-1], found)))  # it may have no value
+            self._block.test(code.some(code.Let(asked[-1], found)))  # the expression may have no value
         equal = len(asked) - len(join.operators)
         entries, key = self._entries(step, join, number), code.tuple_of(*asked[:equal])
         parts: list[code.Expression] = [entries, key, *asked[equal:]]
@@ -350,7 +350,7 @@ class Translation:
         self._each(step.binds, code.method(index, "some" if sink is EXISTENCE else "rows", *parts))
 
     def _entries(self, step: Step, join: ValueJoin, name: str) -> code.Name:
-        """A function that yields for some objects of a loop what an index files them under."""
+        """Emit a function that yields the index entries of given objects: key, bounded value, object."""
         inner = Translation(self._planner, self._module, self._conjunction, code.Block(), {})
 
         def each(names: Names) -> code.Body:

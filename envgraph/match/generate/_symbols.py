@@ -49,11 +49,13 @@ class ClassTable:
 
 @dataclass(frozen=True, slots=True)
 class Valued:
-    """The objects of some classes with given values in some attributes (all by index), or else an index of its own.
+    """An index of the objects of some classes by values: of attributes or, without attributes, of expressions.
+
+    Classes and attributes are given by their indices.
 
     Attributes:
         operators, alone: see `ValueIndex`.
-        number: tells indexes by computed values apart.
+        number: distinguishes indexes by expressions.
     """
 
     classes: tuple[int, ...]

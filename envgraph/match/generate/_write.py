@@ -81,9 +81,9 @@ class Module:
         types: Mapping[str, StaticType],
         part: bool = False,
     ) -> code.Expression:
-        """The code of an expression, or of a side of a comparison (`part`).
+        """Return the code of an expression, or of one side of a comparison (`part`).
 
-        One that may have no value is put into a function that returns None then.
+        If the expression may have no value, emit a function that returns None in this case, and return a call of it.
         """
         first = self._counts.get("k", 0)
         compiled = compile_expression(

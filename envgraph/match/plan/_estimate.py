@@ -80,10 +80,11 @@ class Sizes:
 
 
 class _Populations:
-    """Estimates the objects of exactly each concrete class, owners before what they contain.
+    """Estimates the number of direct instances of each concrete class, containers before their contents.
 
-    Classes that contain each other are filled in waves, from those that something outside contains. What leads back
-    into an earlier wave, or stays in one, is not counted.
+    Classes that can contain each other form a component. Its classes are estimated in waves: first those that a class
+    outside can contain, then those that the first wave can contain, and so on. References back into an earlier wave, or
+    within one, add nothing.
 
     Attributes:
         sizes: the estimates, by class.
@@ -110,8 +111,11 @@ class _Populations:
             self._fill(dict.fromkeys(nodes))
         self.sizes = dict.fromkeys(concrete, UNKNOWN) | self.sizes  # some contain only each other
 
-    def _leads(self, node: tuple[str, str]) -> Iterator[tuple[str, str]]:
-        """Lead from a class to those that may contain its objects, by way of what it inherits and they hand down."""
+    def _containers(self, node: tuple[str, str]) -> Iterator[tuple[str, str]]:
+        """Yield the nodes to visit on the way from a class to those that may contain its objects.
+
+        The way leads to supertypes (as "part"), over a containment reference, and then to subclasses (as "owner").
+        """
         kind, name = node
         if kind == "exact":
             yield "part", name

@@ -1,7 +1,7 @@
-"""Patterns by demand: definitions of those rows alone that have asked values at some positions.
+"""Restrict recursive patterns to the rows that a caller needs: those with given values at some positions.
 
-Magic sets, where it is plain what recursive calls ask for: J. F. Naughton, R. Ramakrishnan, Y. Sagiv, J. D. Ullman,
-"Efficient evaluation of right-, left-, and multi-linear rules", SIGMOD 1989.
+Magic sets, for patterns whose recursive calls need values that are known beforehand: J. F. Naughton, R. Ramakrishnan,
+Y. Sagiv, J. D. Ullman, "Efficient evaluation of right-, left-, and multi-linear rules", SIGMOD 1989.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ Definitions = Mapping[str, Sequence[Conjunction]]
 """The bodies of patterns that call each other, by name."""
 
 Wanted = tuple[Definitions, Definitions]
-"""Definitions of patterns that call each other, and of views that are made after them."""
+"""Definitions of patterns that call each other, and of views that read these."""
 
 
 def calls(body: Conjunction, names: Collection[str]) -> list[CallAtom]:
@@ -24,9 +24,9 @@ def calls(body: Conjunction, names: Collection[str]) -> list[CallAtom]:
 
 
 def passed_on(definitions: Definitions, positions: Sequence[int], place: str) -> Wanted | None:
-    """Return definitions of the rows that have values of `place/asked` at positions; those of `p` are `place/p`.
+    """Return definitions `place/p` of the rows of each `p` whose values at the positions are in `place/asked`.
 
-    None unless all recursive calls have the values at the positions that their caller has.
+    Return None unless every recursive call passes on the values that its caller has at the positions.
     """
     found: dict[str, list[Conjunction]] = {f"{place}/{name}": [] for name in definitions}
     for name, bodies in definitions.items():
@@ -46,10 +46,10 @@ def passed_on(definitions: Definitions, positions: Sequence[int], place: str) ->
 
 
 def led_to(definitions: Definitions, position: int, place: str) -> Wanted | None:
-    """Return the same by `place/led`: each value of `place/asked` with those that recursive calls lead to from it.
+    """Return the same rows by way of `place/led`: each value of `place/asked`, and the values that calls reach from it.
 
-    None unless there is one pattern whose recursive calls differ from their caller in the value at the position alone,
-    and no other goal is about the rest: then it does not matter for which of the calls a row is found.
+    Return None unless there is one pattern, each recursive call changes only the value at the position, and no other
+    goal mentions the other parameters. Then a row of any call that is reached is a row of the first caller.
     """
     (pattern, bodies), *others = definitions.items()
     if others:
@@ -74,7 +74,7 @@ def led_to(definitions: Definitions, position: int, place: str) -> Wanted | None
 
 
 def doubled(definitions: Definitions) -> tuple[Conjunction, CallAtom, CallAtom] | None:
-    """Return the one recursive body, if it is `p(a, m), p(m, b)` and no more, and its calls in this order."""
+    """Return the only recursive body and its two calls in order, if it is exactly `p(a, m), p(m, b)`; else None."""
     (_, bodies), *others = definitions.items()
     own = [body for body in bodies if calls(body, definitions)]
     found = [] if others or len(own) != 1 else calls(own[0], definitions)

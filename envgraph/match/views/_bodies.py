@@ -69,7 +69,7 @@ def existential(conjunction: Conjunction) -> frozenset[int]:
 
 
 def component(goals: Sequence[Goal], starts: Iterable[int], fixed: frozenset[int]) -> list[Goal]:
-    """The goals that are linked to some variables through variables without a fixed value."""
+    """Return the goals connected with some variables, directly or through other variables without a fixed value."""
     reached = set(starts)
     chosen: dict[int, Goal] = {}
     size = -1

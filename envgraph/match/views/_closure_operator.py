@@ -17,7 +17,7 @@ FEW: Final = 12
 """Starts that are searched one by one; more share the strongly connected components."""
 
 PART: Final = 8
-"""The search for the starts that a change concerns ends where it meets more nodes than one for each so many starts."""
+"""The search for the starts that a change affects gives up after as many nodes as starts divided by this."""
 
 NOTHING: Final[Reached] = {}
 ABSENT: Final = object()
@@ -29,15 +29,15 @@ Patch = tuple[Any, Reached, Reached, Reached]
 """A start; the nodes cut from its tree, those with another parent, those added. What is cut may be added again."""
 
 Difference = tuple[list[Any], list[Any]]
-"""What was reached and is no more, and what is reached and was not."""
+"""The nodes that are no longer reached, and the nodes that are newly reached."""
 
 
 class Steps:
-    """The edges that a closure follows, given the ends of those that begin and of those that end at each node.
+    """The edges that a closure follows, as two tables: the successors and the predecessors of each node.
 
     Attributes:
-        next: where one step leads.
-        before: from where one step leads to something.
+        next: returns the nodes that one step from a node leads to.
+        before: returns the nodes from which one step leads to a node.
     """
 
     def __init__(self, after: Any, before: Any) -> None:
@@ -46,11 +46,11 @@ class Steps:
         self._after = after
 
     def nodes(self) -> Sequence[Any]:
-        """Return all nodes, and perhaps some without steps."""
+        """Return all nodes with steps; there may be nodes without steps among them."""
         return list(self._after) if isinstance(self._after, dict) else range(len(self._after))
 
     def has(self, node: Any, other: Any) -> bool:
-        """Return whether there is a step."""
+        """Return whether a step leads from `node` to `other`."""
         return other in self.next(node)
 
 
@@ -303,7 +303,7 @@ class ClosureOperator(Operator):
             self._notify(self.added, start, fresh)
 
     def _concerned(self, lost: list[Step], gained: list[Step]) -> Collection[Any]:
-        """Return the starts that reached the near end of a changed step, and some others; all where those are many."""
+        """Return at least the starts that reached the source of a changed step; all starts if there are too many."""
         before, most = self._steps.before, len(self.begun) // PART
         if len(self.begun) > FEW:
             gone: dict[Any, list[Any]] = {}
@@ -378,7 +378,7 @@ class ClosureOperator(Operator):
             assert all(self._is_connected(node, start, reached) for node in reached), self.name
 
     def _is_connected(self, node: Any, start: Any, reached: Reached) -> bool:
-        """Return whether the path from the start to a node has only steps that there are, as far as that is known."""
+        """Return whether all steps on the recorded path from the start to a node still exist."""
         passed = {node}
         while True:
             by = reached[node]
@@ -395,7 +395,10 @@ class ClosureOperator(Operator):
 
 
 class CircleOperator(Rows):
-    """The nodes from which one or more steps lead back: those of strongly connected components with a step inside."""
+    """Holds the nodes on cycles: those of strongly connected components that have a step inside.
+
+    A node is on a cycle if one or more steps lead from it back to itself.
+    """
 
     def __init__(self, name: str, store: Store, steps: Steps) -> None:
         super().__init__(name, store)
@@ -418,40 +421,42 @@ class CircleOperator(Rows):
     def process(self) -> None:
         changed = list(self._changed)
         self._changed.clear()
-        # A circle with a changed step is reached from its end: what is reached from there is looked at again.
-        for row, is_on in list(self._look([step[1] for step in changed if self._matters(*step)])):
+        # Every cycle through a changed step is reachable from the target of the step.
+        for row, is_on in list(self._classified([step[1] for step in changed if self._may_change(*step)])):
             if is_on != (row in self.rows.position):
                 (self.appear if is_on else self.vanish)(row)
 
-    def _matters(self, source: Any, target: Any) -> bool:
-        """Return whether a changed step may begin or end circles."""
+    def _may_change(self, source: Any, target: Any) -> bool:
+        """Return whether an inserted or deleted step may create or break cycles."""
         if self._steps.has(source, target):
-            return self._leads(target, source)
+            return self._reaches(target, source)
         on = self.rows.position
-        return (source,) in on and (target,) in on and (source == target or not self._leads(source, target))
+        return (source,) in on and (target,) in on and (source == target or not self._reaches(source, target))
 
-    def _leads(self, source: Any, target: Any) -> bool:
-        """Return whether any number of steps leads to a target; both ends are searched from in turn."""
+    def _reaches(self, source: Any, target: Any) -> bool:
+        """Return whether zero or more steps lead from source to target; search from both ends alternately."""
         ahead, behind = {source: None}, {target: None}
-        both = zip(_spread(ahead, self._steps.next), _spread(behind, self._steps.before), strict=False)
+        both = zip(
+            _nodes_from(ahead, self._steps.next), _nodes_from(behind, self._steps.before), strict=False
+        )
         return any(one in behind or other in ahead for one, other in both)
 
-    def _look(self, starts: Sequence[Any]) -> Iterator[tuple[Row, bool]]:
-        """Yield a row of each node that is reached, and whether it is on a circle."""
+    def _classified(self, starts: Sequence[Any]) -> Iterator[tuple[Row, bool]]:
+        """Yield the row of each node that the starts reach, and whether the node is on a cycle."""
         for nodes, exits in components(starts, self._steps.next):
             is_on = len(nodes) > 1 or nodes[0] in exits
             yield from (((node,), is_on) for node in nodes)
 
     def circles(self) -> list[Row]:
-        """Return the rows as a new search finds them."""
-        return [row for row, is_on in self._look(self._steps.nodes()) if is_on]
+        """Return the rows that a new search of the whole graph finds."""
+        return [row for row, is_on in self._classified(self._steps.nodes()) if is_on]
 
     def fill(self) -> None:
         self.set_rows(self.circles())
 
 
-def _spread(known: dict[Any, None], following: Callable[[Any], Iterable[Any]]) -> Iterator[Any]:
-    """Yield the known nodes and then all that they lead to, nearest first; these become known."""
+def _nodes_from(known: dict[Any, None], following: Callable[[Any], Iterable[Any]]) -> Iterator[Any]:
+    """Yield the known nodes, then all nodes reachable from them, nearest first; add these to `known`."""
     todo = list(known)
     for node in todo:
         yield node

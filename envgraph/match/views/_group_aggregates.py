@@ -161,7 +161,7 @@ class Fold(Operator):
 
 
 class Nth(Fold):
-    """The last value of the row with some number in each group; a group without such a row has no value."""
+    """Holds the last value of row `number` (from 0) of each group; a group with fewer rows has no value."""
 
     def __init__(self, name: str, source: Rows, group: tuple[int, ...], number: int) -> None:
         super().__init__(name, source, group, "min", None)

@@ -40,7 +40,7 @@ class KeptViews:
         views: of the watched patterns.
         partly: questions about views with some values given.
         listeners: who is notified of what changes.
-        too_large: patterns that could not be kept aside.
+        too_large: patterns whose views were too large to be used by `aside`.
         user: who asks the matcher, weakly; None if that is not known. The views of a matcher whose user is gone are
             given up when another one of the model watches.
 
@@ -94,14 +94,16 @@ class KeptViews:
         return self.views[pattern]
 
     def watch_briefly(self, patterns: Sequence[str], aside: Sequence[str], most: int) -> bool:
-        """Keep patterns current although there is a state to go back to, until `give_up`; whether that is possible.
+        """Watch patterns inside a transaction, until `give_up`; return whether this is possible.
 
-        It is given up by itself where that state comes back. If the patterns stay the same, so does the order of rows.
+        A rollback to a state before the call gives the views up. Views that exist for the same patterns keep the order
+        of their rows.
 
         Args:
-            patterns: are listed in the order of their views.
-            aside: are found by `aside` alone; left out if an operator would have more than `most` rows.
-            most: objects that the starts of a closure may reach together, too.
+            patterns: patterns whose rows are listed in the order of their views.
+            aside: patterns whose rows only the method `aside` returns. They are not watched if an operator would have
+                more than `most` rows.
+            most: the largest number of pairs in a closure, too.
         """
         if (self.views and self._brief is None) or self._suspended or self.rival() is not None:
             return False
@@ -124,7 +126,7 @@ class KeptViews:
         return False
 
     def aside(self, pattern: str) -> Rows | None:
-        """The view of a pattern that is kept aside, up to date; None if there is none."""
+        """Return the view of a pattern given to `watch_briefly` as `aside`; None if it has none or is out of date."""
         return self._aside.get(pattern) if self._aside and self.up_to_date() else None
 
     def give_up(self) -> None:
@@ -173,9 +175,9 @@ class KeptViews:
         rival.leave()
 
     def make(self, patterns: Iterable[str], most: float = inf) -> None:
-        """Make a network for these patterns, and closures of at most `most` pairs; sizes are measured as they are now.
+        """Make a network for these patterns, planned for the current sizes; closures may have at most `most` pairs.
 
-        What differs from what broken views held is logged.
+        Log how the new rows differ from those of broken views.
         """
         self._be_alone()
         store, old, known = self.model.store, self.network, self.views

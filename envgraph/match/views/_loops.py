@@ -14,23 +14,23 @@ from envgraph.metamodel import reached
 LONG: Final = 100_000
 """Rows that are listed in the time that it takes to make a view: 10 ms, see `benchmarks/bench_questions.py`."""
 SPREAD: Final = 4
-"""So many matches for each object are kept; more are looked for again."""
+"""Matches for each object up to which a view is made; patterns with more are searched in every round."""
 SORTED: Final = 16
 """Accesses to the model in the time that it takes to sort one row into the order of a search."""
 
 
 class Loops:
-    """The loops that run, one inside the other, and what they list.
+    """Decides which patterns the running loops of units watch; loops may be nested.
 
-    Listing the matches of a pattern in each round takes time that is quadratic in their number; keeping them current
-    does not, but a view has to be made first. It is made when so many rows have been listed that this took as long.
-    From then on rows are listed in its order.
+    Listing the matches of a pattern in each round takes time quadratic in their number. A view avoids this, but takes
+    time to make. It is made when listing rows has taken as long as making it would. From then on rows are listed in the
+    order of the view.
 
-    Searches that list few rows may take as long. Then a view is kept aside: its rows are sorted as the search lists
-    them, so that nothing depends on whether and when this is done.
+    Searches that list few rows may also take that long. Their views are used differently: the rows are sorted into the
+    order of the search, so results do not depend on whether and when a view is made.
 
-    A view that is made inside a transaction knows nothing of the states before. So it is made where a round begins, and
-    given up when that loop ends: whatever is rolled back meanwhile was done after it was made.
+    A view that is made inside a transaction cannot be rolled back to a state before it was made. So it is made when a
+    round begins, and given up when that loop ends: any rollback in between undoes only later changes.
 
     Args:
         kept: makes the views.
@@ -39,7 +39,7 @@ class Loops:
     Attributes:
         depth: how many loops run.
         due: whether there is something for `turn` to do.
-        orders: for each search the key that sorts rows as it lists them; None where nobody knows.
+        orders: for each search the key that sorts rows as it lists them; None if there is no such key.
     """
 
     def __init__(self, kept: KeptViews, demand: CompiledMatcher) -> None:
@@ -56,11 +56,11 @@ class Loops:
         self.orders: dict[Callable[[], list[Row]], Callable[[Row], list[int]] | None] = {}
 
     def begin(self) -> None:
-        """A loop begins."""
+        """Enter a loop."""
         self.depth += 1
 
     def turn(self) -> None:
-        """A round of the innermost loop begins: what it lists is watched, if an outer loop has no views yet."""
+        """Begin a round of the innermost loop: watch the patterns that are worth it, unless an outer loop has views."""
         if self._owner in (0, self.depth) or (self._wanted and not self._made[0]):
             costly = {name: depth for name, depth in self._costly.items() if name not in self._wanted}
             made = [*self._wanted], [name for name, depth in costly.items() if depth >= self.depth]
@@ -71,11 +71,11 @@ class Loops:
                     self._owner = self.depth
 
     def end(self) -> None:
-        """The innermost loop has ended."""
+        """Leave the innermost loop."""
         self.back_to(self.depth - 1)
 
     def back_to(self, depth: int) -> None:
-        """No more than `depth` loops run: the others have ended, or an exception has left them."""
+        """Leave all loops but the outermost `depth`, which have ended or which an exception has left."""
         if self._owner > depth:
             self._owner = 0
             self._made = [], []
@@ -108,7 +108,7 @@ class Loops:
         return rows
 
     def _is_costly(self, pattern: str) -> bool:
-        """Note a search; return whether these have cost as much as a view that could be made, and is not yet due."""
+        """Count a search; return whether all so far have cost as much as making a view, and none is due yet."""
         number = self._searches[pattern] = self._searches.get(pattern, 0) + 1
         if self._costly.get(pattern, 0) >= self.depth or number * len(self._kept.model) <= LONG:
             return False
@@ -117,21 +117,21 @@ class Loops:
         return dear and pattern not in self._kept.too_large and self._watchable(pattern)
 
     def listed(self, pattern: str, rows: int) -> None:
-        """So many matches of a pattern have been looked for."""
+        """Record that a search has listed so many matches of a pattern."""
         seen = self._listed[pattern] = self._listed.get(pattern, 0) + rows
         if seen > LONG:
-            self._listed[pattern] = -inf  # decided
+            self._listed[pattern] = -inf  # is decided once
             if self._worth_watching(pattern):
                 self._wanted[pattern] = None
                 self.due = True
 
     def sought(self, pattern: str) -> None:
-        """The first match of a pattern has been looked for: among all objects, as far as anybody knows."""
+        """Record a search for the first match of a pattern; it counts as if it had looked at all objects."""
         if not self._demand.calls.of(pattern).searches:
             self.listed(pattern, len(self._kept.model))
 
     def _worth_watching(self, pattern: str) -> bool:
-        """Return whether a view of a pattern is not too large, and made of nothing larger."""
+        """Return whether a pattern can be watched and has few enough matches."""
         free = (FREE,) * len(self._demand.library.parameter_types(pattern))
         most = SPREAD * len(self._kept.model)
         return self._watchable(pattern) and self._demand.count(pattern, free) <= most

@@ -53,11 +53,11 @@ class Network:
         return view
 
     def limit_closures(self, most: float) -> None:
-        """Raise an `EvaluationError` for a closure of more pairs when an operator is made."""
+        """Set the number of pairs above which making a closure raises an `EvaluationError`."""
         self._builder.most = most
 
     def largest(self) -> float:
-        """Return the number of tuples of the largest operator; infinite if one is evaluated anew at each change."""
+        """Return the number of tuples of the largest operator; infinite if one is recomputed at every change."""
         each = self.operators.values()
         return max(inf if isinstance(operator, Evaluated) else operator.size() for operator in each)
 
@@ -80,7 +80,7 @@ class Network:
     # --- what plans ask
 
     def rows(self, view: str) -> float:
-        """Matches of a view; where it is asked about before it is made, as many as there are objects."""
+        """Return the number of matches of a view; before it is made, the number of objects as an estimate."""
         operator = self.operators.get(view)
         return max(operator.size() if operator else self._objects(), 0.5)
 

@@ -79,8 +79,8 @@ class NetworkBuilder:
         operators: by name. What is named like a pattern holds its matches.
         definitions: of the views.
         edges: for each closure the relation that it follows, and whether that is crossed.
-        spreading: what rows of recursive patterns cause in each other.
-        most: pairs that a new closure may have.
+        spreading: the delta functions by which rows of recursive patterns derive each other.
+        most: the largest number of pairs that a new closure may have.
 
     Args:
         store: what the views are about.
@@ -167,7 +167,7 @@ class NetworkBuilder:
             raise NotIncremental
         definitions: Definitions = {name: self._bodies.of(name) for name in names}
         if found := doubled(definitions):
-            # The last call asks for the bodies that are not recursive: as many rows, each with fewer derivations.
+            # The last call needs only the non-recursive bodies: the rows are the same, with fewer derivations each.
             (body, first, last), exits = found, f"{pattern}/exits"
             if exits not in self.operators:
                 self._define(exits, [each for each in definitions[pattern] if each is not body])
@@ -200,7 +200,7 @@ class NetworkBuilder:
                     target.spread = (*target.spread, self._build(spread))
                     target.retract = (*target.retract, self._build(retract))
             self._enter(Component(f"{next(iter(members))}/component", self.store, list(members.values())))
-            for name, number, body in prepared:  # planned with the sizes that there are now
+            for name, number, body in prepared:  # planned last, for the current sizes
                 derivable = self._build(derivable_source(self._planner, name, number, body))
                 members[name].derivable = (*members[name].derivable, derivable)
         except Unplannable:
@@ -257,7 +257,7 @@ class NetworkBuilder:
         return replace(body, goals=tuple(found))
 
     def _goals(self, body: Conjunction, name: str) -> list[Goal]:
-        """Return the goals over relations of the network, made in an order in which they restrict each other."""
+        """Return the goals as relations of the network; make restricting relations before those they restrict."""
 
         def turn(number: int) -> int:
             goal = pending[number]
@@ -282,13 +282,13 @@ class NetworkBuilder:
         return list(body.goals)
 
     def _is_made(self, goal: RelationAtom) -> bool:
-        """Return whether a relation has its operator, or needs none that the body may restrict."""
+        """Return whether a relation can be read as it is: its operator exists, or the body cannot restrict it."""
         if isinstance(goal, CallAtom):
             return goal.pattern in self.operators or not self.calls.recursive(goal.pattern)
         return not isinstance(goal, ClosureAtom) or isinstance(self.operators.get(goal.step), ClosureOperator)
 
     def _restricting(self, body: Conjunction, heads: Iterable[int]) -> list[Goal]:
-        """Return the goals that restrict some variables: relations linked with them that are made, and their tests."""
+        """Return the goals that restrict some variables: existing relations connected with them, and tests."""
         fixed = frozenset(dict(body.constants))
         near = component([each for each in self._linked(body.goals) if self._is_made(each)], heads, fixed)
         known = fixed.union(*map(variables, near))
@@ -296,16 +296,16 @@ class NetworkBuilder:
         return [*near, *(each for each in tests if near and known.issuperset(variables(each)))]
 
     def _restricted(self, body: Conjunction, goal: CallAtom) -> tuple[int, ...]:
-        """Return the positions of a call where the rest of the body restricts the value."""
+        """Return the positions of the arguments of a call that the rest of the body restricts."""
         fixed = dict(body.constants)
         return tuple(p for p, v in enumerate(goal.arguments) if v in fixed or self._restricting(body, [v]))
 
     def _call(self, body: Conjunction, goal: CallAtom, place: str, local: Container[int] = ()) -> CallAtom:
-        """Return the call of a pattern's view or, if it may be large, of a view of those rows that the body needs.
+        """Return a call of the pattern's view or, if that may be large, of a view of only the rows that the body needs.
 
-        `not { y -next-> z : N; }` is a pattern over `x` and `y` if `z` must differ from an outer `x`. Such a product is
-        joined with the `x` and `y` that other goals of the body allow, and has no columns for local variables. A
-        recursive pattern is joined with the values that they allow at one position.
+        `not { y -next-> z : N; }` is a pattern over `x` and `y` if `z` must differ from an outer `x`: a product of all
+        `x` with all `y`. Its view holds only the `x` and `y` that other goals of the body allow, without columns for
+        local variables. The view of a recursive pattern holds only rows with the values allowed at one position.
         """
         definitions: Definitions = {}
         places = self._restricted(body, goal)
@@ -340,9 +340,10 @@ class NetworkBuilder:
         return replace(goal, pattern=asked.name.removesuffix("asked") + goal.pattern)
 
     def _with_few(self, body: Conjunction, place: str) -> list[Conjunction]:
-        """Return the body, or one for each of a few rows with a variable of which only differences are asked.
+        """Return bodies that together have the rows of a body, but read only a few values of one variable.
 
-        `n` differences exclude at most `n` of its values: among more values one is left, whatever they are.
+        The variable is one that other goals only compare, by `!=`, with `n` other variables. These exclude at most `n`
+        of its values, so the first `n + 1` values of each group suffice.
         """
         fixed = frozenset(dict(body.constants))
         unequal = [each for each in body.goals if isinstance(each, UnequalAtom)]
@@ -368,7 +369,7 @@ class NetworkBuilder:
         return [replace(body, goals=(each, *others)) for each in values]
 
     def _is_product(self, pattern: str) -> bool:
-        """Return whether no relations link some parameters of a pattern, or none gives them values."""
+        """Return whether relations leave some parameters of a pattern unconnected or without a value."""
         if pattern in self.operators or self.calls.recursive(pattern):
             return False
         if pattern not in self._products:
@@ -381,13 +382,13 @@ class NetworkBuilder:
         return fixed.union(*map(variables, linked)).issuperset(heads)
 
     def _linked(self, goals: Iterable[Goal]) -> list[RelationAtom]:
-        """Return the relations among goals, without calls of products and of what is not finished."""
+        """Return the relations among goals, without calls of products and of patterns under construction."""
         calls = {each.pattern for each in goals if isinstance(each, CallAtom)}
         apart = {name for name in calls if name in self._open or self._is_product(name)}
         return [g for g in goals if is_relation(g) and not (isinstance(g, CallAtom) and g.pattern in apart)]
 
     def _usable(self, pattern: str) -> Rows:
-        """The operator of a pattern that is finished."""
+        """Return the operator of a pattern; raise `NotIncremental` if it is under construction or needs inputs."""
         if pattern in self._open:
             raise NotIncremental
         known = self.operators.get(pattern)
@@ -481,7 +482,7 @@ class NetworkBuilder:
         if link_of(self._bodies.of(goal.step)) is None:
             self._usable(goal.step)
         if goal.source == goal.target and goal.closure is Closure.PLUS:
-            name = f"{goal.step}/circles"  # all of them, for every place that asks for some
+            name = f"{goal.step}/circles"  # shared by all calls, so not restricted
             if name not in self.operators:
                 self._enter(CircleOperator(name, self.store, self._steps(name, goal.step, True)))
             return CallAtom(name, (goal.source,))
@@ -501,7 +502,7 @@ class NetworkBuilder:
         return replace(goal, step=name)
 
     def _steps(self, name: str, step: str, forward: bool) -> Steps:
-        """The steps that an operator follows, in one direction."""
+        """Return the steps that a closure operator follows, and record the relation that they come from."""
         link = link_of(self._bodies.of(step))
         self.edges[name] = (("link", link[0]), link[1]) if link else (("rows", step), False)
         if link:

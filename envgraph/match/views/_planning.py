@@ -33,7 +33,7 @@ from envgraph.pattern import (
 )
 
 MOST_ORDERED: Final = 100_000
-"""Estimated rows of a pattern with an inequality such as `x < y` that may still be held to be negated or counted."""
+"""Estimated rows up to which a negated or counted pattern with an inequality such as `x < y` is kept in a view."""
 
 
 class Held(Protocol):
@@ -93,8 +93,8 @@ class ViewPlanner:
     def orders(self, bodies: Sequence[Conjunction]) -> bool:
         """Return whether a pattern has very many rows because of a comparison such as `x < y`.
 
-        Comparisons relate nearly all objects. A search finds by order whether there is a row, or how many, and
-        needs no row for each pair: who negates or counts such a pattern is better evaluated anew after every change.
+        Such comparisons relate nearly all pairs of objects. An ordered index finds whether there is a row, or how many,
+        without listing them. So goals that negate or count such a pattern are recomputed after every change.
         """
         for body in bodies:
             if any(map(_is_ordering, body.goals)):

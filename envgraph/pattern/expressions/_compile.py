@@ -67,8 +67,8 @@ def compile_expression(
         names: what stands for each variable.
         types: types of the variables. With them, arithmetic on ints, comparisons and concatenation of strings are
             written out; without, helpers look at the values.
-        part: it is a side of a comparison: an int in it has no bound.
-        constant: what stands for the literal of a number (from 0).
+        part: the expression is one side of a comparison, in which ints are not limited to 64 bits.
+        constant: returns the code for the literal with a given number (from 0).
 
     Raises:
         InvalidArgument: the expression has a path, or a variable that `names` lacks.

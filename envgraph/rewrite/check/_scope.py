@@ -203,7 +203,7 @@ class RuleScope:
         return True
 
     def feature(self, cls: str, name: str, span: Span | None) -> Attribute | Reference | None:
-        """A feature of a class that can be written; another one is reported."""
+        """Return a feature of a class that can be written. Report an unknown or read-only feature."""
         feature = self.metamodel.feature(cls, name)
         if feature is None:
             hint = self.metamodel.left_out(cls, name) or self._subclass_hint(cls, name)

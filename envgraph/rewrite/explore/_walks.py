@@ -1,4 +1,4 @@
-"""Going from one state of an exploration to another, and back to where it began."""
+"""Move a model from one state of an exploration to another, and at last back to the first."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from envgraph.graph import Model, Savepoint, Shelf, Version, guarded
 
 
 class Walk(ABC):
-    """Where the model stands in the tree of the states that were found; 0 is the first.
+    """The current state in the tree of the states found so far; 0 is the first.
 
-    After `attempt` a move is made, and then comes one of `back`, or `keep` and `park`.
+    The caller calls `attempt`, makes a move, and calls either `back`, or `keep` and then `park`.
     """
 
     @abstractmethod
     def attempt(self) -> None:
-        """A move from the present state follows."""
+        """Prepare for a move from the current state."""
 
     @abstractmethod
     def back(self) -> None:
@@ -24,21 +24,21 @@ class Walk(ABC):
 
     @abstractmethod
     def keep(self) -> Version | None:
-        """The move leads to a new state: its version, where there is one."""
+        """Accept the new state after the move; return its version, None if the walk has no versions."""
 
     @abstractmethod
     def park(self, state: int) -> None:
-        """Leave the new state, for `go`; this is its number."""
+        """Store the new state under a number for `go`, and undo the move."""
 
     @abstractmethod
     def go(self, state: int) -> None:
-        """Go to a state that was parked, or to the first."""
+        """Restore a state that `park` has stored, or the first."""
 
 
 class SavepointWalk(Walk):
-    """Inside one savepoint, with one more for each move from the first state to the present one.
+    """A walk inside a transaction, with one savepoint for each move from the first state to the current one.
 
-    Going from one state to another costs what lies between them in the tree.
+    Going to another state takes time in proportion to the changes on the path between the two in the tree.
     """
 
     def __init__(self, model: Model) -> None:
@@ -56,10 +56,10 @@ class SavepointWalk(Walk):
         self._model.rollback(self._attempt)
 
     def keep(self) -> None:
-        """Nothing: `park` has all there is to know."""
+        """Do nothing: `park` stores the state."""
 
     def park(self, state: int, savepoint: Savepoint | None = None) -> None:
-        """Leave the state that a move has led to since a savepoint, by default that of the attempt."""
+        """Store the current state, and undo the move since the savepoint, by default that of `attempt`."""
         savepoint = savepoint or self._attempt
         assert savepoint is not None
         self._known[state] = self._path[-1], len(self._path), self._model.shelve(savepoint)
@@ -82,7 +82,7 @@ class SavepointWalk(Walk):
 
 @guarded
 def walk_of_savepoints(model: Model) -> Iterator[SavepointWalk]:
-    """A walk inside one transaction; at the end, however it comes, the model is as it was."""
+    """Yield a walk inside one transaction. At the end, or after an exception, the model is as before."""
     with model.transaction():
         depth = model.depth
         yield SavepointWalk(model)
@@ -90,7 +90,7 @@ def walk_of_savepoints(model: Model) -> Iterator[SavepointWalk]:
 
 
 class VersionWalk(Walk):
-    """Every state is a version. Outside of any transaction."""
+    """A walk outside of transactions, in which every state is a version."""
 
     def __init__(self, model: Model) -> None:
         self._model = model
@@ -99,7 +99,7 @@ class VersionWalk(Walk):
         self._kept = self._here
 
     def attempt(self) -> None:
-        """Nothing: the present state is a version."""
+        """Do nothing: the current state is a version."""
 
     def back(self) -> None:
         self._model.checkout(self._here, discard=True)
@@ -119,7 +119,7 @@ class VersionWalk(Walk):
 
 @guarded
 def walk_of_versions(model: Model) -> Iterator[Walk]:
-    """A walk outside of any transaction; at the end, however it comes, the model is as it was."""
+    """Yield a walk outside of transactions. At the end, or after an exception, the model is as before."""
     start = model.commit()
     try:
         yield VersionWalk(model)

@@ -25,15 +25,15 @@ Energy = Callable[[Standing], float]
 
 @dataclass(frozen=True, slots=True)
 class Annealing:
-    """Simulated annealing: random moves, worse ones with a probability that falls.
+    """Simulated annealing: random moves, of which worse ones are accepted with a falling probability.
 
-    The temperature is automatic: it falls exponentially from three tenths to a hundredth of the mean of all increases
-    of cost that moves have led to so far, and is lowest where the moves or the time run out, whichever is first. A move
-    with fewer violations is always accepted, one with more never.
+    The temperature is automatic. It falls exponentially from three tenths to a hundredth of the mean of all increases
+    of cost so far, and is lowest when the moves or the time run out, whichever is first. A move with fewer violations
+    is always accepted, a move with more violations never.
 
     Attributes:
-        runs: how often it begins anew at the start; moves and time are shared out evenly. None: once, or ten times for
-            each of several goals.
+        runs: the number of runs, each from the initial model; they share moves and time evenly. None: one run for one
+            goal, ten runs per goal for several.
     """
 
     runs: int | None = key(None, Options.integer, low=1, most=100_000)

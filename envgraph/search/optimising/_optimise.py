@@ -139,7 +139,7 @@ def pursue(
     progress: Progress | None = None,
     clock: Callable[[], float] = monotonic,
 ) -> Optimum:
-    """As `optimise`, of goals and constraints that are made already; `clock` returns seconds."""
+    """Search as `optimise` does, with prepared goals and constraints; `clock` returns seconds."""
     _check(engine, moves, goals, constraints, steps, target)
     costs = None
     if target is not None:

@@ -41,7 +41,7 @@ class Walk:
         appraise: says what the present model is worth.
         rng: of all choices.
         steps: how many moves may be tried.
-        seconds: for how long; None without end. With a limit the result depends on the machine.
+        seconds: the time limit; None for no limit. With a limit the result depends on the machine.
         target: costs that are good enough: the search ends there.
         tell: is called now and then with how many moves have been tried, and the best states.
         clock: returns seconds since some fixed moment.
@@ -97,7 +97,7 @@ class Walk:
 
     @property
     def time(self) -> float:
-        """The share of the time limit that has passed, from 0 to 1; 0 without a limit."""
+        """Return the share of the time limit that has passed, from 0 to 1; 0 without a limit."""
         if self._seconds is None:
             return 0.0
         passed = self._clock() - self._began

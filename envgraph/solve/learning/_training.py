@@ -25,9 +25,9 @@ from envgraph.solve.learning._stage import Stage, StageOutcome, Table, flatten
 Backend = Literal["auto", "python", "numba"]
 
 COMPILING_PAYS = 4_000_000, 500_000
-"""Steps from which numba's loop is the faster one: of plain Q-learning, and of other agents, slower on lists.
+"""Steps from which the loop of numba is faster, for plain Q-learning and for other agents.
 
-They lie between those with a loop that is compiled already and one that is not: `python -m benchmarks learn`.
+Each lies between the break-even points with and without a compiled loop in the cache: `python -m benchmarks learn`.
 """
 
 MOST_Q_VALUES = 10**8
@@ -72,7 +72,7 @@ def available_backends() -> tuple[Backend, ...]:
 
 
 def choose_backend(backend: Backend, steps: int, settings: TrainingSettings) -> Backend:
-    """Return the loop that takes so many steps soonest; the choice never changes a result.
+    """Return the backend that is fastest for so many steps; the choice never changes a result.
 
     Raises:
         InvalidArgument: the name is unknown, or numba is asked for and not installed.

@@ -629,7 +629,7 @@ def test_models_and_metamodels_are_shown_and_drawn(
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("show", "maze/maze.metamodel", "--format", "json"), "no form in JSON"),
+        (("show", "maze/maze.metamodel", "--format", "json"), "cannot be printed as JSON"),
         (("show", "maze/maze.model", "--variant", "E1"), "a file has no variants"),
         (("show", "maze/none.model", "--format", "svg"), "there is no such file"),
         (("show", "maze", "--format", "dot"), "`envgraph export maze --format svg` draws a run"),

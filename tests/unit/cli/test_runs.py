@@ -187,7 +187,7 @@ def test_a_finished_run_goes_on(envgraph: Call) -> None:
     again = ("generate", "burning_forest/paper.toml", "--name", "a", "--resume")
     assert "has 3 generations already" in envgraph(*again, "--generations", 3, code=1)
     for option in (("--seed", 1), ("--set", "seed=1"), ("--population", 3), ("--force",)):
-        assert "keeps what it began with" in envgraph(*again, *option, code=1)
+        assert "keeps its options" in envgraph(*again, *option, code=1)
 
 
 @pytest.mark.parametrize(

@@ -43,6 +43,6 @@ def test_an_error_is_printed_as_format_says_and_not_as_the_name_of_the_file(
     assert show(monkeypatch, "s.metamodel", "-o", "x.json") == 1
     printed = capsys.readouterr()
     assert (printed.out, Path("x.json").exists()) == ("", False)
-    assert printed.err.startswith("error: a metamodel has no form in JSON")
+    assert printed.err.startswith("error: a metamodel cannot be printed as JSON")
     assert show(monkeypatch, "s.metamodel", "--format", "json", "-o", "x.json") == 1
     assert json.loads(capsys.readouterr().out)["ok"] is False

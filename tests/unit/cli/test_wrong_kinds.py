@@ -128,7 +128,7 @@ def test_a_model_is_known_by_its_root_and_a_family_is_no_language(call: Callable
         assert "hint: it has `burning_forest`: give a metamodel of the other namespace too" in said
         assert "no metamodel of the namespace `b` is given" in call(f"check {name}")
     Path("plain.xml").write_text("<forests/>")
-    assert 'names no metamodel: a model of this one begins with `xmlns:m="burning_forest"`' in call(
+    assert 'declares no namespace: write `xmlns:m="burning_forest"` in the first tag' in call(
         "check plain.xml m.metamodel"
     )
     for name in ("a.xsd", "schema.xml"):
