@@ -1,4 +1,4 @@
-"""Watched rules whose blocks ask for objects that differ from those outside."""
+"""Watch rules with blocks whose objects must differ from the objects outside."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _BLOCKS = {
 
 
 def cases() -> Iterator[Case]:
-    """Rules that are watched in chains, random graphs and stars, and changes of these."""
+    """Yield rules to watch in chains, random graphs and stars, and changes of these."""
     for name in _BLOCKS:
         for shape in (_chain, _random):
             yield f"watch {name}, {shape.__name__[1:]}", 5_000, partial(_watch, name, shape)
@@ -62,7 +62,7 @@ def _watch(name: str, shape: Callable[[int], list[tuple[int, int]]], size: int) 
 
 
 def _change(shape: Callable[[int], list[tuple[int, int]]], size: int) -> Callable[[], object]:
-    """Set each mark and take it away, while the rule is watched."""
+    """Set and clear the mark of each object while the rule is watched."""
     engine = _engine(shape, size)
     engine.add(envgraph.Rule("r", lhs=_LEFT, blocks=_BLOCKS["not"], modify="set y.mark = true;"))
     engine.watch("r")

@@ -1,4 +1,4 @@
-"""`.ecore` and `.xmi` files whose links are paths, keys, and children in other files."""
+"""Read `.ecore` and `.xmi` files whose links are paths, keys, and children in other files."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def _part(inside: str, attributes: str = "") -> str:
 
 
 def cases() -> Iterator[Case]:
-    """`.xmi` files whose links are paths, keys, and children in other files."""
+    """Yield files to read whose links are paths, keys, and children in other files."""
     metamodel = parse_ecore(Source("e.ecore", _PARTS))
 
     def one_file(text: str) -> Callable[[], object]:

@@ -1,4 +1,4 @@
-"""Ordered features: the work on an object that has 8,000 targets or values already."""
+"""Change ordered features of an object that already has 8,000 targets or values."""
 
 from __future__ import annotations
 

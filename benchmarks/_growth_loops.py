@@ -1,4 +1,4 @@
-"""Loops of units."""
+"""Run loops of units."""
 
 from __future__ import annotations
 
@@ -56,12 +56,12 @@ LOOPS = {
 
 
 def cases() -> Iterator[Case]:
-    """Yield `alap` in chains, on demand: each round changes one object."""
+    """Yield loops `alap` on chains, without watched patterns; each round changes one object."""
     yield from ((name, 5_000, loop_case(body, tokens)) for name, (body, tokens) in LOOPS.items())
 
 
 def loop_case(body: str, tokens: int) -> Prepare:
-    """Return a case: a unit on a chain with so many objects marked, one hundredth of the chain apart."""
+    """Return a case that runs a unit on a chain with `tokens` marked objects, one hundredth of the chain apart."""
 
     def case(number: int) -> Callable[[], object]:
         model = envgraph.Model(PLACES)

@@ -1,4 +1,4 @@
-"""Watched circles and recursion."""
+"""Watch cycles and recursive patterns."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def links(shape: str, size: int) -> Sequence[tuple[int, int]]:
 
 
 def watched(shape: str, edits: bool, *patterns: Pattern) -> Prepare:
-    """Watch the last pattern, or, with edits, delete and insert the link in the middle of a model that is watched."""
+    """Prepare to watch the last pattern or, with `edits`, to delete and insert a link while it is watched."""
 
     def case(size: int) -> Callable[[], object]:
         model = Model(STEPS)
@@ -64,7 +64,7 @@ RECURSIVE = {
 
 
 def recursion(kind: str) -> tuple[Pattern, Pattern]:
-    """Return a pattern that is recursive in some way, and one that asks for its rows from one start."""
+    """Return a recursive pattern of some kind, and a pattern that calls it from one start."""
     bodies = ["N.next(a, b)", RECURSIVE[kind]]
     called = Pattern("re", "a : N, b : N", bodies, annotations="@SafeRecursion")
     return called, Pattern("q", "b : N", "N.key(a, 0); find re(a, b)")
@@ -85,5 +85,5 @@ VIEWS: dict[str, Prepare] = {
 
 
 def cases() -> Iterator[Case]:
-    """Yield questions that are watched, and edits of a model in which they are."""
+    """Yield patterns to watch, and edits of models in which they are watched."""
     yield from ((name, 1_000, prepare) for name, prepare in VIEWS.items())

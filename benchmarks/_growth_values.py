@@ -1,4 +1,4 @@
-"""Queries that compare values of objects that nothing else connects."""
+"""Compare values of objects that nothing else connects."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ _COMPARED = {
 
 
 def cases() -> Iterator[Case]:
-    """Queries on demand and watched, and changes while they are watched or asked again."""
+    """Yield queries on demand and watched, and changes between queries or while watched."""
     for name in _COMPARED:
         yield f"{name}, on demand", 1_500, partial(_compare, name, False)
         yield f"{name}, watched", 1_500, partial(_compare, name, True)

@@ -2,9 +2,9 @@
 
     python -m benchmarks growth
 
-Each line is a kind of input in three sizes, each twice that before. Times are of the processor, the best of three runs,
-each on an input of its own. The exponent is that of the power of n by which the last of the times exceeds the first:
-1 is linear, and 1.3 what nothing here should exceed.
+Each line is a kind of input in three sizes, each twice the previous one. Times are processor times, the best of three
+runs, each on a new input. The exponent is the power of n by which time grows from the first size to the last: 1 is
+linear, and no case should exceed 1.3.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from benchmarks._growth import Case, Prepare
 
 
 class Sizes(NamedTuple):
-    """By what the sizes are multiplied, and of how many runs the least time counts."""
+    """The factor of all sizes, and the number of runs, of which the fastest counts."""
 
     scale: float
     runs: int
@@ -53,7 +53,7 @@ def main(sizes: Sizes) -> None:
         print(f"\n{title:48}{'n':>8}{'n [ms]':>10}{'2n [ms]':>10}{'4n [ms]':>10}{'exponent':>10}")
         for name, size, prepare in cases():
             least = max(int(size * sizes.scale), 8)
-            prepare(8)()  # what is imported and made once
+            prepare(8)()  # imports and caches are not timed
             times = [best(prepare, least * factor, sizes.runs) for factor in (1, 2, 4)]
             exponent = log2(times[2] / times[0]) / 2
             worst = max(worst, exponent)

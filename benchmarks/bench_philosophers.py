@@ -4,8 +4,7 @@
 
 `engine.explore` in its variants, beside CLIPS in the same run, where a state is a fact of symbols and a move asserts
 another one: no graph, no way back, but the same states and moves. Then a token that walks into one of twenty corridors:
-breadth first goes from one corridor to the next with every move, and is allowed to be slower. Seconds of processor
-time, once each.
+breadth-first search changes the corridor with every move, and may be slower. Seconds of processor time, once each.
 """
 
 from __future__ import annotations
@@ -47,7 +46,7 @@ MAZE = Metamodel(
 
 
 class Sizes(NamedTuple):
-    """How many philosophers there are, in one table after the other, and how many cells in a corridor."""
+    """The number of philosophers in each table, and the number of cells in a corridor."""
 
     philosophers: tuple[int, ...]
     cells: int
@@ -86,7 +85,7 @@ def title(what: str) -> None:
 
 
 def corridors(cells: int) -> Engine:
-    """Return an engine on a token in the middle of the corridors, each of so many cells."""
+    """Return an engine on a token between the corridors, each of which has `cells` cells."""
     model = Model(MAZE)
     middle = model.create("Cell")
     for _ in range(CORRIDORS):

@@ -2,10 +2,10 @@
 
     python -m benchmarks planning
 
-Two kinds of metamodel: `flat`, whose classes all extend one that contains itself, and `woven`, whose classes extend one
-or two of those before them and have five references each, of which one contains. The first question that is asked of a
-new engine on an empty model: two links over classes in the middle, and no third one. Medians in milliseconds of
-processor time, and the exponent by which they grow with the number of classes.
+There are two kinds of metamodel. In `flat` all classes extend one that contains itself. In `woven` each class extends
+one or two earlier classes and has five references, one of them a containment. Timed is the first query of a new engine
+on an empty model: two links between classes in the middle, and no third link. The table shows medians in milliseconds
+of processor time, and the exponent with which they grow with the number of classes.
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ REPEATS = 5
 
 
 def flat(number: int) -> Metamodel:
-    """One class that contains itself, and subclasses that add nothing."""
+    """Return a metamodel of a class that contains itself, and of subclasses without features."""
     features = (Reference("parts", "C0", 0, None, containment=True), Reference("uses", "C0", 0, None))
     root = Class("C0", abstract=True, features=features)
     return Metamodel("flat", [root, *(Class(f"C{i}", supertypes=("C0",)) for i in range(1, number))])
 
 
 def woven(number: int) -> Metamodel:
-    """Several supertypes for each class, of which the nearest are likely; five references each."""
+    """Return a metamodel whose classes have one or two supertypes, mostly recent classes, and five references."""
     draw = Random(7)
     classes = [*flat(1).class_list]
     for i in range(1, number):
@@ -68,5 +68,5 @@ def main(sizes: tuple[int, ...]) -> None:
         times = [median(first_question(kind(n)) for _ in range(REPEATS)) for n in sizes]
         grows = log(times[-1] / times[0]) / log(sizes[-1] / sizes[0])
         print(f"{kind.__name__:20}" + "".join(f"{t * 1e3:>9.1f}" for t in times) + f"  {grows:.2f}")
-    print("Every repetition makes the metamodel, the model and the engine anew.")
-    print("The least that a question takes is compiling its functions.")
+    print("Every repetition makes a new metamodel, model and engine.")
+    print("Compiling the functions of a query is part of every time.")

@@ -121,7 +121,10 @@ def steps_text(
 ) -> Iterator[str]:
     """Yield one line for each step of a plan and, indented, for the steps inside it.
 
-    `known` are variables with a value before. Of a `watched` pattern the steps are those of a view.
+    Args:
+        counts: the actual numbers of rows of the outer steps, if known.
+        known: variables that have a value before the first step.
+        watched: whether the steps are those of a view.
     """
     found = frozenset(known) - names.constants.keys()
     for number, step in enumerate(plan.steps):

@@ -191,7 +191,7 @@ class Translation:
         self._block.add(*sink.each(self._bindings.source))
 
     def _guard(self, step: Step, sink: Sink, join: ValueJoin | None) -> None:
-        """Before a loop that nothing connects with the loops around it: there must not be too many matches."""
+        """Emit a check for too many matches before a loop that nothing connects with the outer loops."""
         if self.bounded is None or step.kind is not Kind.LOOP or not (self._block.loops or self._continues):
             return
         if join is None and not any(map(self._bindings.known, variables(step.goal))):
