@@ -98,13 +98,8 @@ def print_speed(steps: dict[str, int]) -> None:
 
 
 def print_break_even(steps: dict[str, int]) -> None:
-<<<<<<< HEAD
-    """Print from how many steps on it pays to import numba and to compile the loop, or to load what was compiled."""
-    if BACKEND != "numba":
-=======
     """Print the number of steps from which importing numba pays, with compiling the loop and with loading it."""
-    if "numba" not in steps or BACKEND != "numba":
->>>>>>> c9d6ec85 (Say the documentation and the changelog in plain words)
+    if BACKEND != "numba":
         return
     print(f"{'break-even, million steps':28}{'nothing compiled yet':>22}{'compiled before':>18}")
     for label, settings in {

@@ -107,8 +107,8 @@ class _Populations:
         concrete = [cls.name for cls in metamodel.class_list if not cls.abstract]
         roots = [name for name in concrete if name not in parts]
         self.sizes = {name: 1.0 if name in owners else UNKNOWN for name in roots}
-        for nodes, _ in components([("exact", name) for name in concrete], self._leads):
-            self._fill(dict.fromkeys(nodes))
+        for nodes, _ in components([("exact", name) for name in concrete], self._containers):
+            self._estimate(dict.fromkeys(nodes))
         self.sizes = dict.fromkeys(concrete, UNKNOWN) | self.sizes  # some contain only each other
 
     def _containers(self, node: tuple[str, str]) -> Iterator[tuple[str, str]]:
@@ -127,23 +127,23 @@ class _Populations:
                 yield "exact", name
             yield from (("owner", below) for below in self._below[name])
 
-    def _fill(self, nodes: Mapping[tuple[str, str], None]) -> None:
-        """Fill the classes of a component."""
+    def _estimate(self, nodes: Mapping[tuple[str, str], None]) -> None:
+        """Estimate the classes of a component, wave by wave."""
         left = [name for kind, name in nodes if kind == "exact" and name not in self.sizes]
         into = [reference for kind, name in nodes if kind == "part" for reference in self._into[name]]
         inner = [reference for reference in into if ("owner", reference.owner) in nodes]
-        self._hold(into, self.sizes)
+        self._distribute(into, self.sizes)
         while wave := {name: min(max(self._held[name], 1.0), MOST) for name in left if name in self._held}:
             self.sizes.update(wave)
             left = [name for name in left if name not in wave]
-            self._hold(inner, wave)
+            self._distribute(inner, wave)
 
-    def _hold(self, references: Iterable[Reference], owners: Mapping[str, float]) -> None:
-        """Share what owners hold by references equally among the classes that can stand there."""
+    def _distribute(self, references: Iterable[Reference], owners: Mapping[str, float]) -> None:
+        """Distribute what the owners contain by references equally among the concrete classes of the targets."""
         shares: defaultdict[str, float] = defaultdict(float)
         for reference in references:
             held = PARTS if reference.upper is None else min(float(reference.upper), PARTS)
-            known = (owners.get(name, 0.0) for name in self._metamodel.concrete(reference.owner))
+            known = (owners[name] for name in self._metamodel.concrete(reference.owner) if name in owners)
             shares[reference.target] += held * sum(known)
         for target, size in shares.items():
             classes = self._metamodel.concrete(target) if size else ()
