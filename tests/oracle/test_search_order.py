@@ -37,7 +37,7 @@ def test_the_key_sorts_rows_as_the_search_lists_them(seed: int, size: int) -> No
     ordered(seed, size)
 
 
-def test_a_third_of_the_worlds_has_such_patterns() -> None:
+def test_a_third_of_the_worlds_has_patterns_with_an_order() -> None:
     assert sum(ordered(seed, 3) > 0 for seed in range(12)) >= 4
 
 

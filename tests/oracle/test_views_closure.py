@@ -324,7 +324,7 @@ def test_all_starts_of_a_graph_without_circles_have_trees_that_are_copied_once()
     views.check_integrity()
 
 
-def test_circles_cost_no_more_than_the_steps() -> None:
+def test_cycles_take_memory_in_proportion_to_the_steps() -> None:
     model = Model(PLACES)
     chain = [model.new("Place") for _ in range(3000)]
     for near, far in pairwise(chain):
@@ -470,7 +470,7 @@ def test_a_grid_that_falls_into_halves_and_grows_together_does_not_store_its_pai
     grid.views.check_integrity()
 
 
-def test_a_leaf_of_a_deep_tree_concerns_what_is_above_it(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_changing_a_leaf_of_a_deep_tree_updates_its_ancestors(monkeypatch: pytest.MonkeyPatch) -> None:
     # All pairs are so many that no index of them would pay: what is above the leaf is searched for.
     places = Metamodel("places", (Class("Place", features=(Reference("to", "Place", 0, None),)),))
     random, model, (to,) = Random(1), Model(places), places.references

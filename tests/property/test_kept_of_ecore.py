@@ -85,7 +85,7 @@ def said(text: str) -> list[dict[str, str]]:
 
 
 @given(st.lists(features(), max_size=4))
-def test_features_say_the_same_after_reading_and_writing(found: list[dict[str, str]]) -> None:
+def test_features_are_the_same_after_reading_and_writing(found: list[dict[str, str]]) -> None:
     tags = [
         f"<eStructuralFeatures name='f{place}' {' '.join(f'{key}={quoteattr(value)}' for key, value in one.items())}/>"
         for place, one in enumerate(found)

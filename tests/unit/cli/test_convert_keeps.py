@@ -127,7 +127,7 @@ def test_applying_a_rule_keeps_the_digits_that_it_does_not_change(run: Run) -> N
     assert f'cash="{LARGE}" weight="2.0"' in Path("b.xmi").read_text()
 
 
-def test_what_other_programs_note_in_a_model_is_counted(run: Run) -> None:
+def test_skipped_additions_of_other_programs_are_counted(run: Run) -> None:
     extension = "<xmi:Extension><a/></xmi:Extension>"
     Path("a.xmi").write_text(
         f'{HEAD} xmlns:o="http://other" xsi:schemaLocation="http://x/shop shop.ecore" xmi:uuid="1" o:x="1">'

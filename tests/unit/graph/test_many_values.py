@@ -218,7 +218,7 @@ def test_versions_restore_edits_at_positions_exactly(model: Model) -> None:
     assert model.copy().nodes("Book")[0].tags == book.tags
 
 
-def test_a_position_that_is_not_there(model: Model) -> None:
+def test_positions_out_of_range_behave_as_in_a_list(model: Model) -> None:
     book = model.create("Book", tags=["a"])
     with pytest.raises(IndexError):
         del book.tags[1]

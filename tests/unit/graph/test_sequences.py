@@ -76,7 +76,7 @@ def test_what_follows_the_model_is_rolled_back_with_it():
     assert index == {"burning": 1}
 
 
-def test_a_move_is_exact_and_finds_its_elements_again():
+def test_a_move_updates_indices_and_can_be_undone():
     items = IndexedSet(tuple(range(300)))
     journal: Journal = []
     for item, index in ((299, 0), (5, 200), (0, 299), (150, 150), (299, 298)):

@@ -107,7 +107,7 @@ def lost(found: Workspace) -> list[str]:
     return [one.message for one in found.diagnostics if one.code == "values-left-out"]
 
 
-def test_a_document_is_an_object_that_contains_the_one_of_its_first_tag() -> None:
+def test_a_document_root_contains_the_object_of_the_first_tag() -> None:
     model = order("<comment>soon</comment>", 'no="7"').model()
     (root,) = model.nodes("DocumentRoot")
     assert (root.order.number, root.order.remark) == (7, "soon")
@@ -266,7 +266,7 @@ def test_truth_values_are_written_in_several_ways(text: str, value: bool) -> Non
     assert loaded(f'<m:A xmlns:m="http://x/m" b="{text}"/>', VALUES).model().nodes("A")[0].b is value
 
 
-def test_other_words_are_no_truth_values() -> None:
+def test_other_words_are_not_bools() -> None:
     found = loaded('<m:A xmlns:m="http://x/m" b="yes"/>', VALUES)
     assert [one.message for one in found.errors] == ["`A.b` takes a `bool`, not `yes`"]
 
@@ -311,7 +311,7 @@ def test_classes_of_a_given_metamodel_are_values() -> None:
     model.check_integrity()
 
 
-def test_of_ecore_itself_a_model_has_what_is_named() -> None:
+def test_only_named_types_of_ecore_become_objects() -> None:
     texts = {"a.xmi": package(cls("A", attribute("n", "EInt"), reference("o", f"{ECORE}#//EObject")))}
     query = f'import "{ECORE}"\npattern types(c : EClassifier, n : string) {{ EClassifier.name(c, n); }}'
     found = load_workspace(["a.xmi", "q.vql"], files=TextFiles(texts | {"q.vql": query}))

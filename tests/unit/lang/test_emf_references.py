@@ -67,7 +67,7 @@ def names_in_pyecore(directory: Path, texts: dict[str, str], feature: str) -> li
         ('<parts name="a"/><parts href="d/f.xmi#/"/><parts href="c.xmi#/"/>', ["a", "deep", "child"]),
     ],
 )
-def test_what_other_files_contain_stands_where_the_text_names_it(
+def test_children_of_other_files_keep_their_place_in_the_text(
     tmp_path: Path, inside: str, expected: list[str]
 ) -> None:
     main, child, deep = part("root", inside), part("child", '<parts name="grand"/>'), part("deep")
@@ -171,7 +171,7 @@ def test_objects_are_found_by_their_keys(fragment: str, place: int) -> None:
     assert list(products[4].needs) == [products[place]]
 
 
-def test_a_path_goes_on_behind_keys() -> None:
+def test_a_path_may_continue_after_keys() -> None:
     model = needs("//@products[ID='C40']/@parts[ID='x']", "//@products[ID='C40']/@parts.0")
     (part,) = model.nodes("Library")[0].products[0].parts
     assert list(model.nodes("Library")[0].products[4].needs) == [part]

@@ -122,7 +122,7 @@ def test_reading_and_writing_twice_changes_nothing() -> None:
     assert metamodel_to_ecore(again) == text
 
 
-def test_everything_that_is_said_is_in_the_written_file() -> None:
+def test_written_files_have_all_annotations_and_attributes() -> None:
     """Compare word for word, since pyecore reads neither `eKeys` nor `serializable`."""
     text = metamodel_to_ecore(metamodel())
     for word in (
@@ -152,7 +152,7 @@ def test_annotations_are_data_in_their_order() -> None:
     assert bank.annotations[3].arguments == ("gmf.node", "label.icon", "no", "label", "name")
 
 
-def test_what_is_usual_needs_no_annotation() -> None:
+def test_defaults_of_ecore_need_no_annotation() -> None:
     plain = Metamodel("m", [Class("A", features=(Attribute("n", Scalar.INT), Attribute("s", Scalar.STRING)))])
     assert all(not one.annotations for one in metamodel(metamodel_to_ecore(plain)).attributes)
 
@@ -201,7 +201,7 @@ def test_documentation_is_written_first() -> None:
     assert written.index("documentation") < written.index("subsets")
 
 
-def test_what_nothing_keeps_is_counted() -> None:
+def test_parts_that_are_lost_are_counted() -> None:
     text = (
         HEAD
         + '<eClassifiers xsi:type="ecore:EEnum" name="E" xmi:id="_1"><eLiterals name="a"><eAnnotations source="s"/>'

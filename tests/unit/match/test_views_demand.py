@@ -79,7 +79,7 @@ def test_a_question_about_one_start_keeps_no_pairs(query: str) -> None:
     assert [each.size() for each in closures] == [SIDE * SIDE]
 
 
-def test_a_question_about_circles_keeps_the_nodes_on_circles() -> None:
+def test_a_query_for_cycles_keeps_only_nodes_on_cycles() -> None:
     matcher = ViewMatcher(grid(), library())
     matcher.watch("loop")
     circles = [each for each in matcher.kept.network.operators.values() if isinstance(each, CircleOperator)]

@@ -105,7 +105,7 @@ def test_a_star_costs_as_much_as_its_links_however_many_change_at_once(
     made.check_integrity()
 
 
-def test_numbers_of_different_objects_are_counted_for_the_pairs_that_are_asked() -> None:
+def test_differing_objects_are_counted_for_the_needed_pairs_only() -> None:
     other = Pattern("other", "x : N, y : N, z : N", "N.next(y, z); x != z;")
     asked = Pattern("asked", "x : N, y : N, n : int", "N.next(x, y); n == count find other(x, y, _);")
     made, nodes = engine([*chain(SIZE), (1, 0), (1, 5)], other, asked)
@@ -117,7 +117,7 @@ def test_numbers_of_different_objects_are_counted_for_the_pairs_that_are_asked()
     made.check_integrity()
 
 
-def test_values_from_outside_are_compared_inside() -> None:
+def test_blocks_compare_values_of_the_left_side() -> None:
     above = Rule(
         "r",
         lhs="x : N -next-> y : N; N.v(x, k);",

@@ -236,7 +236,7 @@ def few(length: int) -> Model:
 
 
 @pytest.mark.parametrize("unit", ["few", "turns", "drawn", "inside", "beside", "all_", "tested", "closed"])
-def test_a_search_for_few_rows_is_replaced_and_nobody_can_tell(
+def test_replacing_a_search_for_few_rows_by_a_view_changes_no_result(
     unit: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(_loops, "LONG", 100)
@@ -308,7 +308,7 @@ def test_a_closure_from_one_start_is_kept_for_a_loop(monkeypatch: pytest.MonkeyP
     assert_left(one)
 
 
-def test_what_would_be_too_large_is_searched_for(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_pattern_with_a_too_large_view_is_searched_for(monkeypatch: pytest.MonkeyPatch) -> None:
     text = """
     rule odd { lhs { x : Item -next-> y : Item; check x.done; }
         not { a : Item -next+-> b : Item; check a.n > b.n + x.n; }

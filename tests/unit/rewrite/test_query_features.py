@@ -93,7 +93,7 @@ def engine() -> Engine:
     return engine
 
 
-def test_handles_read_the_matches(engine: Engine) -> None:
+def test_handles_read_the_matches_of_the_defining_pattern(engine: Engine) -> None:
     model = engine.model
     a, b, c, d = (model[name] for name in "abcd")
     assert sorted(one.name for one in a.descendants) == ["b", "c", "d"] and b.descendants == [c]
@@ -167,7 +167,7 @@ def test_writing_is_refused(engine: Engine, change: str) -> None:
     engine.model.check_integrity()
 
 
-def test_nothing_of_it_is_stored(engine: Engine) -> None:
+def test_xmi_files_lack_defined_features(engine: Engine) -> None:
     assert engine.model["a"].total == 22
     text = model_to_xmi(engine.model)
     assert "total" not in text and "descendants" not in text and "children" in text
@@ -191,7 +191,7 @@ def test_a_query_that_is_removed_defines_nothing(engine: Engine) -> None:
     engine.model.check_integrity()
 
 
-def test_what_reads_a_feature_already_keeps_its_meaning(engine: Engine) -> None:
+def test_a_feature_that_a_pattern_reads_cannot_be_defined_later(engine: Engine) -> None:
     engine = Engine(Model(KIN))
     engine.add(Pattern("reads", *READING["arrow"]))
     with pytest.raises(ResolutionError, match=r"`reads` was added before, and reads `Person.descendants`"):

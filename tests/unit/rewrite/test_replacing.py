@@ -134,7 +134,7 @@ def test_python_definitions_are_removed() -> None:
 @pytest.mark.parametrize(
     ("matcher", "watched"), [(ViewMatcher, True), (ViewMatcher, False), (NaiveMatcher, False)]
 )
-def test_what_uses_a_replaced_definition_goes_by_the_new_one(matcher: type[Matcher], watched: bool) -> None:
+def test_patterns_use_a_replaced_definition(matcher: type[Matcher], watched: bool) -> None:
     engine = made(matcher)
     if watched:
         engine.watch("small", "near", "mark")

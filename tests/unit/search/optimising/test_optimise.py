@@ -231,7 +231,7 @@ def test_what_a_callable_measures_may_be_an_objective() -> None:
     assert found.best.values["classes"] == len(engine.model.nodes("Class")) > 3
 
 
-def test_the_progress_is_told() -> None:
+def test_progress_is_reported() -> None:
     told: list[int] = []
     engine = envgraph.open("assignment")
     optimise(engine, MOVES, maximise="craIndex", steps=300, progress=lambda done, _: told.append(done))
