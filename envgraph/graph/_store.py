@@ -167,7 +167,9 @@ class Store:
             self.journal.extend((extent, node, None, OUT))
         extent.add(node)
         self.total += self.salts[0][node] * self._class_codes[cls]
-        self._changed(~node)
+        self.revision += 1
+        if self.touched is not None:
+            self._touch(~node)
         if self.listeners:
             self._inserted(ClassFact(self.metamodel.class_list[cls].name, node))
 
@@ -199,7 +201,9 @@ class Store:
             self.journal.extend((extent, node, self.place[node], IN))
         place = extent.take(node)
         self.total -= self.salts[0][node] * self._class_codes[cls]
-        self._changed(~node, *(~moved for moved in extent[place : place + 1]))
+        self.revision += 1
+        if self.touched is not None:
+            self._touch(~node, *(~moved for moved in extent[place : place + 1]))
 
     def put(self, node: int, attribute: int, value: Any) -> None:
         """The object gets another value in an attribute, or None."""
@@ -226,7 +230,9 @@ class Store:
                 self.journal.extend((column, node, old, SET))
             column[node] = value
             self.total += self.salts[0][node] * change
-            self._changed(node)
+            self.revision += 1
+            if self.touched is not None:
+                self._touch(node)
             if value is not None:
                 hook = self.value_added[attribute]
                 if hook is not None:
@@ -255,7 +261,8 @@ class Store:
         for each in (values or ()), (old or ()):
             change = sum(codes.get(value) or self._code(attribute, value) for value in each) - change
         self.total -= self.salts[0][node] * change
-        self._changed(node)
+        self.revision += 1
+        self._touch(node)
         for value in after if heard else ():
             if value not in before:
                 self.add_end(distinct, node, value)
@@ -277,7 +284,8 @@ class Store:
         sign = 1 if inserting else -1
         code = self._value_codes[attribute].get(value) or self._code(attribute, value)
         self.total += sign * self.salts[0][node] * code
-        self._changed(node)
+        self.revision += 1
+        self._touch(node)
         if inserting and not stays:
             self.add_end(distinct, node, value)
         if (stays or inserting) and index < len(column[node]) - inserting:
@@ -490,9 +498,8 @@ class Store:
         self.revision += 1
         self.touched = None
 
-    def _changed(self, *nodes: int) -> None:
-        """Begin a new revision, with other objects touched."""
-        self.revision += 1
+    def _touch(self, *nodes: int) -> None:
+        """Note that objects have changed in the present revision, if somebody wants to know."""
         if self.touched is not None:
             for node in nodes:
                 self.touched.pop(node, None)
