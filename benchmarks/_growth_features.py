@@ -53,6 +53,11 @@ def cases() -> Iterator[Case]:
     def new(found: Node) -> Node:
         return found.model.create("Node")
 
+    def every_other(size: int) -> Callable[[], object]:
+        found = world(size)
+        kept = list(found.nodes)[::2]
+        return lambda: setattr(found, "nodes", kept)
+
     rows: dict[str, tuple[int, Prepare]] = {
         "nodes.insert(0, new)": (500, repeated(lambda w, _: w.nodes.insert(0, new(w)))),
         "nodes.insert(middle, new)": (500, repeated(lambda w, _: w.nodes.insert(4_000, new(w)))),
@@ -65,5 +70,6 @@ def cases() -> Iterator[Case]:
         "tags.insert(0), rolled back": (500, rolled_back(lambda w, n: w.tags.insert(0, f"u{n}"))),
         "marks.append, with repetitions": (500, repeated(lambda w, n: w.marks.append(n % 7))),
         "tags = n values": (2_000, lambda size: lambda: world(size)),
+        "nodes = every other of n": (4_000, every_other),
     }
     yield from ((name, size, prepare) for name, (size, prepare) in rows.items())

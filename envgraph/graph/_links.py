@@ -191,9 +191,8 @@ def _replace(model: Model, relation: Relation, source: int, targets: Sequence[in
     for target in targets:
         model.link(source, relation.reference, target)
     # Among more than 32 targets, the last one takes the place of a removed one.
-    if tuple(relation.forward[source]) != tuple(targets):
-        for index, target in enumerate(targets):
-            model.store.move_target(relation, source, target, index)
+    model.store.keep_distinct(relation.forward, source, tuple(targets))
+    model.store.revision += 1
 
 
 def container(model: Model, node: int) -> tuple[int, Reference] | None:

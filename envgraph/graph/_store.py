@@ -305,7 +305,7 @@ class Store:
             self._inserted(fact) if there else self._removing(fact)
 
     def keep_distinct(self, distinct: Any, node: int, values: Values) -> None:
-        """Make these the distinct values of an object, in their order."""
+        """Make these the distinct values, or the targets, of an object, in their order."""
         if tuple(distinct[node]) != values:
             self.record(distinct, node, distinct[node], SET)
             distinct[node] = self.grouped(values)

@@ -23,7 +23,7 @@ _UP = 12
 
 
 class EcoreDocument:
-    """One `.ecore` file as a tree of tags.
+    """Holds one `.ecore` file as a tree of tags.
 
     Attributes:
         top: the first tag; if that is an `xmi:XMI`, the tags in it.

@@ -81,7 +81,7 @@ class Reading:
         self.errors = 0
         self._unresolved = 0
         self._places: dict[str, int] = {}
-        """How often each problem has been reported."""
+        """Number of reports of each problem."""
         self.diagnostics: list[Diagnostic] = []
         self.documents: dict[str, Document | None] = {}
         self.children: dict[tuple[int, str], list[int | tuple[Document, Link] | None]] = {}

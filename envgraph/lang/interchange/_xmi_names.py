@@ -13,7 +13,7 @@ from envgraph.metamodel import Annotation, Attribute, Feature, Metamodel, Refere
 
 @dataclass(slots=True)
 class Table:
-    """How the objects of a class are written in XML.
+    """Says how the objects of a class are written in XML.
 
     Attributes:
         name: the class.

@@ -174,7 +174,7 @@ def habit(grammar: Grammar, states: list[int], lexemes: Sequence[Lexeme], index:
 
 
 _XTEND = {"<>": "`!=`", "**": "`pow(a, b)`", "?:": "`test ? a : b`", "?.": "`x.feature`, without `?`"}
-"""What to write for operators of Xtend that are two signs here."""
+"""By operators of Xtend that are no operators here: what is written instead."""
 
 _ENDLESS = {"unterminated-text", "unterminated-comment", "too-many-errors"}
 

@@ -15,7 +15,8 @@ from envgraph.graph import Store
 FEW: Final = 2
 """Questions that are answered by looking at all objects; for more there is an index."""
 FOLLOWED: Final = 8
-"""One of so many objects may have changed since the last question for an index to be brought up to date."""
+"""An index is brought up to date if at most one of so many objects has changed since, else made anew: see the
+benchmark `questions`."""
 
 Entries = Callable[[Iterable[int]], Iterator[tuple[Any, Any, int]]]
 """Yields for objects, in their order, a key, a value that may have bounds, and the object."""

@@ -32,7 +32,7 @@ from envgraph.pattern import (
 
 @dataclass(frozen=True, slots=True)
 class Side:
-    """One side of a comparison: an expression, and the variables that its names stand for."""
+    """Holds one side of a comparison: an expression, and the variables that its names stand for."""
 
     expression: Expression
     reads: tuple[tuple[str, int], ...]

@@ -18,7 +18,7 @@ PARTS = 50.0
 UNKNOWN = 100.0
 """Objects of a class that nothing contains and that contains nothing."""
 MOST = 10_000.0
-"""Objects of a class that something contains."""
+"""The largest estimate for a class that something contains."""
 
 
 class Sizes:

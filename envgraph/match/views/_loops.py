@@ -16,7 +16,8 @@ LONG: Final = 100_000
 SPREAD: Final = 4
 """Matches for each object up to which a view is made; patterns with more are searched in every round."""
 SORTED: Final = 16
-"""Accesses to the model in the time that it takes to sort one row into the order of a search."""
+"""Accesses to the model in the time that it takes to sort one row into the order of a search; see the benchmark
+`growth`."""
 
 
 class Loops:

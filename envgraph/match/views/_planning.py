@@ -33,7 +33,8 @@ from envgraph.pattern import (
 )
 
 MOST_ORDERED: Final = 100_000
-"""Estimated rows up to which a negated or counted pattern with an inequality such as `x < y` is kept in a view."""
+"""Estimated rows up to which a negated or counted pattern with an inequality such as `x < y` is kept in a view; see
+the benchmark `growth`."""
 
 
 class Held(Protocol):

@@ -300,3 +300,18 @@ def test_targets_that_stay_are_in_the_order_that_was_assigned():
     wood.states = [*tiles[20:], tiles[3]]
     assert wood.states == [*tiles[20:], tiles[3]]
     model.check_integrity()
+
+
+def test_removing_some_of_many_targets_keeps_the_order_at_both_ends():
+    ends = (
+        Reference("to", "Place", 0, None, opposite="of"),
+        Reference("of", "Place", 0, None, opposite="to"),
+    )
+    model = Model(Metamodel("places", [Class("Place", features=ends)]))
+    hub, other, *places = (model.create("Place") for _ in range(42))
+    hub.to = places
+    other.to = places
+    hub.to = places[::2]
+    assert hub.to == places[::2]
+    assert all(place.of == ([hub, other] if place in places[::2] else [other]) for place in places)
+    model.check_integrity()
