@@ -11,8 +11,9 @@ from tempfile import mkdtemp
 from benchmarks._growth import Case
 from envgraph.errors import Source
 from envgraph.graph import model_to_xmi
-from envgraph.lang import TextFiles, load_workspace, parse_ecore, parse_xmi
+from envgraph.lang import TextFiles, load_workspace
 from envgraph.metamodel import metamodel_to_ecore
+from tests.reading import parse_ecore, parse_xmi
 
 _HEAD = 'xmlns:xmi="http://www.omg.org/XMI" xmlns:xsi="http://www.w3.org/2001/XMLSchema-instance"'
 _STRING = "ecore:EDataType http://www.eclipse.org/emf/2002/Ecore#//EString"

@@ -28,7 +28,16 @@ from numpy.typing import NDArray
 from benchmarks._peers import peer
 from envgraph.behaviour import Behaviour
 from envgraph.env import EnvgraphLiveEnv, Simulator, can_end, explore
-from envgraph.env.compiled import Batch, CompiledEnv, Program, enumerated, find_plan, guided, program_of
+from envgraph.env.compiled import (
+    Batch,
+    CompiledEnv,
+    Plan,
+    PlanSearch,
+    Program,
+    enumerated,
+    guided,
+    program_of,
+)
 from envgraph.lang import load_workspace
 from envgraph.learn import TrainingSettings, play_program, train_program
 from envgraph.rewrite import Engine
@@ -294,7 +303,7 @@ def _plans(sizes: Sizes) -> None:
         with_guides, guides = guided(behaviour)
         program = program_of(engine, with_guides)
         for limit in sizes.limits:
-            job = partial(find_plan, program, guides=guides, limit=limit)
+            job = partial(_planned, program, guides, limit)
             print(f"{name:25} {_best(job):10.5f}  {job()}", flush=True)
         print(f"{name:25} {_best(partial(can_end, engine, behaviour, 1), 1):10.5f}  live", flush=True)
 
@@ -363,6 +372,11 @@ def _with_torch(layers: Sequence[tuple[NDArray[Any], NDArray[Any]]], sizes: Size
 def _rates(seconds: Sequence[float]) -> str:
     """Million steps a second: by the best burst, and by the median."""
     return f"{1e-6 / min(seconds):.2f} {1e-6 / median(seconds):.2f}"
+
+
+def _planned(program: Program, guides: int, limit: int) -> Plan:
+    """Search for a plan in arrays of its own."""
+    return PlanSearch(program, limit=limit).plan(guides)
 
 
 def _best(job: Callable[[], object], times: int = 5) -> float:

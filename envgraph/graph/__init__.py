@@ -22,7 +22,7 @@ from envgraph.graph._facts import ClassFact, Fact, LinkFact, Listener, ValueFact
 from envgraph.graph._history import Savepoint, Shelf
 from envgraph.graph._interrupts import deferred, guarded
 from envgraph.graph._isomorphism import Shapes
-from envgraph.graph._journal import EXCHANGE, IN, OUT, SET, Exchangeable, IndexedSet
+from envgraph.graph._journal import EXCHANGE, IN, OUT, SET, IndexedSet
 from envgraph.graph._model import Model
 from envgraph.graph._node import Node, Targets, ValueList
 from envgraph.graph._picture import PictureOptions
@@ -49,7 +49,6 @@ __all__ = [
     "SET",
     "ClassFact",
     "Defined",
-    "Exchangeable",
     "Fact",
     "IndexedSet",
     "JsonPath",

@@ -4,8 +4,8 @@ An entry is four items, `container, key, old, opcode`, the opcode last because u
 entries that were tuples would keep the garbage collector busy. Undoing a stretch of entries gives the inverse
 stretch, so redo is the same mechanism.
 
-Whatever must follow rollbacks and versions keeps its state in lists, dicts and `IndexedSet`s and records here; a
-structure with another shape implements `Exchangeable`.
+Whatever must follow rollbacks and versions keeps its state in lists, dicts and `IndexedSet`s and records here. A
+structure with another shape has a method `exchange`, see `EXCHANGE`.
 
 An entry is written before the change that it undoes (a write-ahead log). So an exception in the middle of a change,
 such as that of Ctrl-C, leaves only the last entry in doubt: `take_back` settles it.
@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Iterable, Iterator
 from itertools import chain, repeat
-from typing import Any, Final, Protocol, TypeVar
+from typing import Any, Final, TypeVar
 
 Item = TypeVar("Item", bound=Hashable)
 
@@ -38,17 +38,6 @@ Journal = list[Any]
 
 Contents = tuple[int, dict[int, Item]]
 """Length of a sequence, and elements by position; those that are not named are as they are."""
-
-
-class Exchangeable(Protocol):
-    """A structure of another shape that still takes part in the journal."""
-
-    def exchange(self, key: Any, state: Any) -> Any:
-        """Put `state` at `key` and return what was there, so that exchanging that again is the inverse.
-
-        Keys are independent of each other, and of other structures: of several exchanges at one key in a row, only the
-        last one counts.
-        """
 
 
 class IndexedSet(list[Item]):

@@ -20,7 +20,7 @@ from envgraph.lang.family._family import (
     Strength,
     TrainingSpec,
 )
-from envgraph.lang.family._family_reader import find_family, load_family
+from envgraph.lang.family._family_reader import find_family
 from envgraph.lang.family._options import LARGEST, Options
 from envgraph.lang.family._section import ComponentSpec, Name, key
 from envgraph.lang.loading._checking import conformance
@@ -31,7 +31,7 @@ from envgraph.lang.loading._family_check import (
     numeric_parameters,
 )
 from envgraph.lang.loading._import_check import LANGUAGES
-from envgraph.lang.loading._open import load, load_behaviour, load_workspace, open, open_workspace
+from envgraph.lang.loading._open import load, load_workspace, open, open_workspace
 from envgraph.lang.loading._workspace import Workspace
 from envgraph.lang.read._model import ModelText
 from envgraph.lang.syntax._data import bundled_domain, bundled_domains, data_path
@@ -42,7 +42,6 @@ if TYPE_CHECKING:
     from envgraph.graph import JsonPath
     from envgraph.lang._constructors import Pattern, Rule, Unit
     from envgraph.lang.format._format import format_text, language_of
-    from envgraph.lang.interchange._ecore import parse_ecore
     from envgraph.lang.interchange._json import check_json, model_at, parse_json, parse_model
     from envgraph.lang.interchange._level_template import LevelTemplate
     from envgraph.lang.interchange._levels import Level, LevelCell, read_levels
@@ -53,7 +52,6 @@ if TYPE_CHECKING:
         model_to_pyecore,
     )
     from envgraph.lang.interchange._trace import parse_trace
-    from envgraph.lang.interchange._xmi import parse_xmi
     from envgraph.lang.read._from_text import from_text
     from envgraph.lang.write._model_to_text import model_to_text
     from envgraph.lang.write._text_derived import spelled_out
@@ -105,8 +103,6 @@ __all__ = [
     "key",
     "language_of",
     "load",
-    "load_behaviour",
-    "load_family",
     "load_workspace",
     "metamodel_from_pyecore",
     "metamodel_to_pyecore",
@@ -117,11 +113,9 @@ __all__ = [
     "numeric_parameters",
     "open",
     "open_workspace",
-    "parse_ecore",
     "parse_json",
     "parse_model",
     "parse_trace",
-    "parse_xmi",
     "read_levels",
     "read_source",
     "spelled_out",
@@ -133,14 +127,12 @@ later(
     {
         "envgraph.lang._constructors": "Pattern Rule Unit",
         "envgraph.lang.format._format": "format_text language_of",
-        "envgraph.lang.interchange._ecore": "parse_ecore",
         "envgraph.lang.interchange._json": "check_json model_at parse_json parse_model",
         "envgraph.lang.interchange._level_template": "LevelTemplate",
         "envgraph.lang.interchange._levels": "Level LevelCell read_levels",
         "envgraph.lang.interchange._pyecore": "metamodel_from_pyecore metamodel_to_pyecore "
         "model_from_pyecore model_to_pyecore",
         "envgraph.lang.interchange._trace": "parse_trace",
-        "envgraph.lang.interchange._xmi": "parse_xmi",
         "envgraph.lang.read._from_text": "from_text",
         "envgraph.lang.write._model_to_text": "model_to_text",
         "envgraph.lang.write._text_derived": "spelled_out",

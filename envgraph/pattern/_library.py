@@ -9,7 +9,6 @@ from typing import NamedTuple
 from envgraph.errors import Diagnostic, InvalidArgument, ResolutionError, Severity, did_you_mean, has_errors
 from envgraph.metamodel import Attribute, AttributeType, Feature, Metamodel, Reference, type_name
 from envgraph.pattern._analysis import Analysis, Entry, Names, UnknownNames, definitions
-from envgraph.pattern._binding import bound_by_type
 from envgraph.pattern._bodies import Data, Reading
 from envgraph.pattern._functions import FunctionDeclaration, Functions, declared, resolved
 from envgraph.pattern._inference import BodyTypes, Signature
@@ -282,15 +281,6 @@ class Library:
 
         reading = Reading(body, pattern.parameters)
         return BodyTypes(reading, pattern.parameters, self.metamodel, callee).types
-
-    def bound_by_type(self, qualified_name: str, number: int) -> tuple[tuple[str, AttributeType], ...]:
-        """Variables of a body (from 0) that have all values of a type that occur in the model.
-
-        Raises:
-            InvalidArgument: there is no such pattern.
-        """
-        entry = self._entry(qualified_name)
-        return bound_by_type(entry.bodies[number], entry.pattern.parameters)
 
     def _generate(self, wanted: ResolvedPath | AttributeType | Feature) -> str:
         """Register the pattern of a path or of the values of a type; the same one always has the same name."""

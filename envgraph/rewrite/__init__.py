@@ -31,7 +31,6 @@ from envgraph.errors import later, shorten
 from envgraph.rewrite._branches import Branches
 from envgraph.rewrite._match import Application, Firing, Match, Matches, Row, Shape
 from envgraph.rewrite._names import Signature, Taken
-from envgraph.rewrite.check._check import check_rule
 from envgraph.rewrite.engine._described import Steps
 from envgraph.rewrite.engine._engine import Engine
 from envgraph.rewrite.engine._losses import Loss
@@ -78,7 +77,6 @@ __all__ = [
     "Trace",
     "Transition",
     "check_derivation",
-    "check_rule",
     "derived",
     "derived_rules",
     "trace_schema",

@@ -137,7 +137,7 @@ def _farthest(links: dict[int, list[int]], start: int, goals: set[int]) -> int |
 class ShortestPlan:
     """Fewest steps after which an episode can end in success; of large environments, an upper bound on them.
 
-    A stochastic outcome counts as possible. Infinite where no plan was found. What `find_plan` of
+    A stochastic outcome counts as possible. Infinite where no plan was found. What `Plans` of
     `envgraph.env.compiled` says is kept of the last state of the model: constraints ask about what is then measured.
 
     Attributes:

@@ -6,8 +6,9 @@ import tempfile
 from pathlib import Path
 from random import Random
 
-from envgraph.lang import load_family, load_workspace
+from envgraph.lang import load_workspace
 from tests.campaigns.readers import corpus, read
+from tests.reading import load_family
 
 _KINDS = ("utf-8-sig", "utf-16", "utf-16-le", "utf-32", "latin-1", "cr", "crlf", "surrogate", "nul", "bytes")
 _IMPORTS = ("cycle", "wide", "chain", "link", "broken link", "itself", "missing")

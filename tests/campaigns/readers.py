@@ -13,10 +13,11 @@ from random import Random
 
 from envgraph.errors import Diagnostic, EnvgraphError
 from envgraph.graph import model_to_json, model_to_xmi
-from envgraph.lang import DiskFiles, bundled_domain, load_family, load_workspace, parse_trace, read_source
+from envgraph.lang import DiskFiles, bundled_domain, load_workspace, parse_trace, read_source
 from envgraph.metamodel import metamodel_to_ecore
 from envgraph.rewrite import trace_to_text
 from envgraph.search import generate, open_family, write_family
+from tests.reading import load_family
 
 SECONDS = 10
 """For one file, which has at most some ten thousand characters."""

@@ -10,9 +10,10 @@ from hypothesis import assume, given
 
 from envgraph.errors import InvalidArgument, Source
 from envgraph.graph import Model, model_to_xmi
-from envgraph.lang import load_workspace, parse_ecore, parse_xmi
+from envgraph.lang import load_workspace
 from envgraph.metamodel import Class, Metamodel, Reference, metamodel_to_ecore
 from tests.property.strategies import metamodels, models
+from tests.reading import parse_ecore, parse_xmi
 
 pyecore_side = pytest.importorskip("tests.oracle.pyecore_side", exc_type=ImportError)
 

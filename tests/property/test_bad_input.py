@@ -10,9 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from envgraph.errors import Diagnostic, InvalidArgument, LoadError
-from envgraph.lang import Bundle, TextFiles, bundled_domain, load_family, load_workspace
+from envgraph.lang import Bundle, TextFiles, bundled_domain, load_workspace
 from envgraph.search import Domain
 from tests.profile import examples
+from tests.reading import load_family
 
 DIRECTORY = bundled_domain("burning_forest")
 TEXTS = {path.name: path.read_text(encoding="utf-8") for path in sorted(DIRECTORY.glob("*.*"))}

@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from envgraph.errors import Source
-from envgraph.lang import parse_ecore
 from envgraph.metamodel import metamodel_to_ecore
+from tests.reading import parse_ecore
 
 HEAD = (
     '<ecore:EPackage xmi:version="2.0" xmlns:xmi="http://www.omg.org/XMI" '

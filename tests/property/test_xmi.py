@@ -10,10 +10,11 @@ from hypothesis import strategies as st
 
 from envgraph.errors import InvalidArgument, Source
 from envgraph.graph import Model, model_to_xmi
-from envgraph.lang import TextFiles, load_workspace, parse_ecore, parse_xmi
+from envgraph.lang import TextFiles, load_workspace
 from envgraph.metamodel import Metamodel, metamodel_to_ecore
 from tests.property.strategies import metamodels, models
 from tests.property.test_bad_input import SECONDS, SLIPS, Slip, assert_placed, slipped
+from tests.reading import parse_ecore, parse_xmi
 
 DATA = Path(__file__).parents[1] / "data" / "emf"
 TEXTS = {path.name: path.read_text("utf-8") for path in sorted(DATA.iterdir())}

@@ -15,7 +15,7 @@ from envgraph.env.compiled._export import check_package, export, program_files
 from envgraph.env.compiled._learner import Learner, Rates
 from envgraph.env.compiled._member import Borrowed
 from envgraph.env.compiled._native import functions, has_numba
-from envgraph.env.compiled._planning import MOST_STATES, Plan, Plans, find_plan, guided
+from envgraph.env.compiled._planning import MOST_STATES, Plan, Plans, PlanSearch, guided
 from envgraph.env.compiled._player import Player
 from envgraph.env.compiled._program import Program, program_of, program_over, set_stream
 from envgraph.env.compiled._refused import NotCompiled
@@ -30,6 +30,7 @@ __all__ = [
     "Learner",
     "NotCompiled",
     "Plan",
+    "PlanSearch",
     "Plans",
     "Player",
     "Program",
@@ -41,7 +42,6 @@ __all__ = [
     "explanation",
     "explored",
     "export",
-    "find_plan",
     "functions",
     "guided",
     "has_numba",

@@ -109,38 +109,6 @@ def guided(behaviour: Behaviour, outcome: int = 1, guide: PatternCall | None = N
     return replace(behaviour, agents=agents, observations=(*own, *behaviour.observations)), len(counts)
 
 
-def find_plan(
-    program: Program,
-    outcome: int = 1,
-    member: int = 0,
-    *,
-    guides: int = 0,
-    limit: int = BREADTH,
-    width: int = WIDTH,
-    progress: Progress | None = None,
-) -> Plan:
-    """Search for a way to an end: breadth-first, so that the first one found is a shortest one.
-
-    Once more than `limit` states were met, each layer is cut to `width` states before it is left: those with the fewest
-    matches of the guides, drawn by lot among equals, always the same. Where nothing comes after them, the next ones of
-    the layer take their turn. Such a beam goes on up to the time limit of the behaviour, and has no shortest plan. What
-    is found does not depend on whether numba is installed.
-
-    Args:
-        program: the compiled behaviour.
-        outcome: 1 for success, 2 for failure.
-        member: its number.
-        guides: how many of the observations count matches: see `guided`.
-        limit: how many states may be met before layers are cut.
-        width: how many states are kept of a layer.
-        progress: called now and then with the number of states.
-
-    Raises:
-        EvaluationError, RuleError, NotCompiled: as `enumerated`.
-    """
-    return _Search(program, outcome, member, limit, width, None, progress).plan(guides)
-
-
 class Plans:
     """Plans in many models with one behaviour, which an engine comes to one after the other.
 
@@ -179,23 +147,23 @@ class Plans:
         if isfinite(plan.steps):
             yield from search.episode()
 
-    def _searched(self, engine: Engine, progress: Progress | None = None) -> tuple[_Search, Plan]:
+    def _searched(self, engine: Engine, progress: Progress | None = None) -> tuple[PlanSearch, Plan]:
         program, guides = self._guided(engine)
-        searches = list[_Search]()
+        searches = list[PlanSearch]()
         self._searches += 1
         if program.native and self._searches <= SEARCHES_OF_PYTHON:
-            slow = _Search(replace(program, native=False), self._outcome, 0, BREADTH, WIDTH, FEW, progress)
+            slow = PlanSearch(replace(program, native=False), self._outcome, BREADTH, WIDTH, FEW, progress)
             slow.outcomes = FEW_OUTCOMES
             searches.append(slow)
         if not self._shortest:
-            searches.append(_Search(program, self._outcome, 0, *NARROW, MOST_STATES, progress))
+            searches.append(PlanSearch(program, self._outcome, *NARROW, MOST_STATES, progress))
         for search in searches:
             with suppress(TooManyStates):
                 plan = search.plan(guides)
                 if isfinite(plan.steps) or plan.exact:
                     return search, plan
             self._searches = SEARCHES_OF_PYTHON  # later searches are compiled
-        search = _Search(program, self._outcome, 0, BREADTH, WIDTH, MOST_STATES, progress)
+        search = PlanSearch(program, self._outcome, BREADTH, WIDTH, MOST_STATES, progress)
         return search, search.plan(guides)
 
     def _guided(self, engine: Engine) -> tuple[Program, int]:
@@ -209,7 +177,7 @@ class Plans:
         return program_over(self._programs, engine, behaviour, keys), guides
 
 
-def different_actions(program: Program, member: int) -> NDArray[np.int64]:
+def different_actions(program: Program) -> NDArray[np.int64]:
     """The numbers of the actions that may lead to different states.
 
     Of the joint actions of agents that act together, each agent has those that may do something, and the first of those
@@ -217,7 +185,7 @@ def different_actions(program: Program, member: int) -> NDArray[np.int64]:
     """
     if not program.behaviour.together:
         return np.arange(len(program.action_names))
-    with closing(program.twin(member).simulator) as simulator:
+    with closing(program.twin(0).simulator) as simulator:
         base, found = len(simulator.agents.action_names), np.zeros(1, np.int64)
         for place, seat in enumerate(simulator.agents.seats):
             idle = [number for number, action in enumerate(seat.actions) if never_acts(action)]
@@ -249,8 +217,21 @@ class _Layer:
         return taken
 
 
-class _Search(Visit):
-    """The arrays of a search.
+class PlanSearch(Visit):
+    """A search for a way to an end: breadth-first, so that the first one found is a shortest one.
+
+    Once more than `limit` states were met, each layer is cut to `width` states before it is left: those with the fewest
+    matches of the guides, drawn by lot among equals, always the same. Where nothing comes after them, the next ones of
+    the layer take their turn. Such a beam goes on up to the time limit of the behaviour, and has no shortest plan. What
+    is found does not depend on whether numba is installed.
+
+    Args:
+        program: the compiled behaviour.
+        outcome: 1 for success, 2 for failure.
+        limit: how many states may be met before layers are cut.
+        width: how many states are kept of a layer.
+        most: how many states may be met in all; None: any number.
+        progress: called now and then with the number of states.
 
     Attributes:
         before, by: of each state, the one that it was met from, and the action; -1 for those that an episode begins in.
@@ -262,20 +243,23 @@ class _Search(Visit):
     def __init__(
         self,
         program: Program,
-        outcome: int,
-        member: int,
-        limit: int,
-        width: int,
-        most: int | None,
-        progress: Progress | None,
+        outcome: int = 1,
+        limit: int = BREADTH,
+        width: int = WIDTH,
+        most: int | None = None,
+        progress: Progress | None = None,
     ) -> None:
-        super().__init__(program, member, limit, progress)
+        super().__init__(program, 0, limit, progress)
         self._outcome, self._width, self._most = outcome, width, most
-        self._tried = different_actions(program, member)
+        self._tried = different_actions(program)
         self.before, self.by = np.zeros(FIRST, np.int64), np.zeros(FIRST, np.int64)
 
     def plan(self, guides: int) -> Plan:
-        """Search layer by layer."""
+        """Search layer by layer, with this many of the observations as guides: see `guided`.
+
+        Raises:
+            EvaluationError, RuleError, NotCompiled: as `enumerated`.
+        """
         behaviour = self._program.behaviour
         start = len(self._program.observation_shape) - guides
         if not behaviour.together:

@@ -34,24 +34,6 @@ FAMILY_FILE, PROBLEM_FILE = "family.toml", "problem.toml"
 """What stands for its directory; the second, which says what to optimise, where there is no first."""
 
 
-def load_family(path: str, files: Files | None = None) -> FamilySpec:
-    """Reads a family file.
-
-    Args:
-        path: the file, a directory that holds a `family.toml`, or the name of a bundled domain.
-        files: where files are read from; the disk if None.
-
-    Raises:
-        LoadError: everything that is wrong with the text of the file. Whether the names in it mean something is
-            another question: see `check_family`.
-    """
-    files = files or DiskFiles()
-    found = read_family(find_family(path, files), files)
-    if found.diagnostics:
-        raise LoadError(found.diagnostics)
-    return found.spec
-
-
 @dataclass(frozen=True, slots=True)
 class FamilyFile:
     """A family file as far as it can be read.

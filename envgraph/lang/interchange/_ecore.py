@@ -12,14 +12,11 @@ from dataclasses import replace
 from types import MappingProxyType
 
 from envgraph.errors import (
-    LoadError,
     Note,
     ResolutionError,
-    Source,
     Span,
     has_errors,
     plural,
-    sort_diagnostics,
 )
 from envgraph.lang.interchange._ecore_document import EcoreDocument, ecore_itself, is_computed, without_values
 from envgraph.lang.interchange._ecore_names import Enough, Joint, Target, inside
@@ -89,18 +86,6 @@ def read_ecore(
     if stopped:
         lost = {name for reader in readers for name in reader.names()}
     return MetamodelFile(metamodel, readers[0].span, tuple(joint.diagnostics), frozenset(lost))
-
-
-def parse_ecore(source: Source) -> Metamodel:
-    """The metamodel of the text of an `.ecore` file.
-
-    Raises:
-        LoadError: all that is wrong with it.
-    """
-    found = read_ecore([EcoreDocument(source)])
-    if found.metamodel is None:
-        raise LoadError(sort_diagnostics(found.diagnostics))
-    return found.metamodel
 
 
 _WITHOUT_VALUES: Mapping[str, str] = {

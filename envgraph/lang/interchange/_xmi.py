@@ -12,13 +12,12 @@ from __future__ import annotations
 import posixpath
 from urllib.parse import unquote
 
-from envgraph.errors import LoadError, Source, has_errors, sort_diagnostics
+from envgraph.errors import Source, has_errors
 from envgraph.graph import Model
 from envgraph.lang.interchange._xmi_document import Document, Fetch, Reading, Spans
 from envgraph.lang.interchange._xmi_links import Linker
 from envgraph.lang.interchange._xmi_tags import TagReader
 from envgraph.lang.read._model import ModelFile, ModelText
-from envgraph.lang.syntax._once import once_for_each_name
 from envgraph.lang.syntax._xml import XSI, Reader, Stop, XmlPlaces, namespaces
 from envgraph.metamodel import Metamodel
 
@@ -62,24 +61,6 @@ def read_xmi(
         Spans(reading),
     )
     return ModelFile((text,), tuple(reading.diagnostics), tuple(reading.documents))
-
-
-def parse_xmi(source: Source, metamodel: Metamodel, *, allow_unresolved: bool = False) -> Model:
-    """The model of the text of an `.xmi` file, which names no others.
-
-    Args:
-        source: the text.
-        metamodel: what its objects are instances of.
-        allow_unresolved: whether links to what is not in the text are left out; else they are mistakes.
-
-    Raises:
-        LoadError: all that is wrong with it.
-    """
-    found = read_xmi(source, metamodel, allow_unresolved=allow_unresolved)
-    model = found.models[0].model
-    if model is None:
-        raise LoadError(once_for_each_name(sort_diagnostics(found.diagnostics)))
-    return model
 
 
 def _read_all(first: Document) -> None:

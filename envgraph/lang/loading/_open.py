@@ -20,7 +20,7 @@ from envgraph.metamodel import Metamodel
 from envgraph.rewrite import Engine
 
 if TYPE_CHECKING:  # loaded with the first environment
-    from envgraph.behaviour import Behaviour
+    pass
 
 StrPath = str | PathLike[str]
 
@@ -71,16 +71,6 @@ def load(engine: Engine, *paths: StrPath) -> None:
     known = {one.qualified_name: one for one in engine.definitions}
     new = [one for one in workspace.definitions if known.get(one.qualified_name) != one]
     engine.add(*new)
-
-
-def load_behaviour(path: StrPath, name: str | None = None) -> Behaviour:
-    """The behaviour of an `.environment` file (the one of that name if there are several).
-
-    Raises:
-        LoadError: all that is wrong with the file and its imports.
-        InvalidArgument: there is none, or several to choose from.
-    """
-    return load_workspace([path]).behaviour(name)
 
 
 def load_workspace(

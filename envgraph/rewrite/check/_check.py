@@ -83,11 +83,6 @@ class CheckedRule:
     problems: tuple[Diagnostic, ...]
 
 
-def check_rule(rule: Rule, library: Library) -> list[Diagnostic]:
-    """All errors and warnings of a rule over the patterns of a library, which stays as it is."""
-    return list(examine(rule, library).problems)
-
-
 def examine(rule: Rule, library: Library) -> CheckedRule:
     """Check a rule, and work out its plan if it has no errors."""
     problems = [*_check_header(rule), *_check_names(rule), *_check_types(rule, library)]

@@ -126,7 +126,6 @@ class RunResult:
     """
 
     __slots__ = (
-        "_failure",
         "_trace",
         "events",
         "name",
@@ -151,7 +150,6 @@ class RunResult:
         self.succeeded = failure is None
         self.refusal = refusal
         text, self.span = failure or ("", None)
-        self._failure = text if refusal is None else f"{text}: {refusal.message}"
         where = text + at(self.span)
         self.reason = None if failure is None else where if refusal is None else f"{where}: {refusal.message}"
         self.outputs = MappingProxyType(dict(outputs))
@@ -177,19 +175,6 @@ class RunResult:
     def firings(self) -> tuple[Firing, ...]:
         """What was applied, for `Engine.replay`: by the run, then by event rules that fired at its end."""
         return (*firings(self._trace), *self.events)
-
-    def or_raise(self) -> RunResult:
-        """The result itself, if the run succeeded.
-
-        Raises:
-            RuleError: it did not.
-        """
-        if self.refusal is not None:
-            raise self.refusal
-        if self.reason is not None:
-            message = f"`{self.name}` failed: {self._failure}"
-            raise RuleError(message, rule=self.name, reason="failed", span=self.span)
-        return self
 
     def __repr__(self) -> str:
         how = "succeeded" if self.succeeded else f"failed: {self.reason}"

@@ -32,6 +32,7 @@ from envgraph.pattern import (
     terms_of,
     variables_in,
 )
+from envgraph.pattern._binding import bound_by_type
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,7 +129,8 @@ def flatten(pattern: Pattern, body: Body, library: Library) -> FlatBody:
             )
     for constraint in body.constraints:
         reader.read(constraint)
-    for name, type_ in library.bound_by_type(pattern.qualified_name, pattern.bodies.index(body)):
+    types = library._entry(pattern.qualified_name).bodies[pattern.bodies.index(body)]
+    for name, type_ in bound_by_type(types, pattern.parameters):
         reader.items.append(Values(type_, (name,)))
     parameters = {parameter.name for parameter in pattern.parameters}
     return FlatBody(

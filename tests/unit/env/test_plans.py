@@ -15,10 +15,10 @@ from envgraph.env.compiled import (
     Batch,
     Plan,
     Plans,
+    PlanSearch,
     Program,
     _planning,
     _program,
-    find_plan,
     guided,
     has_numba,
     program_of,
@@ -46,10 +46,10 @@ def found(
     """The plan of a program in Python, which is that of a compiled one (by day that costs too much for each)."""
     with_guides, guides = guided(behaviour, outcome)
     program = program_of(engine, with_guides, native=False)
-    plan = find_plan(program, outcome, guides=guides, limit=limit, width=width)
+    plan = PlanSearch(program, outcome, limit, width).plan(guides)
     if native and has_numba():
         native = replace(program, native=True)
-        assert find_plan(native, outcome, guides=guides, limit=limit, width=width) == plan
+        assert PlanSearch(native, outcome, limit, width).plan(guides) == plan
     return plan
 
 
@@ -167,12 +167,12 @@ def test_a_beam_that_dies_out_goes_on_with_what_it_had_left_out() -> None:
 def test_python_gives_a_search_up_whose_few_states_have_many_outcomes() -> None:
     engine, behaviour = opened(SOKOBAN / "small.model", SOKOBAN / "sokoban.environment")
     program = program_of(engine, behaviour, native=False)
-    search = _planning._Search(program, 1, 0, 20_000, 500, None, None)
+    search = PlanSearch(program)
     plan = search.plan(0)
-    search = _planning._Search(program, 1, 0, 20_000, 500, None, None)
+    search = PlanSearch(program)
     search.outcomes = len(program.action_names) * plan.states  # of each action in a state there is one
     assert search.plan(0) == plan
-    search = _planning._Search(program, 1, 0, 20_000, 500, None, None)
+    search = PlanSearch(program)
     search.outcomes = 40
     with pytest.raises(TooManyStates, match="more than 40 outcomes"):
         search.plan(0)
@@ -311,7 +311,7 @@ def test_actions_of_other_blocks_are_tried_once_and_the_plan_is_the_same(
         """
     )
     program = program_of(engine, behaviour, native=False)
-    tried = _planning.different_actions(program, 0)
+    tried = _planning.different_actions(program)
     assert (
         len(program.action_names) == 5**4 and len(tried) == 2**3 * 4
     )  # a coin flips, a hand adds, rests or does not

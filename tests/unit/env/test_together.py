@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from envgraph.env import EnvgraphEnv, EnvgraphLiveEnv, EnvgraphVectorEnv, KeyIndex, Simulator, explore
-from envgraph.env.compiled import CompiledVectorEnv, enumerated, find_plan, guided, program_of
+from envgraph.env.compiled import CompiledVectorEnv, PlanSearch, enumerated, guided, program_of
 from envgraph.errors import EvaluationError, LoadError, ResolutionError
 from tests.unit.env.coins import PARAMETERS, loaded, sides, simulator
 from tests.unit.env.side_by_side import mutants, step_side_by_side
@@ -309,7 +309,7 @@ def test_a_plan_of_all_agents_is_found_and_leads_to_the_end() -> None:
     assert guides == 1
     assert program.observation_names == ("a side", "b side", "c side", "count up(_)")
     for limit in (1000, 1):
-        plan = find_plan(program, guides=guides, limit=limit, width=1)
+        plan = PlanSearch(program, limit=limit, width=1).plan(guides)
         live, rng = Simulator(*loaded(text)), np.random.default_rng(0)
         live.reset(rng)
         ends = [live.step(live.action_names.index(action), rng).terminated for action in plan.actions]

@@ -5,8 +5,9 @@ from __future__ import annotations
 import pytest
 
 from envgraph.errors import LoadError, Source
-from envgraph.lang import TextFiles, load_workspace, parse_ecore
+from envgraph.lang import TextFiles, load_workspace
 from envgraph.metamodel import Metamodel, Reference, metamodel_to_ecore
+from tests.reading import parse_ecore
 
 URI = "http://www.eclipse.org/emf/2002/Ecore"
 SPACES = (

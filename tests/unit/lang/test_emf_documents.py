@@ -8,8 +8,9 @@ import pytest
 
 from envgraph.errors import LoadError, Source
 from envgraph.graph import Model, model_to_xmi
-from envgraph.lang import TextFiles, Workspace, load_workspace, parse_ecore, parse_xmi
+from envgraph.lang import TextFiles, Workspace, load_workspace
 from envgraph.metamodel import metamodel_to_ecore
+from tests.reading import parse_ecore, parse_xmi
 
 HEAD = (
     'xmlns:xmi="http://www.omg.org/XMI" xmlns:xsi="http://www.w3.org/2001/XMLSchema-instance" '

@@ -8,9 +8,10 @@ from pathlib import Path
 import pytest
 
 from envgraph.errors import LoadError, Source
-from envgraph.lang import FamilySpec, TextFiles, bundled_domain, check_family, load_family, load_workspace
+from envgraph.lang import FamilySpec, TextFiles, bundled_domain, check_family, load_workspace
 from envgraph.lang.family._family_reader import TABLES
 from envgraph.lang.syntax._toml import parse_toml
+from tests.reading import load_family
 
 MINIMAL = 'model = "a.model"\n[measures.size]\nkind = "count"\nof = "any"\n[mutation]\nrules = ["grow"]\n'
 

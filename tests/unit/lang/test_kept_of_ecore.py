@@ -8,8 +8,9 @@ from typing import Any
 import pytest
 
 from envgraph.errors import Source
-from envgraph.lang import TextFiles, load_workspace, parse_ecore
+from envgraph.lang import TextFiles, load_workspace
 from envgraph.metamodel import Attribute, Class, Metamodel, Scalar, metamodel_to_ecore
+from tests.reading import parse_ecore
 
 HEAD = (
     '<ecore:EPackage xmi:version="2.0" xmlns:xmi="http://www.omg.org/XMI" '

@@ -8,7 +8,7 @@ from time import process_time
 import pytest
 
 from envgraph.errors import LoadError, Source
-from envgraph.lang import parse_ecore
+from tests.reading import parse_ecore
 
 HEAD = (
     '<ecore:EPackage xmlns:xmi="http://www.omg.org/XMI" xmlns:xsi="http://www.w3.org/2001/XMLSchema-instance" '

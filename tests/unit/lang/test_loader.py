@@ -15,7 +15,6 @@ from envgraph.lang import (
     bundled_domain,
     bundled_domains,
     load,
-    load_behaviour,
     load_workspace,
 )
 
@@ -131,10 +130,10 @@ def test_a_failed_load_adds_nothing(directory: Path) -> None:
 
 def test_behaviours_are_loaded_by_path() -> None:
     path = bundled_domain("burning_forest") / "burning_forest.environment"
-    behaviour = load_behaviour(path)
+    behaviour = load_workspace([path]).behaviour()
     assert [action.name for action in behaviour.actions] == ["left", "down", "right", "up"]
     with pytest.raises(InvalidArgument, match="there are `BurningForest`"):
-        load_behaviour(path, "Other")
+        load_workspace([path]).behaviour("Other")
 
 
 # --- imports ---

@@ -8,7 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from envgraph.errors import LoadError
-from envgraph.lang import TextFiles, data_path, load_family, load_workspace
+from envgraph.lang import TextFiles, data_path, load_workspace
+from tests.reading import load_family
 
 DOMAIN = data_path("rules", "burning_forest")
 TEXTS = {path.name: path.read_text(encoding="utf-8") for path in sorted(DOMAIN.glob("*.*"))}

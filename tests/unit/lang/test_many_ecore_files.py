@@ -10,19 +10,10 @@ import pytest
 import envgraph
 from envgraph.errors import LoadError, ResolutionError, Source, TypeMismatch
 from envgraph.graph import model_to_json, model_to_xmi
-from envgraph.lang import (
-    TextFiles,
-    Workspace,
-    from_text,
-    load_workspace,
-    parse_ecore,
-    parse_model,
-    parse_xmi,
-    spelled_out,
-    to_text,
-)
+from envgraph.lang import TextFiles, Workspace, from_text, load_workspace, parse_model, spelled_out, to_text
 from envgraph.metamodel import EnumType, Metamodel, metamodel_to_ecore
 from envgraph.rewrite import Engine, derived
+from tests.reading import parse_ecore, parse_xmi
 
 HEAD = (
     'xmi:version="2.0" xmlns:xmi="http://www.omg.org/XMI" xmlns:xsi="http://www.w3.org/2001/XMLSchema-instance" '

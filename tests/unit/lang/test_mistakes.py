@@ -8,8 +8,9 @@ from pathlib import Path
 import pytest
 
 from envgraph.errors import Diagnostic
-from envgraph.lang import Bundle, TextFiles, bundled_domain, load_family, load_workspace
+from envgraph.lang import Bundle, TextFiles, bundled_domain, load_workspace
 from envgraph.search import Domain
+from tests.reading import load_family
 
 DOMAIN = bundled_domain("burning_forest")
 TEXTS = {path.name: path.read_text(encoding="utf-8") for path in sorted(DOMAIN.glob("*.*"))}

@@ -10,7 +10,8 @@ import pytest
 import envgraph
 from envgraph.cli import main
 from envgraph.errors import LoadError, Source
-from envgraph.lang import TextFiles, load_workspace, parse_ecore, parse_xmi
+from envgraph.lang import TextFiles, load_workspace
+from tests.reading import parse_ecore, parse_xmi
 
 DATA = Path(__file__).parents[2] / "data" / "emf"
 LIBRARY = (DATA / "library.ecore").read_text("utf-8")

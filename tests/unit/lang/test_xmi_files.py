@@ -11,8 +11,9 @@ import pytest
 import envgraph
 from envgraph.errors import LoadError, Source
 from envgraph.graph import Model, model_to_xmi
-from envgraph.lang import TextFiles, load_workspace, parse_ecore, parse_xmi
+from envgraph.lang import TextFiles, load_workspace
 from envgraph.metamodel import Attribute, Metamodel, metamodel_to_ecore
+from tests.reading import parse_ecore, parse_xmi
 
 DATA = Path(__file__).parents[2] / "data" / "emf"
 TEXTS = {path.name: path.read_text("utf-8") for path in sorted(DATA.iterdir())}

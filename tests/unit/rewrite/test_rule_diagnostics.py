@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from envgraph.errors import ResolutionError, Severity
+from envgraph.errors import InvalidArgument, ResolutionError, Severity
 from envgraph.graph import Model
 from envgraph.pattern import (
     Assignment,
@@ -22,7 +22,7 @@ from envgraph.pattern import (
     Set,
     Variable,
 )
-from envgraph.rewrite import Engine, check_rule
+from envgraph.rewrite import Engine
 from tests.unit.rewrite.graphs import METAMODEL, definitions, engine, patterns, problems
 
 LINKED = "pattern linked(from : Item, to : Item) { Item.links(from, to); }"
@@ -140,21 +140,22 @@ def test_names_are_defined_once() -> None:
 
 
 def test_rules_made_in_python_are_checked_without_spans() -> None:
-    library = Engine(Model(METAMODEL)).library
+    engine = Engine(Model(METAMODEL))
     a, wrong = Variable("a"), Set(Variable("a"), "nn", "=", Constant(1))
     made = Rule("r", left=LeftSide((Node("a", "Item"),)), right=Modification((wrong,)), weight=0.0)
-    assert [d.code for d in check_rule(made, library)] == ["bad-weight", "unknown-feature"]
+    assert [d.code for d in engine.check(made)] == ["bad-weight", "unknown-feature"]
     twice = Modification((Set(a, "n", "=", Constant(1)), Set(a, "n", "=", Constant(2))))
-    assert [d.code for d in check_rule(Rule("r", (Parameter("a", "Item"),), right=twice), library)] == [
+    assert [d.code for d in engine.check(Rule("r", (Parameter("a", "Item"),), right=twice))] == [
         "duplicate-assignment"
     ]
     create = Create((Node("b", "Item", (Assignment("n", Constant("x")),)),), (Edge("b", "next", "c"),))
-    codes = [d.code for d in check_rule(Rule("r", right=Modification((create,))), library)]
+    codes = [d.code for d in engine.check(Rule("r", right=Modification((create,))))]
     assert sorted(codes) == ["unknown-variable", "wrong-type"]
     misplaced = RightSide(actions=(Create((Node("b", "Item"),)),))
-    assert [d.code for d in check_rule(Rule("r", right=misplaced), library)] == ["misplaced-action"]
+    assert [d.code for d in engine.check(Rule("r", right=misplaced))] == ["misplaced-action"]
     semantics = Rule("r", semantics="maybe")  # type: ignore[arg-type]
-    assert [d.code for d in check_rule(semantics, library)] == ["unknown-semantics"]
+    with pytest.raises(InvalidArgument, match="`semantics` of `r` is 'dpo' or 'spo', not 'maybe'"):
+        engine.check(semantics)
 
 
 @pytest.mark.parametrize(
