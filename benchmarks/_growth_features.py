@@ -41,10 +41,10 @@ def cases() -> Iterator[Case]:
             found = world(8_000)
 
             def work() -> None:
-                savepoint = found.model.savepoint()
+                savepoint = found.model.graph.history.savepoint()
                 for number in range(size):
                     change(found, number)
-                found.model.rollback(savepoint)
+                found.model.graph.history.rollback(savepoint)
 
             return work
 

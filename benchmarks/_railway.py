@@ -258,7 +258,7 @@ def build(railway: Railway, metamodel: Metamodel) -> Model:
     model = Model(metamodel, "railway")
     with model.loading():
         # The model's own ints go into the links: comparing one with itself is faster than with an equal one.
-        ids = [model.new("RailwayContainer"), *_elements(model, railway)]
+        ids = [model.graph.new("RailwayContainer"), *_elements(model, railway)]
         _add_values(model, railway, ids)
         _add_links(model, railway, ids)
     return model
@@ -279,7 +279,7 @@ def reference(metamodel: Metamodel, name: str) -> Reference:
 
 
 def _elements(model: Model, railway: Railway) -> Iterator[int]:
-    new, put = model.new, model.set_value
+    new, put = model.graph.new, model.graph.set_value
     number = attribute(model.metamodel, "id")
     for cls in railway.classes:
         node = new(cls)
@@ -288,7 +288,7 @@ def _elements(model: Model, railway: Railway) -> Iterator[int]:
 
 
 def _add_values(model: Model, railway: Railway, ids: Sequence[int]) -> None:
-    put = model.set_value
+    put = model.graph.set_value
     for name, values in railway.values.items():
         feature = attribute(model.metamodel, name)
         for node, value in values:
@@ -296,12 +296,12 @@ def _add_values(model: Model, railway: Railway, ids: Sequence[int]) -> None:
 
 
 def _add_links(model: Model, railway: Railway, ids: Sequence[int]) -> None:
-    link = model.link
+    link = model.graph.link
     for name, edges in railway.edges.items():
         feature = reference(model.metamodel, name)
         for source, target in edges:
             link(ids[source], feature, ids[target])
     for name, cls in (("routes", "Route"), ("regions", "Region")):
         feature = reference(model.metamodel, name)
-        for part in model.extent(cls):
+        for part in model.graph.extent(cls):
             link(ids[0], feature, part)

@@ -140,8 +140,8 @@ def repairs(model: Model) -> dict[str, Edit]:
     id_ = attribute(metamodel, "id")
     connects, monitored = reference(metamodel, "connectsTo"), reference(metamodel, "monitoredBy")
     requires, entry = reference(metamodel, "requires"), reference(metamodel, "entry")
-    value, put, link, unlink = model.value, model.set_value, model.link, model.unlink
-    new, set_target, set_targets = model.new, model.set_target, model.set_targets
+    value, put, link, unlink = model.graph.value, model.graph.set_value, model.graph.link, model.graph.unlink
+    new, set_target, set_targets = model.graph.new, model.graph.set_target, model.graph.set_targets
 
     def pos_length(segment: int) -> None:
         old = value(segment, length)
@@ -195,8 +195,8 @@ def injections(model: Model) -> dict[str, Edit]:
     connects, monitored = reference(metamodel, "connectsTo"), reference(metamodel, "monitoredBy")
     requires, entry = reference(metamodel, "requires"), reference(metamodel, "entry")
     elements = reference(metamodel, "elements")
-    value, put, link, unlink = model.value, model.set_value, model.link, model.unlink
-    new, set_target, set_targets = model.new, model.set_target, model.set_targets
+    value, put, link, unlink = model.graph.value, model.graph.set_value, model.graph.link, model.graph.unlink
+    new, set_target, set_targets = model.graph.new, model.graph.set_target, model.graph.set_targets
     turned = dict(zip(POSITIONS, POSITIONS[1:] + POSITIONS[:1], strict=True))
 
     def pos_length(segment: int) -> None:

@@ -100,7 +100,7 @@ class SocialNetwork:
 
     def insert(self, lines: Iterable[Line]) -> None:
         """Make the insertions, in order."""
-        users, submissions, link = self.users, self.submissions, self.model.link
+        users, submissions, link = self.users, self.submissions, self.model.graph.link
         for kind, *fields in lines:
             if kind == "Comments":
                 *own, above = fields
@@ -115,17 +115,17 @@ class SocialNetwork:
                 link(users[one], self._friends, users[other])
             else:
                 id, name = fields
-                users[id] = node = self.model.new("User")
-                self.model.set_value(node, self._user_id, int(id))
-                self.model.set_value(node, self._name, name)
+                users[id] = node = self.model.graph.new("User")
+                self.model.graph.set_value(node, self._user_id, int(id))
+                self.model.graph.set_value(node, self._name, name)
 
     def _submission(self, cls: str, id: str, timestamp: str, content: str, submitter: str) -> int:
         model = self.model
-        self.submissions[id] = node = model.new(cls)
-        model.set_value(node, self._id, int(id))
-        model.set_value(node, self._timestamp, timestamp)
-        model.set_value(node, self._content, content)
-        model.link(node, self._submitter, self.users[submitter])
+        self.submissions[id] = node = model.graph.new(cls)
+        model.graph.set_value(node, self._id, int(id))
+        model.graph.set_value(node, self._timestamp, timestamp)
+        model.graph.set_value(node, self._content, content)
+        model.graph.link(node, self._submitter, self.users[submitter])
         return node
 
 

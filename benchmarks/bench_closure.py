@@ -119,9 +119,9 @@ def in_views(edges: Edges, size: int, question: str, changed: Edges) -> tuple[in
     """Number of pairs, and microseconds."""
     model = Model(PLACES)
     with model.loading():
-        places = [model.new("Place" if number else "Start") for number in range(size)]
+        places = [model.graph.new("Place" if number else "Start") for number in range(size)]
         for source, target in edges:
-            model.link(places[source], TO, places[target])
+            model.graph.link(places[source], TO, places[target])
     engine = Engine(model)
     engine.add(QUESTIONS[question])
     engine.watch("reached")
@@ -129,16 +129,16 @@ def in_views(edges: Edges, size: int, question: str, changed: Edges) -> tuple[in
     assert isinstance(matcher, ViewMatcher)
 
     def cut(source: int, target: int) -> None:
-        model.unlink(places[source], TO, places[target])
+        model.graph.unlink(places[source], TO, places[target])
         matcher.kept.settle()
 
     def join(source: int, target: int) -> None:
-        model.link(places[source], TO, places[target])
+        model.graph.link(places[source], TO, places[target])
         matcher.kept.settle()
 
-    savepoint = model.savepoint()
+    savepoint = model.graph.history.savepoint()
     found = times(cut, join, changed)
-    model.rollback(savepoint)
+    model.graph.history.rollback(savepoint)
     pairs = set(matcher.rows("reached", (FREE, FREE)))
     graph = nx.DiGraph(edges)
     starts = graph if question == "all pairs" else [0]

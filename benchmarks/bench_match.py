@@ -80,18 +80,18 @@ def question(matcher: Matcher, ask: str, name: str, arguments: tuple[object, ...
 
 def print_search_loop(model: Model, queries: Library, sizes: Sizes) -> None:
     """The inner step of a search: retype a tile, ask whether the map is solvable, take it back."""
-    start, goal = model.extent("StartTile")[0], model.extent("GoalTile")[0]
-    roads = list(model.extent("RoadTile"))[: sizes.tiles]
+    start, goal = model.graph.extent("StartTile")[0], model.graph.extent("GoalTile")[0]
+    roads = list(model.graph.extent("RoadTile"))[: sizes.tiles]
     print(f"retype, solvable, rollback, mean over {len(roads)} tiles")
     for kind in (CompiledMatcher, NaiveMatcher):
         matcher: Matcher = kind(model, queries)
         matcher.exists("solvable", (start, goal))
         started = perf_counter()
         for tile in roads:
-            savepoint = model.savepoint()
-            model.retype(tile, "BurningTile")
+            savepoint = model.graph.history.savepoint()
+            model.graph.retype(tile, "BurningTile")
             matcher.exists("solvable", (start, goal))
-            model.rollback(savepoint)
+            model.graph.history.rollback(savepoint)
         print(f"{kind.__name__:26}{1e6 * (perf_counter() - started) / len(roads):10.1f} us")
 
 
@@ -113,17 +113,17 @@ def print_views(model: Model, queries: Library, sizes: Sizes) -> None:
     matcher.watch(*VIEWS)
     watching = perf_counter() - watching
     demand = CompiledMatcher(model, queries)
-    roads = list(model.extent("RoadTile"))[: sizes.tiles]
+    roads = list(model.graph.extent("RoadTile"))[: sizes.tiles]
     arguments = {name: free(queries, name) for name in VIEWS}
 
     def times(ask: Callable[[], object]) -> list[float]:
         found = []
         for tile in roads * sizes.rounds:
             started = perf_counter()
-            savepoint = model.savepoint()
-            model.retype(tile, "BurningTile")
+            savepoint = model.graph.history.savepoint()
+            model.graph.retype(tile, "BurningTile")
             ask()
-            model.rollback(savepoint)
+            model.graph.history.rollback(savepoint)
             found.append(1e6 * (perf_counter() - started))
         return found
 
@@ -143,7 +143,7 @@ def path_times(model: Model, matcher: Matcher, tiles: list[int]) -> list[float]:
     """The tile is taken out of a graph of networkx, the search for a path repeated, the tile put back."""
     passages = matcher.rows("passage", (FREE, FREE))
     graph = nx.DiGraph(passages)
-    (start,), (goal,) = model.extent("StartTile"), model.extent("GoalTile")
+    (start,), (goal,) = model.graph.extent("StartTile"), model.graph.extent("GoalTile")
     found = []
     for tile in tiles:
         edges = [*graph.in_edges(tile), *graph.out_edges(tile)]
@@ -168,7 +168,9 @@ def time_of(model: Model, ask: Callable[[], object], rounds: int) -> float:
     for _ in range(rounds):
         calls, elapsed = 0, 0.0
         while elapsed < 2e-4:
-            model.set_object_name(truck.id, None if truck.cls == model.object_name(truck.id) else truck.cls)
+            model.graph.set_object_name(
+                truck.id, None if truck.cls == model.graph.object_name(truck.id) else truck.cls
+            )
             started = perf_counter()
             ask()
             elapsed += perf_counter() - started

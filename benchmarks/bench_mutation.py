@@ -81,14 +81,14 @@ def mutate(problem: Problem, count: int) -> tuple[float, int]:
     gc.collect()
     started = process_time()
     for _ in range(count):
-        savepoint = engine.model.savepoint()
+        savepoint = engine.model.graph.history.savepoint()
         chosen = engine.choose(problem.mutations, rng)
         assert chosen is not None
         engine.fire(*chosen)
         if problem.valid():
             valid += 1
             problem.measure()
-        engine.model.rollback(savepoint)
+        engine.model.graph.history.rollback(savepoint)
     return process_time() - started, valid
 
 

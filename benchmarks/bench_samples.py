@@ -142,6 +142,6 @@ def _walked(count: int) -> tuple[float, float]:
     for _, version in members[:200]:
         problem.engine.checkout(version, discard=True)
         model = problem.engine.model
-        maps.append([model.class_of(node) for node in sorted(model.extent("Tile"))])
+        maps.append([model.graph.class_of(node) for node in sorted(model.graph.extent("Tile"))])
     distances = [sum(one != other for one, other in zip(*pair, strict=True)) for pair in pairwise(maps)]
     return seconds, sum(distances) / len(distances)

@@ -212,7 +212,9 @@ def ask_on_demand(engine: Engine, found: Figures, repeats: int) -> None:
     gc.freeze()
     times: list[float] = []
     for _ in range(1 + repeats):
-        engine.model.set_object_name(0, f"round {len(times)}")  # another state: nothing remembered is of use
+        engine.model.graph.set_object_name(
+            0, f"round {len(times)}"
+        )  # another state: nothing remembered is of use
         started = process_time()
         for query in QUERIES:
             matcher.prepare(f"railway.{query}", ())()
@@ -230,15 +232,15 @@ def repair(engine: Engine, quota: Quota, edits: Edits) -> None:
     gc.freeze()
     for _ in range(BATCHES):
         batch = list(steps(protocol.choose()))
-        savepoint = model.savepoint()
+        savepoint = model.graph.history.savepoint()
         taken = timed(batch, model, settle, edits.micros)
         if taken:
             started = perf_counter_ns()
-            model.rollback(savepoint)
+            model.graph.history.rollback(savepoint)
             settle()
             edits.rollbacks.append((perf_counter_ns() - started) / 1e3 / taken)
         else:
-            model.release(savepoint)
+            model.graph.history.release(savepoint)
         for operation, row in batch:
             operation.edit(*row)
     gc.unfreeze()
@@ -254,12 +256,12 @@ def timed(
     """Do a batch, add the time of each operation that changes something to `micros`, and return the sum."""
     total = 0.0
     for operation, row in batch:
-        edit, revision = operation.edit, model.revision
+        edit, revision = operation.edit, model.graph.store.revision
         started = perf_counter_ns()
         edit(*row)
         settle()
         taken = (perf_counter_ns() - started) / 1e3
-        if model.revision != revision:
+        if model.graph.store.revision != revision:
             micros.setdefault(operation.query, []).append(taken)
             total += taken
     return total

@@ -114,7 +114,7 @@ class CallChecking(Checking):
             message = f"`{call.rule}` is a group; an environment applies single rules, and runs units"
             self.report("no-rule", message, call.rule_span or call.span, "name a rule or a unit")
             return _supposed(call, scope)
-        firsts = self.engine.first_calls(call.rule)
+        firsts = self.engine.catalog.first_calls(call.rule)
         if firsts:
             message = f"unit `{call.rule}` takes the first match, which may depend on how a state was reached"
             hint = "leave `first` out, so that each match is an outcome; for `top` write `all`"
@@ -129,7 +129,7 @@ class CallChecking(Checking):
 
     def _refusable(self, rule: str, span: Span | None) -> None:
         """Warn once of a rule that the model may refuse, which is an error in an episode."""
-        for one in self.engine.unnamed_links(rule):
+        for one in self.engine.catalog.unnamed_links(rule):
             links = listed(map(str, one.references))
             message = f"`{rule}` deletes `{one.name}`, and is refused where that has links: {links}"
             if all(problem.message != message for problem in self.problems):

@@ -85,9 +85,9 @@ def root_of(path: Expression) -> Variable:
 
 def is_gone(model: Model, node: object, cls: str | None) -> bool:
     """Whether an object is deleted, or no longer of a class."""
-    if not isinstance(node, int) or not model.alive(node):
+    if not isinstance(node, int) or not model.graph.alive(node):
         return True
-    return cls is not None and not model.metamodel.is_a(model.class_of(node), cls)
+    return cls is not None and not model.metamodel.is_a(model.graph.class_of(node), cls)
 
 
 # --- what is read, and after what
@@ -250,7 +250,7 @@ def _losses(
             for argument, taken in zip(call.arguments, signature.parameters, strict=True)
             if isinstance(argument, Variable) and argument.name in {name, *others}
         }
-        found |= dict.fromkeys(engine.losses(call.rule, cls, known))
+        found |= dict.fromkeys(engine.catalog.losses(call.rule, cls, known))
     return tuple(found)
 
 

@@ -163,11 +163,11 @@ def complete(engine: Engine, signature: Signature, bound: dict[str, Any]) -> Non
     for name in needed:
         if name not in bound:
             type_ = types.get(name)
-            objects = model.extent(type_.cls) if isinstance(type_, ObjectType) else ()
+            objects = model.graph.extent(type_.cls) if isinstance(type_, ObjectType) else ()
             if len(objects) == 1:
                 bound[name] = model.node(objects[0])
             else:
-                missing[name] = model.title(objects[0]) or str(objects[0]) if objects else ".."
+                missing[name] = model.graph.title(objects[0]) or str(objects[0]) if objects else ".."
     if missing:
         options = " ".join(f"--where {quote(f'{name}={value}')}" for name, value in missing.items())
         raise InvalidArgument(f"`{signature.simple}` needs a value for {listed(missing)}; write `{options}`")
@@ -197,7 +197,7 @@ def _traced(engine: Engine, firing: Firing) -> _Step:
     for position, (name, value) in enumerate(zip(shape.names, firing.values, strict=True)):
         found: Node | Value = value
         if shape.is_object(position) and isinstance(value, int):
-            if model.alive(value):
+            if model.graph.alive(value):
                 found = model.node(value)
                 match[name] = _plain(found)
             else:
@@ -257,17 +257,17 @@ def parse_values(
 
 def _value(engine: Engine, name: str, text: str, type_: StaticType | None) -> Node | Value:
     if isinstance(type_, ObjectType):
-        found = engine.model.find_object(text)
+        found = engine.model.graph.find_object(text)
         if found is None:
             called = _names(engine.model, type_.cls)
             found = next((node for node, names in called.items() if text in names), None)
-        if found is None and (number := parse_int(text)) is not None and engine.model.alive(number):
+        if found is None and (number := parse_int(text)) is not None and engine.model.graph.alive(number):
             found = number
         if found is None:
             raise InvalidArgument(
                 f"`{name}`: the model has no object `{text}`; {_objects(engine, text, type_.cls)}"
             )
-        cls = engine.model.class_of(found)
+        cls = engine.model.graph.class_of(found)
         if not engine.model.metamodel.is_a(cls, type_.cls):
             raise InvalidArgument(
                 f"`{name}` is {with_article(type_.cls)}, and `{text}` is {with_article(cls)}; "
@@ -295,12 +295,12 @@ def _names(model: Model, cls: str) -> dict[int, tuple[str, ...]]:
     The name in the file, the place in a grid, the values of the key, and what is printed: `Box {label = a}`.
     """
     found: dict[int, tuple[str, ...]] = {}
-    for node in model.extent(cls):
-        key = model.metamodel.key(model.class_of(node))
-        name = model.title(node)
+    for node in model.graph.extent(cls):
+        key = model.metamodel.key(model.graph.class_of(node))
+        name = model.graph.title(node)
         title = [name] if name else []
         values = [", ".join(str(model.node(node)[each]) for each in key)] if key else []
-        found[node] = (*title, *values, model.describe(node).strip("`"))
+        found[node] = (*title, *values, model.graph.describe(node).strip("`"))
     return found
 
 
@@ -313,8 +313,8 @@ def _objects(engine: Engine, text: str, cls: str) -> str:
 def spelled(value: Node | Value) -> str:
     """An object as in messages, with its class; a value as in the languages."""
     if isinstance(value, Node):
-        title = value.model.title(value.id)
-        return f"{value.cls} {title}" if title else value.model.describe(value.id).strip("`")
+        title = value.model.graph.title(value.id)
+        return f"{value.cls} {title}" if title else value.model.graph.describe(value.id).strip("`")
     return str(value).lower() if isinstance(value, bool) else str(value)
 
 
@@ -331,6 +331,6 @@ def _plain(value: Node | Value) -> Any:
     return {
         "class": value.cls,
         "id": value.id,
-        "name": value.model.object_name(value.id),
+        "name": value.model.graph.object_name(value.id),
         "attributes": attributes,
     }

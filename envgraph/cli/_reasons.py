@@ -105,7 +105,7 @@ def _data(why: WhyNot, engine: Engine) -> dict[str, Any]:
     def shown(values: Mapping[str, Value], objects: Iterable[str]) -> dict[str, Any]:
         known = set(objects)
         return {
-            name: engine.model.describe(int(value)) if name in known else value
+            name: engine.model.graph.describe(int(value)) if name in known else value
             for name, value in values.items()
         }
 
@@ -125,7 +125,7 @@ def _data(why: WhyNot, engine: Engine) -> dict[str, Any]:
                 and {
                     "found": shown(failure.witness.found, failure.witness.objects),
                     "links": [
-                        [engine.model.describe(source), link, engine.model.describe(target)]
+                        [engine.model.graph.describe(source), link, engine.model.graph.describe(target)]
                         for source, link, target in failure.witness.links
                     ],
                 },

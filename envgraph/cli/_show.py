@@ -82,7 +82,7 @@ def _class_row(cls: Class) -> tuple[str, ...]:
 
 
 def _print_model(model: Model) -> None:
-    counts = {cls.name: len(model.exact_extent(cls.name)) for cls in model.metamodel.class_list}
+    counts = {cls.name: len(model.graph.exact_extent(cls.name)) for cls in model.metamodel.class_list}
     rows = [(name, str(count)) for name, count in counts.items() if count]
     print_table(
         f"{model.name}: {len(model)} objects of {model.metamodel.name}",

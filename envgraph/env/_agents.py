@@ -88,14 +88,14 @@ class Agents:
         if seat.node is None:
             return True
         model = self._model
-        return model.alive(seat.node) and model.metamodel.is_a(
-            model.class_of(seat.node), self._classes[seat.block]
+        return model.graph.alive(seat.node) and model.metamodel.is_a(
+            model.graph.class_of(seat.node), self._classes[seat.block]
         )
 
     def gone(self, number: int) -> bool:
         """Whether the object of an agent was deleted: it will not be back."""
         node = self.seats[number].node
-        return node is not None and not self._model.alive(node)
+        return node is not None and not self._model.graph.alive(node)
 
     def after(self, turn: int) -> int:
         """Number of the agent that acts after another one; the same one where nobody else can.
@@ -188,7 +188,7 @@ def unbound(behaviour: Behaviour, model: Model, spans: Mapping[int, Span] | None
         bind_parameters(model, behaviour.parameters, spans)
     except ResolutionError as error:
         problems.extend(error.diagnostics)
-    absent = [agent for agent in behaviour.agents if not model.extent(agent.cls)]
+    absent = [agent for agent in behaviour.agents if not model.graph.extent(agent.cls)]
     return problems + [_nobody(agent, alone=len(absent) == len(behaviour.agents)) for agent in absent]
 
 

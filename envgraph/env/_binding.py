@@ -34,13 +34,17 @@ def reader(model: Model) -> Reader:
 
     def read(node: int, feature: str) -> Value | int | None:
         try:
-            place = model.class_of(node), feature
+            place = model.graph.class_of(node), feature
             found = known.get(place)
             if found is None:
                 found = known[place] = _feature(mm, *place)
         except InvalidArgument as error:
             raise EvaluationError(str(error)) from None
-        return model.value(node, found) if isinstance(found, Attribute) else model.target(node, found)
+        return (
+            model.graph.value(node, found)
+            if isinstance(found, Attribute)
+            else model.graph.target(node, found)
+        )
 
     return read
 
@@ -89,15 +93,19 @@ def bind_parameter(model: Model, parameter: Parameter, spans: Mapping[int, Span]
         ResolutionError: there is neither.
     """
     mm = model.metamodel
-    named = model.find_object(parameter.name)
-    if named is not None and (parameter.type is None or mm.is_a(model.class_of(named), parameter.type)):
+    named = model.graph.find_object(parameter.name)
+    if named is not None and (parameter.type is None or mm.is_a(model.graph.class_of(named), parameter.type)):
         return named
     if parameter.type is None:
         message = f"the model has no object `{parameter.name}`"
-        names = (model.object_name(node) for cls in mm.class_list for node in model.exact_extent(cls.name))
+        names = (
+            model.graph.object_name(node)
+            for cls in mm.class_list
+            for node in model.graph.exact_extent(cls.name)
+        )
         hint = did_you_mean(parameter.name, (name for name in names if name))
         raise ResolutionError([Diagnostic("unbound-parameter", message, parameter.span, hint)])
-    instances = list(model.extent(parameter.type))
+    instances = list(model.graph.extent(parameter.type))
     if len(instances) == 1:
         return instances[0]
     count = f"{len(instances)} objects of class `{parameter.type}`" if instances else f"no `{parameter.type}`"

@@ -166,7 +166,7 @@ class _Search:
                 self._waiting.append(found)
                 walk.park(found + 1, savepoint)
                 return found
-        self.simulator.engine.model.rollback(savepoint)
+        self.simulator.engine.model.graph.history.rollback(savepoint)
         return found
 
     def _masked(self, over: bool) -> bytearray:

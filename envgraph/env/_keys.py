@@ -115,7 +115,7 @@ class KeyIndex:
     def objects(self, model: Model, cls: str) -> list[int | None]:
         """The object of a model for each index; None where this member of the family has none."""
         key_of = key_reader(model, cls)
-        found = {key_of(node): node for node in model.extent(cls)}
+        found = {key_of(node): node for node in model.graph.extent(cls)}
         return [found.get(key) for key in self.of_class(cls)]
 
     def to_json(self) -> dict[str, list[list[Value]]]:
@@ -147,7 +147,7 @@ def ordered_objects(model: Model, cls: str) -> list[int]:
     try:
         keys = {node: order(key) for node, key in _keys(model, cls).items()}
     except EvaluationError:
-        return sorted(model.extent(cls))
+        return sorted(model.graph.extent(cls))
     return sorted(keys, key=lambda node: (keys[node], node))
 
 
@@ -182,7 +182,7 @@ def key_reader(model: Model, cls: str) -> Callable[[int], Key]:
     def read(node: int) -> Key:
         values = []
         for attribute in attributes:
-            value = model.value(node, attribute)
+            value = model.graph.value(node, attribute)
             if value is None:
                 raise EvaluationError(
                     f"{model.node(node)!r} has no `{attribute.name}`, which is part of its key"
@@ -208,7 +208,9 @@ class SameKey(EvaluationError):
 
     def __init__(self, model: Model, cls: str, nodes: tuple[int, int], key: Key) -> None:
         self.nodes = nodes
-        names = " and ".join(f"`{model.title(node) or f'{model.class_of(node)}#{node}'}`" for node in nodes)
+        names = " and ".join(
+            f"`{model.graph.title(node) or f'{model.graph.class_of(node)}#{node}'}`" for node in nodes
+        )
         attributes = key_attributes(model.metamodel, cls)
         values = ", ".join(f"{one.name} = {value}" for one, value in zip(attributes, key, strict=True))
         super().__init__(f"{names} have the same key, {values}: objects of `{cls}` are distinguished by it")
@@ -216,7 +218,7 @@ class SameKey(EvaluationError):
 
 def _keys(model: Model, cls: str) -> dict[int, Key]:
     read = key_reader(model, cls)
-    return {node: read(node) for node in model.extent(cls)}
+    return {node: read(node) for node in model.graph.extent(cls)}
 
 
 def _sorted_keys(model: Model, cls: str) -> tuple[Key, ...]:

@@ -103,7 +103,7 @@ class ImageView(ModelView):
         places = {node: (y, x) for node, (x, y) in places.items() if y < shape[0] and x < shape[1]}
         channel = {cls: number for number, cls in enumerate(self._classes)}
         for node, place in places.items():
-            number = channel.get(model.class_of(node))
+            number = channel.get(model.graph.class_of(node))
             if number is not None:
                 image[(*place, number)] = FULL
         for component in seat.program.components:
@@ -161,7 +161,7 @@ class GraphView(ModelView):
     def of(self, simulator: Simulator) -> spaces.GraphInstance:
         """See `ModelView`."""
         model, seat = simulator.engine.model, simulator.seat
-        nodes = sorted(node for cls in self._classes for node in model.exact_extent(cls))
+        nodes = sorted(node for cls in self._classes for node in model.graph.exact_extent(cls))
         number = {node: place for place, node in enumerate(nodes)}
         marked = [*(seat.program.bound[name] for name in self._parameters), *[seat.node] * self._has_agents]
         rows = [[*self._row(model, node), *(float(node == one) for one in marked)] for node in nodes]
@@ -171,16 +171,16 @@ class GraphView(ModelView):
         return spaces.GraphInstance(features, table[:, 0].copy(), table[:, 1:].copy())
 
     def _row(self, model: Model, node: int) -> Iterator[float]:
-        cls = model.class_of(node)
+        cls = model.graph.class_of(node)
         yield from (float(cls == one) for one in self._classes)
         for attribute in self._attributes:
             owned = self._metamodel.is_a(cls, attribute.owner)
-            yield from _values(attribute, model.value(node, attribute) if owned else None)
+            yield from _values(attribute, model.graph.value(node, attribute) if owned else None)
 
     def _links(self, model: Model, index: int, number: dict[int, int]) -> Iterable[tuple[int, int, int]]:
         reference = self._metamodel.references[index]
-        for source in sorted(model.extent(reference.owner)):
-            for target in model.targets(source, reference):
+        for source in sorted(model.graph.extent(reference.owner)):
+            for target in model.graph.targets(source, reference):
                 yield index, number[source], number[target]
 
 

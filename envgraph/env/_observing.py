@@ -41,21 +41,23 @@ class KeyedObjects:
         self._model, self._index, self._cls = model, keys, cls
         self._key_of = key_reader(model, cls)
         self._found = keys.objects(model, cls)
-        self._revision = model.revision
+        self._revision = model.graph.store.revision
 
     def get(self, position: int) -> int | None:
         """The object that has the index in the present state, or None."""
         node = self._found[position]
         if node is not None and self._is(node, position):
             return node
-        if self._revision != self._model.revision:  # objects may have come, gone, or changed their keys
+        if (
+            self._revision != self._model.graph.store.revision
+        ):  # objects may have come, gone, or changed their keys
             self._found = self._index.objects(self._model, self._cls)
-            self._revision = self._model.revision
+            self._revision = self._model.graph.store.revision
         return self._found[position]
 
     def _is(self, node: int, position: int) -> bool:
         model = self._model
-        if not model.alive(node) or not model.metamodel.is_a(model.class_of(node), self._cls):
+        if not model.graph.alive(node) or not model.metamodel.is_a(model.graph.class_of(node), self._cls):
             return False
         return self._key_of(node) == self.keys[position]
 
@@ -226,7 +228,7 @@ def _gap(model: Model, path: Expression, scope: Scope, read: Reader) -> str:
     while isinstance(path, Navigation):
         owner = follow(path.object, scope, read)
         if type(owner) is int:
-            return f": {model.describe(owner)} has no `{path.feature}`"
+            return f": {model.graph.describe(owner)} has no `{path.feature}`"
         path = path.object
     return ""
 
@@ -247,12 +249,12 @@ def object_index(
     certain = metamodel.covers(cls, static)
 
     def index(value: Value | None) -> int:
-        if type(value) is int and (certain or metamodel.is_a(model.class_of(value), cls)):
+        if type(value) is int and (certain or metamodel.is_a(model.graph.class_of(value), cls)):
             return indexer(value)
         if missing is not None:
             return missing
         if type(value) is int:
-            message = f"an observed path leads to {model.describe(value)}, which is no `{cls}`"
+            message = f"an observed path leads to {model.graph.describe(value)}, which is no `{cls}`"
             raise EvaluationError(message, hint=f"write `among {static}`, or `among {cls} or none`")
         raise EvaluationError("an observed path leads nowhere", hint=f"write `among {cls} or none`")
 

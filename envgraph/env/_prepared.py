@@ -82,7 +82,7 @@ class PreparedCall:
         """The values of the arguments; None where one has none, or its object is gone."""
         values = [argument(scope) for argument in self.arguments]
         for value, is_object in zip(values, self.objects, strict=True):
-            if value is None or (is_object and not model.alive(value)):  # type: ignore[arg-type]
+            if value is None or (is_object and not model.graph.alive(value)):  # type: ignore[arg-type]
                 return None
         return values
 

@@ -315,7 +315,7 @@ class Program:
         types = self.engine.library.parameter_types(name)
         is_object = [isinstance(type_, ObjectType) for type_ in types[count:]]
         bound = tuple(self.bound[name] for name in question.bound)
-        alive = self.model.alive
+        alive = self.model.graph.alive
 
         def matches() -> list[Row]:
             if not all(alive(node) for node in bound):  # type: ignore[arg-type]
@@ -391,7 +391,7 @@ class Program:
             if node is None:
                 return seen()
             nodes: list[Any] = [node if one == name else self.bound[one] for one in question.bound]
-            return seen() if all(map(self.model.alive, nodes)) and find(*nodes) else hidden
+            return seen() if all(map(self.model.graph.alive, nodes)) and find(*nodes) else hidden
 
         return read
 

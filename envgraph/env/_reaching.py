@@ -104,7 +104,7 @@ class _Search:
                 if rank is not None or ended == self._outcome:
                     yield rank, savepoint
                 else:
-                    self._model.rollback(savepoint)
+                    self._model.graph.history.rollback(savepoint)
             simulator.turn = turn
 
     def _rank(self) -> tuple[int, bool] | None:

@@ -62,19 +62,19 @@ def _running_unit(engine: Engine, name: str, bound: Sequence[str], outputs: Sequ
     def perform(
         values: Sequence[Value | None], choices: Choices, model: Model
     ) -> Sequence[Value | None] | None:
-        savepoint = model.savepoint()
+        savepoint = model.graph.history.savepoint()
         try:
-            with engine.lent(_Drawn(choices)) as trace:
+            with engine.runs.lent(_Drawn(choices)) as trace:
                 result = engine.run(name, bound=dict(zip(bound, values, strict=True)))
             if not result and result.refusal is not None:
                 raise result.refusal
         except BaseException:
-            model.rollback(savepoint)
+            model.graph.history.rollback(savepoint)
             raise
         if not result:  # what it did before the step that failed is undone: the state stays
-            model.rollback(savepoint)
+            model.graph.history.rollback(savepoint)
             return None
-        model.release(savepoint)
+        model.graph.history.release(savepoint)
         engine.history.record(trace, trace.gaps)
         return [_value(result.outputs.get(output)) for output in outputs]
 
@@ -86,13 +86,13 @@ def _succeeding(perform: Perform, model: Model) -> Possible:
 
     def possible(values: Sequence[Value | None]) -> bool:
         for choices in islice(all_choices(), MOST_OUTCOMES):
-            savepoint = model.savepoint()
+            savepoint = model.graph.history.savepoint()
             try:
                 done = perform(values, choices, model) is not None
             except RuleError:  # for those who do it
                 done = True
             finally:
-                model.rollback(savepoint)
+                model.graph.history.rollback(savepoint)
             if done:
                 return True
         return False

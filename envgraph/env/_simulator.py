@@ -155,7 +155,7 @@ class Simulator:
     def reset(self, rng: np.random.Generator) -> int:
         """Go to a start state, drawn with one number; returns the observation."""
         self.close()
-        self._start, uniform = self._model.savepoint(), rng.random()
+        self._start, uniform = self._model.graph.history.savepoint(), rng.random()
         self._begin(Draw(uniform))
         self._drawn = [(-1, uniform)]  # -1 stands for the reset
         return self.observe()
@@ -183,12 +183,12 @@ class Simulator:
     def __reduce__(self) -> tuple[Callable[..., Simulator], tuple[Any, ...]]:
         """Return the data to rebuild a simulator: the initial state, actions and random numbers of the episode."""
         engine, key = self.engine, self.state_key()
-        shelf = None if self._start is None else self._model.shelve(self._start)
+        shelf = None if self._start is None else self._model.graph.history.shelve(self._start)
         try:
             engine_copy = deepcopy(engine)
         finally:
             if shelf is not None:
-                self._start = self._model.resume(shelf)
+                self._start = self._model.graph.history.resume(shelf)
         if engine.events.active or {*engine.rules, *engine.units} != {*engine_copy.rules, *engine_copy.units}:
             message = "has event rules or Python functions as rules; make a second environment instead"
             raise TypeError(f"environment `{self.behaviour.name}` cannot be copied: its engine {message}")
@@ -207,7 +207,7 @@ class Simulator:
     def close(self) -> None:
         """Go back to the initial state and release the model."""
         if self._start is not None:
-            self._model.rollback(self._start)
+            self._model.graph.history.rollback(self._start)
             self._start, self._drawn = None, []
             self.turn = self._first
 
@@ -279,7 +279,7 @@ class Simulator:
             try:
                 yield probability
             finally:
-                self._model.rollback(savepoint)
+                self._model.graph.history.rollback(savepoint)
                 self.turn = self._first
 
     def outcomes(self, action: int) -> Generator[tuple[float, float, int]]:
@@ -293,7 +293,7 @@ class Simulator:
             try:
                 yield probability, reward, terminated
             finally:
-                self._model.rollback(savepoint)
+                self._model.graph.history.rollback(savepoint)
                 self.turn = turn
 
     def attempts(self, action: int | None) -> Iterator[tuple[float, float, int, Savepoint]]:
@@ -309,7 +309,7 @@ class Simulator:
             if action is not None and number >= MOST_OUTCOMES:
                 raise TooManyOutcomes(self.behaviour, self.action_names[action], MOST_OUTCOMES)
             self.turn = turn
-            savepoint = self._model.savepoint()
+            savepoint = self._model.graph.history.savepoint()
             try:
                 if action is None:
                     self._begin(choices)
@@ -317,7 +317,7 @@ class Simulator:
                 else:
                     reward, terminated = self._step(action, choices)
             except BaseException:
-                self._model.rollback(savepoint)
+                self._model.graph.history.rollback(savepoint)
                 self.turn = turn
                 raise
             yield choices.probability, reward, terminated, savepoint
@@ -420,6 +420,6 @@ def _check_needed(program: Program, needed: Sequence[Reading], model: Model) -> 
 
 def _first_new(model: Model, keys: KeyIndex) -> int | None:
     """The id of the first object that a rule creates; None if objects are known by such ids in other members."""
-    first = model.store.next_id
+    first = model.graph.store.next_id
     unnamed = (cls for cls in keys.keys if not key_attributes(model.metamodel, cls))
     return None if any(key >= (first,) for cls in unnamed for key in keys.of_class(cls)) else first

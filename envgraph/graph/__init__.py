@@ -19,6 +19,7 @@ from envgraph.errors import later, shorten
 from envgraph.graph import _copying  # noqa: F401, how models are copied
 from envgraph.graph._conformance import Violation, check_conformance
 from envgraph.graph._facts import ClassFact, Fact, LinkFact, Listener, ValueFact
+from envgraph.graph._graph import Graph
 from envgraph.graph._history import Savepoint, Shelf
 from envgraph.graph._interrupts import deferred, guarded
 from envgraph.graph._isomorphism import Shapes
@@ -50,6 +51,7 @@ __all__ = [
     "ClassFact",
     "Defined",
     "Fact",
+    "Graph",
     "IndexedSet",
     "JsonPath",
     "LinkFact",

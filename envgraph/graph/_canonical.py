@@ -23,7 +23,7 @@ def canonical_hash(model: Model) -> int:
     A node's first colour is its class and values; each round adds the colours of its neighbours, by reference and
     direction, until a round tells no more nodes apart. The hash is that of all colours, sorted.
     """
-    store = model.store
+    store = model.graph.store
     relations = [relation for relation in store.relations if not relation.flipped]
     colours = {node: _digest(_own(store, node)) for node in store.nodes()}
     while True:

@@ -41,11 +41,11 @@ def check_conformance(model: Model) -> list[Violation]:
     """
     violations: list[Violation] = []
     for cls in model.metamodel.class_list:
-        nodes = model.exact_extent(cls.name)
+        nodes = model.graph.exact_extent(cls.name)
         if not nodes:
             continue
         features = [one for one in model.metamodel.features(cls.name).values() if _demands(one)]
-        features = [one for one in features if one not in model.defined]
+        features = [one for one in features if one not in model.graph.defined]
         for node in nodes:
             for feature in features:
                 violations.extend(_violations(model, node, feature))
@@ -58,11 +58,15 @@ def _demands(feature: Feature) -> bool:
 
 def _violations(model: Model, node: int, feature: Feature) -> Iterator[Violation]:
     if isinstance(feature, Attribute) and not feature.many:
-        if model.value(node, feature) is None:
-            text = f"{model.describe(node)} has no value of `{feature.name}`"
+        if model.graph.value(node, feature) is None:
+            text = f"{model.graph.describe(node)} has no value of `{feature.name}`"
             yield Violation("missing-value", node, feature, text)
         return
-    held = model.values(node, feature) if isinstance(feature, Attribute) else model.targets(node, feature)
+    held = (
+        model.graph.values(node, feature)
+        if isinstance(feature, Attribute)
+        else model.graph.targets(node, feature)
+    )
     count = len(held)
     if count < feature.lower:
         yield Violation("too-few", node, feature, _miscount(model, node, feature, count))
@@ -73,4 +77,4 @@ def _violations(model: Model, node: int, feature: Feature) -> Iterator[Violation
 def _miscount(model: Model, node: int, feature: Feature, count: int) -> str:
     what = "value" if isinstance(feature, Attribute) else "target"
     found = f"no {what}" if count == 0 else f"1 {what}" if count == 1 else f"{count} {what}s"
-    return f"{model.describe(node)} has {found} of `{feature.name}`, which needs {feature.multiplicity}"
+    return f"{model.graph.describe(node)} has {found} of `{feature.name}`, which needs {feature.multiplicity}"

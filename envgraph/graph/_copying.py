@@ -6,17 +6,24 @@ import copyreg
 from collections.abc import Callable
 
 from envgraph.graph._model import Model
+from envgraph.metamodel import Metamodel, Value
 
 
-def reduced(model: Model) -> tuple[Callable[..., Model], tuple[object, ...], dict[str, object]]:
+def reduced(model: Model) -> tuple[Callable[..., Model], tuple[object, ...]]:
     """Return what `copy` and `pickle` make a model from."""
-    from envgraph.graph.interchange._json import model_from_json, model_to_json  # few programs need it
+    from envgraph.graph.interchange._json import model_to_json  # few programs need it
 
-    return (
-        model_from_json,
-        (model_to_json(model), model.metamodel),
-        {"places": model.places, "digits": model.digits},
-    )
+    return _made, (model_to_json(model), model.metamodel, model.graph.places, model.graph.digits)
+
+
+def _made(
+    text: str, metamodel: Metamodel, places: dict[str, int], digits: dict[tuple[int, int, Value], str]
+) -> Model:
+    from envgraph.graph.interchange._json import model_from_json
+
+    model = model_from_json(text, metamodel)
+    model.graph.places, model.graph.digits = places, digits
+    return model
 
 
 copyreg.pickle(Model, reduced)

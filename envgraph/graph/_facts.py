@@ -8,7 +8,7 @@ from envgraph.errors import InvalidArgument
 from envgraph.metamodel import Attribute, Reference, Value
 
 if TYPE_CHECKING:
-    from envgraph.graph._model import Model
+    from envgraph.graph._graph import Graph
 
 
 class ClassFact(NamedTuple):
@@ -57,19 +57,19 @@ class Listener(Protocol):
         """The model is in an earlier or another state: a rollback, a checkout, or a load has ended."""
 
 
-def subscribe(model: Model, listener: Listener) -> None:
+def subscribe(graph: Graph, listener: Listener) -> None:
     """Tell a listener of every change from now on, after those that are there already."""
-    model.store.listeners.append(listener)
+    graph.store.listeners.append(listener)
 
 
-def unsubscribe(model: Model, listener: Listener) -> None:
+def unsubscribe(graph: Graph, listener: Listener) -> None:
     """Stop notifying a listener.
 
     Raises:
         InvalidArgument: it is not subscribed.
     """
-    for index, other in enumerate(model.store.listeners):
+    for index, other in enumerate(graph.store.listeners):
         if other is listener:
-            del model.store.listeners[index]
+            del graph.store.listeners[index]
             return
     raise InvalidArgument("the listener is not subscribed")

@@ -81,7 +81,7 @@ def state_hash(model: Model, since: int | None = None) -> int:
         since: objects with this id and greater ones count as if they had the ids from here on, in their order; that
             takes a look at every fact, unless they have.
     """
-    total = model.store.total if since is None else _total_since(model.store, since)
+    total = model.graph.store.total if since is None else _total_since(model.graph.store, since)
     return int.from_bytes(
         blake2b(total.to_bytes(40, "little", signed=True), digest_size=8).digest(), "little"
     )

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import contextmanager
 from operator import length_hint
 from typing import TYPE_CHECKING, Any, Final
 
 from envgraph.errors import InvalidArgument, TransactionError
 from envgraph.graph._derived import derive
+from envgraph.graph._interrupts import guard, guarded, unguard
 from envgraph.graph._journal import Journal, invert, settle, take_back, undo
 from envgraph.graph._store import Store
 from envgraph.graph._versions import Version, VersionTree, Vertex
@@ -17,7 +19,7 @@ if TYPE_CHECKING:
 
 
 class Savepoint:
-    """A place in the journal to roll back to; made by `Model.savepoint`."""
+    """A place in the journal to roll back to; made by `History.savepoint`."""
 
     __slots__ = ("_mark", "_next_id", "_total")
 
@@ -28,7 +30,7 @@ class Savepoint:
 
 
 class Shelf:
-    """Changes that were undone and can be made again, as often as wanted; made by `Model.shelve`."""
+    """Changes that were undone and can be made again, as often as wanted; made by `History.shelve`."""
 
     __slots__ = ("_entries", "_next_id", "_total")
 
@@ -71,7 +73,11 @@ class History:
     # --- savepoints
 
     def savepoint(self) -> Savepoint:
-        """Open a savepoint inside those that are open."""
+        """Open a savepoint; they nest. Close it with `rollback` or `release`, innermost first.
+
+        Raises:
+            TransactionError: the model is loading.
+        """
         store = self._mended()
         if self._store.loading:
             raise TransactionError("a model that is loading has no journal to roll back")
@@ -89,7 +95,11 @@ class History:
         return savepoint
 
     def rollback(self, savepoint: Savepoint) -> None:
-        """Back to the state at the innermost savepoint, and close it."""
+        """Restore the state at the innermost savepoint exactly (ids, order, hash), and close it.
+
+        Raises:
+            TransactionError: it is not the innermost open one.
+        """
         store = self._mended()
         self._check_innermost(savepoint)
         try:
@@ -125,14 +135,14 @@ class History:
         journal[mark:], self._reverting = (), None
 
     def unwind(self, depth: int) -> None:
-        """Roll back until so many savepoints are open."""
+        """Roll back until only so many savepoints are open."""
         self._mended()
         if len(self._stack) > depth:
             del self._stack[depth + 1 :]
             self.rollback(self._stack[depth])
 
     def shelve(self, savepoint: Savepoint) -> Shelf:
-        """As `rollback`, and what was undone can be resumed."""
+        """As `rollback`, and return what was undone, for `resume`."""
         store = self._mended()
         for follower in store.followers:
             follower.settle()
@@ -155,7 +165,10 @@ class History:
         return shelf
 
     def resume(self, shelf: Shelf) -> Savepoint:
-        """Make the changes of a shelf inside a new savepoint; the state is the one in which they were made."""
+        """Open a savepoint and make the changes of a shelf again, exactly (ids, order, hash).
+
+        The state must be the one at the savepoint that was shelved: that is not checked.
+        """
         savepoint, store = self.savepoint(), self._store
         try:
             invert(reversed(shelf._entries), store.journal)
@@ -177,7 +190,11 @@ class History:
             follower.rolled_back()
 
     def release(self, savepoint: Savepoint) -> None:
-        """Close the innermost savepoint and keep the changes."""
+        """Close the innermost savepoint and keep what was changed since.
+
+        Raises:
+            TransactionError: it is not the innermost open one.
+        """
         self._mended()
         self._check_innermost(savepoint)
         self._stack.pop()
@@ -197,6 +214,33 @@ class History:
                 else "the savepoint is closed already, or belongs to another model"
             )
 
+    @contextmanager
+    def transaction(self) -> Iterator[Savepoint]:
+        """Keep what is done inside, or, if an exception leaves the block, undo it."""
+        depth, savepoint = self.depth, None
+        outermost = not depth and guard()  # as `guarded` does, written out because transactions are many
+        try:
+            savepoint = self.savepoint()
+            yield savepoint
+            self.release(savepoint)
+        except BaseException:
+            # Nothing to do if a listener raises: the transaction has ended by then.
+            self._store.interrupted.append(depth if savepoint is None else savepoint)
+            self._store.interrupted.repair()
+            raise
+        finally:
+            if outermost:
+                unguard()
+
+    @guarded
+    def all_or_nothing(self) -> Iterator[None]:
+        """Open a transaction, but not while loading."""
+        if self._store.loading:
+            yield
+        else:
+            with self.transaction():
+                yield
+
     @property
     def depth(self) -> int:
         """How many savepoints are open."""
@@ -205,13 +249,9 @@ class History:
 
     # --- loading
 
-    @property
-    def loading(self) -> bool:
-        """Whether the model is being built without a journal."""
-        return self._store.loading
-
-    def begin_loading(self) -> None:
-        """Stop recording; nothing that is done from now on can be undone."""
+    @guarded
+    def load(self) -> Iterator[None]:
+        """Build the model without a journal: nothing that is done inside can be undone, and listeners hear its end."""
         self._mended()
         self._settle()
         self._refuse_inside("load")
@@ -219,15 +259,26 @@ class History:
             raise TransactionError(
                 "a model with versions cannot load without its journal: load before the first commit"
             )
-        for follower in self._store.followers:
-            follower.suspend()
-        self._store.loading = True
+        store = self._store
+        listeners = store.listeners[:]
 
-    def end_loading(self) -> None:
-        """Allow savepoints again."""
-        self._store.loading = False
-        for follower in self._store.followers:
-            follower.loaded()
+        def end() -> None:
+            store.loading = False
+            for follower in store.followers:
+                follower.loaded()
+            store.listeners[:] = [*listeners, *(each for each in store.listeners if each not in listeners)]
+            store.restored()
+
+        try:
+            for follower in store.followers:
+                follower.suspend()
+            store.loading = True
+            store.listeners.clear()
+            yield
+            end()
+        except BaseException:
+            end()
+            raise
 
     # --- versions
 

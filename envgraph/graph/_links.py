@@ -8,14 +8,13 @@ from typing import TYPE_CHECKING
 from envgraph.errors import InvalidArgument
 from envgraph.graph import _refusals as refusals
 from envgraph.graph._relation import Relation
-from envgraph.graph._transactions import all_or_nothing
 from envgraph.metamodel import Reference
 
 if TYPE_CHECKING:
-    from envgraph.graph._model import Model
+    from envgraph.graph._graph import Graph
 
 
-def link(model: Model, source: int, reference: Reference, target: int) -> bool:
+def link(graph: Graph, source: int, reference: Reference, target: int) -> bool:
     """Add a link, and so its opposite; False if it was there already.
 
     An object moves out of its old container when it is linked into another.
@@ -25,84 +24,84 @@ def link(model: Model, source: int, reference: Reference, target: int) -> bool:
         RuleError: the reference, or its opposite at the target, is "full"; the link would be a cycle of
             "containment".
     """
-    relation = model.store.relations[reference.index]
-    classes = model.store.classes
+    relation = graph.store.relations[reference.index]
+    classes = graph.store.classes
     if not (relation.source_ok[classes[source]] and relation.target_ok[classes[target]]):
-        raise refusals.wrong_link(model, source, reference, target)
+        raise refusals.wrong_link(graph, source, reference, target)
     if relation.contained:
         assert relation.opposite is not None
-        return model.link(target, relation.opposite, source)
+        return graph.link(target, relation.opposite, source)
     ends = relation.forward[source]
     if target in ends:
         return False
     if len(ends) >= relation.upper:
-        raise refusals.full(model, source, reference)
+        raise refusals.full(graph, source, reference)
     if relation.containment:
-        return _house(model, relation, source, target)
+        return _house(graph, relation, source, target)
     if len(relation.backward[target]) >= relation.opposite_upper:
         assert relation.opposite is not None
-        raise refusals.full(model, target, relation.opposite)
+        raise refusals.full(graph, target, relation.opposite)
     relation.connect(source, target)
     return True
 
 
-def add_target(model: Model, source: int, reference: Reference, target: int) -> bool:
+def add_target(graph: Graph, source: int, reference: Reference, target: int) -> bool:
     """As `link`, but where the opposite of a single target is taken, the object that holds it lets go.
 
     Raises:
         TypeMismatch, RuleError: as `link`.
     """
-    relation = model.store.relations[reference.index]
+    relation = graph.store.relations[reference.index]
     if relation.opposite is None or relation.opposite_upper != 1 or target in relation.forward[source]:
-        return model.link(source, reference, target)
-    model.set_target(target, relation.opposite, source)
+        return graph.link(source, reference, target)
+    graph.set_target(target, relation.opposite, source)
     return True
 
 
-def insert_target(model: Model, source: int, reference: Reference, index: int, target: int) -> None:
+def insert_target(graph: Graph, source: int, reference: Reference, index: int, target: int) -> None:
     """Link a target and place it at `index`, as `list.insert` counts. If it is linked already, only move it.
 
     Raises:
         TypeMismatch, RuleError: as `link`.
     """
-    relation = model.store.relations[reference.index]
-    with all_or_nothing(model):
-        model.add_target(source, reference, target)
+    relation = graph.store.relations[reference.index]
+    with graph.history.all_or_nothing():
+        graph.add_target(source, reference, target)
         others = len(relation.forward[source]) - 1
         place = max(0, others + index) if index < 0 else min(index, others)
-        model.store.move_target(relation, source, target, place)
+        graph.store.move_target(relation, source, target, place)
 
 
-def _house(model: Model, relation: Relation, container: int, node: int) -> bool:
+def _house(graph: Graph, relation: Relation, container: int, node: int) -> bool:
     """Put an object into a container that is not inside it, after taking it out of another."""
     above: int | None = container
     while above is not None:
         if above == node:
-            raise refusals.inside(model, node, container)
-        found = model.container(above)
+            raise refusals.inside(graph, node, container)
+        found = graph.container(above)
         above = found and found[0]
-    old = model.container(node)
+    old = graph.container(node)
     try:
         if old:
-            model.store.relations[old[1].index].disconnect(old[0], node)
+            graph.store.relations[old[1].index].disconnect(old[0], node)
         relation.connect(container, node)
     except BaseException:
-        model.store.interrupted.append((link, (model, container, relation.reference, node)))
-        model.store.interrupted.repair()
+        graph.store.interrupted.append((link, (graph, container, relation.reference, node)))
+        graph.store.interrupted.repair()
         raise
     return True
 
 
-def unlink(model: Model, source: int, reference: Reference, target: int) -> bool:
+def unlink(graph: Graph, source: int, reference: Reference, target: int) -> bool:
     """Remove a link, and so its opposite; False if there is none."""
-    relation = model.store.relations[reference.index]
+    relation = graph.store.relations[reference.index]
     if target not in relation.forward[source]:
         return False
     relation.disconnect(source, target)
     return True
 
 
-def set_target(model: Model, source: int, reference: Reference, target: int | None) -> None:
+def set_target(graph: Graph, source: int, reference: Reference, target: int | None) -> None:
     """Make `target` the only target; None clears the reference.
 
     Unlike `link` this replaces: the old target goes, and where the opposite of a single reference is taken,
@@ -112,13 +111,13 @@ def set_target(model: Model, source: int, reference: Reference, target: int | No
         TypeMismatch: an end is not of the class that the reference demands.
         RuleError: a cycle of "containment", or a full many-valued opposite; then nothing has changed.
     """
-    relation = model.store.relations[reference.index]
+    relation = graph.store.relations[reference.index]
     if not relation.plain:
-        model.set_targets(source, reference, () if target is None else (target,))
+        graph.set_targets(source, reference, () if target is None else (target,))
         return
-    classes = model.store.classes
+    classes = graph.store.classes
     if not (relation.source_ok[classes[source]] and (target is None or relation.target_ok[classes[target]])):
-        raise refusals.wrong_link(model, source, reference, target)
+        raise refusals.wrong_link(graph, source, reference, target)
     old = relation.forward[source]
     if old and old[0] == target:
         return
@@ -132,49 +131,49 @@ def set_target(model: Model, source: int, reference: Reference, target: int | No
                     relation.disconnect(holders[0], target)
             relation.connect(source, target)
     except BaseException:
-        model.store.interrupted.append((set_target, (model, source, reference, target)))
-        model.store.interrupted.repair()
+        graph.store.interrupted.append((set_target, (graph, source, reference, target)))
+        graph.store.interrupted.repair()
         raise
 
 
-def set_targets(model: Model, source: int, reference: Reference, targets: Sequence[int]) -> None:
+def set_targets(graph: Graph, source: int, reference: Reference, targets: Sequence[int]) -> None:
     """Make these the targets, in this order, as `set_target` does for one.
 
     Raises:
         InvalidArgument: a target is named twice.
     """
-    relation = model.store.relations[reference.index]
-    classes = model.store.classes
+    relation = graph.store.relations[reference.index]
+    classes = graph.store.classes
     if not relation.source_ok[classes[source]]:
-        raise refusals.wrong_link(model, source, reference, None)
+        raise refusals.wrong_link(graph, source, reference, None)
     for target in targets:
         if not relation.target_ok[classes[target]]:
-            raise refusals.wrong_link(model, source, reference, target)
+            raise refusals.wrong_link(graph, source, reference, target)
     old = relation.forward[source]
     if len(old) == len(targets) and tuple(old) == tuple(targets):
         return
     if not targets:  # nothing can be refused, so nothing has to be undone
         try:
-            _clear(model, relation, source)
+            _clear(graph, relation, source)
         except BaseException:
-            model.store.interrupted.append((_clear, (model, relation, source)))
-            model.store.interrupted.repair()
+            graph.store.interrupted.append((_clear, (graph, relation, source)))
+            graph.store.interrupted.repair()
             raise
         return
     if len(targets) > relation.upper:
-        raise refusals.full(model, source, reference)
+        raise refusals.full(graph, source, reference)
     if len(targets) > 1 and len(set(targets)) < len(targets):
         raise InvalidArgument(f"the targets of `{reference}` are different objects")
-    with all_or_nothing(model):
-        _replace(model, relation, source, targets)
+    with graph.history.all_or_nothing():
+        _replace(graph, relation, source, targets)
 
 
-def _clear(model: Model, relation: Relation, source: int) -> None:
+def _clear(graph: Graph, relation: Relation, source: int) -> None:
     for target in tuple(relation.forward[source]):
         relation.disconnect(source, target)
 
 
-def _replace(model: Model, relation: Relation, source: int, targets: Sequence[int]) -> None:
+def _replace(graph: Graph, relation: Relation, source: int, targets: Sequence[int]) -> None:
     old = tuple(relation.forward[source])
     wanted = set(targets)
     kept = [target for target in old if target in wanted]
@@ -189,15 +188,15 @@ def _replace(model: Model, relation: Relation, source: int, targets: Sequence[in
             if holders and holders[0] != source:
                 relation.disconnect(holders[0], target)
     for target in targets:
-        model.link(source, relation.reference, target)
+        graph.link(source, relation.reference, target)
     # Among more than 32 targets, the last one takes the place of a removed one.
-    model.store.keep_distinct(relation.forward, source, tuple(targets))
-    model.store.revision += 1
+    graph.store.keep_distinct(relation.forward, source, tuple(targets))
+    graph.store.revision += 1
 
 
-def container(model: Model, node: int) -> tuple[int, Reference] | None:
+def container(graph: Graph, node: int) -> tuple[int, Reference] | None:
     """The object that contains this one, and by which reference; None for a root."""
-    for relation in model._layout.containers[model.store.classes[node]]:
+    for relation in graph.layout.containers[graph.store.classes[node]]:
         holders = relation.backward[node]
         if holders:
             return holders[0], relation.reference

@@ -37,23 +37,23 @@ class Node:
     @property
     def cls(self) -> str:
         """Name of the object's class."""
-        return self.model.class_of(self.id)
+        return self.model.graph.class_of(self.id)
 
     @property
     def object_name(self) -> str | None:
         """Name of the object, or None; assign to rename it."""
-        self.model.class_of(self.id)
-        return self.model.object_name(self.id)
+        self.model.graph.class_of(self.id)
+        return self.model.graph.object_name(self.id)
 
     @object_name.setter
     def object_name(self, name: str | None) -> None:
-        self.model.set_object_name(self.id, name)
+        self.model.graph.set_object_name(self.id, name)
 
     @property
     def container(self) -> Node | None:
         """The object that contains this one, or None."""
-        self.model.class_of(self.id)
-        found = self.model.container(self.id)
+        self.model.graph.class_of(self.id)
+        found = self.model.graph.container(self.id)
         return Node(self.model, found[0]) if found else None
 
     def is_a(self, cls: str) -> bool:
@@ -61,12 +61,12 @@ class Node:
         return self.model.metamodel.is_a(self.cls, cls)
 
     def delete(self, semantics: Literal["dpo", "spo"] = "dpo") -> None:
-        """Delete the object and what it contains; see `Model.delete`."""
-        self.model.delete(self.id, semantics)
+        """Delete the object and what it contains; see `Graph.delete`."""
+        self.model.graph.delete(self.id, semantics)
 
     def retype(self, cls: str, lossy: bool = False) -> None:
-        """Make the object an instance of another class; see `Model.retype`."""
-        self.model.retype(self.id, cls, lossy)
+        """Make the object an instance of another class; see `Graph.retype`."""
+        self.model.graph.retype(self.id, cls, lossy)
 
     def __getattr__(self, name: str) -> Any:
         # Special names are never features: looking them up must not depend on a model (copying, pickling).
@@ -94,7 +94,7 @@ class Node:
 
     def __dir__(self) -> list[str]:
         names = set(object.__dir__(self))
-        if self.model.alive(self.id):
+        if self.model.graph.alive(self.id):
             names.update(self.model.metamodel.features(self.cls))
         return sorted(names)
 
@@ -116,9 +116,9 @@ class Node:
         return hash((id(self.model), self.id))
 
     def __repr__(self) -> str:
-        if not self.model.alive(self.id):
+        if not self.model.graph.alive(self.id):
             return f"<no object {self.id}>"
-        name = self.model.object_name(self.id)
+        name = self.model.graph.object_name(self.id)
         key = (f"{key}={self[key]!r}" for key in self.model.metamodel.key(self.cls))
         return f"<{' '.join([f'{self.cls}#{self.id}', *([name] if name else []), *key])}>"
 
@@ -148,7 +148,7 @@ class Targets(Sequence[Node]):
         As an assignment does, it takes the object out of its container, and from what has it by a single opposite.
         """
         model = self._source.model
-        model.add_target(self._source.id, self._reference, _target(model, self._reference, target))
+        model.graph.add_target(self._source.id, self._reference, _target(model, self._reference, target))
 
     def insert(self, index: int, target: Node) -> None:
         """Add a target at a position, as a list does; one that is there already moves.
@@ -160,7 +160,7 @@ class Targets(Sequence[Node]):
             raise InvalidArgument(f"a position is a whole number, not {index!r}")
         model = self._source.model
         new = _target(model, self._reference, target)
-        model.insert_target(self._source.id, self._reference, index, new)
+        model.graph.insert_target(self._source.id, self._reference, index, new)
 
     def extend(self, targets: Iterable[Node]) -> None:
         """Add several targets."""
@@ -174,14 +174,14 @@ class Targets(Sequence[Node]):
             InvalidArgument: it is none.
         """
         model = self._source.model
-        if model.defined and self._reference in model.defined:
-            raise refusals.lacks(model, self._source.id, self._reference)
-        if not model.unlink(self._source.id, self._reference, _target(model, self._reference, target)):
+        if model.graph.defined and self._reference in model.graph.defined:
+            raise refusals.lacks(model.graph, self._source.id, self._reference)
+        if not model.graph.unlink(self._source.id, self._reference, _target(model, self._reference, target)):
             raise InvalidArgument(f"{target!r} is not among the targets of `{self._reference.name}`")
 
     def clear(self) -> None:
         """Remove all targets."""
-        self._source.model.set_targets(self._source.id, self._reference, ())
+        self._source.model.graph.set_targets(self._source.id, self._reference, ())
 
     def __len__(self) -> int:
         return len(self._ids())
@@ -219,7 +219,7 @@ class ValueList(MutableSequence[Value]):
     """The values of an attribute with many, live: a list that reads and writes the model.
 
     Iterating goes over the values as they were at the start. Where each value stands once, inserting one that is there
-    changes nothing. Errors are those of `Model.set_value`.
+    changes nothing. Errors are those of `Graph.set_value`.
     """
 
     __slots__ = ("_attribute", "_object")
@@ -232,11 +232,11 @@ class ValueList(MutableSequence[Value]):
         return _held(self._object, self._attribute)
 
     def _set(self, values: list[Value]) -> None:
-        self._object.model.set_value(self._object.id, self._attribute, values)
+        self._object.model.graph.set_value(self._object.id, self._attribute, values)
 
     def insert(self, index: int, value: Value) -> None:
         """Put a value before the one at an index."""
-        self._object.model.insert_value(self._object.id, self._attribute, index, value)
+        self._object.model.graph.insert_value(self._object.id, self._attribute, index, value)
 
     @overload
     def __getitem__(self, index: int) -> Value: ...
@@ -257,7 +257,7 @@ class ValueList(MutableSequence[Value]):
             del values[index]
             self._set(values)
         else:
-            self._object.model.remove_value_at(self._object.id, self._attribute, index)
+            self._object.model.graph.remove_value_at(self._object.id, self._attribute, index)
 
     def reverse(self) -> None:
         """Reverse the order in one write: swapping values one by one would repeat a unique value."""
@@ -307,32 +307,27 @@ def _feature(node: Node, name: str, error: type[Exception] = AttributeError) -> 
 
 
 def _read(node: Node, feature: Feature) -> Value | ValueList | Node | Targets | None:
-    if node.model.defined and not feature.many and feature in node.model.defined:
+    graph = node.model.graph
+    if feature.many:
+        return ValueList(node, feature) if isinstance(feature, Attribute) else Targets(node, feature)
+    if graph.defined and feature in graph.defined:
         found = _held(node, feature)
         if len(found) > 1:
-            query = node.model.defined[feature].query
+            query = graph.defined[feature].query
             raise InvalidArgument(
                 f"`{feature}` has one value, and query `{query}` gives {node!r} {len(found)}"
             )
         return next((one if isinstance(feature, Attribute) else Node(node.model, one) for one in found), None)
     if isinstance(feature, Attribute):
-        if feature.many:
-            return ValueList(node, feature)
-        return node.model.value(node.id, feature)
-    if feature.many:
-        return Targets(node, feature)
-    target = node.model.target(node.id, feature)
+        return graph.value(node.id, feature)
+    target = graph.target(node.id, feature)
     return None if target is None else Node(node.model, target)
 
 
 def _held(node: Node, feature: Feature) -> Sequence[Any]:
-    """Return the values of a feature, or the ids of its targets: those of a query, if one defines the feature."""
+    """Return the values of a feature, or the ids of its targets."""
     node.cls  # noqa: B018 - raises for an object that is gone
-    model = node.model
-    if model.defined and feature in model.defined:
-        return model.defined[feature].read(node.id)
-    columns = model.store.values if isinstance(feature, Attribute) else model.store.forward
-    return columns[feature.index][node.id] or ()
+    return node.model.graph.read(node.id, feature)
 
 
 def _write(node: Node, feature: Feature, value: object) -> None:
@@ -342,13 +337,13 @@ def _write(node: Node, feature: Feature, value: object) -> None:
             raise refusals.wrong_value(feature, value)
         if feature.many and isinstance(value, Iterable) and not isinstance(value, str):
             value = list(value)
-        model.set_value(node.id, feature, value)  # type: ignore[arg-type]  # checked there
+        model.graph.set_value(node.id, feature, value)  # type: ignore[arg-type]  # checked there
     elif feature.many:
         if isinstance(value, str) or not isinstance(value, Iterable):
             raise TypeMismatch(f"`{feature}` takes several objects: write a list of them, not {value!r}")
-        model.set_targets(node.id, feature, [_target(model, feature, target) for target in value])
+        model.graph.set_targets(node.id, feature, [_target(model, feature, target) for target in value])
     else:
-        model.set_target(node.id, feature, None if value is None else _target(model, feature, value))
+        model.graph.set_target(node.id, feature, None if value is None else _target(model, feature, value))
 
 
 def _target(model: Model, reference: Reference, target: object) -> int:

@@ -12,22 +12,22 @@ from envgraph.graph._naming import check_alive, check_free
 from envgraph.metamodel import Value, Values
 
 if TYPE_CHECKING:
-    from envgraph.graph._model import Model
+    from envgraph.graph._graph import Graph
 
 Semantics = Literal["dpo", "spo"]
 
 
-def new(model: Model, cls: str, object_name: str | None = None) -> int:
+def new(graph: Graph, cls: str, object_name: str | None = None) -> int:
     """Create an object whose attributes have their initial values, and return its id.
 
     Raises:
         TypeMismatch: an unknown or abstract class.
         InvalidArgument: the object name is taken.
     """
-    return model.new_at(model.store.next_id, cls, object_name)
+    return graph.new_at(graph.store.next_id, cls, object_name)
 
 
-def new_at(model: Model, node: int, cls: str, object_name: str | None = None) -> int:
+def new_at(graph: Graph, node: int, cls: str, object_name: str | None = None) -> int:
     """As `new`, with a given id, for reading models back.
 
     The columns are as long as the largest id, so ids should be dense.
@@ -36,36 +36,36 @@ def new_at(model: Model, node: int, cls: str, object_name: str | None = None) ->
         InvalidArgument: the id is negative or that of an object; the object name is taken.
         TypeMismatch: an unknown or abstract class.
     """
-    store = model.store
-    number = _concrete(model, cls)
+    store = graph.store
+    number = _concrete(graph, cls)
     if object_name is not None:
-        check_free(model, object_name)
+        check_free(graph, object_name)
     if node < 0 or (node < store.next_id and store.classes[node] >= 0):
         raise InvalidArgument(f"{node} is not the id of a new object")
     try:
-        return _new(model, node, number, object_name)
+        return _new(graph, node, number, object_name)
     except BaseException:
-        store.interrupted.append((_new, (model, node, number, object_name)))
+        store.interrupted.append((_new, (graph, node, number, object_name)))
         store.interrupted.repair()
         raise
 
 
-def _new(model: Model, node: int, cls: int, object_name: str | None) -> int:
-    store = model.store
+def _new(graph: Graph, node: int, cls: int, object_name: str | None) -> int:
+    store = graph.store
     if node >= store.next_id:
         if len(store.classes) <= node + 1:
             store.reserve(2 * node + 2)
         store.next_id = node + 1
     if store.classes[node] != cls:
         store.enter(node, cls)
-    for attribute, initial in model._layout.initials[cls]:
+    for attribute, initial in graph.layout.initials[cls]:
         store.put(node, attribute, initial)
     if object_name is not None and store.names[node] is None:
         store.rename(node, object_name)
     return node
 
 
-def delete(model: Model, node: int, semantics: Semantics = "dpo") -> None:
+def delete(graph: Graph, node: int, semantics: Semantics = "dpo") -> None:
     """Delete an object and everything it contains.
 
     Args:
@@ -79,20 +79,20 @@ def delete(model: Model, node: int, semantics: Semantics = "dpo") -> None:
     """
     if semantics not in ("dpo", "spo"):
         raise InvalidArgument(f'semantics is "dpo" or "spo", not {semantics!r}')
-    check_alive(model, node)
-    store, layout = model.store, model._layout
+    check_alive(graph, node)
+    store, layout = graph.store, graph.layout
     tree = contained_tree(store, layout, node)
     dangling = list(dangling_links(store, layout, tree)) if semantics == "dpo" else []
     if dangling:
-        raise refusals.dangling(model, node, dangling)
+        raise refusals.dangling(graph, node, dangling)
     try:
-        _delete(model, tree)
+        _delete(graph, tree)
     except BaseException:
         store.interrupted.append(
             (
                 _delete,
                 (
-                    model,
+                    graph,
                     tree,
                 ),
             )
@@ -101,21 +101,21 @@ def delete(model: Model, node: int, semantics: Semantics = "dpo") -> None:
         raise
 
 
-def _delete(model: Model, tree: Sequence[int]) -> None:
+def _delete(graph: Graph, tree: Sequence[int]) -> None:
     """Delete what is there of a tree."""
-    store, layout = model.store, model._layout
+    store, layout = graph.store, graph.layout
     for gone in tree:
         if store.classes[gone] >= 0:
             for relation, source, target in list(links_of(store, layout, gone)):
                 relation.disconnect(source, target)
     for gone in reversed(tree):
         if store.classes[gone] >= 0:
-            _erase(model, gone)
+            _erase(graph, gone)
 
 
-def _erase(model: Model, node: int) -> None:
-    store = model.store
-    for attribute, _ in model._layout.initials[store.classes[node]]:
+def _erase(graph: Graph, node: int) -> None:
+    store = graph.store
+    for attribute, _ in graph.layout.initials[store.classes[node]]:
         if store.values[attribute][node] is not None:
             store.put(node, attribute, None)
     if store.names[node] is not None:
@@ -123,7 +123,7 @@ def _erase(model: Model, node: int) -> None:
     store.leave(node)
 
 
-def retype(model: Model, node: int, cls: str, lossy: bool = False) -> None:
+def retype(graph: Graph, node: int, cls: str, lossy: bool = False) -> None:
     """Make an object a direct instance of another class; identity, name and shared features stay.
 
     Values of attributes that the new class lacks go; attributes that it adds get their initial values.
@@ -137,27 +137,27 @@ def retype(model: Model, node: int, cls: str, lossy: bool = False) -> None:
         TypeMismatch: an unknown or abstract class.
         RuleError: reason "lost-link"; `details` has a line for each such link.
     """
-    store = model.store
+    store = graph.store
     old = store.classes[node]
-    new = _concrete(model, cls)
+    new = _concrete(graph, cls)
     if old < 0:
-        check_alive(model, node)
+        check_alive(graph, node)
     if old == new:
         return
-    dropped, gained, forbidden = model._layout.retyping(old, new)
+    dropped, gained, forbidden = graph.layout.retyping(old, new)
     lost = list(links_at(node, forbidden))
     if lost and not lossy:
-        raise refusals.lost(model, node, cls, lost)
+        raise refusals.lost(graph, node, cls, lost)
     try:
-        _retype(model, node, new, lost, dropped, gained)
+        _retype(graph, node, new, lost, dropped, gained)
     except BaseException:
-        store.interrupted.append((_retype, (model, node, new, lost, dropped, gained)))
+        store.interrupted.append((_retype, (graph, node, new, lost, dropped, gained)))
         store.interrupted.repair()
         raise
 
 
 def _retype(
-    model: Model,
+    graph: Graph,
     node: int,
     cls: int,
     lost: Sequence[Link],
@@ -165,7 +165,7 @@ def _retype(
     gained: Sequence[tuple[int, Value | Values]],
 ) -> None:
     """Do what is left of `retype`."""
-    store = model.store
+    store = graph.store
     for relation, source, target in lost:
         if target in relation.forward[source]:
             relation.disconnect(source, target)
@@ -178,8 +178,8 @@ def _retype(
         store.put(node, attribute, initial)
 
 
-def _concrete(model: Model, cls: str) -> int:
-    number = model._layout.concrete.get(cls)
+def _concrete(graph: Graph, cls: str) -> int:
+    number = graph.layout.concrete.get(cls)
     if number is None:
-        raise refusals.not_instantiable(model.metamodel, cls)
+        raise refusals.not_instantiable(graph.metamodel, cls)
     return number

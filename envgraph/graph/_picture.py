@@ -212,7 +212,7 @@ class _View:
     """The part of a model that is asked for: some classes and some references."""
 
     def __init__(self, model: Model, classes: Sequence[bool], references: set[int]) -> None:
-        self.store = model.store
+        self.store = model.graph.store
         self.classes = classes
         self.relations = [
             relation for relation in self.store.relations if relation.reference.index in references
@@ -318,17 +318,17 @@ class _Objects:
 
     def node(self, model: Model, id: int) -> PictureNode:
         """The box of an object."""
-        cls = model.class_of(id)
-        name = model.object_name(id)
+        cls = model.graph.class_of(id)
+        name = model.graph.object_name(id)
         features = self.metamodel.features(cls)
         return PictureNode(
             f"n{id}",
             f"{cls}#{id}" if name is None else f"{shortened(visible(name))} : {cls}",
             tuple(
-                f"{visible(feature.name)} = {_value(feature, model.value(id, feature))}"
+                f"{visible(feature.name)} = {_value(feature, model.graph.value(id, feature))}"
                 for feature in features.values()
                 if isinstance(feature, Attribute) and feature.index in self.attributes
-                if model.values(id, feature)
+                if model.graph.values(id, feature)
             ),
             self.colours[cls],
             tuple(self.marks[id]) if id in self.marks else None,
@@ -341,7 +341,7 @@ class _Objects:
         found: list[float] = []
         for name in self.position:
             feature = features.get(name)
-            value = model.value(id, feature) if isinstance(feature, Attribute) else None
+            value = model.graph.value(id, feature) if isinstance(feature, Attribute) else None
             if isinstance(value, int | float):
                 found.append(float(value))
         return (found[0], found[1]) if len(found) == 2 else None

@@ -9,7 +9,7 @@ from envgraph.graph._layout import Layout
 from envgraph.metamodel import Attribute, Feature
 
 if TYPE_CHECKING:
-    from envgraph.graph._model import Model
+    from envgraph.graph._graph import Graph
 
 
 class Defined(NamedTuple):
@@ -20,24 +20,33 @@ class Defined(NamedTuple):
     matcher: object
 
 
-def first_with(model: Model, feature: Feature) -> int | None:
+def first_with(graph: Graph, feature: Feature) -> int | None:
     """Return the first object that has a target or a value other than the initial one; None if there is none."""
-    columns = model.store.values if isinstance(feature, Attribute) else model.store.forward
+    columns = graph.store.values if isinstance(feature, Attribute) else graph.store.forward
     usual = (feature.initial,) if isinstance(feature, Attribute) else ()
-    held = ((node, columns[feature.index][node]) for node in model.store.nodes())
+    held = ((node, columns[feature.index][node]) for node in graph.store.nodes())
     return next((node for node, one in held if one not in (None, (), *usual)), None)
 
 
-def define(model: Model, defined: Mapping[Feature, Defined]) -> None:
+def read(graph: Graph, node: int, feature: Feature) -> Sequence[Any]:
+    """Return the values of a feature, or the ids of its targets: those of a query, if one defines the feature."""
+    if graph.defined and feature in graph.defined:
+        return graph.defined[feature].read(node)
+    columns = graph.store.values if isinstance(feature, Attribute) else graph.store.forward
+    held = columns[feature.index][node]
+    return (held,) if isinstance(feature, Attribute) and not feature.many else held or ()
+
+
+def define(graph: Graph, defined: Mapping[Feature, Defined]) -> None:
     """Set the derived features, replacing earlier ones, and refuse to write them. No object may have stored values."""
-    if model.defined == defined:
+    if graph.defined == defined:
         return
-    model.defined, model._layout = dict(defined), Layout(model.metamodel, model.store)
-    no_class = (False,) * (len(model.metamodel.class_list) + 1)
-    for relation in model.store.relations:
-        owner = model.metamodel.instances(relation.reference.owner)
+    graph.defined, graph.layout = dict(defined), Layout(graph.metamodel, graph.store)
+    no_class = (False,) * (len(graph.metamodel.class_list) + 1)
+    for relation in graph.store.relations:
+        owner = graph.metamodel.instances(relation.reference.owner)
         relation.source_ok = no_class if relation.reference in defined else owner
-    model._layout.attribute_ok = tuple(
+    graph.layout.attribute_ok = tuple(
         no_class if attribute in defined else ok
-        for attribute, ok in zip(model.metamodel.attributes, model._layout.attribute_ok, strict=True)
+        for attribute, ok in zip(graph.metamodel.attributes, graph.layout.attribute_ok, strict=True)
     )

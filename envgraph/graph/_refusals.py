@@ -19,28 +19,28 @@ from envgraph.metamodel import (
 )
 
 if TYPE_CHECKING:
+    from envgraph.graph._graph import Graph
     from envgraph.graph._incidence import Link
-    from envgraph.graph._model import Model
 
 
-def missing(model: Model, node: object) -> InvalidArgument:
+def missing(graph: Graph, node: object) -> InvalidArgument:
     """There is no such object."""
     return InvalidArgument(
-        f"`{model.name}` has no object {node!r}: it was never created, was deleted, or was undone"
+        f"`{graph.name}` has no object {node!r}: it was never created, was deleted, or was undone"
     )
 
 
-def unknown_object(model: Model, object_name: object) -> InvalidArgument:
+def unknown_object(graph: Graph, object_name: object) -> InvalidArgument:
     """No object has this name."""
     if not isinstance(object_name, str):
         return InvalidArgument(
             f"objects are found by name, not by {object_name!r}; for an id write `model.node(id)`"
         )
     used = [
-        *(name for name, node in model.store.by_name.items() if node is not None),
-        *(place for place, node in model.places.items() if model.alive(node)),
+        *(name for name, node in graph.store.by_name.items() if node is not None),
+        *(place for place, node in graph.places.items() if graph.alive(node)),
     ]
-    return InvalidArgument(f"`{model.name}` has no object `{object_name}`", did_you_mean(object_name, used))
+    return InvalidArgument(f"`{graph.name}` has no object `{object_name}`", did_you_mean(object_name, used))
 
 
 def not_instantiable(metamodel: Metamodel, cls: str) -> TypeMismatch:
@@ -56,14 +56,14 @@ def unknown_class(metamodel: Metamodel, cls: str) -> TypeMismatch:
     return TypeMismatch(f"unknown class `{cls}`", metamodel.likely(cls))
 
 
-def lacks(model: Model, node: int, feature: Feature) -> EnvgraphError:
+def lacks(graph: Graph, node: int, feature: Feature) -> EnvgraphError:
     """The object's class does not have the feature, or there is no such object."""
-    if not model.alive(node):
-        return missing(model, node)
-    if feature in model.defined:
-        text = f"`{feature}` is read-only: query `{model.defined[feature].query}` defines its values"
+    if not graph.alive(node):
+        return missing(graph, node)
+    if feature in graph.defined:
+        text = f"`{feature}` is read-only: query `{graph.defined[feature].query}` defines its values"
         return TypeMismatch(text, "change what the query reads")
-    return TypeMismatch(f"`{model.class_of(node)}` has no feature `{feature.name}`; `{feature.owner}` has")
+    return TypeMismatch(f"`{graph.class_of(node)}` has no feature `{feature.name}`; `{feature.owner}` has")
 
 
 def no_list(attribute: Attribute, value: object) -> TypeMismatch:
@@ -95,56 +95,56 @@ def repeated(attribute: Attribute, values: Values) -> InvalidArgument:
     return InvalidArgument(message, "`@nonunique` allows that")
 
 
-def too_many(model: Model, node: int, attribute: Attribute, values: Values) -> RuleError:
+def too_many(graph: Graph, node: int, attribute: Attribute, values: Values) -> RuleError:
     """More values than the attribute may have."""
-    text = f"{model.describe(node)} would have {len(values)} of at most {attribute.upper} values of `{attribute.name}`"
+    text = f"{graph.describe(node)} would have {len(values)} of at most {attribute.upper} values of `{attribute.name}`"
     return RuleError(text, reason="full", details=[repr(value) for value in values])
 
 
-def wrong_link(model: Model, source: int, reference: Reference, target: int | None) -> EnvgraphError:
+def wrong_link(graph: Graph, source: int, reference: Reference, target: int | None) -> EnvgraphError:
     """An end of the link does not exist or is of the wrong class; target None stands for one that is right."""
     for end in (source, target):
-        if end is not None and not model.alive(end):
-            return missing(model, end)
-    known = reference in model.defined or not model.metamodel.is_a(model.class_of(source), reference.owner)
+        if end is not None and not graph.alive(end):
+            return missing(graph, end)
+    known = reference in graph.defined or not graph.metamodel.is_a(graph.class_of(source), reference.owner)
     if target is None or known:
-        return lacks(model, source, reference)
-    found = f"{model.describe(target)} is of class `{model.class_of(target)}`"
+        return lacks(graph, source, reference)
+    found = f"{graph.describe(target)} is of class `{graph.class_of(target)}`"
     return TypeMismatch(f"`{reference}` leads to `{reference.target}`, but {found}")
 
 
-def full(model: Model, node: int, reference: Reference) -> RuleError:
+def full(graph: Graph, node: int, reference: Reference) -> RuleError:
     """The reference of the object has as many targets as it may have."""
-    ends = model.targets(node, reference)
+    ends = graph.targets(node, reference)
     limit = f"{len(ends)} of at most {reference.upper} targets of `{reference.name}` already"
-    relation = model.store.relations[reference.index]
-    links = describe_links(model, ((relation, node, other) for other in ends))
-    return RuleError(f"{model.describe(node)} has {limit}", reason="full", details=links)
+    relation = graph.store.relations[reference.index]
+    links = describe_links(graph, ((relation, node, other) for other in ends))
+    return RuleError(f"{graph.describe(node)} has {limit}", reason="full", details=links)
 
 
-def inside(model: Model, node: int, container: int) -> RuleError:
+def inside(graph: Graph, node: int, container: int) -> RuleError:
     """The object cannot be put into the container, being the container or around it."""
-    text = f"{model.describe(node)} cannot be put into {model.describe(container)}, "
+    text = f"{graph.describe(node)} cannot be put into {graph.describe(container)}, "
     text += "itself" if node == container else "which is inside it"
     return RuleError(text, reason="containment")
 
 
-def dangling(model: Model, node: int, links: list[Link]) -> RuleError:
+def dangling(graph: Graph, node: int, links: list[Link]) -> RuleError:
     """Deleting the object would leave links without an end."""
-    text = f"{model.describe(node)} cannot be deleted: {_number(links)} would be left dangling"
-    return RuleError(text, reason="dangling", details=describe_links(model, links))
+    text = f"{graph.describe(node)} cannot be deleted: {_number(links)} would be left dangling"
+    return RuleError(text, reason="dangling", details=describe_links(graph, links))
 
 
-def lost(model: Model, node: int, cls: str, links: list[Link]) -> RuleError:
+def lost(graph: Graph, node: int, cls: str, links: list[Link]) -> RuleError:
     """The object cannot become an instance of the class and keep these links."""
-    text = f"{model.describe(node)} cannot become `{cls}`: {_number(links)} would be lost"
-    return RuleError(text, reason="lost-link", details=describe_links(model, links))
+    text = f"{graph.describe(node)} cannot become `{cls}`: {_number(links)} would be lost"
+    return RuleError(text, reason="lost-link", details=describe_links(graph, links))
 
 
-def describe_links(model: Model, links: Iterable[Link]) -> list[str]:
+def describe_links(graph: Graph, links: Iterable[Link]) -> list[str]:
     """Links, for messages."""
     return [
-        f"{model.describe(source)} -{relation.reference.name}-> {model.describe(target)}"
+        f"{graph.describe(source)} -{relation.reference.name}-> {graph.describe(target)}"
         for relation, source, target in links
     ]
 

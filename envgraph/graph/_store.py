@@ -1,6 +1,6 @@
 """The data of a model in id-indexed columns, and the elementary changes to it.
 
-Nothing here says what is allowed: `Model` does. Every change is recorded in the journal (while recording), added to
+Nothing here says what is allowed: `Graph` does. Every change is recorded in the journal (while recording), added to
 the hash, and the listeners are notified of it.
 """
 
@@ -43,7 +43,7 @@ def _mended(change: Change) -> Change:
 class Store:
     """Columns of a model. Lists keep their identity for the life of the model, so that others may hold them.
 
-    Reading them directly is for matchers; writing is for `Model` alone.
+    Reading them directly is for matchers; writing is for `Graph` alone.
 
     Attributes:
         classes: index of each node's class in `metamodel.class_list`, -1 for no such object.

@@ -10,10 +10,10 @@ from envgraph.graph._journal import Ordered
 from envgraph.metamodel import Attribute, Value, Values, accepts
 
 if TYPE_CHECKING:
-    from envgraph.graph._model import Model
+    from envgraph.graph._graph import Graph
 
 
-def set_value(model: Model, node: int, attribute: Attribute, value: Value | Sequence[Value] | None) -> None:
+def set_value(graph: Graph, node: int, attribute: Attribute, value: Value | Sequence[Value] | None) -> None:
     """Set or (None) clear an attribute; an int for a float attribute becomes a float.
 
     An attribute with many values takes a list or tuple of them.
@@ -24,82 +24,66 @@ def set_value(model: Model, node: int, attribute: Attribute, value: Value | Sequ
         RuleError: more values than the attribute may have ("full").
     """
     index = attribute.index
-    layout = model._layout
-    if not layout.attribute_ok[index][model.store.classes[node]]:
-        raise refusals.lacks(model, node, attribute)
+    layout = graph.layout
+    if not layout.attribute_ok[index][graph.store.classes[node]]:
+        raise refusals.lacks(graph, node, attribute)
     kind = layout.kinds[index]
     if type(value) is not kind or layout.checked[index]:
         if attribute.many:
-            value = _all_coerced(model, node, attribute, () if value is None else value)
+            value = _all_coerced(graph, node, attribute, () if value is None else value)
         elif value is not None:
-            value = _coerced(model, attribute, value)
-    held = model.store.values[index][node]
+            value = _coerced(graph, attribute, value)
+    held = graph.store.values[index][node]
     if held != value and not (type(held) is Ordered and tuple(held) == value):
-        model.store.put(node, index, value)
+        graph.store.put(node, index, value)
 
 
-def add_value(model: Model, node: int, attribute: Attribute, value: Value) -> bool:
-    """Add a value behind the others of an attribute with many; False if each stands once, and it is there.
+def insert_value(graph: Graph, node: int, attribute: Attribute, index: int, value: Value) -> bool:
+    """Insert a value before the one at an index, as a list does; False if each stands once, and it is there.
 
     Raises:
         TypeMismatch: as for `set_value`.
         RuleError: the attribute has as many values as it may have ("full").
     """
-    return model.insert_value(node, attribute, len(model.store.values[attribute.index][node] or ()), value)
-
-
-def insert_value(model: Model, node: int, attribute: Attribute, index: int, value: Value) -> bool:
-    """Insert a value before the one at an index, as a list does; else as `add_value`."""
-    held, value = _held(model, node, attribute), _coerced(model, attribute, value)
-    if attribute.unique and value in model.store.distinct[attribute.index][node]:
+    held, value = _held(graph, node, attribute), _coerced(graph, attribute, value)
+    if attribute.unique and value in graph.store.distinct[attribute.index][node]:
         return False
     if attribute.upper is not None and len(held) >= attribute.upper:
-        raise refusals.too_many(model, node, attribute, (*held, value))
+        raise refusals.too_many(graph, node, attribute, (*held, value))
     index = max(0, len(held) + index) if index < 0 else min(index, len(held))
-    model.store.splice(node, attribute.index, index, value, True)
+    graph.store.splice(node, attribute.index, index, value, True)
     return True
 
 
-def remove_value(model: Model, node: int, attribute: Attribute, value: Value) -> bool:
-    """Remove a value from an attribute with many, wherever it stands; False if it does not."""
-    held = _held(model, node, attribute)
-    count = held.count(value)
-    if count == 1:
-        model.remove_value_at(node, attribute, held.index(value))
-    elif count:
-        model.set_value(node, attribute, [one for one in held if one != value])
-    return count > 0
-
-
-def remove_value_at(model: Model, node: int, attribute: Attribute, index: int) -> None:
+def remove_value_at(graph: Graph, node: int, attribute: Attribute, index: int) -> None:
     """Remove the value at an index, from 0, from an attribute with many.
 
     Raises:
         IndexError: there is none.
     """
-    held = _held(model, node, attribute)
+    held = _held(graph, node, attribute)
     place = range(len(held))[index]
-    model.store.splice(node, attribute.index, place, held[place], False)
+    graph.store.splice(node, attribute.index, place, held[place], False)
 
 
-def _held(model: Model, node: int, attribute: Attribute) -> Sequence[Value]:
-    if not model._layout.attribute_ok[attribute.index][model.store.classes[node]]:
-        raise refusals.lacks(model, node, attribute)
-    return model.store.values[attribute.index][node] or ()
+def _held(graph: Graph, node: int, attribute: Attribute) -> Sequence[Value]:
+    if not graph.layout.attribute_ok[attribute.index][graph.store.classes[node]]:
+        raise refusals.lacks(graph, node, attribute)
+    return graph.store.values[attribute.index][node] or ()
 
 
-def _coerced(model: Model, attribute: Attribute, value: object) -> Value:
+def _coerced(graph: Graph, attribute: Attribute, value: object) -> Value:
     if not accepts(attribute.type, value):
         raise refusals.wrong_value(attribute, value)
-    return model._layout.kinds[attribute.index](value)  # type: ignore[no-any-return]
+    return graph.layout.kinds[attribute.index](value)  # type: ignore[no-any-return]
 
 
-def _all_coerced(model: Model, node: int, attribute: Attribute, values: object) -> Values:
+def _all_coerced(graph: Graph, node: int, attribute: Attribute, values: object) -> Values:
     if not isinstance(values, list | tuple):
         raise refusals.no_list(attribute, values)
-    found = tuple(_coerced(model, attribute, value) for value in values)
+    found = tuple(_coerced(graph, attribute, value) for value in values)
     if attribute.unique and len(dict.fromkeys(found)) < len(found):
         raise refusals.repeated(attribute, found)
     if attribute.upper is not None and len(found) > attribute.upper:
-        raise refusals.too_many(model, node, attribute, found)
+        raise refusals.too_many(graph, node, attribute, found)
     return found

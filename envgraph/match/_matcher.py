@@ -126,7 +126,7 @@ def check_arguments(
                 raise TypeMismatch(
                     _mismatch(library, pattern, position, f"the id of a `{type_.cls}`", argument)
                 )
-            if not model.alive(argument):
+            if not model.graph.alive(argument):
                 return None
             checked.append(argument)
         elif accepts(type_, argument):

@@ -162,7 +162,7 @@ class Match(Mapping[str, "Node | Value"]):
         if not self._shape.is_object(position):
             return repr(value)
         assert isinstance(value, int)
-        return repr(self.model.node(value)) if self.model.alive(value) else f"<deleted #{value}>"
+        return repr(self.model.node(value)) if self.model.graph.alive(value) else f"<deleted #{value}>"
 
 
 class Matches(list[Match]):

@@ -331,7 +331,9 @@ class Family:
     def class_counts(self) -> dict[str, tuple[int, ...]]:
         """Number of objects of each class in every member, where the members differ and no measure says the same."""
         classes = [cls.name for cls in self.domain.metamodel.class_list if not cls.abstract]
-        found = [[len(model.exact_extent(cls)) for cls in classes] for model in self._models(self.members)]
+        found = [
+            [len(model.graph.exact_extent(cls)) for cls in classes] for model in self._models(self.members)
+        ]
         counts = dict(zip(classes, zip(*found, strict=True), strict=True))
         measured = [[member.measures[name] for member in self.members] for name in self.members[0].measures]
         return {

@@ -207,7 +207,7 @@ class Distinct:
         return len({self._shape(member) for member in members}) / len(members) if members else 1.0
 
     def _shape(self, member: Candidate) -> int:
-        return member.once(self, lambda: self._shapes.number(member.model.store))
+        return member.once(self, lambda: self._shapes.number(member.model.graph.store))
 
     def maximum(self, size: int) -> float:
         """Where no two are isomorphic."""

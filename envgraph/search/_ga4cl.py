@@ -167,7 +167,9 @@ def grid_rows(model: Model, draw: DrawGrid) -> tuple[str, ...]:
     cells = grid_cells(model, draw)
     classes = model.metamodel.classes
     letters = {
-        place: glyph.letter for place, node in cells.items() if (glyph := classes[model.class_of(node)].glyph)
+        place: glyph.letter
+        for place, node in cells.items()
+        if (glyph := classes[model.graph.class_of(node)].glyph)
     }
     if not cells:
         return ()
@@ -181,8 +183,8 @@ def grid_cells(model: Model, draw: DrawGrid) -> dict[tuple[int, int], int]:
     column = model.metamodel.feature(draw.cls, draw.column)
     row = model.metamodel.feature(draw.cls, draw.row)
     cells: dict[tuple[int, int], int] = {}
-    for node in model.extent(draw.cls):
-        x, y = model.value(node, column), model.value(node, row)  # type: ignore[arg-type]
+    for node in model.graph.extent(draw.cls):
+        x, y = model.graph.value(node, column), model.graph.value(node, row)  # type: ignore[arg-type]
         if isinstance(x, int) and isinstance(y, int):
             cells[x, y] = node
     return cells
@@ -203,8 +205,8 @@ def retype_grid(model: Model, draw: DrawGrid, variant: GridVariant) -> None:
     left, top = min(column for column, _ in cells), min(row for _, row in cells)
     for (column, row), node in cells.items():
         wanted = by_letter[variant.rows[row - top][column - left]]
-        if model.class_of(node) != wanted:
-            model.retype(node, wanted)
+        if model.graph.class_of(node) != wanted:
+            model.graph.retype(node, wanted)
 
 
 def _check_grid(

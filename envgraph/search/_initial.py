@@ -154,11 +154,11 @@ def _remaking(domain: Domain, engine: Engine) -> Iterator[Derivation]:
 def _other_names(model: Model, cls: str) -> Iterator[tuple[int, str]]:
     """Objects of just a class whose key is a string that no operator makes, and the string."""
     read = key_reader(model, cls)
-    for node in model.extent(cls):
+    for node in model.graph.extent(cls):
         name, *more = read(node)
         if not isinstance(name, str) or more:
             return  # numbers go on, whatever there is
-        if model.class_of(node) == cls and not fullmatch(rf"{cls}[0-9]+", name):
+        if model.graph.class_of(node) == cls and not fullmatch(rf"{cls}[0-9]+", name):
             yield node, name
 
 

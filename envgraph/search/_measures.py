@@ -92,15 +92,17 @@ class ShortestPath:
             node
             for cls in self.metamodel.class_list
             if not cls.abstract
-            for node in model.exact_extent(cls.name)
+            for node in model.graph.exact_extent(cls.name)
         ]
-        blocked = set(model.extent(self.avoid)) if self.avoid else set()
+        blocked = set(model.graph.extent(self.avoid)) if self.avoid else set()
         links: dict[int, list[int]] = {}
         for source, target in self._steps(engine):
             if target not in blocked and source not in blocked:
                 links.setdefault(source, []).append(target)
-        goals = set(model.extent(self.goal) if self.goal else every) - blocked
-        starts = [node for node in (model.extent(self.start) if self.start else every) if node not in blocked]
+        goals = set(model.graph.extent(self.goal) if self.goal else every) - blocked
+        starts = [
+            node for node in (model.graph.extent(self.start) if self.start else every) if node not in blocked
+        ]
         found = (_farthest(links, node, goals) for node in starts)
         return max((float(steps) for steps in found if steps is not None), default=inf)
 
@@ -108,8 +110,8 @@ class ShortestPath:
         for name in self.along:
             references = [one for one in self.metamodel.references if name in {one.name, str(one)}]
             for reference in references:
-                for source in engine.model.extent(reference.owner):
-                    for target in engine.model.targets(source, reference):
+                for source in engine.model.graph.extent(reference.owner):
+                    for target in engine.model.graph.targets(source, reference):
                         yield source, target
             if not references:
                 for match in engine.matches(name):

@@ -19,7 +19,7 @@ def object_facts(model: Model) -> list[list[object]]:
 
     A link belongs to the object whose reference is declared first; the order of links does not count.
     """
-    store = model.store
+    store = model.graph.store
     links = [relation.forward for relation in store.relations if not relation.flipped]
     ends: Iterable[list[object]] = (
         [tuple(sorted(targets) if len(targets) > 1 else targets) for targets in column] for column in links

@@ -87,8 +87,8 @@ class PathComplexity:
         """
         model = engine.model
         # Whole columns of the store: mutations seldom change a link, and then what follows from them is known.
-        columns = [model.store.forward[one.index] for one in self._references]
-        ends = tuple(model.extent(self.start)), tuple(model.extent(self.goal))
+        columns = [model.graph.store.forward[one.index] for one in self._references]
+        ends = tuple(model.graph.extent(self.start)), tuple(model.graph.extent(self.goal))
         known = self._known[:]
         if known[:2] != [columns, ends]:
             links = [[*map(tuple, column)] for column in columns]
@@ -99,7 +99,9 @@ class PathComplexity:
             message = f"path_complexity: the links along {', '.join(self.along)} form a cycle"
             raise EvaluationError(message, hint="name references that lead one way, or take `shortest_path`")
         steps, every = network
-        free = count_paths(len(model.store.classes), steps, starts, goals, set(model.extent(self.avoid)))
+        free = count_paths(
+            len(model.graph.store.classes), steps, starts, goals, set(model.graph.extent(self.avoid))
+        )
         share = free / every if every else 0.0
         return 1.0 - (sqrt(share) if self.transform == "sqrt" else share)
 

@@ -47,16 +47,16 @@ class Variation:
         """Vary the model until it is valid and has its measures; None, and the model as before, where that fails."""
         engine, problem = self._problem.engine, self._problem
         for _ in range(self._max_attempts):
-            savepoint = engine.model.savepoint()
+            savepoint = engine.model.graph.history.savepoint()
             trace = vary(rng)
             judged = (
                 "no rule could be applied" if trace is None else problem.judged(mutated=self._begins_valid)
             )
             if trace is not None and not isinstance(judged, str):
-                engine.model.release(savepoint)
+                engine.model.graph.history.release(savepoint)
                 return trace, judged
             self.reasons[str(judged)] += 1
-            engine.model.rollback(savepoint)
+            engine.model.graph.history.rollback(savepoint)
         return None
 
     def mutation(self, rng: Generator) -> Trace | None:

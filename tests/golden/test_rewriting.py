@@ -28,16 +28,16 @@ def facts(model: Model) -> dict[str, None]:
     """Everything that a model says, one fact a line; a link and its opposite are one."""
     found: dict[str, None] = {}
     for node in model.nodes():
-        name = model.describe(node.id).strip("`")
+        name = model.graph.describe(node.id).strip("`")
         found[f"{name} : {node.cls}"] = None
         for feature in model.metamodel.features(node.cls).values():
             if isinstance(feature, Attribute):
-                found[f"{name}.{feature.name} = {model.value(node.id, feature)!r}"] = None
+                found[f"{name}.{feature.name} = {model.graph.value(node.id, feature)!r}"] = None
                 continue
             opposite = model.metamodel.opposite(feature)
-            for target in model.targets(node.id, feature):
+            for target in model.graph.targets(node.id, feature):
                 if opposite is None or (feature.index, node.id) <= (opposite.index, target):
-                    found[f"{name} -{feature.name}-> {model.describe(target).strip('`')}"] = None
+                    found[f"{name} -{feature.name}-> {model.graph.describe(target).strip('`')}"] = None
     return found
 
 
@@ -80,7 +80,7 @@ def applied(rule: Rule, engine: Engine) -> list[str]:
 
 def shown(model: Model, value: object) -> str:
     identity = getattr(value, "id", None)
-    return repr(value) if identity is None else model.describe(identity).strip("`")
+    return repr(value) if identity is None else model.graph.describe(identity).strip("`")
 
 
 def story(name: str) -> str:

@@ -35,17 +35,23 @@ def all_models(metamodel: Metamodel, most: int) -> set[Form]:
 def form_of(model: Model) -> Form:
     """The form of a model."""
     metamodel = model.metamodel
-    nodes = list(model.store.nodes())
+    nodes = list(model.graph.store.nodes())
     place = {node: position for position, node in enumerate(nodes)}
-    classes = [model.class_of(node) for node in nodes]
+    classes = [model.graph.class_of(node) for node in nodes]
     values = [
-        tuple((attribute.name, model.value(node, attribute)) for attribute in _attributes(metamodel, cls))
+        tuple(
+            (attribute.name, model.graph.value(node, attribute)) for attribute in _attributes(metamodel, cls)
+        )
         for node, cls in zip(nodes, classes, strict=True)
     ]
     links = [
         (
             str(reference),
-            [(place[node], place[target]) for node in nodes for target in model.targets(node, reference)],
+            [
+                (place[node], place[target])
+                for node in nodes
+                for target in model.graph.targets(node, reference)
+            ],
         )
         for reference in _written(metamodel)
     ]

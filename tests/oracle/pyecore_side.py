@@ -155,7 +155,7 @@ def _targets(one: Any, name: str, many: bool) -> list[Any]:
 
 def model_in_words(model: Model) -> list[object]:
     """The same of one of our models."""
-    roots = [node for node in sorted(model.store.nodes()) if model.container(node) is None]
+    roots = [node for node in sorted(model.graph.store.nodes()) if model.graph.container(node) is None]
     order: list[int] = []
     waiting = list(reversed(roots))
     while waiting:
@@ -163,20 +163,20 @@ def model_in_words(model: Model) -> list[object]:
         order.append(node)
         inside = [
             child
-            for feature in model.metamodel.features(model.class_of(node)).values()
+            for feature in model.metamodel.features(model.graph.class_of(node)).values()
             if not isinstance(feature, Attribute) and feature.containment
-            for child in model.targets(node, feature)
+            for child in model.graph.targets(node, feature)
         ]
         waiting.extend(reversed(inside))
     numbers = {node: number for number, node in enumerate(order)}
     found: list[object] = []
     for node in order:
         values: dict[str, object] = {}
-        for feature in model.metamodel.features(model.class_of(node)).values():
+        for feature in model.metamodel.features(model.graph.class_of(node)).values():
             if isinstance(feature, Attribute):
-                values[feature.name] = model.value(node, feature)
+                values[feature.name] = model.graph.value(node, feature)
             else:
-                targets = [numbers[target] for target in model.targets(node, feature)]
+                targets = [numbers[target] for target in model.graph.targets(node, feature)]
                 values[feature.name] = sorted(targets) if feature.opposite else targets
-        found.append((model.class_of(node), values))
+        found.append((model.graph.class_of(node), values))
     return found

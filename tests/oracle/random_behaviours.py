@@ -102,7 +102,7 @@ def random_behaviour_world(seed: int) -> BehaviourWorld:
         if rule is not None:
             engine.add(replace(rule, weight=dice.one([1.0, 1.0, 0.3, 2.5]), priority=dice.one([0, 0, 0, 1])))
     for node in state.classes:
-        model.set_object_name(int(node), f"n{node}")
+        model.graph.set_object_name(int(node), f"n{node}")
     engines = [engine]
     for _ in range(dice.number(0, 2)):
         other = engine.copy()
@@ -199,13 +199,15 @@ class _Builder:
         everywhere = [
             node
             for cls in concrete(self._metamodel)
-            for node in model.exact_extent(cls)
-            if all(one.model.alive(node) and one.model.class_of(node) == cls for one in self._engines)
+            for node in model.graph.exact_extent(cls)
+            if all(
+                one.model.graph.alive(node) and one.model.graph.class_of(node) == cls for one in self._engines
+            )
         ]
         for _ in range(dice.number(0, 2)):
             if everywhere:
                 node = dice.one(everywhere)
-                cls = dice.one(self._metamodel.supertypes(model.class_of(node)))
+                cls = dice.one(self._metamodel.supertypes(model.graph.class_of(node)))
                 found = self._with(found, parameters=(*found.parameters, Parameter(f"n{node}", cls)))
         self._scope = {one.name: ObjectType(one.type or "") for one in found.parameters}
         found = self._clauses(found, dice.number(3, 9))
@@ -222,7 +224,9 @@ class _Builder:
 
     def _agent(self, found: Behaviour, number: int, together: bool) -> Behaviour:
         classes = [
-            cls for cls in self._metamodel.classes if all(one.model.extent(cls) for one in self._engines)
+            cls
+            for cls in self._metamodel.classes
+            if all(one.model.graph.extent(cls) for one in self._engines)
         ]
         if not classes:
             return found

@@ -69,12 +69,12 @@ def application_disagrees(
 ) -> str | None:
     """How they differ at a match."""
     expected = outcomes(state, rule, patterns, env)
-    savepoint = model.savepoint()
+    savepoint = model.graph.history.savepoint()
     try:
         said, found = applied(engine, rule, match, model)
         model.check_integrity()
     finally:
-        model.rollback(savepoint)
+        model.graph.history.rollback(savepoint)
     if not expected or any(isinstance(one, Unclear) for one in expected):
         return None
     if any(agrees(one, said, found, state) for one in expected):

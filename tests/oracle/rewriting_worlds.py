@@ -63,15 +63,15 @@ def random_model(dice: Dice, metamodel: Metamodel) -> Model:
     model = Model(metamodel)
     concrete = [cls.name for cls in metamodel.class_list if not cls.abstract]
     for _ in range(dice.number(1, MOST)):
-        model.new(dice.one(concrete))
+        model.graph.new(dice.one(concrete))
     for _ in range(dice.number(0, 30)):
         before = len(model)
-        savepoint = model.savepoint()
+        savepoint = model.graph.history.savepoint()
         edit(dice, model)
         if len(model) != before:
-            model.rollback(savepoint)
+            model.graph.history.rollback(savepoint)
         else:
-            model.release(savepoint)
+            model.graph.history.release(savepoint)
     return model
 
 
@@ -82,13 +82,13 @@ def state_of(model: Model) -> State:
         Thing(node)
         for cls in metamodel.class_list
         if not cls.abstract
-        for node in model.exact_extent(cls.name)
+        for node in model.graph.exact_extent(cls.name)
     ]
-    classes = {node: model.class_of(node) for node in sorted(nodes)}
+    classes = {node: model.graph.class_of(node) for node in sorted(nodes)}
     values: dict[tuple[Thing, str], Item | tuple[Item, ...] | None] = {
-        (node, attribute.name): several(attribute, model.values(node, attribute))
+        (node, attribute.name): several(attribute, model.graph.values(node, attribute))
         if attribute.many
-        else model.value(node, attribute)
+        else model.graph.value(node, attribute)
         for node in nodes
         for attribute in metamodel.attributes
         if metamodel.feature(classes[node], attribute.name)
@@ -97,7 +97,7 @@ def state_of(model: Model) -> State:
         (reference.name, node, Thing(target))
         for reference in metamodel.references
         for node in nodes
-        for target in model.targets(node, reference)
+        for target in model.graph.targets(node, reference)
     }
     return State(metamodel, classes, values, links)
 

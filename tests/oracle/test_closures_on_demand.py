@@ -167,12 +167,14 @@ PATTERNS = (
 def places(dice: Random, most: int = 7) -> Model:
     """A few places, thinly linked or crowded."""
     model = Model(PLACES)
-    nodes = [model.new(dice.choice(["Place", "Place", "Red", "Inn"])) for _ in range(dice.randint(1, most))]
+    nodes = [
+        model.graph.new(dice.choice(["Place", "Place", "Red", "Inn"])) for _ in range(dice.randint(1, most))
+    ]
     n = PLACES.attributes[0]
     for node in nodes:
         if dice.random() < 0.8:
-            model.set_value(node, n, dice.randint(0, 2))
-            model.set_value(node, PLACES.attributes[1], dice.choice([0.1, 0.2, 0.7]))
+            model.graph.set_value(node, n, dice.randint(0, 2))
+            model.graph.set_value(node, PLACES.attributes[1], dice.choice([0.1, 0.2, 0.7]))
     for _ in range(dice.randint(0, 3 * len(nodes))):
         change(dice, model)
     return model
@@ -180,15 +182,15 @@ def places(dice: Random, most: int = 7) -> Model:
 
 def change(dice: Random, model: Model) -> None:
     """Add or take away a link."""
-    nodes = list(model.extent("Place"))
+    nodes = list(model.graph.extent("Place"))
     source, target = dice.choice(nodes), dice.choice(nodes)
     reference = dice.choice([r for r in PLACES.references for _ in range(1 if r.name == "near" else 2)])
-    if target in model.targets(source, reference):
-        model.unlink(source, reference, target)
+    if target in model.graph.targets(source, reference):
+        model.graph.unlink(source, reference, target)
     elif reference.many:
-        model.link(source, reference, target)
+        model.graph.link(source, reference, target)
     else:
-        model.set_target(source, reference, target)
+        model.graph.set_target(source, reference, target)
 
 
 MANY = {(_closures, "FEW_VISITED"): 0, (_closures, "TIMES"): 0}
@@ -252,7 +254,7 @@ def assert_all(compiled: CompiledMatcher, naive: NaiveMatcher, name: str, size: 
     expected = list(naive.rows(name, (FREE,) * size))
     assert_rows(compiled, name, (FREE,) * size, expected)
     types = compiled.library.parameter_types(name)
-    nodes = list(compiled.model.extent("Place"))
+    nodes = list(compiled.model.graph.extent("Place"))
     for mask in product((False, True), repeat=size):
         for _ in range(3):
             arguments = tuple(

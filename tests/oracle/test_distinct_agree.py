@@ -103,7 +103,7 @@ def test_distinct_sets_change_neither_results_nor_their_order(seed: int) -> None
     for each in asked:
         size = len(each.parameters)
         expected = list(naive.rows(each.name, (FREE,) * size))
-        nodes = list(model.extent("Place"))
+        nodes = list(model.graph.extent("Place"))
         for mask in dice.sample(list(product((False, True), repeat=size)), 2):
             given_ = dice.choice(expected) if expected and dice.random() < 0.7 else None
             arguments = tuple(

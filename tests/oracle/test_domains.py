@@ -122,13 +122,13 @@ def try_out(engine: Engine, rule: str, applied: set[str], reasons: dict[str, set
     model = engine.model
     matches = engine.matches(rule)
     for match in matches:
-        savepoint = model.savepoint()
+        savepoint = model.graph.history.savepoint()
         try:
             assert engine.apply(rule, match) is not None
             applied.add(rule)
         except RuleError as error:
             reasons.setdefault(rule, set()).add(str(error.reason))
-        model.rollback(savepoint)
+        model.graph.history.rollback(savepoint)
         if rule in applied:
             return
     if not matches:
@@ -161,7 +161,7 @@ def test_a_thousand_mutations_keep_every_constraint_and_can_be_taken_back(name: 
     engine.rng = rng
     accepted = 0
     for number in range(1000):
-        savepoint, earlier = model.savepoint(), model.state_hash()
+        savepoint, earlier = model.graph.history.savepoint(), model.state_hash()
         chosen = engine.choose(problem.mutations, rng)
         assert chosen is not None
         try:
@@ -170,10 +170,10 @@ def test_a_thousand_mutations_keep_every_constraint_and_can_be_taken_back(name: 
             assert error.reason == "dangling"
             done = False
         if done and all(constraint.holds(engine) for constraint in constraints):
-            model.release(savepoint)
+            model.graph.history.release(savepoint)
             accepted += 1
         else:
-            model.rollback(savepoint)
+            model.graph.history.rollback(savepoint)
             assert model.state_hash() == earlier
         if number % 100 == 99:
             check(name, domain, engine)
@@ -208,10 +208,10 @@ def test_operators_of_a_derived_group_do_what_their_names_say(name: str) -> None
         cells = [node for node in model.nodes() if node.cls == old]
         assert engine.count(rule) == len(cells)
         for match in engine.matches(rule):
-            savepoint = model.savepoint()
+            savepoint = model.graph.history.savepoint()
             engine.apply(rule, match)
             assert match.object.cls == new and check_conformance(model) == []
-            model.rollback(savepoint)
+            model.graph.history.rollback(savepoint)
 
 
 def test_operators_for_links_keep_the_network_valid() -> None:
@@ -221,8 +221,8 @@ def test_operators_for_links_keep_the_network_valid() -> None:
     assert len(engine.group("wiring")) == 9
     for rule in engine.group("wiring"):
         for match in engine.matches(rule):
-            savepoint = model.savepoint()
+            savepoint = model.graph.history.savepoint()
             if engine.apply(rule, match) is not None:
                 assert not any(engine.exists(demand.qualified_name) for demand in demands)
                 assert check_conformance(model) == []
-            model.rollback(savepoint)
+            model.graph.history.rollback(savepoint)

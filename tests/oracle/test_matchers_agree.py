@@ -41,7 +41,9 @@ def candidates(world: World, pattern: str, naive: list[tuple[object, ...]]) -> l
     columns: list[list[object]] = []
     for type_ in world.library.parameter_types(pattern):
         if isinstance(type_, ObjectType):
-            columns.append([n for c in world.model.metamodel.classes for n in world.model.exact_extent(c)])
+            columns.append(
+                [n for c in world.model.metamodel.classes for n in world.model.graph.exact_extent(c)]
+            )
         else:
             columns.append(list(domain(type_)))
     found = [world.dice.one(naive)] if naive else []
@@ -126,11 +128,11 @@ def test_compiled_and_naive_matcher_agree_after_every_edit(world: World) -> None
 def test_rows_and_their_order_are_back_after_a_rollback(world: World) -> None:
     compiled = CompiledMatcher(world.model, world.library)
     before = snapshot(compiled, world.library)
-    savepoint = world.model.savepoint()
+    savepoint = world.model.graph.history.savepoint()
     for _ in range(world.dice.number(1, 3)):
         world.edit(world.dice.number(1, 5))
         snapshot(compiled, world.library)
-    world.model.rollback(savepoint)
+    world.model.graph.history.rollback(savepoint)
     assert snapshot(compiled, world.library) == before
     assert snapshot(CompiledMatcher(world.model, world.library), world.library) == before
 

@@ -31,9 +31,9 @@ def test_matchers_agree_on_the_queries_of_a_domain(name: str) -> None:
     compiled, naive = (kind(world.model, library) for kind in (CompiledMatcher, NaiveMatcher))
     assert_agree(world, compiled, naive)
     before = snapshot(compiled, library)
-    savepoint = world.model.savepoint()
+    savepoint = world.model.graph.history.savepoint()
     for _ in range(3):
         world.edit(10)
         assert_agree(world, compiled, naive)
-    world.model.rollback(savepoint)
+    world.model.graph.history.rollback(savepoint)
     assert snapshot(compiled, library) == before

@@ -75,7 +75,7 @@ def test_each_construct_has_the_rows_that_it_should_have(file: str, make: Kind) 
 def values_of(engine: Engine, pattern: str, rows: list[Row]) -> list[Row]:
     """Rows to take bound values from: the first and last match, and one of other objects."""
     types = engine.library.parameter_types(pattern)
-    nodes = [node for cls in engine.model.metamodel.classes for node in engine.model.exact_extent(cls)]
+    nodes = [node for cls in engine.model.metamodel.classes for node in engine.model.graph.exact_extent(cls)]
     others = tuple(nodes[-1] if isinstance(type_, ObjectType) else 60 for type_ in types)
     fits = all(isinstance(type_, ObjectType) or str(type_) == "int" for type_ in types)
     return [*rows[:1], *rows[-1:], *([others] if fits else [])]
@@ -88,7 +88,7 @@ def edits_of(engine: Engine) -> list[Callable[[], object]]:
         lambda: None,
         lambda: setattr(dan, "at", ada.at),
         lambda: setattr(ada, "length", 60),
-        lambda: engine.model.delete(cyd.id, "spo"),
+        lambda: engine.model.graph.delete(cyd.id, "spo"),
         lambda: ada.at.next.remove(ada.at),
     ]
 
@@ -134,13 +134,13 @@ def test_views_of_every_construct_follow_edits_and_rollbacks(file: str) -> None:
     ]
     engine.watch(*watchable)
     before = snapshot(engine.matcher, engine.library, watchable)
-    savepoint = engine.model.savepoint()
+    savepoint = engine.model.graph.history.savepoint()
     for edit in edits_of(engine):
         edit()
         found = snapshot(engine.matcher, engine.library, watchable)
         expected = snapshot(naive, engine.library, watchable)
         assert {name: sorted(rows) for name, rows in found.items()} == expected
-    engine.model.rollback(savepoint)
+    engine.model.graph.history.rollback(savepoint)
     assert snapshot(engine.matcher, engine.library, watchable) == before
 
 

@@ -102,10 +102,10 @@ def test_views_follow_batches_and_versions(domain: Workspace, kind: str, size: i
     states = [(engine.commit(), snapshot(engine))]
     for _ in range(BATCHES):
         batch = list(steps(protocol.choose()))
-        savepoint = model.savepoint()
+        savepoint = model.graph.history.savepoint()
         edit(batch)
         done = snapshot(engine)
-        model.rollback(savepoint)
+        model.graph.history.rollback(savepoint)
         assert snapshot(engine) == states[-1][1]
         edit(batch)
         assert snapshot(engine) == done
@@ -164,10 +164,10 @@ def test_the_rules_do_what_the_operations_do(domain: Workspace, kind: str) -> No
     done: set[str] = set()
     for _ in range(BATCHES):
         for operation, row in steps(protocol.choose()):
-            savepoint = model.savepoint()
+            savepoint = model.graph.history.savepoint()
             applied = engine.apply(operation.rule, **arguments(engine, operation, row))
             by_rule = model.state_hash()
-            model.rollback(savepoint)
+            model.graph.history.rollback(savepoint)
             operation.edit(*row)
             if applied is not None:
                 assert model.state_hash() == by_rule, operation.rule

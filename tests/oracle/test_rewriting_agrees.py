@@ -185,11 +185,11 @@ def test_rollback_restores_the_state_and_its_order(seed: int) -> None:
     engine.step_limit = 100
     before = snapshot_of(engine)
     rows = {rule.name: [match.row for match in engine.matches(rule.name)] for rule in free}
-    savepoint = engine.model.savepoint()
+    savepoint = engine.model.graph.history.savepoint()
     with suppress(RuleError, EvaluationError):
         engine.run("unit")
     engine.check_integrity()
-    engine.model.rollback(savepoint)
+    engine.model.graph.history.rollback(savepoint)
     assert snapshot_of(engine) == before
     assert {rule.name: [match.row for match in engine.matches(rule.name)] for rule in free} == rows
     engine.check_integrity()

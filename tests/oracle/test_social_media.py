@@ -132,14 +132,14 @@ class Network:
         self.oracle.posts = [post for post in self.oracle.posts if post not in gone]
         self.oracle.above = {one: above for one, above in self.oracle.above.items() if one not in gone}
         self.oracle.likes = {(user, comment) for user, comment in self.oracle.likes if comment not in gone}
-        self.model.delete(place, "spo")
+        self.model.graph.delete(place, "spo")
 
     def leave(self, user: int, _other: int, _comment: int, _place: int) -> None:
         """A user goes; what he wrote stays."""
         self.oracle.users.remove(user)
         self.oracle.likes = {like for like in self.oracle.likes if like[0] != user}
         self.oracle.friends = {both for both in self.oracle.friends if user not in both}
-        self.model.delete(user, "spo")
+        self.model.graph.delete(user, "spo")
 
 
 KINDS = ("user", "post", "comment", "like", "like", "friend", "friend", "move", "delete", "leave")

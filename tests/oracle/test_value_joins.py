@@ -135,7 +135,7 @@ def world(dice: Dice) -> Model:
     """Some objects with values, more than questions that are answered without an index."""
     model = Model(WORLD)
     for _ in range(dice.number(3, 12)):
-        node = model.new(dice.one(["P", "P", "Q"]))
+        node = model.graph.new(dice.one(["P", "P", "Q"]))
         change(dice, model, node)
     for _ in range(8):
         edit(dice, model)
@@ -146,20 +146,20 @@ def change(dice: Dice, model: Model, node: int) -> None:
     """Other numbers of an object."""
     for name, values in NUMBERS.items():
         if dice.chance(70):
-            model.set_value(node, model.metamodel.feature("P", name), dice.one([*values, None]))  # type: ignore[arg-type]
+            model.graph.set_value(node, model.metamodel.feature("P", name), dice.one([*values, None]))  # type: ignore[arg-type]
 
 
 def disturb(dice: Dice, model: Model) -> None:
     """Random changes, sometimes rolled back."""
-    savepoint = model.savepoint() if dice.chance(30) else None
+    savepoint = model.graph.history.savepoint() if dice.chance(30) else None
     for _ in range(dice.number(1, 3)):
-        nodes = list(model.extent("P"))
+        nodes = list(model.graph.extent("P"))
         if nodes and dice.chance(60):
             change(dice, model, dice.one(nodes))
         else:
             edit(dice, model)
     if savepoint is not None:
-        (model.rollback if dice.chance(60) else model.release)(savepoint)
+        (model.graph.history.rollback if dice.chance(60) else model.graph.history.release)(savepoint)
 
 
 @contextmanager
@@ -216,9 +216,9 @@ def test_views_agree_on_comparisons_of_computed_values(seed: int) -> None:
             )
         views.check_integrity()
         before = {name: list(views.rows(name, (FREE,) * width)) for name, width in names.items()}
-        savepoint = model.savepoint()
+        savepoint = model.graph.history.savepoint()
         disturb(dice, model)
         views.rows("pair", (FREE, FREE))
-        model.rollback(savepoint)
+        model.graph.history.rollback(savepoint)
         assert before == {name: list(views.rows(name, (FREE,) * width)) for name, width in names.items()}
         disturb(dice, model)

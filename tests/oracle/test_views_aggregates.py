@@ -64,8 +64,8 @@ class Stock:
 
     def __init__(self, size: int) -> None:
         self.model = Model(SHOP)
-        self.shops = [self.model.new("Shop") for _ in range(2)]
-        self.items = [self.model.new("Item") for _ in range(size)]
+        self.shops = [self.model.graph.new("Shop") for _ in range(2)]
+        self.items = [self.model.graph.new("Item") for _ in range(size)]
         queries = library()
         self.views = ViewMatcher(self.model, queries)
         self.anew = CompiledMatcher(self.model, queries)
@@ -75,13 +75,13 @@ class Stock:
         model, item = self.model, dice.one(self.items)
         match dice.number(0, 4):
             case 0 | 1:
-                model.link(dice.one(self.shops), ITEMS, item)
+                model.graph.link(dice.one(self.shops), ITEMS, item)
             case 2:
-                model.unlink(dice.one(self.shops), ITEMS, item)
+                model.graph.unlink(dice.one(self.shops), ITEMS, item)
             case 3:
-                model.set_value(item, STOCK, dice.one(INTS))
+                model.graph.set_value(item, STOCK, dice.one(INTS))
             case _:
-                model.set_value(item, PRICE, dice.one([*FLOATS, None]))
+                model.graph.set_value(item, PRICE, dice.one([*FLOATS, None]))
 
     def values(self) -> dict[str, list[tuple[object, ...]]]:
         """What the views list."""
@@ -96,7 +96,7 @@ class Stock:
 
 def episode(dice: Dice, stock: Stock, nested: int) -> None:
     """A transaction, perhaps with others inside."""
-    before, savepoint = stock.values(), stock.model.savepoint()
+    before, savepoint = stock.values(), stock.model.graph.history.savepoint()
     for _ in range(dice.number(1, 8)):
         stock.change(dice)
         if dice.chance(50):
@@ -107,14 +107,14 @@ def episode(dice: Dice, stock: Stock, nested: int) -> None:
     after = stock.values()
     match dice.number(0, 3):
         case 0 | 1:
-            stock.model.release(savepoint)
+            stock.model.graph.history.release(savepoint)
         case 2:
-            stock.model.rollback(savepoint)
+            stock.model.graph.history.rollback(savepoint)
             assert stock.values() == before
         case _:
-            shelf = stock.model.shelve(savepoint)
+            shelf = stock.model.graph.history.shelve(savepoint)
             assert stock.values() == before
-            stock.model.release(stock.model.resume(shelf))
+            stock.model.graph.history.release(stock.model.graph.history.resume(shelf))
             assert stock.values() == after
     stock.check()
 
@@ -147,24 +147,24 @@ def test_running_aggregates_are_those_of_the_group(seed: int, large: int) -> Non
 def test_a_change_of_a_large_group_does_not_read_the_group(monkeypatch: pytest.MonkeyPatch) -> None:
     stock = Stock(500)
     for number, item in enumerate(stock.items):
-        stock.model.set_value(item, STOCK, number)
-        stock.model.set_value(item, PRICE, number / 10)
-        stock.model.link(stock.shops[0], ITEMS, item)
+        stock.model.graph.set_value(item, STOCK, number)
+        stock.model.graph.set_value(item, PRICE, number / 10)
+        stock.model.graph.link(stock.shops[0], ITEMS, item)
     stock.views.watch(*NAMES)
     first, last = stock.items[0], stock.items[-1]
-    stock.model.set_value(first, STOCK, -1)  # from here on the aggregates run
-    stock.model.set_value(last, PRICE, 100.5)
+    stock.model.graph.set_value(first, STOCK, -1)  # from here on the aggregates run
+    stock.model.graph.set_value(last, PRICE, 100.5)
     stock.check()
     read: list[str] = []
     monkeypatch.setattr(_folds, "aggregate", lambda function, _: read.append(function))
-    savepoint = stock.model.savepoint()
+    savepoint = stock.model.graph.history.savepoint()
     for item in (first, last):
-        stock.model.unlink(stock.shops[0], ITEMS, item)
-        stock.model.set_value(item, STOCK, 1000)
-        stock.model.link(stock.shops[0], ITEMS, item)
+        stock.model.graph.unlink(stock.shops[0], ITEMS, item)
+        stock.model.graph.set_value(item, STOCK, 1000)
+        stock.model.graph.link(stock.shops[0], ITEMS, item)
     assert stock.views.count("max_stock", (stock.shops[0], 1000)) == 1
     assert stock.views.count("min_stock", (stock.shops[0], 1)) == 1
-    stock.model.rollback(savepoint)
+    stock.model.graph.history.rollback(savepoint)
     assert stock.views.count("max_stock", (stock.shops[0], 499)) == 1
     assert not read
     monkeypatch.undo()
@@ -174,11 +174,11 @@ def test_a_change_of_a_large_group_does_not_read_the_group(monkeypatch: pytest.M
 def test_extremes_that_come_and_go_for_ever_take_no_room() -> None:
     stock = Stock(100)
     for number, item in enumerate(stock.items):
-        stock.model.set_value(item, STOCK, number)
-        stock.model.link(stock.shops[0], ITEMS, item)
+        stock.model.graph.set_value(item, STOCK, number)
+        stock.model.graph.link(stock.shops[0], ITEMS, item)
     stock.views.watch("min_stock")
     for round_ in range(2_000):
-        stock.model.set_value(stock.items[50], STOCK, 1_000 + round_)
+        stock.model.graph.set_value(stock.items[50], STOCK, 1_000 + round_)
         stock.views.kept.settle()
     operators = stock.views.kept.network.operators.values()
     (fold,) = (operator for operator in operators if isinstance(operator, _folds.Fold))

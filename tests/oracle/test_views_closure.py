@@ -87,7 +87,7 @@ class Shadow:
 
     def __init__(self, size: int) -> None:
         self.model = Model(PLACES)
-        self.places = [self.model.new("Place") for _ in range(size)]
+        self.places = [self.model.graph.new("Place") for _ in range(size)]
         self.to: Edges = {}
         self.beside: Edges = {}
         self.shut: set[int] = set()
@@ -139,14 +139,14 @@ class Shadow:
         roll = dice.number(0, 9)
         if roll == 0:
             cls = dice.one(["Place", "Start", "Goal"])
-            self.model.retype(place, cls)
+            self.model.graph.retype(place, cls)
             self.starts.discard(place)
             self.goals.discard(place)
             if cls != "Place":
                 (self.starts if cls == "Start" else self.goals).add(place)
         elif roll == 1:
             shut = dice.chance(30)
-            self.model.set_value(place, SHUT, shut)
+            self.model.graph.set_value(place, SHUT, shut)
             (self.shut.add if shut else self.shut.discard)(place)
         elif dice.chance(growing):
             self._link(place, other, roll < 6)
@@ -154,7 +154,7 @@ class Shadow:
             self._unlink(dice, roll < 6)
 
     def _link(self, place: int, other: int, directed: bool) -> None:
-        self.model.link(place, TO if directed else BESIDE, other)
+        self.model.graph.link(place, TO if directed else BESIDE, other)
         if directed:
             self.to[place, other] = None
         else:
@@ -164,7 +164,7 @@ class Shadow:
         edges = self.to if directed else self.beside
         if edges:
             place, other = dice.one(list(edges))
-            self.model.unlink(place, TO if directed else BESIDE, other)
+            self.model.graph.unlink(place, TO if directed else BESIDE, other)
             edges.pop((place, other))
             if not directed:
                 edges.pop((other, place), None)
@@ -228,7 +228,7 @@ def episode(dice: Dice, views: ViewMatcher, shadow: Shadow, kind: str, nested: i
     model = shadow.model
     batch, growing = dice.one([1, 1, 1, 5, len(shadow.places) // 2]), dice.one([10, 50, 90])
     before, state = order(views), shadow.state()
-    savepoint = model.savepoint()
+    savepoint = model.graph.history.savepoint()
     for _ in range(batch):
         shadow.change(dice, growing)
     assert_as_expected(views, shadow, kind)
@@ -238,15 +238,17 @@ def episode(dice: Dice, views: ViewMatcher, shadow: Shadow, kind: str, nested: i
         assert_as_expected(views, shadow, kind)
     end = dice.one(["release", "release", "roll back", "shelve"])
     if end == "release":
-        model.release(savepoint)
+        model.graph.history.release(savepoint)
         return
     after, changed = order(views), shadow.state()
-    shelf = model.shelve(savepoint) if end == "shelve" else model.rollback(savepoint)
+    shelf = (
+        model.graph.history.shelve(savepoint) if end == "shelve" else model.graph.history.rollback(savepoint)
+    )
     shadow.restore(state)
     assert order(views) == before
     assert_as_expected(views, shadow, kind)
     if shelf is not None:
-        model.release(model.resume(shelf))
+        model.graph.history.release(model.graph.history.resume(shelf))
         shadow.restore(changed)
         assert order(views) == after
         assert_as_expected(views, shadow, kind)
@@ -268,67 +270,69 @@ def test_closures_of_graphs_with_two_hundred_nodes_are_those_of_networkx(kind: s
 
 def test_a_change_of_a_large_tree_does_not_keep_the_whole_tree() -> None:
     model = Model(PLACES)
-    start = model.new("Start")
-    ring = [model.new("Place") for _ in range(500)]
+    start = model.graph.new("Start")
+    ring = [model.graph.new("Place") for _ in range(500)]
     for near, far in zip([start, *ring], ring, strict=False):
-        model.link(near, TO, far)
+        model.graph.link(near, TO, far)
     library = Library(PLACES)
     library.add(*STEPS["link"], *ASKED)
     views = ViewMatcher(model, library)
     views.watch("starts")
-    savepoint = model.savepoint()
+    savepoint = model.graph.history.savepoint()
     for _ in range(50):
         for inner in (False, True):
-            within = model.savepoint() if inner else None
-            model.unlink(ring[-2], TO, ring[-1])
+            within = model.graph.history.savepoint() if inner else None
+            model.graph.unlink(ring[-2], TO, ring[-1])
             assert views.count("starts", (start, FREE)) == 499
-            model.link(ring[-2], TO, ring[-1])
+            model.graph.link(ring[-2], TO, ring[-1])
             assert views.count("starts", (start, FREE)) == 500
             if within is not None:
-                model.rollback(within)
-    journal = model.store.journal
+                model.graph.history.rollback(within)
+    journal = model.graph.store.journal
     trees = {id(old) for old in journal[2::4] if isinstance(old, dict)}
     assert len(journal) > 50 * 2 * 4
     # A copy for the outer savepoint, and one after each inner one: two changes each.
     assert 1 <= len(trees) <= 51
-    model.rollback(savepoint)
+    model.graph.history.rollback(savepoint)
     assert views.count("starts", (start, FREE)) == 500
     views.check_integrity()
 
 
 def test_all_starts_of_a_graph_without_circles_have_trees_that_are_copied_once() -> None:
     model = Model(PLACES)
-    chain = [model.new("Place") for _ in range(60)]
+    chain = [model.graph.new("Place") for _ in range(60)]
     for near, far in pairwise(chain):
-        model.link(near, TO, far)
-    model.link(chain[-2], TO, model.new("Place"))  # so that it always has a link, and always is a start
+        model.graph.link(near, TO, far)
+    model.graph.link(
+        chain[-2], TO, model.graph.new("Place")
+    )  # so that it always has a link, and always is a start
     library = Library(PLACES)
     library.add(*STEPS["link"], *ASKED)
     views = ViewMatcher(model, library)
     views.watch("pairs", "pairs0", "loops")
     pairs = views.count("pairs", (FREE, FREE))
     assert pairs == 60 * 59 // 2 + 59
-    savepoint = model.savepoint()
+    savepoint = model.graph.history.savepoint()
     for _ in range(20):
-        model.unlink(chain[-2], TO, chain[-1])
+        model.graph.unlink(chain[-2], TO, chain[-1])
         assert views.count("pairs", (FREE, FREE)) == pairs - 59
-        model.link(chain[-2], TO, chain[-1])
+        model.graph.link(chain[-2], TO, chain[-1])
         assert views.count("pairs", (FREE, FREE)) == pairs
-    trees = {id(old) for old in model.store.journal[2::4] if isinstance(old, dict)}
+    trees = {id(old) for old in model.graph.store.journal[2::4] if isinstance(old, dict)}
     assert 59 <= len(trees) <= 3 * 60  # one for each start and closure
-    model.link(chain[-1], TO, chain[0])  # now they reach each other
+    model.graph.link(chain[-1], TO, chain[0])  # now they reach each other
     assert views.count("loops", (FREE,)) == 60
     views.check_integrity()
-    model.rollback(savepoint)
+    model.graph.history.rollback(savepoint)
     assert views.count("loops", (FREE,)) == 0
     views.check_integrity()
 
 
 def test_cycles_take_memory_in_proportion_to_the_steps() -> None:
     model = Model(PLACES)
-    chain = [model.new("Place") for _ in range(3000)]
+    chain = [model.graph.new("Place") for _ in range(3000)]
     for near, far in pairwise(chain):
-        model.link(near, TO, far)
+        model.graph.link(near, TO, far)
     library = Library(PLACES)
     library.add(*STEPS["link"], *ASKED)
     views = ViewMatcher(model, library)
@@ -336,15 +340,15 @@ def test_cycles_take_memory_in_proportion_to_the_steps() -> None:
     sizes = {each.name: each.size() for each in views.kept.network.operators.values()}
     assert sizes["step/circles"] == 0
     assert max(sizes.values()) <= 3000  # not a pair of a node and each that it reaches
-    savepoint = model.savepoint()
-    model.link(chain[2], TO, chain[2])
-    model.link(chain[-1], TO, chain[1000])
+    savepoint = model.graph.history.savepoint()
+    model.graph.link(chain[2], TO, chain[2])
+    model.graph.link(chain[-1], TO, chain[1000])
     assert views.count("loops", (FREE,)) == 2001
-    model.unlink(chain[1500], TO, chain[1501])
+    model.graph.unlink(chain[1500], TO, chain[1501])
     assert views.rows("loops", (FREE,)) == [(chain[2],)]
     assert views.count("straight", (FREE,)) == 2999
     views.check_integrity()
-    model.rollback(savepoint)
+    model.graph.history.rollback(savepoint)
     assert views.count("loops", (FREE,)) == 0
     views.check_integrity()
 
@@ -392,11 +396,11 @@ class Grid:
         self.cells = []
         with self.model.loading():
             for number in range(width * width):
-                self.cells.append(self.model.new("Cell"))
+                self.cells.append(self.model.graph.new("Cell"))
                 if number % width:
-                    self.model.link(self.cells[number - 1], EAST, self.cells[number])
+                    self.model.graph.link(self.cells[number - 1], EAST, self.cells[number])
                 if number >= width:
-                    self.model.link(self.cells[number - width], SOUTH, self.cells[number])
+                    self.model.graph.link(self.cells[number - width], SOUTH, self.cells[number])
             self.model.node(self.cells[0]).role = "start"
             self.model.node(self.cells[-1]).role = "goal"
         library = Library(CELLS)
@@ -411,7 +415,7 @@ class Grid:
     def join(self, row: int, column: int) -> None:
         """Link a cell with the one to its left."""
         right = row * self.width + column
-        self.model.link(self.cells[right - 1], EAST, self.cells[right])
+        self.model.graph.link(self.cells[right - 1], EAST, self.cells[right])
 
     def stored(self) -> int:
         """Nodes in all reached sets that are held, each set once, and in the indexes of them."""
@@ -453,7 +457,7 @@ def test_a_grid_of_thousands_of_cells_does_not_store_its_pairs() -> None:
 def test_a_grid_that_falls_into_halves_and_grows_together_does_not_store_its_pairs() -> None:
     grid = Grid(40)
     cells = 1_600
-    savepoint = grid.model.savepoint()
+    savepoint = grid.model.graph.history.savepoint()
     for row in range(40):
         grid.cut(row, 20)
     assert grid.count("loop", 1) == cells - 40
@@ -464,7 +468,7 @@ def test_a_grid_that_falls_into_halves_and_grows_together_does_not_store_its_pai
         assert grid.count("loop", 1) == cells - 39 + row
     assert grid.stored() <= 6 * cells + 40 * 20 * 40
     grid.views.check_integrity()
-    grid.model.rollback(savepoint)
+    grid.model.graph.history.rollback(savepoint)
     assert grid.count("loop", 1) == cells
     assert grid.stored() <= 4 * cells
     grid.views.check_integrity()
@@ -475,9 +479,9 @@ def test_changing_a_leaf_of_a_deep_tree_updates_its_ancestors(monkeypatch: pytes
     places = Metamodel("places", (Class("Place", features=(Reference("to", "Place", 0, None),)),))
     random, model, (to,) = Random(1), Model(places), places.references
     with model.loading():
-        nodes = [model.new("Place") for _ in range(3_000)]
+        nodes = [model.graph.new("Place") for _ in range(3_000)]
         for place in range(1, len(nodes)):
-            model.link(nodes[random.randrange(place // 2, place)], to, nodes[place])
+            model.graph.link(nodes[random.randrange(place // 2, place)], to, nodes[place])
     library = Library(places)
     library.add(pattern("below(a : Place, b : Place)", [path("Place.to+", "a", "b")]))
     views, looked = watched(model, library), []
@@ -485,7 +489,7 @@ def test_changing_a_leaf_of_a_deep_tree_updates_its_ancestors(monkeypatch: pytes
     assert pairs > 16 * len(nodes)
     cut = ClosureOperator._cut
     monkeypatch.setattr(ClosureOperator, "_cut", lambda *given: looked.append(given) or cut(*given))
-    (above,) = model.sources(nodes[-1], to)
-    model.unlink(above, to, nodes[-1])
+    (above,) = model.graph.sources(nodes[-1], to)
+    model.graph.unlink(above, to, nodes[-1])
     lost = pairs - views.count("below", (FREE, FREE))
     assert len(looked) <= lost < 100

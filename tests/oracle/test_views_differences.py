@@ -120,7 +120,7 @@ def world(seed: int, size: int = 1) -> World:
         library.add(each)
     found = World(library, model, dice)
     for _ in range(dice.number(2, 5) * size):
-        model.new(dice.one(["N", "N", "M"]))
+        model.graph.new(dice.one(["N", "N", "M"]))
     found.edit(dice.number(0, 25) * size)
     return found
 

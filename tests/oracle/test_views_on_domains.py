@@ -78,10 +78,10 @@ def test_watched_domains_agree_under_random_rules(name: str, seed: int) -> None:
             case 0 | 1:
                 play.fire(dice, dice.number(1, 4))
             case 2:
-                before, savepoint = play.order(), play.engine.model.savepoint()
+                before, savepoint = play.order(), play.engine.model.graph.history.savepoint()
                 play.fire(dice, dice.number(1, 6))
                 play.check()
-                play.engine.model.rollback(savepoint)
+                play.engine.model.graph.history.rollback(savepoint)
                 assert play.order() == before
             case 3:
                 versions.append((play.engine.commit(), play.order()))

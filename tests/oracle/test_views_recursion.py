@@ -102,12 +102,12 @@ def world(dice: Random) -> tuple[Model, Library] | None:
 
 def edit(dice: Random, model: Model) -> None:
     """Change a link, a value or a class."""
-    node = dice.choice(list(model.extent("Place")))
+    node = dice.choice(list(model.graph.extent("Place")))
     match dice.randrange(5):
         case 0:
-            model.set_value(node, PLACES.attributes[0], dice.choice([0, 1, 2, None]))
+            model.graph.set_value(node, PLACES.attributes[0], dice.choice([0, 1, 2, None]))
         case 1:
-            model.retype(node, dice.choice(["Place", "Red", "Inn"]))
+            model.graph.retype(node, dice.choice(["Place", "Red", "Inn"]))
         case _:
             change(dice, model)
 
@@ -133,17 +133,17 @@ def walk(dice: Random) -> bool:
 
     compare()
     for _ in range(dice.randint(2, 5)):
-        before, savepoint = listed(), model.savepoint()
+        before, savepoint = listed(), model.graph.history.savepoint()
         for _ in range(dice.randint(1, 3)):
             for _ in range(dice.choice([1, 1, 4])):
                 edit(dice, model)
             compare()
         if dice.random() < 0.5:
-            model.rollback(savepoint)
+            model.graph.history.rollback(savepoint)
             assert listed() == before
             compare()
         else:
-            model.release(savepoint)
+            model.graph.history.release(savepoint)
     return True
 
 
@@ -159,10 +159,10 @@ def test_watched_calls_of_recursive_patterns_have_the_right_rows(seed: int) -> N
 @pytest.mark.parametrize("known", ["a", "b"])
 def test_one_asked_value_keeps_no_more_rows_than_there_are_places(called: str, known: str) -> None:
     model, library = Model(PLACES), Library(PLACES)
-    chain = [model.new("Place") for _ in range(100)]
+    chain = [model.graph.new("Place") for _ in range(100)]
     for near, far in pairwise(chain):
-        model.link(near, PLACES.feature("Place", "to"), far)  # type: ignore[arg-type]
-    model.set_value(chain[50], PLACES.attributes[0], 7)
+        model.graph.link(near, PLACES.feature("Place", "to"), far)  # type: ignore[arg-type]
+    model.graph.set_value(chain[50], PLACES.attributes[0], 7)
     chained = pattern("chained(a : Place, b : Place)", [TO], [into("to"), find("chained", "m", "b")])
     asking = pattern("asking(a : Place, b : Place)", [path("Place.n", known, 7), find(called, "a", "b")])
     library.add(*USUAL, chained, asking)
@@ -172,8 +172,8 @@ def test_one_asked_value_keeps_no_more_rows_than_there_are_places(called: str, k
     expected = expected[51:] if known == "a" else expected[:50]
     assert sorted(views.rows("asking", (FREE, FREE))) == expected
     assert max(each.size() for each in views.kept.network.operators.values()) <= 100
-    model.unlink(chain[60], PLACES.feature("Place", "to"), chain[61])  # type: ignore[arg-type]
+    model.graph.unlink(chain[60], PLACES.feature("Place", "to"), chain[61])  # type: ignore[arg-type]
     assert views.count("asking", (FREE, FREE)) == (10 if known == "a" else 50)
-    model.set_value(chain[70], PLACES.attributes[0], 7)
+    model.graph.set_value(chain[70], PLACES.attributes[0], 7)
     assert views.count("asking", (FREE, FREE)) == (10 + 29 if known == "a" else 50 + 9)
     views.check_integrity()

@@ -210,7 +210,7 @@ class Interpreter:
         for name, value in given.items():
             if name not in shape.names:
                 return []
-            if shape.is_object(shape.position(name)) and not self.engine.model.alive(int(value)):
+            if shape.is_object(shape.position(name)) and not self.engine.model.graph.alive(int(value)):
                 return []
         found = self.engine.matches(rule, **given)
         for condition in call.where:
@@ -282,13 +282,16 @@ class Interpreter:
             return not self._holds(condition.relation, names)
         if isinstance(condition, Comparison):
             left, right = (int(names[side.name]) for side in (condition.left, condition.right))  # type: ignore[union-attr]
-            alive = self.engine.model.alive(left) and self.engine.model.alive(right)
+            alive = self.engine.model.graph.alive(left) and self.engine.model.graph.alive(right)
             return alive and (left == right) is (condition.operator == "==")
         if isinstance(condition, TypeConstraint):
             node = int(names[condition.term.name])  # type: ignore[union-attr]
-            return self.engine.model.alive(node) and self.engine.model.class_of(node) == condition.type
+            return (
+                self.engine.model.graph.alive(node)
+                and self.engine.model.graph.class_of(node) == condition.type
+            )
         assert isinstance(condition, PatternCall)
-        _, parameters = self.engine.parameters_of(condition.pattern)
+        _, parameters = self.engine.catalog.parameters_of(condition.pattern)
         bound = {
             parameter: names[argument.name]
             for parameter, argument in zip(parameters, condition.arguments, strict=True)
@@ -300,7 +303,7 @@ class Interpreter:
             return False
 
     def _read(self, node: int, feature: str) -> Value | None:
-        if not self.engine.model.alive(node):
+        if not self.engine.model.graph.alive(node):
             return None
         value: object = self.engine.model.node(node)[feature]
         return value.id if isinstance(value, Node) else value  # type: ignore[return-value]

@@ -161,7 +161,7 @@ class Walk:
 
     def edit(self, dice: Dice, count: int, thin: bool = False) -> None:
         """Random changes."""
-        if self.model.in_transaction:
+        if self.model.graph.history.depth:
             with self._untold():
                 self._edit(dice, count, thin)
         else:
@@ -173,7 +173,7 @@ class Walk:
 
     def load(self, dice: Dice, count: int) -> None:
         """Random changes that are not recorded, if there is nothing to go back to."""
-        if not self.model.idle:
+        if not self.model.graph.history.idle:
             return
         with self._untold(), self.model.loading():
             self._edit(dice, count)
@@ -186,14 +186,14 @@ class Walk:
 
     def open(self) -> None:
         """Open a savepoint, perhaps inside others."""
-        self.savepoints.append((self.model.savepoint(), self.order()))
+        self.savepoints.append((self.model.graph.history.savepoint(), self.order()))
 
     def roll_back(self) -> None:
         """Roll back to the innermost savepoint."""
         if self.savepoints:
             savepoint, before = self.savepoints.pop()
             with self._untold():
-                self.model.rollback(savepoint)
+                self.model.graph.history.rollback(savepoint)
                 self._assert_back(before)
 
     def release(self) -> None:
@@ -203,9 +203,9 @@ class Walk:
         savepoint, _ = self.savepoints.pop()
         if self.savepoints:
             with self._untold():
-                self.model.release(savepoint)
+                self.model.graph.history.release(savepoint)
         else:
-            self.model.release(savepoint)
+            self.model.graph.history.release(savepoint)
             self._assert_all_told()
 
     # --- versions
@@ -244,7 +244,7 @@ class Walk:
 
     def watch(self, pattern: str) -> None:
         """Watch a pattern, if there is no state to go back to; else that is refused, or asked for later."""
-        if self.model.idle:
+        if self.model.graph.history.idle:
             self.views.watch(pattern)
             assert pattern in self.views.watched
         elif pattern not in self.views.watched:

@@ -133,20 +133,20 @@ def edit(dice: Dice, model: Model, thin: bool = False) -> None:
     """
     metamodel = model.metamodel
     concrete = [cls.name for cls in metamodel.class_list if not cls.abstract]
-    nodes = [node for cls in concrete for node in model.exact_extent(cls)]
+    nodes = [node for cls in concrete for node in model.graph.exact_extent(cls)]
     kind = dice.one([2, 3, 4, 11, 11, 11]) if thin else dice.number(0, 11)
     if kind < 2 or len(nodes) < 2:
-        model.new(dice.one(concrete))
+        model.graph.new(dice.one(concrete))
         return
     node = dice.one(nodes)
     try:
         if kind == 2:
-            model.delete(node, "spo")
+            model.graph.delete(node, "spo")
         elif kind == 3:
-            model.retype(node, dice.one(concrete), lossy=True)
+            model.graph.retype(node, dice.one(concrete), lossy=True)
         elif kind < 6:
             attributes = [
-                f for f in metamodel.features(model.class_of(node)).values() if isinstance(f, Attribute)
+                f for f in metamodel.features(model.graph.class_of(node)).values() if isinstance(f, Attribute)
             ]
             if attributes:
                 _edit_value(dice, model, node, dice.one(attributes))
@@ -159,39 +159,40 @@ def edit(dice: Dice, model: Model, thin: bool = False) -> None:
 def _edit_value(dice: Dice, model: Model, node: int, attribute: Attribute) -> None:
     values = domain(attribute.type)
     if not attribute.many:
-        model.set_value(node, attribute, dice.one([*values, None]))
+        model.graph.set_value(node, attribute, dice.one([*values, None]))
     elif dice.chance(50):
-        model.add_value(node, attribute, dice.one(values))
+        model.node(node)[attribute.name].append(dice.one(values))
     elif dice.chance(50):
-        model.remove_value(node, attribute, dice.one(values))
+        gone = dice.one(values)
+        model.graph.set_value(node, attribute, [v for v in model.graph.values(node, attribute) if v != gone])
     else:
         several = [value for value in values for _ in range(dice.number(0, 2 - attribute.unique))]
-        model.set_value(node, attribute, several if dice.chance(50) else several[::-1])
+        model.graph.set_value(node, attribute, several if dice.chance(50) else several[::-1])
 
 
 def _edit_link(dice: Dice, model: Model, node: int, unlink: bool) -> None:
-    features = model.metamodel.features(model.class_of(node)).values()
+    features = model.metamodel.features(model.graph.class_of(node)).values()
     references = [f for f in features if isinstance(f, Reference)]
     if not references:
         return
     reference = dice.one(references)
     if unlink:
-        targets = list(model.targets(node, reference))
+        targets = list(model.graph.targets(node, reference))
         if targets:
-            model.unlink(node, reference, dice.one(targets))
+            model.graph.unlink(node, reference, dice.one(targets))
         return
-    candidates = list(model.extent(reference.target))
+    candidates = list(model.graph.extent(reference.target))
     if not candidates:
         return
     # Links from an object to itself are where relations that occur twice in a body meet.
     target = node if node in candidates and dice.chance(25) else dice.one(candidates)
     roll = dice.number(0, 9)
     if not reference.many and roll < 5:
-        model.set_target(node, reference, target)
+        model.graph.set_target(node, reference, target)
     elif reference.many and roll < 1:
-        model.set_targets(node, reference, [each for each in candidates if dice.chance(40)])
+        model.graph.set_targets(node, reference, [each for each in candidates if dice.chance(40)])
     else:
-        model.link(node, reference, target)
+        model.graph.link(node, reference, target)
 
 
 # --- patterns
@@ -718,7 +719,7 @@ def random_world(seed: int, size: int = 1) -> World:
     for cls in metamodel.class_list:
         if not cls.abstract:
             for _ in range(dice.number(0, 3) * size):
-                world.model.new(cls.name)
+                world.model.graph.new(cls.name)
     world.edit(dice.number(0, 25) * size)
     return world
 

@@ -9,34 +9,36 @@ from envgraph.graph import ClassFact, Fact, LinkFact, Model, ValueFact
 
 def snapshot(model: Model) -> dict[str, object]:
     """Everything that can be asked of a model but its revision."""
-    nodes = [node for cls in model.metamodel.class_list for node in model.exact_extent(cls.name)]
+    nodes = [node for cls in model.metamodel.class_list for node in model.graph.exact_extent(cls.name)]
     return {
-        "extents": {cls.name: list(model.extent(cls.name)) for cls in model.metamodel.class_list},
-        "classes": [(node, model.class_of(node), model.object_name(node)) for node in nodes],
+        "extents": {cls.name: list(model.graph.extent(cls.name)) for cls in model.metamodel.class_list},
+        "classes": [(node, model.graph.class_of(node), model.graph.object_name(node)) for node in nodes],
         "values": [
-            (str(a), node, repr(model.value(node, a))) for a in model.metamodel.attributes for node in nodes
+            (str(a), node, repr(model.graph.value(node, a)))
+            for a in model.metamodel.attributes
+            for node in nodes
         ],
         "targets": [
-            (str(r), node, list(model.targets(node, r)), list(model.sources(node, r)))
+            (str(r), node, list(model.graph.targets(node, r)), list(model.graph.sources(node, r)))
             for r in model.metamodel.references
             for node in nodes
         ],
-        "names": {name: node for name, node in model.store.by_name.items() if node is not None},
-        "next_id": model.store.next_id,
+        "names": {name: node for name, node in model.graph.store.by_name.items() if node is not None},
+        "next_id": model.graph.store.next_id,
         "hash": model.state_hash(),
     }
 
 
 def facts(model: Model) -> Iterator[Fact]:
     """All facts of a model, each once."""
-    for node in model.store.nodes():
-        yield ClassFact(model.class_of(node), node)
+    for node in model.graph.store.nodes():
+        yield ClassFact(model.graph.class_of(node), node)
         for attribute in model.metamodel.attributes:
-            for value in dict.fromkeys(model.values(node, attribute)):
+            for value in dict.fromkeys(model.graph.values(node, attribute)):
                 yield ValueFact(attribute, node, value)
         for reference in model.metamodel.references:
             opposite = model.metamodel.opposite(reference)
-            for target in model.targets(node, reference):
+            for target in model.graph.targets(node, reference):
                 if opposite is not None and opposite.index < reference.index:
                     continue
                 if opposite is not reference or node <= target:
@@ -52,11 +54,11 @@ def has_fact(model: Model, fact: Fact) -> bool:
     """Whether the model has a fact."""
     match fact:
         case ClassFact(cls, node):
-            return model.alive(node) and model.class_of(node) == cls
+            return model.graph.alive(node) and model.graph.class_of(node) == cls
         case ValueFact(attribute, node, value):
-            return value in model.values(node, attribute)
+            return value in model.graph.values(node, attribute)
         case LinkFact(reference, source, target):
-            return model.has_link(source, reference, target)
+            return model.graph.has_link(source, reference, target)
 
 
 class Shadow:

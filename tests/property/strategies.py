@@ -120,7 +120,7 @@ def edit(draw: Any, model: Model, kind: str) -> None:
         model: changed in place.
         kind: one of `EDITS`.
     """
-    nodes = list(model.store.nodes())
+    nodes = list(model.graph.store.nodes())
     with suppress(RuleError):
         if kind == "new" or not nodes:
             _create(draw, model)
@@ -135,33 +135,37 @@ def edit(draw: Any, model: Model, kind: str) -> None:
 def _create(draw: Any, model: Model) -> None:
     cls = draw(st.sampled_from([cls.name for cls in model.metamodel.class_list if not cls.abstract]))
     for _ in range(draw(st.sampled_from([1, 1, 3, 3, 3, 40]))):
-        model.new(cls)
+        model.graph.new(cls)
 
 
 def _edit_object(draw: Any, model: Model, kind: str, node: int) -> None:
-    features = model.metamodel.features(model.class_of(node)).values()
+    features = model.metamodel.features(model.graph.class_of(node)).values()
     attributes = [feature for feature in features if isinstance(feature, Attribute)]
     if kind == "delete":
-        model.delete(node, draw(st.sampled_from(["dpo", "spo"])))
+        model.graph.delete(node, draw(st.sampled_from(["dpo", "spo"])))
     elif kind == "retype":
         concrete = [cls.name for cls in model.metamodel.class_list if not cls.abstract]
-        model.retype(node, draw(st.sampled_from(concrete)), draw(st.booleans()))
+        model.graph.retype(node, draw(st.sampled_from(concrete)), draw(st.booleans()))
     elif kind == "rename":
         name = draw(st.sampled_from([None, "n1", "n2"]))
-        if name is None or model.find_object(name) is None:
-            model.set_object_name(node, name)
+        if name is None or model.graph.find_object(name) is None:
+            model.graph.set_object_name(node, name)
     elif attributes:
         attribute = draw(st.sampled_from(attributes))
         value = values_of(attribute.type)
         if attribute.many and draw(st.booleans()):
             _edit_values(draw, model.node(node)[attribute.name], attribute, value)
         elif attribute.many and draw(st.booleans()):
-            getattr(model, draw(st.sampled_from(["add_value", "remove_value"])))(node, attribute, draw(value))
+            held, one = model.node(node)[attribute.name], draw(value)
+            if draw(st.booleans()):
+                held.append(one)
+            elif one in held:
+                held.remove(one)
         elif attribute.many:
             several = st.lists(value, unique=attribute.unique, max_size=4)
-            model.set_value(node, attribute, draw(several))
+            model.graph.set_value(node, attribute, draw(several))
         else:
-            model.set_value(node, attribute, draw(st.none() | value))
+            model.graph.set_value(node, attribute, draw(st.none() | value))
 
 
 def _edit_values(draw: Any, held: Any, attribute: Attribute, values: st.SearchStrategy[Any]) -> None:
@@ -186,7 +190,10 @@ def _edit_values(draw: Any, held: Any, attribute: Attribute, values: st.SearchSt
 
 def _link(draw: Any, model: Model, kind: str) -> None:
     reference = draw(st.sampled_from(model.metamodel.references))
-    sources, candidates = list(model.extent(reference.owner)), list(model.extent(reference.target))
+    sources, candidates = (
+        list(model.graph.extent(reference.owner)),
+        list(model.graph.extent(reference.target)),
+    )
     if not (sources and candidates):
         return
     node = draw(st.sampled_from(sources))
@@ -195,27 +202,27 @@ def _link(draw: Any, model: Model, kind: str) -> None:
         for target in candidates[draw(st.sampled_from([0, 1, 2, -1, -5])) :][
             : draw(st.sampled_from([1, 4, 99]))
         ]:
-            model.link(node, reference, target)
+            model.graph.link(node, reference, target)
     elif kind == "set_target":
-        model.set_target(node, reference, draw(st.none() | st.sampled_from(candidates)))
+        model.graph.set_target(node, reference, draw(st.none() | st.sampled_from(candidates)))
     elif kind == "place" and reference.many:
         place, target = draw(st.integers(-3, 40)), draw(st.sampled_from(candidates))
-        expected = [one for one in model.targets(node, reference) if one != target]
+        expected = [one for one in model.graph.targets(node, reference) if one != target]
         expected.insert(place, target)
-        model.insert_target(node, reference, place, target)
-        assert list(model.targets(node, reference)) == expected
+        model.graph.insert_target(node, reference, place, target)
+        assert list(model.graph.targets(node, reference)) == expected
     elif kind == "set_targets":
         targets = draw(st.lists(st.sampled_from(candidates), unique=True, max_size=3))
-        model.set_targets(node, reference, targets)
+        model.graph.set_targets(node, reference, targets)
 
 
 def _unlink(draw: Any, model: Model, nodes: list[int]) -> None:
-    linked = [(node, r) for r in model.metamodel.references for node in nodes if model.targets(node, r)]
+    linked = [(node, r) for r in model.metamodel.references for node in nodes if model.graph.targets(node, r)]
     if linked:
         node, reference = draw(st.sampled_from(linked))
-        targets = list(model.targets(node, reference))
+        targets = list(model.graph.targets(node, reference))
         for target in targets[: draw(st.sampled_from([1, 2, len(targets) // 2]))]:
-            model.unlink(node, reference, target)
+            model.graph.unlink(node, reference, target)
 
 
 @st.composite
@@ -283,29 +290,32 @@ def valid_model(metamodel: Metamodel, random: Random, size: int) -> Model:
     model = Model(metamodel)
     concrete = [cls.name for cls in metamodel.class_list if not cls.abstract]
     for _ in range(size):
-        model.new(random.choice(concrete))
+        model.graph.new(random.choice(concrete))
     for _ in range(8):
         for violation in check_conformance(model):
-            if model.alive(violation.node) and isinstance(violation.feature, Reference):
+            if model.graph.alive(violation.node) and isinstance(violation.feature, Reference):
                 _repair(model, random, violation.node, violation.feature, most=3 * size + 4)
     for _ in range(random.randint(0, 2 * size)):
         reference = random.choice(metamodel.references)
-        sources, targets = list(model.extent(reference.owner)), list(model.extent(reference.target))
+        sources, targets = (
+            list(model.graph.extent(reference.owner)),
+            list(model.graph.extent(reference.target)),
+        )
         if sources and targets:
             with suppress(RuleError):
-                model.link(random.choice(sources), reference, random.choice(targets))
+                model.graph.link(random.choice(sources), reference, random.choice(targets))
     while wrong := [violation.node for violation in check_conformance(model)]:
-        model.delete(random.choice(wrong), "spo")
+        model.graph.delete(random.choice(wrong), "spo")
     return model
 
 
 def _repair(model: Model, random: Random, node: int, reference: Reference, most: int) -> None:
     """One target more: an object that is there, else a new one."""
-    candidates = list(model.extent(reference.target))
+    candidates = list(model.graph.extent(reference.target))
     for candidate in random.sample(candidates, len(candidates)):
         with suppress(RuleError):
-            if model.link(node, reference, candidate):
+            if model.graph.link(node, reference, candidate):
                 return
     classes = model.metamodel.concrete(reference.target)
     if classes and len(model) < most:
-        model.new(random.choice(classes))
+        model.graph.new(random.choice(classes))

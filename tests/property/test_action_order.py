@@ -68,7 +68,7 @@ def model(edges: list[tuple[str, int, int]]) -> Model:
         feature = METAMODEL.feature("Item", reference)
         assert feature is not None and not isinstance(feature, Attribute)
         with suppress(RuleError):
-            made.link(items[source].id, feature, items[target].id)
+            made.graph.link(items[source].id, feature, items[target].id)
     return made
 
 
@@ -85,9 +85,11 @@ def facts(made: Model) -> set[object]:
         found.add((node.id, node.cls))
         for feature in METAMODEL.features(node.cls).values():
             if isinstance(feature, Attribute):
-                found.add((node.id, feature.name, made.value(node.id, feature)))
+                found.add((node.id, feature.name, made.graph.value(node.id, feature)))
             else:
-                found.update((node.id, feature.name, target) for target in made.targets(node.id, feature))
+                found.update(
+                    (node.id, feature.name, target) for target in made.graph.targets(node.id, feature)
+                )
     return found
 
 
@@ -104,7 +106,7 @@ def outcome(rule: str, edges: list[tuple[str, int, int]], number: int) -> object
     try:
         made.apply("r", matches[number % len(matches)])
     except (RuleError, EvaluationError):
-        assert snapshot(made.model) == before and not made.model.in_transaction
+        assert snapshot(made.model) == before and not made.model.graph.history.depth
         return "refused"
     made.model.check_integrity()
     return facts(made.model)

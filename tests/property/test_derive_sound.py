@@ -28,8 +28,8 @@ def frozen_part(model: Model) -> object:
     """What no operator may change: frozen objects with their features, and the links of frozen features."""
     metamodel = model.metamodel
     found: list[object] = []
-    for node in model.store.nodes():
-        cls = model.class_of(node)
+    for node in model.graph.store.nodes():
+        cls = model.graph.class_of(node)
         frozen = any(metamodel.classes[above].frozen for above in metamodel.supertypes(cls))
         if frozen:
             found.append((node, cls))
@@ -37,17 +37,17 @@ def frozen_part(model: Model) -> object:
             marked = any(annotation.name == "frozen" for annotation in feature.annotations)
             owned = any(metamodel.classes[above].frozen for above in metamodel.supertypes(feature.owner))
             if isinstance(feature, Attribute):
-                held: list[object] = [model.value(node, feature)]
+                held: list[object] = [model.graph.value(node, feature)]
                 marked = marked or frozen
             else:
-                held = sorted(model.targets(node, feature))
+                held = sorted(model.graph.targets(node, feature))
             if (marked or owned or frozen) and held:
                 found.append((node, feature.name, held))
     return sorted(map(repr, found))
 
 
 def contained(model: Model) -> set[int]:
-    return {node for node in model.store.nodes() if model.container(node) is not None}
+    return {node for node in model.graph.store.nodes() if model.graph.container(node) is not None}
 
 
 def apply_one(model: Model, rules: list[Rule], engine: Engine, random: Random) -> str | None:
@@ -78,5 +78,5 @@ def test_a_derived_operator_keeps_a_valid_model_valid(metamodel: Metamodel, seed
     event(str(kind))
     assert check_conformance(model) == []
     assert frozen_part(model) == frozen
-    assert all(node in contained(model) or not model.alive(node) for node in placed)
+    assert all(node in contained(model) or not model.graph.alive(node) for node in placed)
     model.check_integrity()

@@ -36,17 +36,17 @@ def engine_on(model: Model) -> Engine:
 
 def facts(model: Model) -> Facts:
     """A state by identity, without orders."""
-    found: list[object] = [(node, model.class_of(node)) for node in model.extent("Thing")]
+    found: list[object] = [(node, model.graph.class_of(node)) for node in model.graph.extent("Thing")]
     found += [
-        (attribute, node, model.value(node, attribute))
+        (attribute, node, model.graph.value(node, attribute))
         for attribute in model.metamodel.attributes
-        for node in model.extent(attribute.owner)
+        for node in model.graph.extent(attribute.owner)
     ]
     found += [
         (reference, node, target)
         for reference in model.metamodel.references
-        for node in model.extent(reference.owner)
-        for target in model.targets(node, reference)
+        for node in model.graph.extent(reference.owner)
+        for target in model.graph.targets(node, reference)
     ]
     return frozenset(found)
 
@@ -76,17 +76,17 @@ def copied(
         made = engine_on(model)
         for name in names:
             for row in made.prepare(name).all_rows():
-                mark = model.savepoint()
+                mark = model.graph.history.savepoint()
                 try:
                     made.fire(name, row)
                 except RuleError:
-                    model.rollback(mark)
+                    model.graph.history.rollback(mark)
                     continue
                 known = [
                     number for number, other in enumerate(states) if other is not model and same(other, model)
                 ]
                 changed = model.copy()
-                model.rollback(mark)
+                model.graph.history.rollback(mark)
                 if not known and same(changed, model):
                     known = [source]
                 if not known and len(states) == limit:
@@ -127,10 +127,10 @@ def test_the_states_are_those_that_copies_reach(
         assert [(t.source, t.target, t.name, t.firings[0].values) for t in found.transitions] == edges
         other = engine_on(start(size))
         for state, model in zip(found.states, states, strict=True):
-            mark = other.model.savepoint()
+            mark = other.model.graph.history.savepoint()
             other.replay(found.path(state.number))
             assert snapshot(other.model) == snapshot(model)
-            other.model.rollback(mark)
+            other.model.graph.history.rollback(mark)
             if state.version is not None:
                 made.checkout(state.version)
                 assert snapshot(made.model) == snapshot(model)
@@ -176,9 +176,9 @@ def explored(made: Engine, names: list[str], strategy: str, up_to: str) -> Explo
 
 
 def assert_reached(made: Engine, path: list[Firing], before: object) -> None:
-    mark = made.model.savepoint()
+    mark = made.model.graph.history.savepoint()
     made.replay(path)
-    made.model.rollback(mark)
+    made.model.graph.history.rollback(mark)
     assert snapshot(made.model) == before
 
 
@@ -212,7 +212,7 @@ def random_graph(random: Random, size: int) -> Model:
         order = random.sample(range(size), size)
         reference = random.choice([to, to, other, even])
         for place in range(size):
-            model.link(nodes[order[place]].id, reference, nodes[order[(place + shift) % size]].id)  # type: ignore[arg-type]
+            model.graph.link(nodes[order[place]].id, reference, nodes[order[(place + shift) % size]].id)  # type: ignore[arg-type]
     return model
 
 
@@ -226,10 +226,10 @@ def shuffled(model: Model, random: Random) -> Model:
         (node, reference, target)
         for reference in GRAPHS.references
         for node in ids
-        for target in model.targets(node, reference)
+        for target in model.graph.targets(node, reference)
     ]
     for node, reference, target in random.sample(pairs, len(pairs)):
-        found.link(ids[node], reference, ids[target])
+        found.graph.link(ids[node], reference, ids[target])
     return found
 
 
@@ -239,8 +239,8 @@ def test_shapes_are_numbered_up_to_isomorphism(seed: int, size: int) -> None:
     random, shapes = Random(seed), Shapes()
     models = [random_graph(random, size) for _ in range(4)]
     models += [shuffled(model, random) for model in models]
-    numbers = [shapes.number(model.store) for model in models]
+    numbers = [shapes.number(model.graph.store) for model in models]
     for one, left in zip(numbers, models, strict=True):
         for other, right in zip(numbers, models, strict=True):
             assert (one == other) == isomorphic(left, right)
-    assert [shapes.number(model.store) for model in models] == numbers
+    assert [shapes.number(model.graph.store) for model in models] == numbers

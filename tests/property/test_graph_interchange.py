@@ -84,9 +84,11 @@ def _shuffled(items, dice) -> list:
 @given(models())
 def test_conformance_is_what_counting_says(model: Model) -> None:
     expected = []
-    for node in model.store.nodes():
-        for feature in model.metamodel.features(model.class_of(node)).values():
-            held = (model.values if isinstance(feature, Attribute) else model.targets)(node, feature)  # type: ignore[operator]
+    for node in model.graph.store.nodes():
+        for feature in model.metamodel.features(model.graph.class_of(node)).values():
+            held = (model.graph.values if isinstance(feature, Attribute) else model.graph.targets)(
+                node, feature
+            )  # type: ignore[operator]
             wrong = not feature.lower <= len(held) <= (feature.upper or 10**9)
             if wrong:
                 expected.append((node, feature.name))

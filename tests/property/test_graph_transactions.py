@@ -21,33 +21,33 @@ class Transactions(RuleBasedStateMachine):
     def start(self, data: st.DataObject) -> None:
         self.model = Model(data.draw(metamodels()))
         self.shadow = Shadow(self.model)
-        self.model.subscribe(self.shadow)
+        self.model.graph.subscribe(self.shadow)
         self.savepoints: list[tuple[Savepoint, dict[str, object]]] = []
         self.versions: list[tuple[Version, dict[str, object]]] = []
 
     @rule(data=st.data(), kinds=st.lists(st.sampled_from((*EDITS, "new", "link")), min_size=1, max_size=6))
     def edit(self, data: st.DataObject, kinds: list[str]) -> None:
         for kind in kinds:
-            before, revision = snapshot(self.model), self.model.revision
+            before, revision = snapshot(self.model), self.model.graph.store.revision
             edit(data.draw, self.model, kind)
-            assert self.model.revision != revision or snapshot(self.model) == before
+            assert self.model.graph.store.revision != revision or snapshot(self.model) == before
 
     @rule()
     def open(self) -> None:
-        self.savepoints.append((self.model.savepoint(), snapshot(self.model)))
+        self.savepoints.append((self.model.graph.history.savepoint(), snapshot(self.model)))
 
     @precondition(lambda self: self.savepoints)
     @rule()
     def roll_back(self) -> None:
         savepoint, before = self.savepoints.pop()
-        self.model.rollback(savepoint)
+        self.model.graph.history.rollback(savepoint)
         assert snapshot(self.model) == before
 
     @precondition(lambda self: self.savepoints)
     @rule()
     def release(self) -> None:
         now = snapshot(self.model)
-        self.model.release(self.savepoints.pop()[0])
+        self.model.graph.history.release(self.savepoints.pop()[0])
         assert snapshot(self.model) == now
 
     @rule()

@@ -56,7 +56,7 @@ class World:
 
     def check(self) -> None:
         """Assert that everything is right."""
-        assert not self.model.in_transaction
+        assert not self.model.graph.history.depth
         self.model.check_integrity()
         naive = NaiveMatcher(self.model, self.engine.library)
         for name, arity in (("following", 2), ("big", 2), ("last", 1)):

@@ -121,7 +121,7 @@ class World:
     def state(self) -> object:
         """The facts and the names."""
         model = self.model
-        return spelt(facts(model)), [(n, model.object_name(n)) for n in model.store.nodes()]
+        return spelt(facts(model)), [(n, model.graph.object_name(n)) for n in model.graph.store.nodes()]
 
     def expected(self) -> dict[str, list[tuple[object, ...]]]:
         """What the naive matcher finds, which takes long: in each state once."""
@@ -146,7 +146,7 @@ class World:
     def go_on(self, states: dict[int, object]) -> None:
         """What is done after an interruption works, and leads to where it should."""
         model = self.model
-        self.model._history.unwind(0)
+        self.model.graph.history.unwind(0)
         self.check()
         here = self.state()
         model["p4"].knows.append(model["p0"])
@@ -182,17 +182,17 @@ def create(world: World) -> None:
 
 def new(world: World) -> None:
     """An object."""
-    world.model.new("Person", "n2")
+    world.model.graph.new("Person", "n2")
 
 
 def link(world: World) -> None:
     """A link."""
-    world.model.link(_id(world, "p0"), METAMODEL.feature("Person", "knows"), _id(world, "p0"))  # type: ignore[arg-type]
+    world.model.graph.link(_id(world, "p0"), METAMODEL.feature("Person", "knows"), _id(world, "p0"))  # type: ignore[arg-type]
 
 
 def unlink(world: World) -> None:
     """A link goes."""
-    world.model.unlink(_id(world, "p0"), METAMODEL.feature("Person", "knows"), _id(world, "p1"))  # type: ignore[arg-type]
+    world.model.graph.unlink(_id(world, "p0"), METAMODEL.feature("Person", "knows"), _id(world, "p1"))  # type: ignore[arg-type]
 
 
 def value(world: World) -> None:
@@ -265,12 +265,12 @@ def lose(world: World) -> None:
 
 def rename(world: World) -> None:
     """Another name."""
-    world.model.set_object_name(_id(world, "p2"), "other")
+    world.model.graph.set_object_name(_id(world, "p2"), "other")
 
 
 def delete(world: World) -> None:
     """A container with its contents."""
-    world.model["t1" if world.model.find_object("t0") is None else "t0"].delete("spo")
+    world.model["t1" if world.model.graph.find_object("t0") is None else "t0"].delete("spo")
 
 
 def ask(world: World) -> None:
@@ -328,38 +328,38 @@ def last(world: World) -> None:
 def forget(world: World) -> None:
     """Nobody holds the second version any more."""
     del world.versions[1]
-    assert world.model.idle is False
+    assert world.model.graph.history.idle is False
 
 
 def forget_all(world: World) -> None:
     """Nobody holds any version."""
     world.versions.clear()
-    assert world.model.idle
+    assert world.model.graph.history.idle
 
 
 def mark(world: World) -> None:
     """A savepoint."""
-    world.savepoints.append(world.model.savepoint())
+    world.savepoints.append(world.model.graph.history.savepoint())
 
 
 def back(world: World) -> None:
     """To the last savepoint."""
-    world.model.rollback(world.savepoints.pop())
+    world.model.graph.history.rollback(world.savepoints.pop())
 
 
 def keep(world: World) -> None:
     """Close the last savepoint."""
-    world.model.release(world.savepoints.pop())
+    world.model.graph.history.release(world.savepoints.pop())
 
 
 def shelve(world: World) -> None:
     """To the last savepoint, for a time."""
-    world.shelves.append(world.model.shelve(world.savepoints.pop()))
+    world.shelves.append(world.model.graph.history.shelve(world.savepoints.pop()))
 
 
 def resume(world: World) -> None:
     """What was shelved."""
-    world.savepoints.append(world.model.resume(world.shelves[-1]))
+    world.savepoints.append(world.model.graph.history.resume(world.shelves[-1]))
 
 
 def load(world: World) -> None:
@@ -551,7 +551,7 @@ def test_no_interruption_leaves_a_transaction_open(fails: bool) -> None:
         trip = Trip(instruction)
         with suppress(KeyError):
             trip.run(change)
-        assert model.depth == 0
+        assert model.graph.history.depth == 0
         assert person.age in ((0,) if fails else (0, 1))
         model.check_integrity()
         person.age = 0
@@ -588,7 +588,7 @@ def test_nor_does_an_exception_of_a_listener(name: str) -> None:
     states, numbered, _ = play(steps)
     for change in (*range(1, 9), 12, 17, 25, 40):
         world = World()
-        world.model.subscribe(Refusing(change))
+        world.model.graph.subscribe(Refusing(change))
         for number, step in enumerate(steps):
             try:
                 step(world)

@@ -209,23 +209,23 @@ def modification(sketch: Sketch) -> Modification:
 def as_model(graph: Graph) -> Model:
     model = Model(METAMODEL)
     for node in sorted(graph.classes):
-        assert model.new(graph.classes[node]) == node
+        assert model.graph.new(graph.classes[node]) == node
     for reference, source, target in sorted(graph.links):
         feature = METAMODEL.feature("B", reference)
         assert isinstance(feature, Reference)
-        model.link(source, feature, target)
+        model.graph.link(source, feature, target)
     return model
 
 
 def as_graph(model: Model) -> Graph:
-    nodes = list(model.extent("A"))
+    nodes = list(model.graph.extent("A"))
     links = {
         (reference.name, node, target)
         for reference in METAMODEL.references
         for node in nodes
-        for target in model.targets(node, reference)
+        for target in model.graph.targets(node, reference)
     }
-    return Graph({node: model.class_of(node) for node in nodes}, links)
+    return Graph({node: model.graph.class_of(node) for node in nodes}, links)
 
 
 @st.composite
@@ -293,7 +293,7 @@ def test_rules_do_what_the_oracle_says(graph: Graph, sketch: Sketch, modify: boo
         result = rewritten(
             graph, sketch, dict(zip(names, map(int, match.row), strict=True)), len(graph.classes)
         )
-        savepoint = model.savepoint()
+        savepoint = model.graph.history.savepoint()
         try:
             application = engine.apply("r", match)
         except RuleError as error:
@@ -303,7 +303,7 @@ def test_rules_do_what_the_oracle_says(graph: Graph, sketch: Sketch, modify: boo
             assert not isinstance(result, str) and application is not None
             assert equal(as_graph(model), result)
             model.check_integrity()
-        model.rollback(savepoint)
+        model.graph.history.rollback(savepoint)
         assert equal(as_graph(model), graph)
 
 
@@ -327,6 +327,8 @@ def test_both_notations_lead_to_the_same_state_and_order(
                     trace.extend(engine.fire(*chosen))
                 except RuleError as error:
                     trace.append(error.reason)
-        links = [[list(model.targets(n, r)) for r in METAMODEL.references] for n in model.extent("A")]
-        states.append((trace, list(model.extent("A")), links, model.state_hash()))
+        links = [
+            [list(model.graph.targets(n, r)) for r in METAMODEL.references] for n in model.graph.extent("A")
+        ]
+        states.append((trace, list(model.graph.extent("A")), links, model.state_hash()))
     assert states[0] == states[1]

@@ -66,10 +66,10 @@ def test_rollback_restores_state_and_order(size: int, seed: int, first: list[str
     made = start(size, seed)
     play(made, first)
     before = snapshot(made.model)
-    savepoint = made.model.savepoint()
+    savepoint = made.model.graph.history.savepoint()
     play(made, second)
     made.model.check_integrity()
-    made.model.rollback(savepoint)
+    made.model.graph.history.rollback(savepoint)
     assert snapshot(made.model) == before
     made.model.check_integrity()
 
@@ -94,10 +94,10 @@ def test_a_trace_leads_to_the_same_state_and_order(size: int, seed: int, names: 
 @given(st.integers(1, 5), st.integers(0, 2**32 - 1), steps)
 def test_one_seed_gives_one_result_whatever_was_undone_before(size: int, seed: int, names: list[str]) -> None:
     straight, detour = start(size, seed), start(size, seed)
-    savepoint = detour.model.savepoint()
+    savepoint = detour.model.graph.history.savepoint()
     with suppress(RuleError):
         play(detour, names[::-1])
-    detour.model.rollback(savepoint)
+    detour.model.graph.history.rollback(savepoint)
     detour.rng = default_rng(seed)
     play(straight, names)
     play(detour, names)

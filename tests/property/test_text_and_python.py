@@ -149,7 +149,7 @@ def test_a_name_is_only_a_name(names: list[str]) -> None:
         engine.watch(name)
     [first, second] = [engine.model.create(names[0], **{names[2]: number}) for number in (1, 2)]
     [feature] = [one for one in engine.model.metamodel.references if one.name == names[1]]
-    engine.model.link(first.id, feature, second.id)
+    engine.model.graph.link(first.id, feature, second.id)
     for matcher in (engine.matcher, NaiveMatcher(engine.model, engine.library)):
         assert matcher.rows(names[3], (FREE, FREE)) == [(first.id, 2)]
         assert matcher.rows("caller_of", (FREE,)) == [(first.id,)]

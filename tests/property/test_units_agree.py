@@ -60,7 +60,7 @@ def test_a_random_unit_does_what_the_interpreter_does(seed: int, length: int, wa
 def test_a_random_unit_can_be_taken_back_and_replayed(seed: int, length: int) -> None:
     text = Writer(Random(seed)).unit()
     made = start(text, length, seed)
-    before, savepoint = snapshot(made.model), made.model.savepoint()
+    before, savepoint = snapshot(made.model), made.model.graph.history.savepoint()
     try:
         with made.recording() as trace:
             made.run("u", a=0)
@@ -68,7 +68,7 @@ def test_a_random_unit_can_be_taken_back_and_replayed(seed: int, length: int) ->
         assert snapshot(made.model) == before
         return
     after = snapshot(made.model)
-    made.model.rollback(savepoint)
+    made.model.graph.history.rollback(savepoint)
     assert snapshot(made.model) == before
     made.model.check_integrity()
     other = start(text, length, seed)

@@ -42,8 +42,8 @@ def test_a_model_comes_back_from_xmi(model: Model) -> None:
     again = parse_xmi(Source("m.xmi", text), model.metamodel)
     again.check_integrity()
     assert again.canonical_hash() == model.canonical_hash()
-    assert sorted(filter(None, map(again.object_name, again.store.nodes()))) == sorted(
-        filter(None, map(model.object_name, model.store.nodes()))
+    assert sorted(filter(None, map(again.graph.object_name, again.graph.store.nodes()))) == sorted(
+        filter(None, map(model.graph.object_name, model.graph.store.nodes()))
     )
     # Every order of links, and the places of all objects, are in the text.
     assert model_to_xmi(again) == text

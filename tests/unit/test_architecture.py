@@ -11,6 +11,10 @@ from pathlib import Path
 
 import networkx as nx
 
+from envgraph.graph import Model
+from envgraph.metamodel import Metamodel
+from envgraph.rewrite import Engine
+
 ROOT = Path(__file__).parents[2]
 
 
@@ -69,6 +73,21 @@ def test_what_packages_export_is_imported_somewhere_or_told_of_in_the_docs() -> 
             if f"{package.__name__}.{n}" not in used and n not in words
         ]
     assert unused == []
+
+
+def test_what_models_and_engines_offer_is_told_of_in_the_docs() -> None:
+    """All else belongs to one of their parts."""
+    pages = [
+        one
+        for one in sorted((ROOT / "docs").rglob("*.md"))
+        if "architecture" not in str(one.relative_to(ROOT))
+    ]
+    text = "".join(one.read_text("utf-8") for one in (*pages, ROOT / "README.md"))
+    told = set(re.findall(r"[.`](\w+)", text))
+    engine = Engine(Model(Metamodel("m", ())))
+    offered = {f"{type(one).__name__}.{name}": name for one in (engine, engine.model) for name in dir(one)}
+    assert len(offered) > 80
+    assert {key for key, name in offered.items() if name[0] != "_" and name not in told} == set()
 
 
 MOST_METHODS = 30

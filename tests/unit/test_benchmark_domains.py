@@ -23,7 +23,9 @@ def links(engine: Engine) -> dict[str, int]:
     """How many there are of each reference."""
     model = engine.model
     return {
-        reference.name: sum(len(model.targets(node, reference)) for node in model.extent(reference.owner))
+        reference.name: sum(
+            len(model.graph.targets(node, reference)) for node in model.graph.extent(reference.owner)
+        )
         for reference in model.metamodel.references
     }
 
@@ -41,8 +43,8 @@ def test_the_ring_after_each_phase(size: int, way: Callable[[Engine], Rewrite], 
             done += 1
         found = links(engine)
         model = engine.model
-        assert len(model.extent("Process")) == found["next"] == size
-        assert len(model.extent("Resource")) == found["token"] == (phase != "grow")
+        assert len(model.graph.extent("Process")) == found["next"] == size
+        assert len(model.graph.extent("Resource")) == found["token"] == (phase != "grow")
         assert found["request"] == (size if phase == "request" else 0)
         assert found["heldBy"] == found["release"] == 0
     assert done == 5 * size - 1
@@ -50,7 +52,7 @@ def test_the_ring_after_each_phase(size: int, way: Callable[[Engine], Rewrite], 
     seen = [ring_of.id]
     while (ring_of := ring_of.next[0]).id != seen[0]:
         seen.append(ring_of.id)
-    assert sorted(seen) == sorted(model.extent("Process"))
+    assert sorted(seen) == sorted(model.graph.extent("Process"))
     engine.check_integrity()
 
 

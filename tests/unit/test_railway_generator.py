@@ -58,10 +58,10 @@ def test_the_model_holds_what_was_generated(scenario: str) -> None:
         assert all(model.node(element)[name] == value for element, value in values)
     for name, edges in railway.edges.items():
         reference = _railway.reference(model.metamodel, name)
-        assert all(model.has_link(source, reference, target) for source, target in edges)
-        assert sum(len(model.targets(node.id, reference)) for node in model.nodes(reference.owner)) == len(
-            edges
-        )
+        assert all(model.graph.has_link(source, reference, target) for source, target in edges)
+        assert sum(
+            len(model.graph.targets(node.id, reference)) for node in model.nodes(reference.owner)
+        ) == len(edges)
 
 
 def test_a_railway_without_mistakes_conforms_to_its_metamodel() -> None:

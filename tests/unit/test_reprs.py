@@ -79,7 +79,7 @@ def family(tmp_path_factory: pytest.TempPathFactory) -> Family:
 def world(family: Family) -> list[object]:
     """Something of every kind that people meet."""
     engine = envgraph.open("burning_forest")
-    engine.model.set_object_name(0, LONG)
+    engine.model.graph.set_object_name(0, LONG)
     heard = engine.on("burningTile", appear=lambda engine: None, existing=False)
     with engine.recording() as trace:
         applied = engine.apply("changeRoadToBurning")

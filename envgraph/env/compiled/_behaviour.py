@@ -105,7 +105,7 @@ class _Program:
         self._check(plans)
         calls = CallGraph(library)
         static = StaticPatterns(self._changes, library, calls)
-        sizes = LiveSizes(library, engine.model.store)
+        sizes = LiveSizes(library, engine.model.graph.store)
         self._module = Module()
         self._facts = Facts(self._module, layout, self._changes, library, sizes)
         matching = Matching(self._facts, Planner(library, calls, sizes, static), static, calls)

@@ -88,7 +88,7 @@ class Member:
         self.model = engine.model
         self.metamodel = engine.model.metamodel
         concrete = [cls.name for cls in self.metamodel.class_list if not cls.abstract]
-        extents = {cls: sorted(self.model.exact_extent(cls)) for cls in concrete}
+        extents = {cls: sorted(self.model.graph.exact_extent(cls)) for cls in concrete}
         self.objects = sorted(node for nodes in extents.values() for node in nodes)
         self.number = {node: number for number, node in enumerate(self.objects)}
         self.texts = strings_of(engine)
@@ -185,21 +185,21 @@ class Member:
         """The value of an object in an attribute."""
         if number in self.spare:
             return missing(attribute.type)
-        return self.encoded(self.model.value(self.objects[number], attribute), attribute.type)
+        return self.encoded(self.model.graph.value(self.objects[number], attribute), attribute.type)
 
     def links(self, feature: Reference | Attribute) -> list[Row]:
         """The links of a reference, or an object with each of its values."""
         found: list[Row] = []
         if isinstance(feature, Reference):
-            targets = self.model.store.forward[feature.index]
+            targets = self.model.graph.store.forward[feature.index]
             numbers = self.extent(feature.owner)
             return [(one, self.number[other]) for one in numbers for other in targets[self.objects[one]]]
         for number in self.extent(feature.owner):
             node = self.objects[number]
             if feature.many:
-                values: Sequence[Value] = self.model.values(node, feature)
+                values: Sequence[Value] = self.model.graph.values(node, feature)
                 found += [(number, self.encoded(value, feature.type)) for value in values]
-            elif self.model.value(node, feature) is not None:
+            elif self.model.graph.value(node, feature) is not None:
                 found.append((number, self.value(number, feature)))
         return found
 
@@ -262,10 +262,10 @@ def strings_of(engine: Engine) -> set[str]:
     found: set[str] = set()
     for attribute in model.metamodel.attributes:
         if attribute.type is Scalar.STRING:
-            for node in model.extent(attribute.owner):
+            for node in model.graph.extent(attribute.owner):
                 if attribute.many:
-                    found.update(map(str, model.values(node, attribute)))
-                elif (value := model.value(node, attribute)) is not None:
+                    found.update(map(str, model.graph.values(node, attribute)))
+                elif (value := model.graph.value(node, attribute)) is not None:
                     found.add(str(value))
     return found
 

@@ -210,7 +210,7 @@ def _check_agents(behaviour: Behaviour, engine: Engine, keys: KeyIndex) -> None:
     if behaviour.together:
         check_complete(behaviour, engine.model, keys)
     for agent in behaviour.agents:
-        if not engine.model.extent(agent.cls):
+        if not engine.model.graph.extent(agent.cls):
             raise NotCompiled(f"agents that a model has none of (`{agent.cls}`)", agent.span)
 
 

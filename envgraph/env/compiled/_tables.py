@@ -469,7 +469,9 @@ def _indexed(member: Member, cls: str, classes: Sequence[str]) -> Iterator[tuple
     """
     key_of = key_reader(member.model, cls)
     rank = {key: position for position, key in enumerate(member.keys.of_class(cls))}
-    if not member.created.isdisjoint(classes) and any(key >= (member.model.store.next_id,) for key in rank):
+    if not member.created.isdisjoint(classes) and any(
+        key >= (member.model.graph.store.next_id,) for key in rank
+    ):
         raise NotCompiled(
             f"objects without a key that rules create, where other members have more of them (`{cls}`)"
         )

@@ -49,13 +49,13 @@ class Twin:
         """Meanwhile the model is in a state."""
         model = self.simulator.engine.model
         turn = self.simulator.turn
-        savepoint = model.savepoint()
+        savepoint = model.graph.history.savepoint()
         try:
             self._restore(state, floats)
             self.simulator.turn = int(state[TURN])
             yield self.simulator
         finally:
-            model.rollback(savepoint)
+            model.graph.history.rollback(savepoint)
             self.simulator.turn = turn
 
     def _restore(self, state: Numbers, floats: Numbers) -> None:
@@ -63,7 +63,9 @@ class Twin:
         for column, _ in self._columns:
             if isinstance(column, LinkColumn | LinkMatrix):
                 for source, target in member.rows(Links(column.reference)):
-                    model.unlink(member.objects[int(source)], column.reference, member.objects[int(target)])
+                    model.graph.unlink(
+                        member.objects[int(source)], column.reference, member.objects[int(target)]
+                    )
         del objects[len(member.objects) :]
         self._restore_classes(state)
         for column, start in self._columns:
@@ -74,22 +76,24 @@ class Twin:
                 continue
             for place, number in enumerate(members(member, column.classes)):
                 value = (floats if column.is_float else state)[start + place]
-                if number >= len(objects) or not model.alive(node := objects[number]):
+                if number >= len(objects) or not model.graph.alive(node := objects[number]):
                     continue
                 if isinstance(column, AttributeColumn):
-                    if not model.metamodel.is_a(model.class_of(node), column.attribute.owner):
+                    if not model.metamodel.is_a(model.graph.class_of(node), column.attribute.owner):
                         continue
-                    model.set_value(node, column.attribute, member.decoded(value, column.attribute.type))
+                    model.graph.set_value(
+                        node, column.attribute, member.decoded(value, column.attribute.type)
+                    )
                 elif value >= 0:
                     other = objects[int(value)]
                     ends = (node, other) if column.at_source else (other, node)
-                    model.link(ends[0], column.reference, ends[1])
+                    model.graph.link(ends[0], column.reference, ends[1])
 
     def _restore_links(self, matrix: LinkMatrix, cells: Numbers) -> None:
         pairs = product(members(self._member, matrix.sources), members(self._member, matrix.targets))
         for (source, target), linked in zip(pairs, cells, strict=False):  # behind them are other columns
             if linked:
-                self.simulator.engine.model.link(
+                self.simulator.engine.model.graph.link(
                     self._objects[source], matrix.reference, self._objects[target]
                 )
 
@@ -105,10 +109,10 @@ class Twin:
         for number, cls in found.items():
             if number in member.spare:
                 if cls is not None:
-                    self._objects.append(model.new(cls))
+                    self._objects.append(model.graph.new(cls))
                 continue
             node = member.objects[number]
             if cls is None:
-                model.delete(node, "spo")
+                model.graph.delete(node, "spo")
             else:
-                model.retype(node, cls)
+                model.graph.retype(node, cls)

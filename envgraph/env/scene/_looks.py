@@ -60,8 +60,8 @@ class Looks:
         """The look of an object that has the glyph `plain` if its attributes say nothing."""
         model = self._model
         letter, colour, states, unusual = plain.letter, plain.colour, list[str](), False
-        for attribute, letters in self._marks_of(model.class_of(node)):
-            value = model.value(node, attribute)
+        for attribute, letters in self._marks_of(model.graph.class_of(node)):
+            value = model.graph.value(node, attribute)
             if value is None:
                 continue
             if isinstance(attribute.type, EnumType):

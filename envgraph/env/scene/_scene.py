@@ -201,7 +201,7 @@ class Painter:
         number = {node: position for position, node in enumerate(nodes)}
         marks, aside = self._marks({node: (place, 0) for node, place in number.items()})
         labels = tuple(_label(model, node, draw.label, self._read) for node in nodes)
-        classes = [model.class_of(node) for node in nodes]
+        classes = [model.graph.class_of(node) for node in nodes]
         looks = [
             self._looks.of(node, model.metamodel.classes[cls].glyph or _PLAIN_NODE)
             for node, cls in zip(nodes, classes, strict=True)
@@ -212,7 +212,11 @@ class Painter:
 
     def _token_classes(self) -> list[str]:
         model = self._model
-        bound = (model.class_of(node) for _, node in self._tokens if node is not None and model.alive(node))
+        bound = (
+            model.graph.class_of(node)
+            for _, node in self._tokens
+            if node is not None and model.graph.alive(node)
+        )
         return [*(token.cls for token, _ in self._tokens if token.cls), *bound]
 
     def _cell_marks(self, place_of: Mapping[int, tuple[int, int]]) -> Iterator[Mark]:
@@ -220,7 +224,7 @@ class Painter:
         model = self._model
         varying = {cls for cls in self._grid.kinds if self._looks.vary(cls)}
         for node in ordered_objects(model, self._grid.cls) if varying else ():
-            cls = model.class_of(node)
+            cls = model.graph.class_of(node)
             if node in place_of and cls in varying:
                 look = self._looks.of(node, plain := glyph_of(model.metamodel, cls))
                 if look.glyph != plain:
@@ -246,7 +250,7 @@ class Painter:
 
     def _token(self, position: int, node: int, place: tuple[int, int]) -> Mark:
         model, (token, bound) = self._model, self._tokens[position]
-        cls = model.class_of(node)
+        cls = model.graph.class_of(node)
         declared = model.metamodel.classes[cls].glyph
         look = self._looks.of(node, declared or Glyph(cls[:1].upper(), token_colour(position)))
         name = token.variable if bound is not None else _label(model, node, None, self._read)
@@ -262,7 +266,7 @@ class Painter:
         for position, (token, bound) in enumerate(self._tokens):
             nodes = ordered_objects(model, token.cls) if bound is None and token.cls else [bound]
             for node in nodes:
-                if node is not None and model.alive(node):
+                if node is not None and model.graph.alive(node):
                     at = follow(token.path, {token.variable: node}, self._read)
                     yield position, node, at if type(at) is int else None
 
@@ -275,15 +279,15 @@ class Painter:
         for reference in mm.references:
             if mm.overlap(reference.owner, cls) and mm.overlap(reference.target, cls):
                 for node, place in number.items():
-                    if mm.is_a(model.class_of(node), reference.owner):
-                        targets = (number[to] for to in model.targets(node, reference) if to in number)
+                    if mm.is_a(model.graph.class_of(node), reference.owner):
+                        targets = (number[to] for to in model.graph.targets(node, reference) if to in number)
                         yield from (Edge(place, target) for target in targets)
         tokens = self._token_classes()
         for between in mm.class_list:
             if not between.abstract and not any(mm.is_a(between.name, other) for other in (cls, *tokens)):
                 ends = edge_ends(mm, between.name, cls)
-                for node in sorted(model.exact_extent(between.name)) if ends else ():
-                    source, target = (model.target(node, end) for end in ends)
+                for node in sorted(model.graph.exact_extent(between.name)) if ends else ():
+                    source, target = (model.graph.target(node, end) for end in ends)
                     if source is not None and target is not None and source in number and target in number:
                         yield self._edge(draw, node, between, number[source], number[target])
 
@@ -326,7 +330,7 @@ def _may_be_empty(metamodel: Metamodel, path: Expression) -> bool:
 
 
 def _label(model: Model, node: int, attribute: str | None, read: Reader) -> str:
-    cls = model.class_of(node)
+    cls = model.graph.class_of(node)
     names = (attribute,) if attribute else model.metamodel.key(cls)
     values = [read(node, name) for name in names]
     if values and all(value is not None for value in values):
@@ -334,7 +338,7 @@ def _label(model: Model, node: int, attribute: str | None, read: Reader) -> str:
         features = model.metamodel.features(cls)
         plain = attribute or all(getattr(features[name], "type", None) is Scalar.STRING for name in names)
         return text if plain else f"{cls} {text}"
-    return model.object_name(node) or f"{model.class_of(node)} {node}"
+    return model.graph.object_name(node) or f"{model.graph.class_of(node)} {node}"
 
 
 class _Grid:
@@ -358,8 +362,8 @@ class _Grid:
         """Width, height, the kind of every cell, and the place of every object."""
         model = self._model
         at: dict[int, tuple[int, int]] = {}
-        for node in sorted(model.extent(self.cls)):  # of two on one place the younger is seen
-            x, y = model.value(node, self._column), model.value(node, self._row)
+        for node in sorted(model.graph.extent(self.cls)):  # of two on one place the younger is seen
+            x, y = model.graph.value(node, self._column), model.graph.value(node, self._row)
             if type(x) is int and type(y) is int:
                 at[node] = x, y
         if not at:
@@ -372,5 +376,5 @@ class _Grid:
         cells = bytearray([EMPTY]) * (width * height)
         places = {node: (x - left, y - top) for node, (x, y) in at.items()}
         for node, (x, y) in places.items():
-            cells[y * width + x] = self._kind[model.class_of(node)]
+            cells[y * width + x] = self._kind[model.graph.class_of(node)]
         return width, height, bytes(cells), places

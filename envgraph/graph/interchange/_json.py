@@ -51,7 +51,7 @@ def model_to_json(model: Model) -> dict[str, Any]:
     and "-inf". A list "orders" of {"node": 2, "reference": "Agent.currentState", "sources": [5, 3]} follows where the
     order of the links that lead to an object is not the one in which they are read.
     """
-    store = model.store
+    store = model.graph.store
     data: dict[str, Any] = {
         "format": FORMAT,
         "name": model.name,
@@ -78,19 +78,19 @@ def model_schema() -> dict[str, Any]:
 
 
 def _object(model: Model, node: int) -> dict[str, Any]:
-    entry: dict[str, Any] = {"id": node, "class": model.class_of(node)}
-    name = model.object_name(node)
+    entry: dict[str, Any] = {"id": node, "class": model.graph.class_of(node)}
+    name = model.graph.object_name(node)
     if name is not None:
         entry["name"] = name
     features: dict[str, Any] = {}
     for feature in model.metamodel.features(entry["class"]).values():
-        if feature in model.defined:
+        if feature in model.graph.defined:
             continue
         if isinstance(feature, Attribute):
-            values = [str(v) if v in _INFINITIES.values() else v for v in model.values(node, feature)]
+            values = [str(v) if v in _INFINITIES.values() else v for v in model.graph.values(node, feature)]
             features[feature.name] = values if feature.many else values[0] if values else None
-        elif not model.store.relations[feature.index].flipped:
-            targets = list(model.targets(node, feature))
+        elif not model.graph.store.relations[feature.index].flipped:
+            targets = list(model.graph.targets(node, feature))
             if targets:
                 features[feature.name] = targets if feature.many else targets[0]
     entry["features"] = features
@@ -102,7 +102,7 @@ def _orders(model: Model, relation: Relation) -> Iterator[dict[str, Any]]:
     if relation.flipped:
         return
     read: dict[int, list[int]] = {}
-    for node in model.store.nodes():
+    for node in model.graph.store.nodes():
         for target in relation.forward[node]:
             if relation.symmetric:
                 first = read.setdefault(node, [])
@@ -111,7 +111,7 @@ def _orders(model: Model, relation: Relation) -> Iterator[dict[str, Any]]:
                 first.append(target)
             if not (relation.symmetric and target == node):
                 read.setdefault(target, []).append(node)
-    for node in model.store.nodes():
+    for node in model.graph.store.nodes():
         sources = list(relation.backward[node])
         if sources != read.get(node, []):
             yield {"node": node, "reference": str(relation.reference), "sources": sources}
@@ -215,7 +215,7 @@ class _Reader:
         self._largest = 1_000_000 + 1_000 * len(objects)
         with self.model.loading():
             self._read_objects(objects)
-            self._read_next_id(data.get("next_id", self.model.store.next_id))
+            self._read_next_id(data.get("next_id", self.model.graph.store.next_id))
             self._read_orders(data.get("orders", []))
 
     def _read_objects(self, objects: list[Any]) -> None:
@@ -236,7 +236,7 @@ class _Reader:
         model = self.model
         if not self._is_id((*path, "id"), node):
             return None
-        if model.alive(node):
+        if model.graph.alive(node):
             message = f"{node} is the id of another object too"
             self._problem((*path, "id"), "duplicate-definition", message, "each object has an id of its own")
         elif not isinstance(cls, str):
@@ -252,7 +252,7 @@ class _Reader:
             )
         else:
             try:
-                return model.new_at(node, cls, name)
+                return model.graph.new_at(node, cls, name)
             except EnvgraphError as error:
                 known = [one for one, found in self.metamodel.classes.items() if not found.abstract]
                 hint = error.hint or name_hint(cls, known)
@@ -260,7 +260,7 @@ class _Reader:
         return None
 
     def _read_feature(self, path: JsonPath, node: int, name: str, value: Any) -> None:
-        cls = self.model.class_of(node)
+        cls = self.model.graph.class_of(node)
         feature: Feature | None = self.metamodel.feature(cls, name)
         if feature is None:
             hint = name_hint(name, self.metamodel.features(cls))
@@ -282,7 +282,9 @@ class _Reader:
         if len(values) < len(found):
             return  # which has been reported
         try:
-            self.model.set_value(node, attribute, values if attribute.many else values[0] if values else None)
+            self.model.graph.set_value(
+                node, attribute, values if attribute.many else values[0] if values else None
+            )
         except EnvgraphError as error:
             self._problem(path, "wrong-value", error.message, error.hint or "leave some of them out")
 
@@ -302,21 +304,21 @@ class _Reader:
 
     def _read_link(self, path: JsonPath, source: int, reference: Reference, target: Any) -> None:
         model = self.model
-        if type(target) is not int or not model.alive(target):
+        if type(target) is not int or not model.graph.alive(target):
             self._problem(path, "unknown-object", f"there is no object {target!r}", _ID)
             return
-        if model.has_link(source, reference, target):  # also listed by the opposite
+        if model.graph.has_link(source, reference, target):  # also listed by the opposite
             return
-        relation = model.store.relations[reference.index]
+        relation = model.graph.store.relations[reference.index]
         child = target if relation.containment else source if relation.contained else None
-        if child is not None and model.container(child) is not None:
-            message = f"{model.describe(child)} is in another container already"
+        if child is not None and model.graph.container(child) is not None:
+            message = f"{model.graph.describe(child)} is in another container already"
             self._problem(
                 path, "containment", message, "an object has one container: leave one of the links out"
             )
             return
         try:
-            model.link(source, reference, target)
+            model.graph.link(source, reference, target)
         except EnvgraphError as error:
             hint = (
                 "leave one of the links out"
@@ -328,13 +330,13 @@ class _Reader:
     def _read_next_id(self, next_id: Any) -> None:
         if not self._is_id(("next_id",), next_id):
             return
-        if next_id < self.model.store.next_id:
+        if next_id < self.model.graph.store.next_id:
             message = f"{next_id} is not above all ids of objects"
-            hint = f"write {self.model.store.next_id} or more, or leave it out"
+            hint = f"write {self.model.graph.store.next_id} or more, or leave it out"
             self._problem(("next_id",), "bad-id", message, hint)
             return
-        self.model.store.reserve(next_id)
-        self.model.store.next_id = next_id
+        self.model.graph.store.reserve(next_id)
+        self.model.graph.store.next_id = next_id
 
     def _read_orders(self, orders: Any) -> None:
         if not isinstance(orders, list):
@@ -350,11 +352,11 @@ class _Reader:
                 hint = name_hint(str(reference), names)
                 message = f"unknown reference {reference!r}"
                 self._problem((*path, "reference"), "unknown-reference", message, hint)
-            elif type(node) is not int or not self.model.alive(node):
+            elif type(node) is not int or not self.model.graph.alive(node):
                 self._problem((*path, "node"), "unknown-object", f"there is no object {node!r}", _ID)
             else:
                 self._reorder(
-                    (*path, "sources"), self.model.store.backward[names[reference].index], node, sources
+                    (*path, "sources"), self.model.graph.store.backward[names[reference].index], node, sources
                 )
 
     def _reorder(self, path: JsonPath, column: Ends, node: int, sources: Any) -> None:
@@ -365,7 +367,7 @@ class _Reader:
                 path, "bad-order", message, "these are the objects that have such a link to this one"
             )
             return
-        column[node] = self.model.store.grouped(sources)
+        column[node] = self.model.graph.store.grouped(sources)
 
     def _is_id(self, path: JsonPath, value: Any) -> bool:
         if type(value) is not int or value < 0:

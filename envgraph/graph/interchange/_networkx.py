@@ -33,23 +33,25 @@ def to_networkx(model: Model) -> nx.MultiDiGraph:
         if attribute.name in (_CLASS, _NAME):
             raise InvalidArgument(f"`{attribute}` cannot be told from what every node has in networkx")
     graph = nx.MultiDiGraph(name=model.name, metamodel=model.metamodel.name)
-    for node in model.store.nodes():
+    for node in model.graph.store.nodes():
         graph.add_node(node, **_attributes(model, node))
-    for node in model.store.nodes():
-        for feature in model.metamodel.features(model.class_of(node)).values():
+    for node in model.graph.store.nodes():
+        for feature in model.metamodel.features(model.graph.class_of(node)).values():
             if isinstance(feature, Reference):
-                graph.add_edges_from((node, target, feature.name) for target in model.targets(node, feature))
+                graph.add_edges_from(
+                    (node, target, feature.name) for target in model.graph.targets(node, feature)
+                )
     return graph
 
 
 def _attributes(model: Model, node: int) -> dict[str, object]:
-    cls = model.class_of(node)
+    cls = model.graph.class_of(node)
     found: dict[str, object] = {_CLASS: cls}
-    name = model.object_name(node)
+    name = model.graph.object_name(node)
     if name is not None:
         found[_NAME] = name
     for feature in model.metamodel.features(cls).values():
-        if isinstance(feature, Attribute) and (values := model.values(node, feature)):
+        if isinstance(feature, Attribute) and (values := model.graph.values(node, feature)):
             found[feature.name] = list(values) if feature.many else values[0]
     return found
 
@@ -94,7 +96,7 @@ def _add_node(model: Model, label: Hashable, node: int, attributes: dict[str, ob
     if name is not None and not isinstance(name, str):
         raise InvalidArgument(f"node {label!r} has the name {name!r}, which is no text")
     try:
-        model.new_at(node, cls, name)
+        model.graph.new_at(node, cls, name)
     except TypeMismatch as error:
         raise TypeMismatch(f"node {label!r}: {error}") from None
     features = model.metamodel.features(cls)
@@ -110,24 +112,24 @@ def _add_node(model: Model, label: Hashable, node: int, attributes: dict[str, ob
                 value = attributes.get(feature.name)
                 if value is not None and not feature.many and not accepts(feature.type, value):
                     raise wrong_value(feature, value)
-                model.set_value(node, feature, value)  # type: ignore[arg-type]  # checked
+                model.graph.set_value(node, feature, value)  # type: ignore[arg-type]  # checked
             except EnvgraphError as error:
                 raise TypeMismatch(f"node {label!r}: {error}") from None
 
 
 def _add_edge(model: Model, label: Hashable, source: int, target: int, key: object) -> None:
-    cls = model.class_of(source)
+    cls = model.graph.class_of(source)
     reference = model.metamodel.feature(cls, key) if isinstance(key, str) else None
     if not isinstance(reference, Reference):
         raise InvalidArgument(
             f"an edge from node {label!r} has the key {key!r}, which is no reference of `{cls}`"
         )
-    relation = model.store.relations[reference.index]
+    relation = model.graph.store.relations[reference.index]
     child = target if relation.containment else source if relation.contained else None
     if (
         child is not None
-        and model.container(child) is not None
-        and not model.has_link(source, reference, target)
+        and model.graph.container(child) is not None
+        and not model.graph.has_link(source, reference, target)
     ):
-        raise RuleError(f"{model.describe(child)} has two containers", reason="containment")
-    model.link(source, reference, target)
+        raise RuleError(f"{model.graph.describe(child)} has two containers", reason="containment")
+    model.graph.link(source, reference, target)

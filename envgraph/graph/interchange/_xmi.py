@@ -59,8 +59,8 @@ class _Writer:
             cls.name: [one for one in metamodel.features(cls.name).values() if not self._implied(one)]
             for cls in metamodel.class_list
         }
-        everyone = sorted(model.store.nodes())
-        self._roots = [node for node in everyone if model.container(node) is None]
+        everyone = sorted(model.graph.store.nodes())
+        self._roots = [node for node in everyone if model.graph.container(node) is None]
         self._order = {root: index for index, root in enumerate(self._roots)}
         self._places: dict[int, dict[int, int]] = {}
         self._identified = self._identifiers(everyone)
@@ -85,7 +85,7 @@ class _Writer:
 
     def _tree(self, root: int, head: str, depth: int) -> Iterator[str]:
         """An object and what it contains, without recursion: containment may be deep."""
-        tag = self._qualified(self.model.class_of(root))
+        tag = self._qualified(self.model.graph.class_of(root))
         waiting: list[tuple[int, str, str, int]] = [(root, tag, head, depth)]
         while waiting:
             node, tag, extra, level = waiting.pop()
@@ -107,49 +107,49 @@ class _Writer:
                 yield f"{indent}  <{name}>{text}</{name}>"
             waiting.append((-1, tag, "", level))
             for reference, target in reversed(inside):
-                cls = self.model.class_of(target)
+                cls = self.model.graph.class_of(target)
                 exact = "" if cls == reference.target else f'xsi:type="{self._qualified(cls)}"'
                 waiting.append((target, reference.name, exact, level + 1))
 
     def _lists(self, node: int) -> Iterator[tuple[str, str]]:
         """Each value of the attributes with many, which stands in a tag of its own."""
         for attribute in self._attributes(node):
-            for value in self.model.values(node, attribute) if attribute.many else ():
+            for value in self.model.graph.values(node, attribute) if attribute.many else ():
                 text = self._checked(self._text(node, attribute, value), node)
                 yield attribute.name, xml_text(text)
 
     def _inside(self, node: int) -> Iterator[tuple[Reference, int]]:
-        for feature in self._features[self.model.class_of(node)]:
+        for feature in self._features[self.model.graph.class_of(node)]:
             if isinstance(feature, Reference) and feature.containment:
-                for target in self.model.targets(node, feature):
+                for target in self.model.graph.targets(node, feature):
                     yield feature, target
 
     def _parts(self, node: int) -> str:
         """The attributes of a tag."""
         model, written = self.model, []
-        name = model.object_name(node)
+        name = model.graph.object_name(node)
         if name is not None:
             written.append(f" xmi:id={self._quoted(name, node)}")
-        for feature in self._features[model.class_of(node)]:
+        for feature in self._features[model.graph.class_of(node)]:
             if isinstance(feature, Attribute):
-                value = None if feature.many else model.value(node, feature)
+                value = None if feature.many else model.graph.value(node, feature)
                 if value is not None and value != usual_value(feature):
                     written.append(f" {feature.name}={self._quoted(self._text(node, feature, value), node)}")
             elif not feature.containment:
-                targets = " ".join(map(self._named, model.targets(node, feature)))
+                targets = " ".join(map(self._named, model.graph.targets(node, feature)))
                 if targets:
                     written.append(f' {feature.name}="{targets}"')
         return "".join(written)
 
     def _text(self, node: int, attribute: Attribute, value: Value) -> str:
-        return self.model.digits.get((node, attribute.index, value)) or xml_value(attribute, value)
+        return self.model.graph.digits.get((node, attribute.index, value)) or xml_value(attribute, value)
 
     def _attributes(self, node: int) -> Iterator[Attribute]:
-        return (one for one in self._features[self.model.class_of(node)] if isinstance(one, Attribute))
+        return (one for one in self._features[self.model.graph.class_of(node)] if isinstance(one, Attribute))
 
     def _is_nil(self, node: int, attribute: Attribute) -> bool:
         """Return whether to say that there is no value: leaving it out would mean the default."""
-        return not self.model.values(node, attribute) and usual_value(attribute) is not None
+        return not self.model.graph.values(node, attribute) and usual_value(attribute) is not None
 
     def _implied(self, feature: Feature) -> bool:
         """Return whether the place of an object says it: the link to its container."""
@@ -159,13 +159,13 @@ class _Writer:
         return opposite is not None and opposite.containment
 
     def _named(self, node: int) -> str:
-        name = self.model.object_name(node)
+        name = self.model.graph.object_name(node)
         if name is not None and _ID.fullmatch(name):
             return name
         if node in self._identified:
             return self._identified[node]
         steps: list[str] = []
-        while found := self.model.container(node):
+        while found := self.model.graph.container(node):
             container, reference = found
             place = f".{self._place(container, reference, node)}" if reference.many else ""
             steps.append(f"@{reference.name}{place}")
@@ -180,20 +180,20 @@ class _Writer:
             own = next((one for one in features if isinstance(one, Attribute) and one.identifier), None)
             if own is None or own.many:
                 continue
-            for node in self.model.exact_extent(cls):
-                value = self.model.value(node, own)
+            for node in self.model.graph.exact_extent(cls):
+                value = self.model.graph.value(node, own)
                 if value is not None and value != usual_value(own):
                     found[node] = xml_value(own, value)
         if not found:
             return found
-        names = map(self.model.object_name, nodes)
+        names = map(self.model.graph.object_name, nodes)
         counts = Counter([*found.values(), *(name for name in names if name is not None)])
         return {node: text for node, text in found.items() if counts[text] == 1 and _VALUE.fullmatch(text)}
 
     def _place(self, container: int, reference: Reference, node: int) -> int:
         """The index of an object in its container."""
         if node not in self._places.setdefault(reference.index, {}):
-            targets = self.model.targets(container, reference)
+            targets = self.model.graph.targets(container, reference)
             self._places[reference.index].update((target, index) for index, target in enumerate(targets))
         return self._places[reference.index][node]
 
@@ -206,14 +206,16 @@ class _Writer:
 
     def _checked(self, text: str, node: int) -> str:
         if _FORBIDDEN.search(text):
-            raise InvalidArgument(f"{self.model.describe(node)} has a string that XML cannot hold: {text!r}")
+            raise InvalidArgument(
+                f"{self.model.graph.describe(node)} has a string that XML cannot hold: {text!r}"
+            )
         return text
 
 
 def arrange_targets(model: Model, node: int, reference: Reference, targets: Sequence[int]) -> None:
     """Lists the targets of an object in this order, while a model is loading; they have to be its targets already."""
-    column = model.store.forward[reference.index]
-    column[node] = model.store.grouped(targets)
+    column = model.graph.store.forward[reference.index]
+    column[node] = model.graph.store.grouped(targets)
 
 
 def usual_value(attribute: Attribute) -> Value | None:

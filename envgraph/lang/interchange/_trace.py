@@ -178,7 +178,7 @@ class _Reader:
                 if type(given) is int and rule.shape.is_object(rule.shape.position(name)):
                     values[name] = given  # the object may not be there yet
                 else:
-                    values.update(self.engine.ids(rule.shape, {name: given}))
+                    values.update(self.engine.catalog.ids(rule.shape, {name: given}))
             except (InvalidArgument, TypeMismatch) as error:
                 self._problem("wrong-match", error.message, spans["match", name], error.hint or _CHANGED)
         if missing or len(values) != len(names):

@@ -115,7 +115,7 @@ class Reading:
         """Append a child that counts for places such as `//@goods.1` but is not in the model; return all children."""
         key = node, reference.name
         if key not in self.children:
-            self.children[key] = [*self.model.targets(node, reference)]
+            self.children[key] = [*self.model.graph.targets(node, reference)]
         self.children[key].append(child)
         return self.children[key]
 
@@ -134,7 +134,7 @@ class Reading:
         """Return the objects in a containment reference, in the order of the text."""
         listed = self.children.get((node, reference.name))
         if listed is None:
-            return self.model.targets(node, reference)
+            return self.model.graph.targets(node, reference)
         found = (self.child(node, reference.name, place) for place in range(len(listed)))
         return [child for child in found if child is not None and child != LOST]
 
@@ -262,16 +262,16 @@ class Document:
             return self._child_named(node, step)
         keyed = _KEYED.fullmatch(step) if step[-1] == "]" else None
         name, _, index = (keyed[1], "", "") if keyed else step[1:].partition(".")
-        feature: Feature | None = self.reading.metamodel.feature(self.model.class_of(node), name)
+        feature: Feature | None = self.reading.metamodel.feature(self.model.graph.class_of(node), name)
         place = int(index) if index.isdecimal() and len(index) < 10 else 0 if not index else -1
         if not isinstance(feature, Reference) or place < 0:
-            left_out = self.reading.metamodel.left_out(self.model.class_of(node), name)
+            left_out = self.reading.metamodel.left_out(self.model.graph.class_of(node), name)
             return LOST if left_out or name in self.reading.lost else None
         if keyed:
             return self._child_with(node, feature, keyed[2])
         if (node, name) in self.reading.children:
             return self.reading.child(node, name, place)
-        targets = self.model.targets(node, feature)
+        targets = self.model.graph.targets(node, feature)
         return targets[place] if place < len(targets) else None
 
     def _child_named(self, node: int, name: str) -> int | None:
@@ -279,11 +279,11 @@ class Document:
         if node not in self._named:
             known = self._named[node] = {}
             counts: dict[object, int] = {}
-            features = self.reading.metamodel.features(self.model.class_of(node)).values()
+            features = self.reading.metamodel.features(self.model.graph.class_of(node)).values()
             contained = (one for one in features if isinstance(one, Reference) and one.containment)
             for child in (child for one in contained for child in self.reading.inside(node, one)):
-                attribute = self.reading.metamodel.feature(self.model.class_of(child), "name")
-                value = self.model.value(child, attribute) if isinstance(attribute, Attribute) else None
+                attribute = self.reading.metamodel.feature(self.model.graph.class_of(child), "name")
+                value = self.model.graph.value(child, attribute) if isinstance(attribute, Attribute) else None
                 count = counts[value] = counts.get(value, -1) + 1
                 known.setdefault(f"{value}.{count}" if count else str(value), child)
         return self._named[node].get(name)
@@ -302,7 +302,7 @@ class Document:
         if (node, reference.name, attributes) not in self._keyed:
             known = self._keyed[node, reference.name, attributes] = {}
             for child in self.reading.inside(node, reference):
-                known.setdefault(tuple(self.model.values(child, one) for one in attributes), child)
+                known.setdefault(tuple(self.model.graph.values(child, one) for one in attributes), child)
         return self._keyed[node, reference.name, attributes].get(wanted)
 
     def target(self, link: Link, word: str) -> int | None:
@@ -357,9 +357,9 @@ class Library(Document):
             cls = self.reading.metamodel.named(kind).get(self.reading.packages[ECORE].path)
             if cls is None:
                 return None
-            self.ids[name] = model.new(cls, None)
+            self.ids[name] = model.graph.new(cls, None)
             for attribute in self.reading.names.table(cls).unset.values():
-                model.set_value(self.ids[name], attribute, name if attribute.name == "name" else None)
+                model.graph.set_value(self.ids[name], attribute, name if attribute.name == "name" else None)
         return self.ids.get(name)
 
 

@@ -96,7 +96,7 @@ class Linker:
         for (node, _), (reference, targets) in self._order.items():
             if (node, reference.name) in self._reading.children:
                 targets = [*self._reading.inside(node, reference)]
-            ends = list(self._model.targets(node, reference))
+            ends = list(self._model.graph.targets(node, reference))
             if ends != targets:
                 known = set(ends)
                 wanted = [one for one in dict.fromkeys((*targets, *ends)) if one in known]

@@ -77,7 +77,7 @@ class TagReader:
         Raises:
             Stop: the file is no XML, or has too many mistakes.
         """
-        self._document.first = self._model.store.next_id
+        self._document.first = self._model.graph.store.next_id
         problem = self._xml.read(self._start, self._end, self._text)
         found = self._reading.diagnostics
         if problem:
@@ -241,7 +241,7 @@ class TagReader:
                 self._document.report("missing-value", message, span, "write it, or leave the tag out")
                 self._skipped = 1
             elif nil:
-                self._model.set_value(frame.node, attribute, None)
+                self._model.graph.set_value(frame.node, attribute, None)
                 self._skipped = 1
             else:
                 self._stack.append(_Frame(frame.node, attribute=attribute, text=[]))
@@ -276,13 +276,13 @@ class TagReader:
             if name in self._document.ids:
                 self._duplicate(name, at)
             name = None
-        node = model.new(table.name, name)
+        node = model.graph.new(table.name, name)
         self._document.bytes.append(at)
         if own is not None:
             self._document.ids.setdefault(own, node)
         for key, attribute in table.unset.items():
             if key not in attributes:
-                model.set_value(node, attribute, None)
+                model.graph.set_value(node, attribute, None)
         for key, value in attributes.items():
             feature = table.keys.get(key)
             if feature is None and ":" in key:
@@ -318,22 +318,22 @@ class TagReader:
             return
         value = self._value(node, attribute, text, span)
         if value is not None:
-            self._model.set_value(node, attribute, value)
+            self._model.graph.set_value(node, attribute, value)
 
     def _set_many(
         self, node: int, attribute: Attribute, found: Sequence[tuple[Value, Callable[[], Span]]]
     ) -> None:
         """Append to the values of a many-valued attribute."""
-        kept, mark = self._model.values(node, attribute), '`unique="false"` in the metamodel'
+        kept, mark = self._model.graph.values(node, attribute), '`unique="false"` in the metamodel'
         values = allowed_values(attribute, found, self._document.report, mark=mark, kept=kept)
-        self._model.set_value(node, attribute, values)
+        self._model.graph.set_value(node, attribute, values)
 
     def _value(self, node: int, attribute: Attribute, text: str, where: Callable[[], Span]) -> Value | None:
         """Return the value of a text. If the text does not fit the attribute's type, report this and return None."""
         value = value_of(text, attribute.type)
         if value is not None:
             if isinstance(value, float) and attribute.is_decimal and (repr(value) != text or attribute.many):
-                kept = self._model.digits.setdefault((node, attribute.index, value), text)
+                kept = self._model.graph.digits.setdefault((node, attribute.index, value), text)
                 same = Decimal(kept) == Decimal(text)
                 if not same or Decimal(text) != Decimal(repr(value)):
                     why = "a float has 64 bits; only `.xmi` files keep all digits"
@@ -376,7 +376,7 @@ class TagReader:
         if value is not None and attribute.many:
             self._stack[-1].values.setdefault(attribute, []).append((value, at))
         elif value is not None:
-            self._model.set_value(frame.node, attribute, value)
+            self._model.graph.set_value(frame.node, attribute, value)
 
     def _close_reference(self, frame: _Frame, reference: Reference) -> None:
         """Link the targets that the text of a tag names, as in `<incoming>Flow_1</incoming>`."""
@@ -394,14 +394,14 @@ class TagReader:
         upper, children = frame.reference.upper, None
         if self._reading.children:
             children = self._reading.children.get((frame.parent, frame.reference.name))
-        if upper is not None and len(self._model.targets(frame.parent, frame.reference)) >= upper:
+        if upper is not None and len(self._model.graph.targets(frame.parent, frame.reference)) >= upper:
             if children is None or children[-1] != LOST:
                 message = f"`{frame.reference}` takes {plural(upper, 'object')} at most"
                 hint = "leave this one out"
                 self._document.report("too-many-targets", message, self._document.tag(frame.node), hint)
             self._reading.hold(frame.parent, frame.reference, LOST)
             return
-        self._model.link(frame.parent, frame.reference, frame.node)
+        self._model.graph.link(frame.parent, frame.reference, frame.node)
         if children is not None:
             children.append(frame.node)
 

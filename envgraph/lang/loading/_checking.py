@@ -63,7 +63,7 @@ def _completion(violation: Violation, model: Model, start: str) -> str:
     if (
         violation.kind == "too-few"
         and isinstance(feature, Reference)
-        and model.targets(violation.node, feature)
+        and model.graph.targets(violation.node, feature)
     ):
         return f"add more to its `{feature.name}`"
     many = isinstance(feature, Reference) and feature.many

@@ -104,7 +104,7 @@ class Links:
         return [*kept]
 
     def _fits(self, reference: Reference, target: int, where: Place) -> bool:
-        cls = self._model.class_of(target)
+        cls = self._model.graph.class_of(target)
         if self._model.metamodel.is_a(cls, reference.target):
             return True
         message = f"`{reference}` takes objects of class `{reference.target}`, not {with_article(cls)}"
@@ -114,15 +114,15 @@ class Links:
 
     def _link(self, node: int, reference: Reference, target: int, where: Place) -> None:
         model = self._model
-        if model.has_link(node, reference, target):  # as the opposite has said
+        if model.graph.has_link(node, reference, target):  # as the opposite has said
             return
-        relation = model.store.relations[reference.index]
+        relation = model.graph.store.relations[reference.index]
         child = target if relation.containment else node if relation.contained else None
-        held = None if child is None else model.container(child)
+        held = None if child is None else model.graph.container(child)
         if (
             child is not None and held is not None
         ):  # the model would move it, and a file says two things at once
-            inside, around = model.describe(child), model.describe(held[0])
+            inside, around = model.graph.describe(child), model.graph.describe(held[0])
             message = f"{inside} is contained in {around} already, by `{held[1].name}`"
             notes = self._note("the container is here", held[0], where)
             self._report(
@@ -130,11 +130,11 @@ class Links:
             )
             return
         try:
-            model.link(node, reference, target)
+            model.graph.link(node, reference, target)
         except (RuleError, TypeMismatch) as error:
             full = isinstance(error, RuleError) and error.reason == "full"
-            ends = model.targets(node, reference)
-            others = ends if len(ends) == reference.upper else model.sources(target, reference)
+            ends = model.graph.targets(node, reference)
+            others = ends if len(ends) == reference.upper else model.graph.sources(target, reference)
             text = "the object that has it is here"
             notes = tuple(note for one in others if full for note in self._note(text, one, where))
             code = "opposites-differ" if full and reference.opposite else "impossible-link"

@@ -159,7 +159,7 @@ class _Reader:
             for grid in self._grids.values():
                 self._neighbours(grid)
                 for (column, row), node in grid.nodes.items():
-                    self._model.places[f"{grid.text.name}[{column},{row}]"] = node
+                    self._model.graph.places[f"{grid.text.name}[{column},{row}]"] = node
             for task in self._tasks:
                 self._assign(task)
 
@@ -178,7 +178,7 @@ class _Reader:
         known = self._instantiable(cls, cls_span)
         if name is not None and not self._free(name):
             name = None
-        node = self._model.new(cls, str(name) if name else None) if known else None
+        node = self._model.graph.new(cls, str(name) if name else None) if known else None
         if name is not None:
             self._names[str(name)] = (node, self.parsed.span(name))
         if node is not None:
@@ -294,7 +294,7 @@ class _Reader:
             if axis is None or feature is None:
                 continue
             if isinstance(feature, Attribute) and feature.type is Scalar.INT and not feature.many:
-                self._model.set_value(node, feature, index)
+                self._model.graph.set_value(node, feature, index)
             else:
                 message = f"`{feature}` is no `int`, and cannot hold the {kind}"
                 self.reports.error("wrong-type", message, axis.attribute, "name an attribute of type `int`")
@@ -322,7 +322,7 @@ class _Reader:
 
     def _feature(self, node: int, token: Token) -> Feature | None:
         assert self.metamodel is not None
-        cls = self._model.class_of(node)
+        cls = self._model.graph.class_of(node)
         found = self.metamodel.feature(cls, str(token))
         if found is None:
             known = self.metamodel.features(cls)
@@ -340,14 +340,14 @@ class _Reader:
 
     def _set(self, task: _Task, attribute: Attribute) -> None:
         if task.value.data == "none":
-            self._model.set_value(task.node, attribute, None)
+            self._model.graph.set_value(task.node, attribute, None)
             return
         if attribute.many:
-            self._model.set_value(task.node, attribute, values_of(task.value, attribute, self.reports))
+            self._model.graph.set_value(task.node, attribute, values_of(task.value, attribute, self.reports))
             return
         value = value_of(task.value, attribute, self.reports)
         if value is not None:
-            self._model.set_value(task.node, attribute, value)
+            self._model.graph.set_value(task.node, attribute, value)
 
     # --- references ---
 

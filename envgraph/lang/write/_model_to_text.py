@@ -46,17 +46,17 @@ class _Writer:
         self._model = model
         self._keywords = grammar("model").core.keywords
         nodes = [node.id for node in model.nodes()]
-        self._top = [node for node in nodes if model.container(node) is None]
+        self._top = [node for node in nodes if model.graph.container(node) is None]
         self._names: dict[int, str] = {}
         taken: set[str] = set()
         asked = {
             target
             for node in nodes
             for reference in self._links(node)
-            for target in model.targets(node, reference)
+            for target in model.graph.targets(node, reference)
         }
         for node in nodes:
-            name = model.object_name(node)
+            name = model.graph.object_name(node)
             if name is not None and _NAME.fullmatch(name):
                 self._names[node] = name
                 taken.add(name)
@@ -66,8 +66,8 @@ class _Writer:
                 taken.add(name)
 
     def _free(self, node: int, taken: set[str]) -> str:
-        cls = simple_name(self._model.class_of(node))
-        wanted = re.sub(r"\W+", "_", self._model.object_name(node) or "").strip("_")
+        cls = simple_name(self._model.graph.class_of(node))
+        wanted = re.sub(r"\W+", "_", self._model.graph.object_name(node) or "").strip("_")
         if not _NAME.fullmatch(wanted):
             wanted = cls[:1].lower() + cls[1:]
         if wanted not in taken and wanted != cls:
@@ -80,10 +80,13 @@ class _Writer:
         """References of which the text says the targets: not to what is inside or around, and one of two opposites."""
         model, metamodel = self._model, self._model.metamodel
         found = []
-        for feature in metamodel.features(model.class_of(node)).values():
+        for feature in metamodel.features(model.graph.class_of(node)).values():
             if isinstance(feature, Reference) and not feature.containment:
                 other = metamodel.opposite(feature)
-                if not (other and other.containment) and not model.store.relations[feature.index].flipped:
+                if (
+                    not (other and other.containment)
+                    and not model.graph.store.relations[feature.index].flipped
+                ):
                     found.append(feature)
         return found
 
@@ -94,7 +97,7 @@ class _Writer:
         yield "}"
 
     def _object(self, node: int, end: str) -> Iterator[str]:
-        model, cls = self._model, self._model.class_of(node)
+        model, cls = self._model, self._model.graph.class_of(node)
         if cls != simple_name(cls):
             raise InvalidArgument(
                 f"a `.model` file has no name for the class `{cls}` of two packages: write .xmi or .json"
@@ -104,20 +107,20 @@ class _Writer:
         for feature in model.metamodel.features(cls).values():
             if isinstance(feature, Attribute):
                 yield from self._attribute(node, feature)
-            elif feature.containment and model.targets(node, feature):
+            elif feature.containment and model.graph.targets(node, feature):
                 yield f"{self._word(feature.name)} = ["
-                for part in model.targets(node, feature):
+                for part in model.graph.targets(node, feature):
                     yield from self._object(part, ",")
                 yield "]"
         for reference in self._links(node):
-            targets = [self._word(self._names[target]) for target in model.targets(node, reference)]
+            targets = [self._word(self._names[target]) for target in model.graph.targets(node, reference)]
             if targets:
                 value = f"[{', '.join(targets)}]" if reference.many else targets[0]
                 yield f"{self._word(reference.name)} = {value}"
         yield "}" + end
 
     def _attribute(self, node: int, attribute: Attribute) -> Iterator[str]:
-        values = self._model.values(node, attribute)
+        values = self._model.graph.values(node, attribute)
         initial = attribute.initial
         if attribute.many:
             if values:

@@ -75,7 +75,7 @@ class ClosureView:
     """
 
     def __init__(self, model: Model, steps: Steps, reflexive: Callable[[Any], bool] | None) -> None:
-        self._store = model.store
+        self._store = model.graph.store
         self._steps = steps
         self._reflexive = reflexive
         self._reached: Ends = {}

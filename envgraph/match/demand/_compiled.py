@@ -77,7 +77,7 @@ class CompiledMatcher(Matcher):
         types = self._types(pattern)
         holds = self._specialised(pattern, tuple(range(len(types))), Mode.EXISTS)
         objects = tuple(p for p, type_ in enumerate(types) if isinstance(type_, ObjectType))
-        classes = self.model.store.classes
+        classes = self.model.graph.store.classes
 
         def test(row: Row) -> bool:
             for position in objects:
@@ -132,7 +132,7 @@ class CompiledMatcher(Matcher):
         """Estimate the cost of listing all rows, in accesses to the model; measured again when its size has doubled."""
         place = pattern, len(self.model).bit_length()
         if place not in self._works:
-            planner = Planner(self.library, self.calls, LiveSizes(self.library, self.model.store))
+            planner = Planner(self.library, self.calls, LiveSizes(self.library, self.model.graph.store))
             self._works[place] = planner.view(self._program.key(pattern, (), Mode.ROWS)).cost
         return self._works[place]
 
@@ -141,7 +141,7 @@ class CompiledMatcher(Matcher):
         if self.calls.recursive(pattern):
             return None
         bodies = self._program.planner.view(self._program.key(pattern, (), Mode.ROWS)).bodies
-        return order_of(bodies[0], self.model.store) if len(bodies) == 1 else None
+        return order_of(bodies[0], self.model.graph.store) if len(bodies) == 1 else None
 
     def analyze(self) -> None:
         """Measure the model: plans that are made from now on go by the sizes that it has now.
@@ -149,7 +149,7 @@ class CompiledMatcher(Matcher):
         Without it they go by what the metamodel suggests, so that they do not depend on when they are made. Rows of
         patterns that are looked for on demand may come in another order afterwards.
         """
-        self._plan_with(LiveSizes(self.library, self.model.store))
+        self._plan_with(LiveSizes(self.library, self.model.graph.store))
 
     def forget(self) -> None:
         """Names of patterns may mean something else from now on."""

@@ -170,7 +170,7 @@ class Program:
         )
 
     def _value(self, symbol: Symbol, inside: frozenset[str]) -> object:
-        store = self.model.store
+        store = self.model.graph.store
         match symbol:
             case Column("classes"):
                 return store.classes
@@ -214,7 +214,7 @@ class Program:
 
     def _remembering(self, function: Function) -> Function:
         """The function with its answers in the present state: where calls meet again, work would double at each."""
-        store, answers, revision = self.model.store, dict[tuple[Any, ...], Any](), -1
+        store, answers, revision = self.model.graph.store, dict[tuple[Any, ...], Any](), -1
 
         def remembered(*values: Any) -> Any:
             nonlocal revision
@@ -314,15 +314,15 @@ class _Steps:
         return self._program.function(ViewKey(self._step, (near,), (far,)), Mode.VALUES)
 
     def nodes(self) -> int:
-        return len(self._program.model.extent(self._source_class)) if self._source_class else 0
+        return len(self._program.model.graph.extent(self._source_class)) if self._source_class else 0
 
     def is_source(self, value: Any) -> bool:
         """Return whether `*` relates a value to itself."""
-        return self._source_class is None or self._table[self._program.model.store.classes[value]]
+        return self._source_class is None or self._table[self._program.model.graph.store.classes[value]]
 
     def sources(self) -> Iterable[Any]:
         if self._reflexive and self._source_class:
-            return self._program.model.extent(self._source_class)
+            return self._program.model.graph.extent(self._source_class)
         if self._planner.calls.recursive(self._step):
             rows = self._program.solver(self._step, ())()
             return dict.fromkeys(row[0] for row in rows)

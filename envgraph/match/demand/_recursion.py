@@ -243,7 +243,7 @@ class Recursion:
         graph: CallGraph,
         evaluation: Callable[[str, tuple[int, ...]], Evaluate],
     ) -> None:
-        self._store = model.store
+        self._store = model.graph.store
         self._library = library
         self._graph = graph
         self._evaluation = evaluation

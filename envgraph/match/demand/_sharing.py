@@ -65,16 +65,16 @@ class _Sharing(Program):
     def __init__(self, model: Model, library: Library) -> None:
         super().__init__(model, library)
         self._aggregating = _Aggregating(library, self.calls)
-        self.planner = Planner(library, self.calls, LiveSizes(library, model.store), self._aggregating)
+        self.planner = Planner(library, self.calls, LiveSizes(library, model.graph.store), self._aggregating)
         self._sharing: dict[tuple[ViewKey, Mode], _Answers] = {}
         self._revision = -1
 
     def begin(self) -> None:
         """Something is asked: of another state nothing is known."""
-        if self._revision != self.model.store.revision:
+        if self._revision != self.model.graph.store.revision:
             for answers in self._sharing.values():
                 answers.clear()
-            self._revision = self.model.store.revision
+            self._revision = self.model.graph.store.revision
 
     def _value(self, symbol: Symbol, inside: frozenset[str]) -> object:
         if not isinstance(symbol, View) or len(symbol.key.bound) != 1 or symbol.mode is Mode.EACH:

@@ -19,7 +19,7 @@ def whole_pattern(program: Program, pattern: str) -> Callable[[], list[Row]] | N
 
     The rows are remembered for as long as the model does not change. The list must not be changed.
     """
-    store = program.model.store
+    store = program.model.graph.store
     network = Network(
         store,
         program.library,

@@ -71,7 +71,7 @@ class KeptViews:
 
     def _new_network(self) -> Network:
         return Network(
-            self.model.store,
+            self.model.graph.store,
             self._library,
             self._demand.calls,
             lambda source: self._demand.build(source, self.network.held),
@@ -89,7 +89,7 @@ class KeptViews:
         """The view of a pattern, up to date; None if it is not watched."""
         if pattern not in self.views or not self.up_to_date():
             return None
-        if self.model.store.next_id > self._outgrown:
+        if self.model.graph.store.next_id > self._outgrown:
             self.plan_anew()
         return self.views[pattern]
 
@@ -111,7 +111,7 @@ class KeptViews:
         rows = {pattern: view.rows[:] for pattern, view in self.views.items() if same}
         for others in ((*aside,), ()) if aside else ((),):
             try:
-                with unrecorded(self.model.store):
+                with unrecorded(self.model.graph.store):
                     self.make((*patterns, *others), most)
                     for pattern, ordered in rows.items():
                         self.views[pattern].rows.replace(ordered)
@@ -119,7 +119,7 @@ class KeptViews:
                 self.leave()
             else:
                 self._aside = {pattern: self.views.pop(pattern) for pattern in others}
-                self._brief = self.model.depth
+                self._brief = self.model.graph.history.depth
                 if not others or self.network.largest() <= most:
                     return bool(patterns or others)
             self.too_large.update(others)
@@ -136,7 +136,7 @@ class KeptViews:
 
     def leave(self) -> None:
         """Follow the model no longer."""
-        followers = self.model.store.followers
+        followers = self.model.graph.store.followers
         if any(follower is self for follower in followers):
             followers[:] = [follower for follower in followers if follower is not self]
             self.network.unhang()
@@ -149,7 +149,7 @@ class KeptViews:
 
     def rival(self) -> KeptViews | None:
         """Another matcher of the model that has views."""
-        for other in self.model.store.followers:
+        for other in self.model.graph.store.followers:
             if isinstance(other, KeptViews) and other is not self:
                 return other
         return None
@@ -180,7 +180,7 @@ class KeptViews:
         Log how the new rows differ from those of broken views.
         """
         self._be_alone()
-        store, old, known = self.model.store, self.network, self.views
+        store, old, known = self.model.graph.store, self.network, self.views
         try:
             if not any(follower is self for follower in store.followers):
                 store.followers.append(self)
@@ -203,7 +203,7 @@ class KeptViews:
 
     def plan_anew(self) -> None:
         """What was planned for a small model is slow in a large one: build it once more, if nobody can go back."""
-        if self.model.store.next_id > self._outgrown and self.views and self.model.idle:
+        if self.model.graph.store.next_id > self._outgrown and self.views and self.model.graph.history.idle:
             self.make(self.views)
 
     # --- Follower
@@ -214,7 +214,7 @@ class KeptViews:
             self._bring_up()
             self.plan_anew()  # not after it: the order of the rows has to be the same then
         elif not self._mended():
-            self._broken = min(self._broken, self.model.depth)
+            self._broken = min(self._broken, self.model.graph.history.depth)
             self._spoilt |= not self._broken
 
     def _bring_up(self) -> None:
@@ -223,7 +223,7 @@ class KeptViews:
         try:
             self.network.settle()
         except BaseException as problem:
-            interrupted = self.model.store.interrupted
+            interrupted = self.model.graph.store.interrupted
             interrupted.append(self)
             interrupted.repair()
             if isinstance(problem, EvaluationError):
@@ -231,7 +231,7 @@ class KeptViews:
             raise
 
     def _break(self) -> None:
-        depth = self.model.depth
+        depth = self.model.graph.history.depth
         self._broken = depth if self._broken is None else min(self._broken, depth)
         self.network.unhang()
 
@@ -251,7 +251,7 @@ class KeptViews:
 
     def up_to_date(self) -> bool:
         """Bring all views up to date, if they can be used; whether they can."""
-        store = self.model.store
+        store = self.model.graph.store
         if store.interrupted:
             store.interrupted.repair()
         if self._suspended:
@@ -268,30 +268,30 @@ class KeptViews:
         model = self.model
         assert self._broken is not None
         try:
-            if self._countable and not self._spoilt and model.depth <= self._broken:
+            if self._countable and not self._spoilt and model.graph.history.depth <= self._broken:
                 self.network.recount()
                 self._hear_again()
                 return True
-            if self._tried == model.revision or not model.idle:
+            if self._tried == model.graph.store.revision or not model.graph.history.idle:
                 return False
-            self._tried = model.revision
+            self._tried = model.graph.store.revision
             self.make(self.views)
             return True
         except EvaluationError:  # reported to whoever asks for that very pattern
             self._countable = False
             return False
         except BaseException:
-            model.store.interrupted.append(self)
-            model.store.interrupted.repair()
+            model.graph.store.interrupted.append(self)
+            model.graph.store.interrupted.repair()
             raise
 
     def rolled_back(self) -> None:
         """Views are as they were: the journal has brought them back."""
-        if self._brief is not None and self.model.depth < self._brief:
+        if self._brief is not None and self.model.graph.history.depth < self._brief:
             self.leave()
             return
         if self._broken is not None:
-            if self._broken <= self.model.depth:
+            if self._broken <= self.model.graph.history.depth:
                 return
             self._hear_again()
         self.network.rolled_back()

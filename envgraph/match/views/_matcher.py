@@ -71,7 +71,7 @@ class ViewMatcher(Matcher):
             self._check_watchable(pattern)
         if not new:
             return
-        if not self.model.idle:
+        if not self.model.graph.history.idle:
             raise TransactionError(
                 f"cannot begin to watch `{new[0]}` inside a transaction or while a version is held: "
                 "watch before the first commit"
@@ -89,7 +89,7 @@ class ViewMatcher(Matcher):
         self._wanted.update((name, None) for name in possible if calls.of(name).nesting <= MOST_NESTED)
 
     def _watch_wanted(self) -> None:
-        if self.model.idle and self.kept.rival() is None:
+        if self.model.graph.history.idle and self.kept.rival() is None:
             wanted, self._wanted = self._wanted, {}
             self.watch(*wanted)
 
@@ -271,7 +271,7 @@ class ViewMatcher(Matcher):
         """Measure the model, for plans that are made from now on: see `CompiledMatcher.analyze`."""
         self.demand.analyze()
         self._partly.forget()
-        if self.kept.views and self.model.idle and self.kept.up_to_date():
+        if self.kept.views and self.model.graph.history.idle and self.kept.up_to_date():
             self.kept.make(self.kept.views)
 
     def forget(self) -> None:

@@ -345,7 +345,7 @@ class Catalog:
                 raise InvalidArgument(f"{value!r} is an object of another model")
             if isinstance(value, Node) or type(value) is int:
                 node = value.id if isinstance(value, Node) else value
-                if not self.model.alive(node):
+                if not self.model.graph.alive(node):
                     raise InvalidArgument(
                         f"`{shape.names[position]}` of `{shape.definition}` is object {node}, which there is not",
                         "it was never created, was deleted, or was undone",

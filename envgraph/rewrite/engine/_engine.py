@@ -74,7 +74,6 @@ class Engine:
         events: listeners and event rules.
         history: transactions, versions and recordings.
         runs: runs units, and makes the random choices.
-        rewriting: applies rules.
         queries: asks the matcher.
         registrar: adds, removes and replaces definitions.
     """
@@ -92,7 +91,7 @@ class Engine:
         self.events = Events(self.catalog, self)
         self.history = EngineHistory(model, self.events)
         self.runs = Runs(self.catalog, self.events, self.history, seed)
-        self.rewriting = Rewriting(self.catalog, self.events, self.history, self.runs)
+        self._rewriting = Rewriting(self.catalog, self.events, self.history, self.runs)
         self.queries = Queries(self.catalog, self.runs)
         self.registrar = Registrar(self.catalog, self.events)
 
@@ -118,20 +117,14 @@ class Engine:
     group = _of("catalog", Catalog.group)
     signature = _of("catalog", Catalog.signature)
     prepare = _of("catalog", Catalog.prepare)
-    losses = _of("catalog", Catalog.losses)
-    unnamed_links = _of("catalog", Catalog.unnamed_links)
-    first_calls = _of("catalog", Catalog.first_calls)
-    parameters_of = _of("catalog", Catalog.parameters_of)
-    ids = _of("catalog", Catalog.ids)
 
-    apply = _of("rewriting", Rewriting.apply)
-    apply_all = _of("rewriting", Rewriting.apply_all)
-    choose = _of("rewriting", Rewriting.choose)
-    choice = _of("rewriting", Rewriting.choice)
-    fire = _of("rewriting", Rewriting.fire)
-    replay = _of("rewriting", Rewriting.replay)
+    apply = _of("_rewriting", Rewriting.apply)
+    apply_all = _of("_rewriting", Rewriting.apply_all)
+    choose = _of("_rewriting", Rewriting.choose)
+    choice = _of("_rewriting", Rewriting.choice)
+    fire = _of("_rewriting", Rewriting.fire)
+    replay = _of("_rewriting", Rewriting.replay)
     run = _of("runs", Runs.run)
-    lent = _of("runs", Runs.lent)
     explore = _explore.explore
 
     transaction = _of("history", EngineHistory.transaction)
@@ -219,7 +212,7 @@ class Engine:
         return tuple(self.catalog.members)
 
     def check_integrity(self) -> None:
-        """Assert that model and views hold what a computation from scratch finds; for tests."""
+        """Assert that model and views hold what a computation from scratch finds: a failure is a bug of envgraph."""
         self.model.check_integrity()
         if isinstance(self.matcher, ViewMatcher):
             self.matcher.check_integrity()

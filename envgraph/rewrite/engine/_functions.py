@@ -49,10 +49,10 @@ class PythonUnit(UnitProgram):
         }
         if self._takes_engine:
             arguments[ENGINE] = engine
-        before = model.revision
+        before = model.graph.store.revision
         run.refusal = None
         try:
-            with engine.lent(run.rng) as trace, model.transaction():
+            with engine.runs.lent(run.rng) as trace, model.transaction():
                 outcome = self._called(**arguments)
                 if not (outcome is None or isinstance(outcome, bool)):
                     found = with_article(type(outcome).__name__)
@@ -74,7 +74,7 @@ class PythonUnit(UnitProgram):
         if outcome is False:
             run.failure = f"`{self.name}` returned False", None
             return None
-        return bool(trace) or model.revision != before
+        return bool(trace) or model.graph.store.revision != before
 
 
 def unit_signature_of(

@@ -191,7 +191,7 @@ class Events:
     def _telling(self, matcher: ViewMatcher) -> Iterator[None]:
         """Listeners are notified at the end: by the model if there was a transaction, but many rules need none."""
         yield
-        if not self._model.in_transaction:
+        if not self._model.graph.history.depth:
             matcher.listeners.deliver()
 
     def muted(self) -> AbstractContextManager[None]:

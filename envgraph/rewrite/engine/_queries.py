@@ -178,7 +178,7 @@ class Queries:
             applicable = next((one for one in rules if one.match is not None and one.refusal is None), None)
             failures = tuple(Failure(0, {}, "", inner=one) for one in rules)
             return applicable or WhyNot(
-                qualified, {}, None, failures, show=self._model.describe, kind="group"
+                qualified, {}, None, failures, show=self._model.graph.describe, kind="group"
             )
         shape, pattern, _ = self._catalog.asked(name)
         if not isinstance(self._matcher, ViewMatcher):
@@ -190,7 +190,9 @@ class Queries:
             with self._runs.aside():
                 refusal = runner.refusal_at(tuple(found.match[name] for name in shape.names))
         kind: Literal["rule", "pattern"] = "pattern" if runner is None else "rule"
-        return replace(found, pattern=shape.definition, show=self._model.describe, refusal=refusal, kind=kind)
+        return replace(
+            found, pattern=shape.definition, show=self._model.graph.describe, refusal=refusal, kind=kind
+        )
 
     def _why_failed(self, unit: str, values: Mapping[str, object]) -> WhyNot:
         """Run a unit, and undo it."""
@@ -200,14 +202,14 @@ class Queries:
         }
         objects = tuple(name for name, value in values.items() if isinstance(value, Node))
         with self._runs.aside():
-            savepoint = self._model.savepoint()
+            savepoint = self._model.graph.history.savepoint()
             try:
                 failed = self._runs.failed_step(unit, values)
             finally:
-                self._model.rollback(savepoint)
+                self._model.graph.history.rollback(savepoint)
         failures = () if failed is None else (Failure(0, {}, failed[0], span=failed[1]),)
         match: Mapping[str, Value] | None = {} if failed is None else None
-        return WhyNot(unit, given, match, failures, objects, self._model.describe, kind="unit")
+        return WhyNot(unit, given, match, failures, objects, self._model.graph.describe, kind="unit")
 
     def _positions(self, shape: Shape, values: Mapping[str, object]) -> dict[int, Value]:
         ids = self._catalog.ids(shape, values)

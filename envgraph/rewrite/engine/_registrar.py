@@ -161,15 +161,17 @@ class Registrar:
         def defined(query: str) -> Defined:
             return Defined(query, lambda node: [row[1] for row in matcher.rows(query, (node, FREE))], matcher)
 
-        known = {one for one, defined in model.defined.items() if defined.matcher is matcher}
+        known = {one for one, defined in model.graph.defined.items() if defined.matcher is matcher}
         new = {one: query for one, query in library.definitions.items() if one not in known}
         for feature, query in new.items():
-            node = first_with(model, feature)
+            node = first_with(model.graph, feature)
             if node is not None:
-                message = f"query `{query}` defines `{feature}`, and {model.describe(node)} has a value of it"
+                message = (
+                    f"query `{query}` defines `{feature}`, and {model.graph.describe(node)} has a value of it"
+                )
                 span, hint = library.get(query).span, "clear these values first"
                 raise ResolutionError([Diagnostic("stored-values", message, span, hint)])
-        model.define(model.defined | {one: defined(query) for one, query in new.items()})
+        model.graph.define(model.graph.defined | {one: defined(query) for one, query in new.items()})
 
     def _watch(self, patterns: Iterable[Pattern]) -> None:
         """Keep patterns current as soon as there is no state to go back to."""
@@ -270,6 +272,6 @@ class Registrar:
                 known.pop(name, None)
         catalog.matcher.forget()
         catalog.forget()
-        defined, own = catalog.model.defined.items(), catalog.matcher
+        defined, own = catalog.model.graph.defined.items(), catalog.matcher
         kept = {one: by for one, by in defined if by.matcher is not own or by.query not in patterns}
-        catalog.model.define(kept)
+        catalog.model.graph.define(kept)

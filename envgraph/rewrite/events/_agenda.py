@@ -59,7 +59,7 @@ class ConflictSet:
 
         rule.subscription = self._matcher.listen(pattern, changed, _nothing)
         self._rules[rule] = next(self._registered)
-        followers = self.engine.model.store.followers
+        followers = self.engine.model.graph.store.followers
         if not any(follower is self for follower in followers):
             followers.append(self)
         if existing:
@@ -74,7 +74,7 @@ class ConflictSet:
         rule.subscription = None
         del self._rules[rule]
         if not self._rules:
-            followers = self.engine.model.store.followers
+            followers = self.engine.model.graph.store.followers
             followers[:] = [follower for follower in followers if follower is not self]
 
     # --- the conflict set
@@ -112,7 +112,7 @@ class ConflictSet:
             self._firing
             or self._held
             or self._matcher.listeners.notifying
-            or self.engine.model.in_transaction
+            or self.engine.model.graph.history.depth
         ):
             return
         self._firing = True

@@ -75,7 +75,7 @@ def _named(engine: Engine, shape: Shape, name: str) -> BoundJob:
 
     def do(match: Match, _: Match | None) -> object:
         objects = [match.row[place] for _, place in places if shape.is_object(place)]
-        if not all(engine.model.alive(int(node)) for node in objects):
+        if not all(engine.model.graph.alive(int(node)) for node in objects):
             return None
         arguments = {variable: match.row[place] for variable, place in places}
         result = engine.run(qualified, bound=arguments)

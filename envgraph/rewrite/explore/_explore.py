@@ -210,12 +210,12 @@ class Search:
 
     def _number(self, new: int) -> int:
         """The number of the present state, `new` if it has none yet."""
-        total = self.model.store.total
+        total = self.model.graph.store.total
         known = self._known.get(total)
         if known is None:
             known = new
             if self.up_to == "isomorphism":
-                known = self._by_shape.setdefault(self._shapes.number(self.model.store), new)
+                known = self._by_shape.setdefault(self._shapes.number(self.model.graph.store), new)
                 self._record.merged += known < new
             self._known[total] = known
         return known

@@ -44,16 +44,16 @@ class SavepointWalk(Walk):
     def __init__(self, model: Model) -> None:
         self._model = model
         self._attempt: Savepoint | None = None
-        self._marks: list[Savepoint] = [model.savepoint()]
+        self._marks: list[Savepoint] = [model.graph.history.savepoint()]
         self._path = [0]
         self._known: dict[int, tuple[int, int, Shelf | None]] = {0: (0, 0, None)}
 
     def attempt(self) -> None:
-        self._attempt = self._model.savepoint()
+        self._attempt = self._model.graph.history.savepoint()
 
     def back(self) -> None:
         assert self._attempt is not None
-        self._model.rollback(self._attempt)
+        self._model.graph.history.rollback(self._attempt)
 
     def keep(self) -> None:
         """Do nothing: `park` stores the state."""
@@ -62,7 +62,7 @@ class SavepointWalk(Walk):
         """Store the current state, and undo the move since the savepoint, by default that of `attempt`."""
         savepoint = savepoint or self._attempt
         assert savepoint is not None
-        self._known[state] = self._path[-1], len(self._path), self._model.shelve(savepoint)
+        self._known[state] = self._path[-1], len(self._path), self._model.graph.history.shelve(savepoint)
 
     def go(self, state: int) -> None:
         path, down = self._path, []
@@ -74,9 +74,9 @@ class SavepointWalk(Walk):
             parent, depth, shelf = self._known[state]
         while len(path) > depth + 1:
             path.pop()
-            self._model.rollback(self._marks.pop())
+            self._model.graph.history.rollback(self._marks.pop())
         for below, shelf in reversed(down):
-            self._marks.append(self._model.resume(shelf))
+            self._marks.append(self._model.graph.history.resume(shelf))
             path.append(below)
 
 
@@ -84,9 +84,9 @@ class SavepointWalk(Walk):
 def walk_of_savepoints(model: Model) -> Iterator[SavepointWalk]:
     """Yield a walk inside one transaction. At the end, or after an exception, the model is as before."""
     with model.transaction():
-        depth = model.depth
+        depth = model.graph.history.depth
         yield SavepointWalk(model)
-        model.unwind(depth)
+        model.graph.history.unwind(depth)
 
 
 class VersionWalk(Walk):

@@ -45,7 +45,7 @@ def effect_of(plan: RulePlan, model: Model, matcher: Matcher, report: Report) ->
     """The function that applies a rule; `report` is notified of links that it creates although they are there."""
 
     def again(link: Link, source: int, target: int) -> None:
-        report(plan.name, link, model.describe(source), model.describe(target))
+        report(plan.name, link, model.graph.describe(source), model.graph.describe(target))
 
     body = plan.body
     if body.nested or body.coinciding or body.contended:
@@ -64,15 +64,15 @@ def _straight(plan: RulePlan, model: Model, again: Again) -> Effect:
     changes = _changes(writer, body, kept)
     computed = writer.compute(body)
     writer.namespace.update(
-        store=model.store,
-        interrupted=model.store.interrupted,
+        store=model.graph.store,
+        interrupted=model.graph.store.interrupted,
         refusals=REFUSALS,
         refused=lambda error: refusal(plan, error, model),
         BaseException=BaseException,
     )
     whole: code.Body = (*computed, *changes)
     if kept or _needs_savepoint(body, model.metamodel):
-        writer.namespace.update(savepoint=model.savepoint, release=model.release)
+        writer.namespace.update(savepoint=model.graph.history.savepoint, release=model.graph.history.release)
         mark = code.Local("mark")
         protected = code.Try((*changes, code.Do(code.call("release", mark))), (_interrupted(mark),))
         whole = (*computed, code.Assign(mark, code.call("savepoint")), protected)
@@ -323,7 +323,7 @@ class _Staged:
         return conflicts
 
     def _describe(self, node: int) -> str:
-        return "a new object" if isinstance(node, Fresh) else self.model.describe(node)
+        return "a new object" if isinstance(node, Fresh) else self.model.graph.describe(node)
 
     def _check_kept(self, instances: Sequence[Instance], wants: Conflicts) -> None:
         if not wants.deleted:
@@ -332,10 +332,12 @@ class _Staged:
             plan, slots = instance.block.plan, instance.slots
             kept = tuple(slot for slot in plan.kept if slots[slot] not in wants.deleted)
             check_kept(
-                self.model, tuple(slots[slot] for slot in kept), tuple(plan.names[slot] for slot in kept)
+                self.model.graph,
+                tuple(slots[slot] for slot in kept),
+                tuple(plan.names[slot] for slot in kept),
             )
         changed = tuple(node for node in wants.changed if not isinstance(node, Fresh))
-        check_kept(self.model, changed, ("",) * len(changed))
+        check_kept(self.model.graph, changed, ("",) * len(changed))
 
     def _notify(self, instances: Sequence[Instance]) -> None:
         """Of links that are to be created, and are there."""
@@ -344,5 +346,5 @@ class _Staged:
                 source, target = instance.slots[link.source], instance.slots[link.target]
                 if target is None or isinstance(source, Fresh) or isinstance(target, Fresh):
                     continue
-                if self.model.has_link(source, link.reference, target):
+                if self.model.graph.has_link(source, link.reference, target):
                     self.again(link, source, target)

@@ -6,7 +6,7 @@ from collections.abc import Collection
 from typing import Final
 
 from envgraph.errors import EvaluationError, RuleError, with_article
-from envgraph.graph import Model
+from envgraph.graph import Graph
 from envgraph.metamodel import Attribute, Reference, Value, Values
 
 _DRAGGED: Final = "`move` it out of the container, or delete it too"
@@ -49,14 +49,14 @@ class Dragged(RuleError):
         self.node = node
 
 
-def check_kept(model: Model, nodes: tuple[int, ...], names: tuple[str, ...]) -> None:
+def check_kept(graph: Graph, nodes: tuple[int, ...], names: tuple[str, ...]) -> None:
     """Check that objects are still there.
 
     Raises:
         Dragged: one went with its container.
     """
     for node, name in zip(nodes, names, strict=True):
-        if not model.alive(node):
+        if not graph.alive(node):
             what = f"`{name}` is kept" if name else "an object is changed"
             raise Dragged(f"{what}, and goes with a container that is deleted", node)
 
@@ -66,94 +66,94 @@ def present(targets: tuple[int | None, ...]) -> tuple[int, ...]:
     return tuple(dict.fromkeys(target for target in targets if target is not None))
 
 
-def there(model: Model, source: int, reference: Reference, target: int) -> None:
+def there(graph: Graph, source: int, reference: Reference, target: int) -> None:
     """Check that there is a link.
 
     Raises:
         RuleError: there is none ("missing-link").
     """
-    if not model.has_link(source, reference, target):
-        ends = f"{model.describe(source)} -{reference.name}-> {model.describe(target)}"
+    if not graph.has_link(source, reference, target):
+        ends = f"{graph.describe(source)} -{reference.name}-> {graph.describe(target)}"
         raise RuleError(f"there is no {ends} to redirect", reason="missing-link", details=[ends])
 
 
-def leave(model: Model, node: int, container: int | None, reference: Reference) -> None:
+def leave(graph: Graph, node: int, container: int | None, reference: Reference) -> None:
     """Take an object out of its container, unless it is already where it is to go, or not there yet."""
-    old = model.container(node) if model.alive(node) else None
+    old = graph.container(node) if graph.alive(node) else None
     if old is not None and old != (container, reference):
-        model.unlink(old[0], old[1], node)
+        graph.unlink(old[0], old[1], node)
 
 
-def inside(model: Model, node: int, others: Collection[int]) -> bool:
+def inside(graph: Graph, node: int, others: Collection[int]) -> bool:
     """Return whether an object is contained in one of the others, at any depth."""
-    found = model.container(node)
+    found = graph.container(node)
     while found is not None:
         if found[0] in others:
             return True
-        found = model.container(found[0])
+        found = graph.container(found[0])
     return False
 
 
-def house(model: Model, source: int, reference: Reference, target: int) -> None:
+def house(graph: Graph, source: int, reference: Reference, target: int) -> None:
     """Add a link between a container and an object that is in none: like any other, it needs room at both ends.
 
     Raises:
         RuleError: the object is in a container ("full"), or the container is inside it ("containment").
     """
-    opposite = model.metamodel.opposite(reference)
+    opposite = graph.metamodel.opposite(reference)
     if not reference.containment:
         assert opposite is not None
         source, reference, target = target, opposite, source
-    old = model.container(target) if model.alive(target) else None
+    old = graph.container(target) if graph.alive(target) else None
     if old is not None:
-        container, feature = model.describe(old[0]), old[1].name
-        message = f"{model.describe(target)} is in {container} already"
+        container, feature = graph.describe(old[0]), old[1].name
+        message = f"{graph.describe(target)} is in {container} already"
         raise RuleError(
             message,
             reason="full",
-            details=[f"{container} -{feature}-> {model.describe(target)}"],
+            details=[f"{container} -{feature}-> {graph.describe(target)}"],
             hint="`move` or `set` takes it out",
         )
-    model.link(source, reference, target)
+    graph.link(source, reference, target)
 
 
 def release(
-    model: Model, node: int | None, reference: Reference, targets: tuple[int | None, ...], every: bool
+    graph: Graph, node: int | None, reference: Reference, targets: tuple[int | None, ...], every: bool
 ) -> None:
     """Take out of containers what setting targets will take out; `every`: these will be all of them.
 
     Args:
-        model: the model.
+        graph: of the model.
         node: the object that gets the targets; None if it is not there yet.
         reference: that contains, or whose opposite does.
         targets: None is none.
         every: the targets replace those that are there.
     """
-    known = node is not None and model.alive(node)
+    known = node is not None and graph.alive(node)
     if not reference.containment:
-        opposite = model.metamodel.opposite(reference)
+        opposite = graph.metamodel.opposite(reference)
         assert node is not None and opposite is not None
         if known:
-            leave(model, node, next(iter(targets), None), opposite)
+            leave(graph, node, next(iter(targets), None), opposite)
         return
     if node is not None and known and every:
-        for old in tuple(model.targets(node, reference)):
+        for old in tuple(graph.targets(node, reference)):
             if old not in targets:
-                model.unlink(node, reference, old)
+                graph.unlink(node, reference, old)
     for target in targets:
         if target is not None:
-            leave(model, target, node, reference)
+            leave(graph, target, node, reference)
 
 
-def strip(model: Model, node: int) -> list[ModelLink]:
+def strip(graph: Graph, node: int) -> list[ModelLink]:
     """Take away all links of an object that is going to be merged, and return them."""
-    links = links_of(model, node)
+    links = links_of(graph, node)
     for reference, source, target in links:
-        model.unlink(source, reference, target)
+        graph.unlink(source, reference, target)
     return links
 
 
-def absorb(model: Model, kept: int, absorbed: int, links: list[ModelLink], *, lossy: bool) -> None:
+def absorb(graph: Graph, kept: int, absorbed: int, links: list[ModelLink], *, lossy: bool) -> None:
     """Merge two objects: the links of `absorbed` go over to `kept`, then it is deleted.
 
     A link that both have becomes one, one between the two a loop. The container of `kept` stays, if it has one.
@@ -164,40 +164,40 @@ def absorb(model: Model, kept: int, absorbed: int, links: list[ModelLink], *, lo
     """
     if kept == absorbed:
         raise RuleError("an object cannot be merged with itself", reason="identification")
-    if not model.alive(absorbed):
+    if not graph.alive(absorbed):
         return  # another match of a block has merged the same two
-    house = model.container(kept)
+    house = graph.container(kept)
     housed = house is not None and house[0] != absorbed
     # Another merge may have handed links over to this one.
-    for reference, source, target in [*links, *strip(model, absorbed)]:
-        link = f"{model.describe(source)} -{reference.name}-> {model.describe(target)}"
+    for reference, source, target in [*links, *strip(graph, absorbed)]:
+        link = f"{graph.describe(source)} -{reference.name}-> {graph.describe(target)}"
         source, target = (kept if end == absorbed else end for end in (source, target))
         if reference.containment and (source == target or (target == kept and housed)):
             continue
         ends = ((source, reference.owner), (target, reference.target))
-        wrong = next((end for end, cls in ends if not model.metamodel.is_a(model.class_of(end), cls)), None)
+        wrong = next((end for end, cls in ends if not graph.metamodel.is_a(graph.class_of(end), cls)), None)
         if wrong is not None:
             if lossy:
                 continue
-            found = f"{model.describe(wrong)}, {with_article(model.class_of(wrong))},"
+            found = f"{graph.describe(wrong)}, {with_article(graph.class_of(wrong))},"
             message = f"{found} cannot have the links of `{reference}` that are handed over"
             raise RuleError(message, reason="lost-link", details=[link])
-        model.link(source, reference, target)
-    model.delete(absorbed, "dpo")
+        graph.link(source, reference, target)
+    graph.delete(absorbed, "dpo")
 
 
-def links_of(model: Model, node: int) -> list[ModelLink]:
+def links_of(graph: Graph, node: int) -> list[ModelLink]:
     """The links at an object; of an opposite pair by the reference that contains, else by the first."""
     found: dict[ModelLink, None] = {}
-    cls = model.class_of(node)
-    for reference in model.metamodel.references:
-        opposite = model.metamodel.opposite(reference)
+    cls = graph.class_of(node)
+    for reference in graph.metamodel.references:
+        opposite = graph.metamodel.opposite(reference)
         if opposite is not None and _precedence(opposite) < _precedence(reference):
             continue
-        if model.metamodel.is_a(cls, reference.owner):
-            found.update(((reference, node, other), None) for other in model.targets(node, reference))
-        if model.metamodel.is_a(cls, reference.target):
-            found.update(((reference, other, node), None) for other in model.sources(node, reference))
+        if graph.metamodel.is_a(cls, reference.owner):
+            found.update(((reference, node, other), None) for other in graph.targets(node, reference))
+        if graph.metamodel.is_a(cls, reference.target):
+            found.update(((reference, other, node), None) for other in graph.sources(node, reference))
     return list(found)
 
 
@@ -206,7 +206,7 @@ def _precedence(reference: Reference) -> tuple[bool, int]:
 
 
 ON_MODEL: Final = (check_kept, house, inside, leave, release, strip, there)
-"""What generated code calls with the model left out, by its name after `_`."""
+"""What generated code calls with the graph left out, by its name after `_`."""
 
 ON_VALUES: Final = (less, listed, more, need, present)
-"""The same for what needs no model."""
+"""The same for what needs no graph."""

@@ -42,9 +42,9 @@ def refusal(plan: RulePlan, error: RuleError | EvaluationError, model: Model) ->
         return EvaluationError(message, found.span, found.hint)
     details, hint = error.details, _advice(error, operation)
     if isinstance(error, Dragged):
-        container = model.container(error.node)
+        container = model.graph.container(error.node)
         assert container is not None
-        details = (f"{model.describe(error.node)} is in {model.describe(container[0])}",)
+        details = (f"{model.graph.describe(error.node)} is in {model.graph.describe(container[0])}",)
         span = next((delete.span for delete in plan.body.deletes), None) or plan.span
     return RuleError(message, rule=plan.name, reason=error.reason, details=details, span=span, hint=hint)
 
@@ -69,8 +69,12 @@ def _computed(
     values = {name: slots[slot] if slots else here[f"e{slot}"] for name, slot, _ in compute.scope}
 
     def read(node: int, name: str) -> Any:
-        feature = model.metamodel.feature(model.class_of(node), name)
+        feature = model.metamodel.feature(model.graph.class_of(node), name)
         assert feature is not None
-        return model.value(node, feature) if isinstance(feature, Attribute) else model.target(node, feature)
+        return (
+            model.graph.value(node, feature)
+            if isinstance(feature, Attribute)
+            else model.graph.target(node, feature)
+        )
 
     return explained(error, compute.expression, values, read, span, "write `check {};` on the left side")

@@ -85,22 +85,22 @@ class Run:
 
     def whole(self, function: Callable[..., Any], *arguments: Any) -> Any:
         """Run a step that leaves nothing behind if it fails."""
-        savepoint, length, gaps = self.model.savepoint(), len(self.trace), len(self.gaps)
+        savepoint, length, gaps = self.model.graph.history.savepoint(), len(self.trace), len(self.gaps)
         self.opened.append(savepoint)
         outcome = function(self, *arguments)
         # Not in a `finally`: what an exception leaves open is closed by `abandon`, where the stack is not exhausted.
         self.opened.pop()
         if outcome is None:
-            self.model.rollback(savepoint)
+            self.model.graph.history.rollback(savepoint)
             del self.trace[length:], self.gaps[gaps:]
         else:
-            self.model.release(savepoint)
+            self.model.graph.history.release(savepoint)
         return outcome
 
     def abandon(self) -> None:
         """Take back what every open step has done, after an exception."""
         if self.opened:
-            interrupted = self.model.store.interrupted
+            interrupted = self.model.graph.store.interrupted
             interrupted.append(self.opened[0])
             interrupted.repair()
             self.opened.clear()
@@ -293,7 +293,9 @@ def is_applicable(rule: RuleRunner, values: Mapping[str, Any]) -> bool:
     """
     given = {name: value for name, value in values.items() if value is not UNSET}
     for name, value in given.items():
-        if value is None or (rule.shape.is_object(rule.shape.position(name)) and not rule.model.alive(value)):
+        if value is None or (
+            rule.shape.is_object(rule.shape.position(name)) and not rule.model.graph.alive(value)
+        ):
             return False
     return any(map(rule.is_applicable, list(rule.rows_known(given))))
 
@@ -376,9 +378,9 @@ def rounds(run: Run, lower: int, upper: int, span: Span | None) -> int:
 
 def read_feature(model: Model, node: int, feature: str) -> Value | None:
     """A single-valued feature of an object, for `evaluate`; one that was deleted has none."""
-    if not model.alive(node):
+    if not model.graph.alive(node):
         return None
-    found = model.metamodel.feature(model.class_of(node), feature)
+    found = model.metamodel.feature(model.graph.class_of(node), feature)
     if found is None:
         return None
-    return model.value(node, found) if isinstance(found, Attribute) else model.target(node, found)
+    return model.graph.value(node, found) if isinstance(found, Attribute) else model.graph.target(node, found)

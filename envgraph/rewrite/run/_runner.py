@@ -168,7 +168,7 @@ class RuleRunner(ABC):
 
     def _alive(self, arguments: Mapping[str, Value]) -> bool:
         """Whether the objects among arguments exist."""
-        shape, alive = self.shape, self.model.alive
+        shape, alive = self.shape, self.model.graph.alive
         return all(
             alive(value)  # type: ignore[arg-type]
             for name, value in arguments.items()
@@ -365,7 +365,7 @@ class ExactClassRule(GraphRule):
     ) -> None:
         super().__init__(plan, model, library, matcher, report)
         assert plan.exact is not None
-        self._rows = ExtentRows(model.exact_extent(plan.exact))
+        self._rows = ExtentRows(model.graph.exact_extent(plan.exact))
 
     def all_rows(self) -> Sequence[Row]:
         """All matches."""

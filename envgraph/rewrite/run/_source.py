@@ -104,16 +104,18 @@ class Writer:
         self.lossy = lossy
         self.namespace: dict[str, Any] = {
             **EXPRESSION_NAMESPACE,
-            **{name: getattr(model, name) for name in _VERBS},
-            **{f"_{one.__name__}": partial(one, model) for one in ON_MODEL},
+            **{name: getattr(model.graph, name) for name in _VERBS},
+            **{f"_{one.__name__}": partial(one, model.graph) for one in ON_MODEL},
             **{f"_{one.__name__}": one for one in ON_VALUES},
-            "_absorb": partial(absorb, model, lossy=lossy),
-            "_extend": model.add_target,
+            "_absorb": partial(absorb, model.graph, lossy=lossy),
+            "_extend": model.graph.add_target,
             "_semantics": self.semantics,
             "_again": again,
         }
         if redo:
-            self.namespace["made"] = lambda node, cls: node if model.alive(node) else model.new_at(node, cls)
+            self.namespace["made"] = lambda node, cls: (
+                node if model.graph.alive(node) else model.graph.new_at(node, cls)
+            )
 
     def constant(self, value: object) -> code.Name:
         """A name for a constant."""
@@ -146,7 +148,7 @@ class Writer:
         return [*map(self._unlink, plan.unlinks), *leaving]
 
     def _houses(self, reference: Reference) -> bool:
-        relation = self.model.store.relations[reference.index]
+        relation = self.model.graph.store.relations[reference.index]
         return relation.containment or relation.contained
 
     def _release(self, op: SetTargets | ChangeTargets, fresh: set[int]) -> list[code.Statement]:
@@ -232,7 +234,7 @@ class Writer:
         """Removes a link, if it is there."""
         if not self.sure:
             return code.Do(code.call("unlink", *self._ends(op)), op)
-        relation = self.model.store.relations[op.reference.index]
+        relation = self.model.graph.store.relations[op.reference.index]
         source, target = self.slot(op.source), self.slot(op.target)
         forward, disconnect = self.constant(relation.forward), self.constant(relation.disconnect)
         there_ = code.Operation("in", (target, code.Index(forward, source)))
@@ -240,7 +242,7 @@ class Writer:
 
     def _make(self, op: Link, homeless: bool) -> code.Expression:
         """Adds a link that is not there; `homeless` if what it contains, if anything, is surely in no container."""
-        relation = self.model.store.relations[op.reference.index]
+        relation = self.model.graph.store.relations[op.reference.index]
         source, reference, target = self._ends(op)
         if relation.containment or relation.contained:
             return code.call("link" if homeless else "_house", source, reference, target)
@@ -281,7 +283,7 @@ class Writer:
     def _link(self, op: Link, *, fresh: bool, homeless: bool) -> code.Statement:
         """Adds a link unless it is there; `fresh` if that cannot be, `homeless` as for `_make`."""
         source, target = self.slot(op.source), self.slot(op.target)
-        forward = self.constant(self.model.store.relations[op.reference.index].forward)
+        forward = self.constant(self.model.graph.store.relations[op.reference.index].forward)
         made = code.Do(self._make(op, homeless))
         again: code.Body = ()
         if self.again is not None and not fresh:

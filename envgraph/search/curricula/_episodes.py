@@ -109,12 +109,12 @@ def _touched(levels: Levels, states: list[Facts]) -> list[int]:
             for node, (one, other) in enumerate(zip(old, new, strict=False)):
                 if one != other:
                     found |= dict.fromkeys((node, *_nodes(one), *_nodes(other)))
-    return [node for node in found if levels.engine.model.alive(node)]
+    return [node for node in found if levels.engine.model.graph.alive(node)]
 
 
 def _facts(levels: Levels) -> Facts:
     """Links and values of all objects, a column each."""
-    store = levels.engine.model.store
+    store = levels.engine.model.graph.store
     links: list[list[object]] = [[tuple(targets) for targets in column] for column in store.forward]
     values: list[list[object]] = [
         [(*value,) if isinstance(value, list) else (value,) for value in column] for column in store.values

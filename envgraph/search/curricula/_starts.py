@@ -234,7 +234,9 @@ class Starts:
                 continue
             rows = [match.row for match in engine.matches(name, applicable=True)]
             for row in rows:
-                objects = tuple(value for value in row if type(value) is int and engine.model.alive(value))
+                objects = tuple(
+                    value for value in row if type(value) is int and engine.model.graph.alive(value)
+                )
                 found.setdefault(_effect(engine.definition(name)), []).append(
                     _Application(name, row, objects)
                 )
@@ -294,13 +296,13 @@ def _links(levels: Levels) -> dict[int, list[int]]:
     model, found = levels.engine.model, dict[int, list[int]]()
     for cls in model.metamodel.class_list:
         if not cls.abstract:
-            found |= {node: [] for node in model.exact_extent(cls.name)}
+            found |= {node: [] for node in model.graph.exact_extent(cls.name)}
     references = model.metamodel.references
     contained = {(one.target, one.opposite) for one in references if one.containment}
     for reference in references:
         if not reference.containment and (reference.owner, reference.name) not in contained:
             for source in found:
-                for target in model.store.forward[reference.index][source]:
+                for target in model.graph.store.forward[reference.index][source]:
                     found[source].append(target)
                     found[target].append(source)
     return found

@@ -218,7 +218,7 @@ def _check(
     if engine.events.active:
         message = "event rules would change models that are only tried"
         raise InvalidArgument(message, "search on `engine.copy()`, which has none")
-    if engine.model.in_transaction:
+    if engine.model.graph.history.depth:
         raise TransactionError("an optimisation goes back and forth: it cannot be inside a transaction")
 
 

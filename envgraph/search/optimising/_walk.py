@@ -132,17 +132,17 @@ class Walk:
     def _try(self, chosen: Move) -> Standing | None:
         """Make a move that is open then; None, and the model as before, if it is refused or does nothing."""
         model = self._engine.model
-        savepoint = model.savepoint()
+        savepoint = model.graph.history.savepoint()
         try:
             firings = self._engine.fire(*chosen)
             standing = self._appraise() if firings else None
         except RuleError:
             standing = None
         except BaseException:
-            model.rollback(savepoint)
+            model.graph.history.rollback(savepoint)
             raise
         if standing is None:
-            model.rollback(savepoint)
+            model.graph.history.rollback(savepoint)
             return None
         self._open, self._made = (chosen, standing), (savepoint, firings)
         return standing
@@ -155,7 +155,7 @@ class Walk:
             firings = self._engine.fire(*chosen)
         else:
             savepoint, firings = self._made
-            self._engine.model.release(savepoint)
+            self._engine.model.graph.history.release(savepoint)
         self._open = self._made = self._choice = None
         self._path = (self._path, firings)
         self._kept += 1
@@ -167,7 +167,7 @@ class Walk:
         """Take the open move back."""
         assert self._open is not None, "a move is open"
         if self._made is not None:
-            self._engine.model.rollback(self._made[0])
+            self._engine.model.graph.history.rollback(self._made[0])
         self._open = self._made = None
 
     def found(self) -> Found:

@@ -265,7 +265,7 @@ class NaiveMatcher(Matcher):
             return [
                 n
                 for cls in metamodel.classes
-                for n in self.model.exact_extent(cls)
+                for n in self.model.graph.exact_extent(cls)
                 if self._is(n, name, exact)
             ]
         return [argument] if self._is(argument, name, exact) else []  # type: ignore[arg-type, list-item]
@@ -277,14 +277,14 @@ class NaiveMatcher(Matcher):
             dict.fromkeys(
                 value
                 for attribute in attributes
-                for node in self.model.store.nodes()
+                for node in self.model.graph.store.nodes()
                 if self._is(node, attribute.owner, False)
-                for value in self.model.values(node, attribute)
+                for value in self.model.graph.values(node, attribute)
             )
         )
 
     def _is(self, node: int, name: str, exact: bool) -> bool:
-        cls = self.model.class_of(node)
+        cls = self.model.graph.class_of(node)
         return cls == name if exact else not name or self.library.metamodel.is_a(cls, name)
 
     def _follow(self, node: Value, features: tuple[str, ...]) -> list[Value]:
@@ -296,15 +296,15 @@ class NaiveMatcher(Matcher):
 
     def _feature(self, node: Value, name: str) -> list[Value]:
         assert isinstance(node, int)
-        feature = self.library.metamodel.feature(self.model.class_of(node), name)
+        feature = self.library.metamodel.feature(self.model.graph.class_of(node), name)
         if feature is None:
             return []
         query = self.library.definitions.get(feature)
         if query is not None:
             return [row[1] for row in self._matches(query, (node, FREE))]
         if isinstance(feature, Attribute):
-            return list(dict.fromkeys(self.model.values(node, feature)))
-        return list(self.model.targets(node, feature))
+            return list(dict.fromkeys(self.model.graph.values(node, feature)))
+        return list(self.model.graph.targets(node, feature))
 
     def _read(self, node: int, name: str) -> Value | None:
         return next(iter(self._feature(node, name)), None)

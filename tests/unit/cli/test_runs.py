@@ -60,7 +60,7 @@ def test_members_of_runs_and_families_are_matched_and_changed(envgraph: Call) ->
         )
         counts.append(len(json.loads(found)))
     family = open_family("one.json")
-    burning = [len(family.model(member).extent("BurningTile")) for member in family.members]
+    burning = [len(family.model(member).graph.extent("BurningTile")) for member in family.members]
     assert counts == [*burning, burning[1]] and burning[0] != burning[1]
     rules = ("copy/burning_forest.rules", "spread", "--variant", "E2")
     assert envgraph("apply", "one", *rules).startswith("1: burning_forest.spread(")

@@ -210,11 +210,15 @@ def facts_of(model: Model) -> set[tuple[object, ...]]:
     rank = {node.id: number for number, node in enumerate(sorted(model.nodes(), key=lambda node: node.id))}
     found: set[tuple[object, ...]] = set()
     for node, number in rank.items():
-        found.add((number, model.class_of(node)))
-        for feature in model.metamodel.features(model.class_of(node)).values():
+        found.add((number, model.graph.class_of(node)))
+        for feature in model.metamodel.features(model.graph.class_of(node)).values():
             if isinstance(feature, Reference):
-                found.update((number, feature.name, rank[target]) for target in model.targets(node, feature))
+                found.update(
+                    (number, feature.name, rank[target]) for target in model.graph.targets(node, feature)
+                )
             else:
-                values = model.values(node, feature) if feature.many else model.value(node, feature)
+                values = (
+                    model.graph.values(node, feature) if feature.many else model.graph.value(node, feature)
+                )
                 found.add((number, feature.name, str(values)))
     return found

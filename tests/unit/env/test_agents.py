@@ -361,7 +361,7 @@ def test_when_all_agents_are_gone_what_is_shared_goes_on() -> None:
 def test_a_member_may_lack_an_agent() -> None:
     engine, behaviour = loaded("agent coin : Coin { action flip = turnOver(coin) observe coin.side }")
     live = Simulator(engine, behaviour)
-    engine.model.delete(next(coin.id for coin in engine.model.nodes("Coin") if coin.name == "b"))
+    engine.model.graph.delete(next(coin.id for coin in engine.model.nodes("Coin") if coin.name == "b"))
     assert Simulator(engine, behaviour, live.keys).agent_names == ("a", "c")
 
 

@@ -41,7 +41,7 @@ def test_too_many_states_are_an_error_that_leaves_the_engine_as_it_was() -> None
     ):
         explore(engine, behaviour, limit=50)
     assert engine.model.state_hash() == before
-    assert not engine.model.in_transaction
+    assert not engine.model.graph.history.depth
     engine.model.check_integrity()
 
 
@@ -51,7 +51,7 @@ def test_a_rule_that_is_refused_on_the_way_leaves_the_engine_as_it_was() -> None
     with pytest.raises(RuleError, match="stack"):
         explore(engine, behaviour)
     assert engine.model.state_hash() == before
-    assert not engine.model.in_transaction
+    assert not engine.model.graph.history.depth
 
 
 def test_start_states_that_are_equal_add_up() -> None:
@@ -71,7 +71,7 @@ def test_pictures_are_made_on_request_only() -> None:
 def test_a_model_is_left_to_its_versions_while_it_is_explored() -> None:
     engine, behaviour = forest.engine(["SVG"]), forest.behaviour()
     first = engine.commit()
-    engine.model.retype(1, "BurningTile")
+    engine.model.graph.retype(1, "BurningTile")
     second = engine.commit()
     burning = explore(engine, behaviour).tabular
     engine.checkout(first)

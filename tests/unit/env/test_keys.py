@@ -40,7 +40,7 @@ def remove_number(model: Model) -> None:
     """Of the first box."""
     attribute = model.metamodel.feature("Box", "number")
     assert isinstance(attribute, Attribute)
-    model.set_value(0, attribute, None)
+    model.graph.set_value(0, attribute, None)
 
 
 def distinct(engine: Engine) -> list[str]:
@@ -79,7 +79,7 @@ def test_the_index_of_a_family_is_the_sorted_union() -> None:
 def test_without_a_key_objects_count_in_the_order_of_creation_and_later_ones_after_them() -> None:
     model = boxes(("small", 1), loose=2)
     first = KeyIndex.of(model, ["Loose"])
-    model.delete(1)
+    model.graph.delete(1)
     model.create("Loose")
     later = KeyIndex.of(model, ["Loose"])
     assert (
@@ -117,17 +117,17 @@ def test_whether_keys_are_distinct_is_kept_current() -> None:
     engine = with_keys(model)
     assert distinct(engine) == ["Box", "Crate"]
     assert engine.watched == ("conformance.Box", "conformance.Crate")
-    savepoint = model.savepoint()
+    savepoint = model.graph.history.savepoint()
     model.create("Crate", size="large", number=1)
     assert distinct(engine) == ["Crate"]
     model.create("Crate", size="large", number=1)
     assert distinct(engine) == []
-    model.rollback(savepoint)
+    model.graph.history.rollback(savepoint)
     assert distinct(engine) == ["Box", "Crate"]
-    savepoint = model.savepoint()
+    savepoint = model.graph.history.savepoint()
     remove_number(model)
     assert distinct(engine) == ["Crate"]
-    model.rollback(savepoint)
+    model.graph.history.rollback(savepoint)
     assert distinct(engine) == ["Box", "Crate"]
 
 

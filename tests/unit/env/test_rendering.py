@@ -104,7 +104,7 @@ def test_a_grid_in_letters() -> None:
 
 def test_the_truck_is_found_by_name_or_as_the_parameter_it_is() -> None:
     model = forest.model(ROWS)
-    model.set_object_name(model.find_object("truck") or 0, "engine")
+    model.graph.set_object_name(model.graph.find_object("truck") or 0, "engine")
     with pytest.raises(ResolutionError, match="the model has no object `truck`"):
         text(model, DRAW)
     assert text(model, DRAW, forest.behaviour().parameters).startswith("(F)")
@@ -396,17 +396,17 @@ def test_tokens_have_the_colours_and_states_of_their_attributes() -> None:
         ("#e03131", "Door, red"),
         ("#2f9e44", "Key, green"),
     ]
-    model.node(model.find_object("gate") or 0).open = True
+    model.node(model.graph.find_object("gate") or 0).open = True
     assert text(model, draw).splitlines()[:2] == ["(K)(/)", "gate, red, open: column 1, row 0"]
-    model.node(model.find_object("gate") or 0).colour = "plaid"
+    model.node(model.graph.find_object("gate") or 0).colour = "plaid"
     assert scene_of(model, draw).marks[0].colour == "#0b7285"  # no colour of that name: one by its place
 
 
 def test_a_cell_shows_what_its_attributes_say_by_itself() -> None:
     model, draw = maze()
-    model.node(model.find_object("gate") or 0).colour = None
+    model.node(model.graph.find_object("gate") or 0).colour = None
     assert [mark.name for mark in scene_of(model, draw).marks] == ["k, green"]
-    model.node(model.find_object("gate") or 0).open = True
+    model.node(model.graph.find_object("gate") or 0).open = True
     assert [mark.name for mark in scene_of(model, draw).marks] == ["gate, open", "k, green"]
 
 
@@ -429,7 +429,7 @@ def test_an_enum_has_a_letter_for_each_literal() -> None:
     model.create("Hero", object_name="hero", at=model.create("Cell"))
     draw = DrawGrid("Cell", "x", "y", (Token("hero", at("hero")),))
     assert text(model, draw) == "(>)"
-    model.node(model.find_object("hero") or 0).facing = "west"
+    model.node(model.graph.find_object("hero") or 0).facing = "west"
     assert text(model, draw) == "(<)"
     assert scene_of(model, draw).marks == (Mark("hero, west", "<", "#1971c2", (0, 0), "Hero, west"),)
 
@@ -458,7 +458,7 @@ def test_tokens_that_are_nowhere_are_drawn_in_a_row_of_their_own_which_always_is
     assert [key.kind for key in legend([scene_of(model, draw)])] == ["City", "Bus", "Ferry"]
     apart = pixels(model, draw)
     assert (apart[-32:, :32] != 255).any() and "<title>f3</title>" in markup(model, draw)
-    ferry = model.node(model.find_object("f3") or 0)
+    ferry = model.node(model.graph.find_object("f3") or 0)
     ferry.at = model.nodes("City")[0]
     there = pixels(model, draw)
     assert there.shape == apart.shape and (there[-32:] == 255).all() and scene_of(model, draw).aside == ()
@@ -477,7 +477,7 @@ def test_edges_show_a_label_and_whether_they_are_as_usual() -> None:
     draw = DrawGraph("City", links=(DrawnLink("Link", "km"),))
     assert text(model, draw) == " one  -> two (6.5)\n two"
     assert "dasharray" not in markup(model, draw)
-    model.node(model.find_object("way") or 0).up = False
+    model.node(model.graph.find_object("way") or 0).up = False
     assert text(model, draw) == " one  -> two (6.5, Link, not up)\n two"
     svg = markup(model, draw)
     assert "dasharray" in svg

@@ -117,7 +117,7 @@ def test_a_unit_that_the_model_refuses_is_an_error_that_leaves_the_model_as_it_w
     before = engine.model.state_hash()
     with pytest.raises(RuleError, match="targets of `over` already"):
         explore(engine, behaviour)
-    assert engine.model.state_hash() == before and not engine.model.in_transaction
+    assert engine.model.state_hash() == before and not engine.model.graph.history.depth
     engine.model.check_integrity()
 
 

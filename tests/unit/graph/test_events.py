@@ -31,14 +31,14 @@ class Recorder:
 
 def recorded(model: Model) -> Recorder:
     recorder = Recorder()
-    model.subscribe(recorder)
+    model.graph.subscribe(recorder)
     return recorder
 
 
 def test_creation_is_a_class_and_its_values():
     model = Model(FOREST)
     recorder = recorded(model)
-    model.new("RoadTile")
+    model.graph.new("RoadTile")
     x, y = feature(model, "Tile", "x"), feature(model, "Tile", "y")
     assert recorder.take() == [
         ("+", ClassFact("RoadTile", 0)),
@@ -130,13 +130,13 @@ def test_rollback_and_checkout_are_told_as_a_whole():
     model = forest()
     version = model.commit()
     recorder = recorded(model)
-    savepoint = model.savepoint()
-    model.rollback(savepoint)
+    savepoint = model.graph.history.savepoint()
+    model.graph.history.rollback(savepoint)
     assert recorder.take() == []
-    savepoint = model.savepoint()
+    savepoint = model.graph.history.savepoint()
     model["t00"].x = 4
     recorder.take()
-    model.rollback(savepoint)
+    model.graph.history.rollback(savepoint)
     assert recorder.take() == ["restored"]
     model.checkout(version)
     assert recorder.take() == []
@@ -150,9 +150,9 @@ def test_loading_is_told_at_its_end():
     model = Model(FOREST)
     recorder = recorded(model)
     shadow = Shadow(model)
-    model.subscribe(shadow)
+    model.graph.subscribe(shadow)
     with model.loading():
-        model.new("RoadTile")
+        model.graph.new("RoadTile")
         assert recorder.heard == []
     assert recorder.take() == ["restored"]
     shadow.check()
@@ -161,27 +161,27 @@ def test_loading_is_told_at_its_end():
 def test_every_listener_is_told_until_it_leaves():
     model = Model(PEOPLE)
     first, second = recorded(model), recorded(model)
-    model.new("Stone")
-    model.unsubscribe(first)
-    model.new("Stone")
+    model.graph.new("Stone")
+    model.graph.unsubscribe(first)
+    model.graph.new("Stone")
     assert first.take() == [("+", ClassFact("Stone", 0))]
     assert second.take() == [("+", ClassFact("Stone", 0)), ("+", ClassFact("Stone", 1))]
     with pytest.raises(InvalidArgument, match="not subscribed"):
-        model.unsubscribe(first)
+        model.graph.unsubscribe(first)
 
 
 def test_the_revision_changes_with_the_state():
     model = forest()
-    savepoint = model.savepoint()
-    seen = [model.revision]
+    savepoint = model.graph.history.savepoint()
+    seen = [model.graph.store.revision]
     for change in (
-        lambda: model.new("RoadTile"),
+        lambda: model.graph.new("RoadTile"),
         lambda: setattr(model["t00"], "x", 4),
         lambda: setattr(model["t00"], "right", None),
         lambda: model["t00"].retype("WaterTile"),
         lambda: setattr(model["t00"], "object_name", "start"),
-        lambda: model.rollback(savepoint),
+        lambda: model.graph.history.rollback(savepoint),
     ):
         change()
-        seen.append(model.revision)
+        seen.append(model.graph.store.revision)
     assert len(set(seen)) == len(seen)

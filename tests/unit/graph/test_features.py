@@ -49,10 +49,10 @@ def test_an_attribute_can_lose_its_value():
 
 def test_writing_an_equal_value_is_no_change():
     model, (ann,) = people("ann")
-    revision = model.revision
+    revision = model.graph.store.revision
     ann.height = 1
     ann.mood = "sad"
-    assert model.revision == revision
+    assert model.graph.store.revision == revision
 
 
 def test_features_of_other_classes_are_refused():
@@ -60,50 +60,50 @@ def test_features_of_other_classes_are_refused():
     group = model.create("Group", object_name="group")
     stone = model.create("Stone", object_name="stone")
     with pytest.raises(TypeMismatch, match="`Group` has no feature `id`; `Person` has"):
-        model.set_value(group.id, feature(model, "Person", "id"), 3)
+        model.graph.set_value(group.id, feature(model, "Person", "id"), 3)
     spouse = feature(model, "Person", "spouse")
     with pytest.raises(TypeMismatch, match="`Group` has no feature `spouse`"):
-        model.link(group.id, spouse, ann.id)
-    for write in (model.link, model.set_target):
+        model.graph.link(group.id, spouse, ann.id)
+    for write in (model.graph.link, model.graph.set_target):
         with pytest.raises(
             TypeMismatch, match=r"`Person.spouse` leads to `Person`, but `stone` is of class `Stone`"
         ):
             write(ann.id, spouse, stone.id)
     with pytest.raises(TypeMismatch, match="has no feature"):
-        model.set_targets(stone.id, spouse, [])
+        model.graph.set_targets(stone.id, spouse, [])
 
 
 def test_missing_objects_are_refused():
     model, (ann,) = people("ann")
     spouse = feature(model, "Person", "spouse")
     for source, target in ((ann.id, 9), (9, ann.id), (-1, ann.id), (ann.id, -1)):
-        for write in (model.link, model.set_target):
+        for write in (model.graph.link, model.graph.set_target):
             with pytest.raises(InvalidArgument, match="has no object"):
                 write(source, spouse, target)
     with pytest.raises(InvalidArgument, match="has no object"):
-        model.set_value(9, feature(model, "Person", "id"), 1)
+        model.graph.set_value(9, feature(model, "Person", "id"), 1)
 
 
 def test_opposites_are_one_set_of_links():
     model = forest(2)
     right, left = feature(model, "Tile", "right"), feature(model, "Tile", "left")
     a, b = model["t00"].id, model["t10"].id
-    assert model.has_link(a, right, b)
-    assert model.has_link(b, left, a)
-    assert list(model.sources(b, right)) == list(model.targets(b, left)) == [a]
-    assert model.unlink(b, left, a)
-    assert not model.has_link(a, right, b)
-    assert not model.unlink(a, right, b)
-    assert model.link(b, left, a)
-    assert model.target(a, right) == b
+    assert model.graph.has_link(a, right, b)
+    assert model.graph.has_link(b, left, a)
+    assert list(model.graph.sources(b, right)) == list(model.graph.targets(b, left)) == [a]
+    assert model.graph.unlink(b, left, a)
+    assert not model.graph.has_link(a, right, b)
+    assert not model.graph.unlink(a, right, b)
+    assert model.graph.link(b, left, a)
+    assert model.graph.target(a, right) == b
 
 
 def test_linking_twice_changes_nothing():
     model, (ann, ben) = people("ann", "ben")
     friends = feature(model, "Person", "friends")
-    assert model.link(ann.id, friends, ben.id)
-    assert not model.link(ann.id, friends, ben.id)
-    assert not model.link(ben.id, friends, ann.id)
+    assert model.graph.link(ann.id, friends, ben.id)
+    assert not model.graph.link(ann.id, friends, ben.id)
+    assert not model.graph.link(ben.id, friends, ann.id)
 
 
 def test_symmetric_references_hold_in_both_directions():
@@ -123,7 +123,7 @@ def test_link_into_a_full_single_reference_is_refused():
     model = forest(2)
     right = feature(model, "Tile", "right")
     with pytest.raises(RuleError) as caught:
-        model.link(model["t00"].id, right, model["t11"].id)
+        model.graph.link(model["t00"].id, right, model["t11"].id)
     assert caught.value.reason == "full"
     assert str(caught.value).startswith("`t00` has 1 of at most 1 targets of `right` already")
     assert caught.value.details == ("`t00` -right-> `t10`",)
@@ -132,7 +132,7 @@ def test_link_into_a_full_single_reference_is_refused():
 def test_link_to_a_target_whose_opposite_is_full_is_refused():
     model = forest(2)
     with pytest.raises(RuleError) as caught:
-        model.link(model["t01"].id, feature(model, "Tile", "left"), model["t00"].id)
+        model.graph.link(model["t01"].id, feature(model, "Tile", "left"), model["t00"].id)
     assert caught.value.reason == "full"
     assert "`t00` has 1 of at most 1 targets of `right`" in str(caught.value)
 
@@ -179,7 +179,7 @@ def test_setting_fails_as_a_whole():
     ann.groups = groups[:2]
     groups[2].members.append(ben)
     with pytest.raises(RuleError, match="at most 2"):
-        model.set_targets(groups[2].id, feature(model, "Group", "members"), [ann.id])
+        model.graph.set_targets(groups[2].id, feature(model, "Group", "members"), [ann.id])
     assert groups[2].members == [ben]
 
 
@@ -187,11 +187,11 @@ def test_set_target_of_a_many_reference_leaves_one_target():
     model, (ann, ben, eve) = people("ann", "ben", "eve")
     likes = feature(model, "Person", "likes")
     ann.likes = [ben, eve]
-    model.set_target(ann.id, likes, eve.id)
+    model.graph.set_target(ann.id, likes, eve.id)
     assert ann.likes == [eve]
-    model.set_target(ann.id, likes, None)
+    model.graph.set_target(ann.id, likes, None)
     assert ann.likes == []
-    assert model.target(ann.id, likes) is None
+    assert model.graph.target(ann.id, likes) is None
 
 
 def test_an_object_moves_when_it_is_put_into_another_container():
@@ -204,8 +204,8 @@ def test_an_object_moves_when_it_is_put_into_another_container():
     assert (ben.animals, dog.owner, dog.container) == ([], None, group)
     dog.owner = ann
     assert (group.pet, dog.container) == (None, ann)
-    assert model.container(dog.id) == (ann.id, feature(model, "Person", "animals"))
-    assert model.container(ann.id) is None
+    assert model.graph.container(dog.id) == (ann.id, feature(model, "Person", "animals"))
+    assert model.graph.container(ann.id) is None
     model.check_integrity()
 
 
@@ -214,7 +214,7 @@ def test_a_full_container_refuses_links_and_yields_when_set():
     group = model.create("Group", pet=model.create("Dog", object_name="rex"))
     cat = model.create("Animal", object_name="cat")
     with pytest.raises(RuleError, match="1 of at most 1 targets of `pet`"):
-        model.link(group.id, feature(model, "Group", "pet"), cat.id)
+        model.graph.link(group.id, feature(model, "Group", "pet"), cat.id)
     group.pet = cat
     assert model["rex"].container is None
 

@@ -242,9 +242,9 @@ def test_a_target_is_inserted_where_a_list_would_have_it():
         expected = []
         for number, index in enumerate((0, 0, 1, -1, 99, -99, 3)):
             before = model.state_hash()
-            savepoint = model.savepoint()
+            savepoint = model.graph.history.savepoint()
             team[reference].insert(index, people[number])
-            model.rollback(savepoint)
+            model.graph.history.rollback(savepoint)
             assert model.state_hash() == before and team[reference] == expected
             team[reference].insert(index, people[number])
             expected.insert(index, people[number])
@@ -292,10 +292,10 @@ def test_targets_that_stay_are_in_the_order_that_was_assigned():
     wood = model.nodes("Forest")[0]
     tiles = [model.create("RoadTile") for _ in range(40)]
     wood.states = tiles
-    savepoint = model.savepoint()
+    savepoint = model.graph.history.savepoint()
     wood.states = [tiles[6], tiles[38]]
     assert wood.states == [tiles[6], tiles[38]]
-    model.rollback(savepoint)
+    model.graph.history.rollback(savepoint)
     assert wood.states == tiles
     wood.states = [*tiles[20:], tiles[3]]
     assert wood.states == [*tiles[20:], tiles[3]]

@@ -75,7 +75,7 @@ def test_ctrl_c_at_the_end_of_a_block_waits_for_the_end_of_the_transaction(fails
 
     with pytest.raises(KeyboardInterrupt):
         interrupted_in("__exit__", change)
-    assert not model.in_transaction
+    assert not model.graph.history.depth
     assert tile.x == (0 if fails else 1)
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
     model.check_integrity()
@@ -90,7 +90,7 @@ def test_ctrl_c_inside_a_block_takes_effect_at_once():
         signal.raise_signal(signal.SIGINT)
         tile.x = 2
     assert tile.x == 0
-    assert not model.in_transaction
+    assert not model.graph.history.depth
 
 
 def test_a_handler_of_somebody_else_stays():
@@ -123,7 +123,7 @@ def test_a_change_of_class_is_finished_after_a_second_interruption(monkeypatch):
         return replaced
 
     monkeypatch.setattr(Extent, "take", interrupted(take, after=True))
-    monkeypatch.setattr(model._history, "_repair", interrupted(model._history._repair, after=False))
+    monkeypatch.setattr(model.graph.history, "_repair", interrupted(model.graph.history._repair, after=False))
     with pytest.raises(KeyboardInterrupt):
         tile.retype("BurningTile")
     model.check_integrity()

@@ -54,7 +54,7 @@ def test_a_handle_has_a_live_list(model: Model) -> None:
     book.marks.append(1)
     assert book.marks == [1.0, 1.0, 2.5, 1.0]
     book.marks = []
-    assert not book.marks and model.value(book.id, marks) == () and model.values(book.id, tags)
+    assert not book.marks and model.graph.value(book.id, marks) == () and model.graph.values(book.id, tags)
     model.check_integrity()
 
 
@@ -110,7 +110,7 @@ class _Ear:
 def test_listeners_hear_of_each_value_that_comes_or_goes(model: Model) -> None:
     book = model.create("Book", tags=["a", "b"], marks=[1.0])
     ear = _Ear()
-    model.subscribe(ear)
+    model.graph.subscribe(ear)
     book.tags = ["b", "c"]
     assert ear.heard == [("-", "a"), ("+", "c")]
     book.marks = [1.0, 1.0]  # no other value
@@ -124,16 +124,16 @@ def test_rollback_and_versions_restore_order_and_repetitions(model: Model) -> No
     book = model.create("Book", tags=["a", "b"], marks=[1.0, 2.0, 1.0])
     version = model.commit()
     before = model_to_json(model)
-    savepoint = model.savepoint()
+    savepoint = model.graph.history.savepoint()
     book.tags = ["b", "a", "c"]
     book.marks.remove(1.0)
     assert book.marks == [2.0, 1.0]
     model.check_integrity()
-    model.rollback(savepoint)
+    model.graph.history.rollback(savepoint)
     assert model_to_json(model) == before
     model.check_integrity()
     book.tags.clear()
-    model.retype(book.id, "Shelf")
+    model.graph.retype(book.id, "Shelf")
     model.check_integrity()
     model.checkout(version, discard=True)
     assert model_to_json(model) == before
@@ -144,7 +144,7 @@ def test_hashes_do_not_count_the_order_but_repetitions(model: Model) -> None:
     def hashes(**features: object) -> tuple[int, int, int]:
         one = Model(LIBRARY)
         one.create("Book", **features)
-        return one.state_hash(), one.canonical_hash(), shapes.number(one.store)
+        return one.state_hash(), one.canonical_hash(), shapes.number(one.graph.store)
 
     shapes = Shapes()
     assert hashes(tags=["a", "b"]) == hashes(tags=["b", "a"])
@@ -180,24 +180,26 @@ def test_json_says_which_value_is_wrong(features: object, message: str) -> None:
 def test_an_edit_at_a_position_tells_of_one_value_and_journals_no_copy(model: Model) -> None:
     book = model.create("Book", tags=[f"t{n}" for n in range(100)], marks=[n % 3 for n in range(100)])
     ear = _Ear()
-    model.subscribe(ear)
-    savepoint = model.savepoint()
+    model.graph.subscribe(ear)
+    savepoint = model.graph.history.savepoint()
     book.tags.insert(0, "a")
     book.tags.append("z")
     del book.tags[50]
     book.tags[1] = "b"
     assert ear.heard == [("+", "a"), ("+", "z"), ("-", "t49"), ("-", "t0"), ("+", "b")]
     assert book.tags[:2] == ["a", "b"] and book.tags[-1] == "z" and len(book.tags) == 101
-    assert all(len(str(part)) < 2000 for part in model.store.journal[1::4] + model.store.journal[2::4])
+    assert all(
+        len(str(part)) < 2000 for part in model.graph.store.journal[1::4] + model.graph.store.journal[2::4]
+    )
     model.check_integrity()
     ear.heard.clear()
     book.marks.insert(0, 2.0)  # which moves before the 0.0 among those that patterns see
-    assert model.store.distinct[marks.index][book.id] == (2.0, 0.0, 1.0) and not ear.heard
+    assert model.graph.store.distinct[marks.index][book.id] == (2.0, 0.0, 1.0) and not ear.heard
     del book.marks[0]
-    assert model.store.distinct[marks.index][book.id] == (0.0, 1.0, 2.0) and not ear.heard
+    assert model.graph.store.distinct[marks.index][book.id] == (0.0, 1.0, 2.0) and not ear.heard
     book.marks.pop()
     model.check_integrity()
-    model.rollback(savepoint)
+    model.graph.history.rollback(savepoint)
     assert book.tags == [f"t{n}" for n in range(100)] and book.marks == [n % 3 for n in range(100)]
     model.check_integrity()
 

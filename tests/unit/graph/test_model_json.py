@@ -106,7 +106,7 @@ def test_what_is_missing_has_defaults():
     model = model_from_json(document(PERSON), PEOPLE)
     assert model.name == "model"
     assert model.node(0).nick == "?"
-    assert model.new("Stone") == 1
+    assert model.graph.new("Stone") == 1
 
 
 def test_both_ends_of_an_opposite_may_be_given():

@@ -11,10 +11,10 @@ from tests.unit.graph.domain import FOREST, PEOPLE, feature, forest, people
 
 def test_ids_count_up_from_zero_and_are_not_used_again():
     model = Model(FOREST)
-    assert [model.new("RoadTile"), model.new("Forest")] == [0, 1]
-    model.delete(1)
-    assert model.new("RoadTile") == 2
-    assert [model.alive(id) for id in (-1, 0, 1, 2, 3)] == [False, True, False, True, False]
+    assert [model.graph.new("RoadTile"), model.graph.new("Forest")] == [0, 1]
+    model.graph.delete(1)
+    assert model.graph.new("RoadTile") == 2
+    assert [model.graph.alive(id) for id in (-1, 0, 1, 2, 3)] == [False, True, False, True, False]
 
 
 def test_fresh_objects_have_default_values():
@@ -25,16 +25,16 @@ def test_fresh_objects_have_default_values():
 
 def test_abstract_class_is_refused_with_its_concrete_subclasses():
     with pytest.raises(TypeMismatch, match=r"`Tile` is abstract; .* `RoadTile`, `BurningTile`, `WaterTile`"):
-        Model(FOREST).new("Tile")
+        Model(FOREST).graph.new("Tile")
 
 
 def test_unknown_class_is_refused_with_a_hint():
     with pytest.raises(TypeMismatch, match=r"unknown class `RoadTyle`; did you mean `RoadTile`?"):
-        Model(FOREST).new("RoadTyle")
+        Model(FOREST).graph.new("RoadTyle")
     with pytest.raises(TypeMismatch, match="unknown class `Bush`"):
-        Model(FOREST).extent("Bush")
+        Model(FOREST).graph.extent("Bush")
     with pytest.raises(TypeMismatch, match="unknown class `Bush`"):
-        Model(FOREST).exact_extent("Bush")
+        Model(FOREST).graph.exact_extent("Bush")
 
 
 def test_failed_creation_leaves_nothing_behind():
@@ -51,29 +51,31 @@ def test_failed_creation_leaves_nothing_behind():
 
 def test_extent_lists_subclasses_class_by_class():
     model = Model(FOREST)
-    water, road, forest_, fire = (model.new(c) for c in ("WaterTile", "RoadTile", "Forest", "BurningTile"))
-    assert list(model.extent("Tile")) == [road, fire, water]
-    assert list(model.extent("State")) == [road, fire, water]
-    assert list(model.extent("RoadTile")) == list(model.exact_extent("RoadTile")) == [road]
-    assert list(model.exact_extent("Tile")) == []
+    water, road, forest_, fire = (
+        model.graph.new(c) for c in ("WaterTile", "RoadTile", "Forest", "BurningTile")
+    )
+    assert list(model.graph.extent("Tile")) == [road, fire, water]
+    assert list(model.graph.extent("State")) == [road, fire, water]
+    assert list(model.graph.extent("RoadTile")) == list(model.graph.exact_extent("RoadTile")) == [road]
+    assert list(model.graph.exact_extent("Tile")) == []
     assert [node.id for node in model.nodes()] == [forest_, road, fire, water]
     assert len(model) == 4
 
 
 def test_removal_moves_the_last_object_into_the_gap():
     model = Model(FOREST)
-    a, b, c, d = (model.new("RoadTile") for _ in range(4))
-    model.delete(b)
-    assert list(model.extent("RoadTile")) == [a, d, c]
+    a, b, c, d = (model.graph.new("RoadTile") for _ in range(4))
+    model.graph.delete(b)
+    assert list(model.graph.extent("RoadTile")) == [a, d, c]
 
 
 def test_names_are_unique_and_free_again_after_deletion():
     model, (ann,) = people("ann")
     with pytest.raises(InvalidArgument, match="has an object `ann` already"):
-        model.new("Person", "ann")
+        model.graph.new("Person", "ann")
     ann.delete()
-    assert model.find_object("ann") is None
-    assert model.new("Person", "ann") == model.find_object("ann") == 1
+    assert model.graph.find_object("ann") is None
+    assert model.graph.new("Person", "ann") == model.graph.find_object("ann") == 1
 
 
 def test_renaming():
@@ -171,9 +173,9 @@ def test_deep_containment_goes_as_a_whole():
 def test_links_to_itself_are_deleted_once():
     model, (ann,) = people("ann")
     for name in ("spouse", "friends", "likes"):
-        model.link(ann.id, feature(model, "Person", name), ann.id)
+        model.graph.link(ann.id, feature(model, "Person", name), ann.id)
     tile = forest()["t00"]
-    tile.model.unlink(tile.id, feature(tile.model, "Tile", "right"), tile.right.id)
+    tile.model.graph.unlink(tile.id, feature(tile.model, "Tile", "right"), tile.right.id)
     tile.right = tile
     assert tile.left == tile
     ann.delete("spo")
@@ -184,7 +186,7 @@ def test_links_to_itself_are_deleted_once():
 
 def test_a_link_to_itself_is_left_dangling_like_any_other():
     model, (ann,) = people("ann")
-    model.link(ann.id, feature(model, "Person", "spouse"), ann.id)
+    model.graph.link(ann.id, feature(model, "Person", "spouse"), ann.id)
     with pytest.raises(RuleError) as caught:
         ann.delete()
     assert (caught.value.reason, len(caught.value.details)) == ("dangling", 1)
@@ -198,7 +200,7 @@ def test_deleting_what_is_not_there_is_an_error():
     ann.delete()
     for id in (ann.id, 77, -1):
         with pytest.raises(InvalidArgument, match="has no object"):
-            model.delete(id)
+            model.graph.delete(id)
 
 
 def test_unknown_semantics_is_an_error():
@@ -225,7 +227,7 @@ def test_retyping_adds_initial_values_and_drops_others():
     assert tile.collected is False
     tile.collected = True
     tile.retype("RoadTile")
-    assert model.value(tile.id, feature(model, "WaterTile", "collected")) is None
+    assert model.graph.value(tile.id, feature(model, "WaterTile", "collected")) is None
     tile.retype("WaterTile")
     assert tile.collected is False
 
@@ -265,9 +267,9 @@ def test_retyping_a_container_leaves_its_contents_as_roots():
 
 def test_retyping_to_the_same_class_changes_nothing():
     model, (ann,) = people("ann")
-    revision = model.revision
+    revision = model.graph.store.revision
     ann.retype("Person")
-    assert model.revision == revision
+    assert model.graph.store.revision == revision
 
 
 @pytest.mark.parametrize("cls", ["Tile", "Forrest"])
@@ -279,17 +281,17 @@ def test_retyping_to_what_cannot_be_instantiated_is_refused(cls):
 
 def test_retyping_what_is_not_there_is_an_error():
     with pytest.raises(InvalidArgument, match="has no object"):
-        forest().retype(40, "RoadTile")
+        forest().graph.retype(40, "RoadTile")
 
 
 def test_given_ids_must_be_new():
     model = Model(FOREST)
-    assert model.new_at(200, "RoadTile") == 200
-    assert model.new_at(7, "RoadTile") == 7
-    assert model.new("RoadTile") == 201
+    assert model.graph.new_at(200, "RoadTile") == 200
+    assert model.graph.new_at(7, "RoadTile") == 7
+    assert model.graph.new("RoadTile") == 201
     for used in (7, -1):
         with pytest.raises(InvalidArgument, match="not the id of a new object"):
-            model.new_at(used, "RoadTile")
+            model.graph.new_at(used, "RoadTile")
     model.check_integrity()
 
 

@@ -12,64 +12,64 @@ from tests.unit.graph.domain import FOREST, feature, forest, people
 def test_rollback_restores_ids_order_and_hash():
     model = forest()
     before = snapshot(model)
-    savepoint = model.savepoint()
+    savepoint = model.graph.history.savepoint()
     model["t11"].delete("spo")
     model.create("WaterTile", object_name="lake", x=9)
     model["t00"].retype("BurningTile")
     model["truck"].currentState = model["t22"]
-    model.rollback(savepoint)
+    model.graph.history.rollback(savepoint)
     assert snapshot(model) == before
-    assert model.new("RoadTile") == before["next_id"]
+    assert model.graph.new("RoadTile") == before["next_id"]
 
 
 def test_savepoints_nest():
     model = forest()
     states = [snapshot(model)]
-    outer = model.savepoint()
+    outer = model.graph.history.savepoint()
     model["t00"].x = 5
     states.append(snapshot(model))
-    inner = model.savepoint()
+    inner = model.graph.history.savepoint()
     model["t00"].x = 6
-    model.rollback(inner)
+    model.graph.history.rollback(inner)
     assert snapshot(model) == states[1]
-    model.rollback(outer)
+    model.graph.history.rollback(outer)
     assert snapshot(model) == states[0]
 
 
 def test_released_changes_go_with_the_outer_savepoint():
     model = forest()
     before = snapshot(model)
-    outer = model.savepoint()
-    inner = model.savepoint()
+    outer = model.graph.history.savepoint()
+    inner = model.graph.history.savepoint()
     model["t00"].x = 6
-    model.release(inner)
+    model.graph.history.release(inner)
     assert model["t00"].x == 6
-    model.rollback(outer)
+    model.graph.history.rollback(outer)
     assert snapshot(model) == before
 
 
-@pytest.mark.parametrize("close", [Model.rollback, Model.release])
+@pytest.mark.parametrize("close", [History.rollback, History.release])
 def test_closing_out_of_order_is_an_error(close):
     model = forest()
-    outer = model.savepoint()
-    inner = model.savepoint()
+    outer = model.graph.history.savepoint()
+    inner = model.graph.history.savepoint()
     with pytest.raises(TransactionError, match="inside this one is still open"):
-        close(model, outer)
-    close(model, inner)
+        close(model.graph.history, outer)
+    close(model.graph.history, inner)
     with pytest.raises(TransactionError, match="closed already"):
-        close(model, inner)
+        close(model.graph.history, inner)
     with pytest.raises(TransactionError, match="another model"):
-        close(forest(), outer)
-    close(model, outer)
-    assert not model.in_transaction
+        close(forest().graph.history, outer)
+    close(model.graph.history, outer)
+    assert not model.graph.history.depth
 
 
 def test_a_transaction_keeps_its_changes():
     model = forest()
     with model.transaction():
-        assert model.in_transaction
+        assert model.graph.history.depth
         model["t00"].x = 5
-    assert not model.in_transaction
+    assert not model.graph.history.depth
     assert model["t00"].x == 5
 
 
@@ -90,26 +90,26 @@ def test_a_refused_write_leaves_the_model_as_it_was():
     ann.groups = groups[:2]
     before = snapshot(model)
     with pytest.raises(RuleError):
-        model.set_targets(groups[2].id, feature(model, "Group", "members"), [ben.id, ann.id])
+        model.graph.set_targets(groups[2].id, feature(model, "Group", "members"), [ben.id, ann.id])
     assert snapshot(model) == before
 
 
 def test_nothing_is_recorded_while_nobody_can_go_back():
     model = forest()
-    assert model.store.journal == []
-    savepoint = model.savepoint()
+    assert model.graph.store.journal == []
+    savepoint = model.graph.history.savepoint()
     model["t00"].x = 5
-    assert len(model.store.journal) == 4
-    model.release(savepoint)
-    assert model.store.journal == []
+    assert len(model.graph.store.journal) == 4
+    model.graph.history.release(savepoint)
+    assert model.graph.store.journal == []
 
 
 def test_loading_is_refused_where_it_could_not_be_undone():
     model = forest()
-    savepoint = model.savepoint()
+    savepoint = model.graph.history.savepoint()
     with pytest.raises(TransactionError, match="cannot load inside a transaction"), model.loading():
         pass
-    model.release(savepoint)
+    model.graph.history.release(savepoint)
     version = model.commit()
     with pytest.raises(TransactionError, match="load before the first commit"), model.loading():
         pass
@@ -120,14 +120,14 @@ def test_savepoints_and_versions_are_refused_while_loading():
     model = Model(FOREST)
     with model.loading():
         with pytest.raises(TransactionError, match="loading"):
-            model.savepoint()
+            model.graph.history.savepoint()
         with pytest.raises(TransactionError, match="cannot commit while the model is loading"):
             model.commit()
         with pytest.raises(TransactionError, match="cannot load"), model.loading():
             pass
-        model.new("RoadTile")
+        model.graph.new("RoadTile")
     with model.transaction():
-        model.new("RoadTile")
+        model.graph.new("RoadTile")
     assert len(model) == 2
 
 
@@ -144,22 +144,22 @@ def test_a_transaction_that_ends_badly_takes_savepoints_inside_it_along():
     before = snapshot(model)
     with pytest.raises(KeyboardInterrupt), model.transaction():
         model["t00"].x = 5
-        model.savepoint()  # as if Ctrl-C had come before anybody could hold it
+        model.graph.history.savepoint()  # as if Ctrl-C had come before anybody could hold it
         model["t00"].x = 6
         raise KeyboardInterrupt
     assert snapshot(model) == before
     with pytest.raises(TransactionError, match="still open"), model.transaction():
         model["t00"].x = 5
-        model.savepoint()
+        model.graph.history.savepoint()
     assert snapshot(model) == before
-    assert not model.in_transaction
+    assert not model.graph.history.depth
 
 
 @pytest.mark.parametrize("opened", [0, 1])
 def test_ctrl_c_while_a_transaction_begins_or_ends_leaves_none_open(opened, monkeypatch):
     model = forest()
     before = snapshot(model)
-    history = model._history
+    history = model.graph.history
 
     def interrupted(*arguments):
         if not opened:
@@ -170,4 +170,4 @@ def test_ctrl_c_while_a_transaction_begins_or_ends_leaves_none_open(opened, monk
     with pytest.raises(KeyboardInterrupt), model.transaction():
         model["t00"].x = 5
     assert snapshot(model) == before
-    assert not model.in_transaction
+    assert not model.graph.history.depth

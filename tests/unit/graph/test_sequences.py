@@ -58,7 +58,7 @@ def test_what_follows_the_model_is_rolled_back_with_it():
     index: dict[str, int | None] = {"burning": 0}
 
     def count(number):
-        model.store.record(index, "burning", index["burning"], SET)
+        model.graph.store.record(index, "burning", index["burning"], SET)
         index["burning"] = number
 
     root = model.commit()
@@ -105,7 +105,7 @@ def test_a_target_that_moves_changes_no_fact():
 
     targets = model.nodes("Forest")[0].states
     before = list(targets)
-    model.subscribe(Ear())
+    model.graph.subscribe(Ear())
     digest = model.state_hash()
     with model.transaction():
         targets.insert(0, targets[-1])

@@ -30,7 +30,7 @@ def scramble(model: Model, random: Random) -> None:
             case 5:
                 one.label = f"l{random.randrange(9)}"
             case _:
-                model.set_object_name(one.id, f"name{random.random()}")
+                model.graph.set_object_name(one.id, f"name{random.random()}")
 
 
 @pytest.mark.parametrize("seed", range(15))
@@ -38,46 +38,46 @@ def test_what_is_shelved_comes_back_exactly_and_more_than_once(seed: int) -> Non
     random, model = Random(seed), chain(40)
     states, shelves = [snapshot(model)], []
     for _ in range(4):
-        savepoint = model.savepoint()
+        savepoint = model.graph.history.savepoint()
         scramble(model, random)
         states.append(snapshot(model))
-        shelves.append((savepoint, model.store.next_id))
-    kept = [model.shelve(savepoint) for savepoint, _ in reversed(shelves)][::-1]
-    assert snapshot(model) == states[0] and not model.in_transaction
+        shelves.append((savepoint, model.graph.store.next_id))
+    kept = [model.graph.history.shelve(savepoint) for savepoint, _ in reversed(shelves)][::-1]
+    assert snapshot(model) == states[0] and not model.graph.history.depth
     for depth in (4, 2, 3):
         marks = []
         for shelf, state in zip(kept[:depth], states[1:], strict=False):
-            marks.append(model.resume(shelf))
+            marks.append(model.graph.history.resume(shelf))
             assert snapshot(model) == state
-        assert model.store.next_id == shelves[depth - 1][1]
+        assert model.graph.store.next_id == shelves[depth - 1][1]
         model.check_integrity()
         while marks:
-            model.rollback(marks.pop())
+            model.graph.history.rollback(marks.pop())
             assert snapshot(model) == states[len(marks)]
     for shelf in kept:
-        model.release(model.resume(shelf))
+        model.graph.history.release(model.graph.history.resume(shelf))
     assert snapshot(model) == states[4]
 
 
 def test_only_the_innermost_savepoint_can_be_shelved() -> None:
     model = Model(METAMODEL)
-    outer, inner = model.savepoint(), model.savepoint()
+    outer, inner = model.graph.history.savepoint(), model.graph.history.savepoint()
     with pytest.raises(TransactionError):
-        model.shelve(outer)
-    model.rollback(inner)
-    model.shelve(outer)
+        model.graph.history.shelve(outer)
+    model.graph.history.rollback(inner)
+    model.graph.history.shelve(outer)
     with pytest.raises(TransactionError):
-        model.shelve(outer)
+        model.graph.history.shelve(outer)
 
 
 def test_a_version_can_be_made_of_what_is_resumed() -> None:
     model = chain(3)
     start = model.commit()
-    savepoint = model.savepoint()
+    savepoint = model.graph.history.savepoint()
     model.node(0).n = 7
-    shelf = model.shelve(savepoint)
+    shelf = model.graph.history.shelve(savepoint)
     assert model.version is start
-    model.release(model.resume(shelf))
+    model.graph.history.release(model.graph.history.resume(shelf))
     later = model.commit()
     model.checkout(start)
     assert model.node(0).n == 0

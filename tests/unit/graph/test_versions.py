@@ -19,7 +19,7 @@ def burn(model, name):
 
 def vertices(model):
     """Every vertex of the model's version tree."""
-    top = model._history.versions.current
+    top = model.graph.history.versions.current
     while top.parent is not None:
         top = top.parent
     found = [top]
@@ -64,9 +64,9 @@ def test_commit_without_changes_is_the_same_version():
     assert model.commit() is version
     with model.transaction():
         pass
-    savepoint = model.savepoint()
+    savepoint = model.graph.history.savepoint()
     model["t00"].x = 9
-    model.rollback(savepoint)
+    model.graph.history.rollback(savepoint)
     assert model.commit() is version is model.version
 
 
@@ -78,9 +78,9 @@ def test_version_is_none_after_changes():
     assert model.version is None
     model.checkout(version, discard=True)
     assert model.version is version
-    savepoint = model.savepoint()
+    savepoint = model.graph.history.savepoint()
     assert model.version is None
-    model.release(savepoint)
+    model.graph.history.release(savepoint)
 
 
 def test_versions_are_numbered():
@@ -197,13 +197,13 @@ def test_without_versions_nothing_is_recorded_any_more():
     model = forest()
     version = model.commit()
     model["t00"].x = 9
-    assert model.store.journal
+    assert model.graph.store.journal
     del version
     with model.transaction():
         pass
-    assert not model.store.recording
+    assert not model.graph.store.recording
     model["t00"].x = 10
-    assert model.store.journal == []
+    assert model.graph.store.journal == []
     assert model.version is None
     version = model.commit()
     model["t00"].x = 11

@@ -67,7 +67,11 @@ def test_blanks_are_cells_and_the_shared_indentation_is_none(
 def test_an_object_of_a_grid_is_found_by_its_place() -> None:
     model = read("\n ..\n ..\n", BOARD).model()
     cell = model["cell[1, 0]"]
-    assert (cell.x, cell.y) == (1, 0) and model.find_object("cell[1,0]") == cell.id and "cell[0, 1]" in model
+    assert (
+        (cell.x, cell.y) == (1, 0)
+        and model.graph.find_object("cell[1,0]") == cell.id
+        and "cell[0, 1]" in model
+    )
     assert cell.object_name is None
     for other in (copy(model), pickle.loads(pickle.dumps(model))):
         assert other["cell[1,0]"].id == cell.id

@@ -72,7 +72,7 @@ class World:
         assert len(set(found)) == len(found)
         return {
             tuple(
-                self.model.object_name(v) if isinstance(t, ObjectType) else v  # type: ignore[arg-type]
+                self.model.graph.object_name(v) if isinstance(t, ObjectType) else v  # type: ignore[arg-type]
                 for v, t in zip(row, types, strict=True)
             )
             for row in found

@@ -55,11 +55,11 @@ def grid(width: int, height: int) -> Model:
     east, south = (model.metamodel.feature("Cell", way) for way in ("east", "south"))
     with model.loading():
         for number in range(width * height):
-            model.new("Cell")
+            model.graph.new("Cell")
             if number % width:
-                model.link(number - 1, east, number)  # type: ignore[arg-type]
+                model.graph.link(number - 1, east, number)  # type: ignore[arg-type]
             if number >= width:
-                model.link(number - width, south, number)  # type: ignore[arg-type]
+                model.graph.link(number - width, south, number)  # type: ignore[arg-type]
     return model
 
 
@@ -139,9 +139,9 @@ def test_many_questions_about_a_closure_take_little_more_than_one_search(
 ) -> None:
     model, to = grid(40, 40), CELLS.feature("Cell", "to")
     with model.loading():
-        model.set_value(1_599, CELLS.attributes[0], 1)
+        model.graph.set_value(1_599, CELLS.attributes[0], 1)
         for cell in range(1_600):
-            model.link(cell, to, 7 * cell % 1_600)  # type: ignore[arg-type]
+            model.graph.link(cell, to, 7 * cell % 1_600)  # type: ignore[arg-type]
     corners = pattern("corners(a : Cell, b : Cell)", [find("step+", "a", "b"), find("corner", "b")])
     matcher = CompiledMatcher(model, library(STEP, REACHES, CORNER, corners, asked))
     searches = counted_searches(monkeypatch)
@@ -165,7 +165,7 @@ def test_aggregates_of_what_is_reached_without_a_way_back_share_their_work(
     model = grid(30, 30)
     with model.loading():
         for cell in range(900):
-            model.set_value(cell, CELLS.attributes[0], 1 + cell % 7)
+            model.graph.set_value(cell, CELLS.attributes[0], 1 + cell % 7)
     matcher = CompiledMatcher(
         model,
         library(
@@ -196,7 +196,7 @@ def test_counts_that_are_asked_one_by_one_share_their_work(monkeypatch: pytest.M
     model = grid(30, 30)
     with model.loading():
         for cell in range(0, 900, 3):
-            model.set_value(cell, CELLS.attributes[0], 1)
+            model.graph.set_value(cell, CELLS.attributes[0], 1)
     south_east = pattern(
         "step(a : Cell, b : Cell)", [path("Cell.east", "a", "b")], [path("Cell.south", "a", "b")]
     )
@@ -340,7 +340,7 @@ def test_unreachable_pairs_are_found_with_one_search_for_each_source() -> None:
     )
     model = grid(8, 8)
     for number in range(64):
-        model.set_target(number, model.metamodel.feature("Cell", "south"), None)  # type: ignore[arg-type]
+        model.graph.set_target(number, model.metamodel.feature("Cell", "south"), None)  # type: ignore[arg-type]
     matcher = CompiledMatcher(model, library(STEP, REACHES, apart))
     assert matcher.count("apart", (FREE, FREE)) == 64 * 56
 
@@ -358,9 +358,9 @@ def test_a_closure_without_a_class_goes_on_from_objects_of_other_classes(
         ),
     )
     model = Model(metamodel)
-    places = [model.new("Start"), *(model.new("Road") for _ in range(3))]
+    places = [model.graph.new("Start"), *(model.graph.new("Road") for _ in range(3))]
     for one, other in pairwise(places):
-        model.set_target(one, metamodel.references[0], other)
+        model.graph.set_target(one, metamodel.references[0], other)
     library = Library(metamodel)
     library.add(pattern("ahead(a : Start, b : Place)", [path(".next+", "a", "b")]))
     assert sorted(kind(model, library).rows("ahead", (FREE, FREE))) == [(0, 1), (0, 2), (0, 3)]
@@ -371,7 +371,7 @@ def test_checks_that_differ_in_the_type_of_a_constant_alone_both_count(
     kind: Kind,
 ) -> None:
     model = Model(CELLS)
-    model.new("Cell")
+    model.graph.new("Cell")
     library = Library(CELLS)
     exact, whole = (Check(op(0, "<", op(one, "/", 2))) for one in (1.0, 1))  # 0 < 0.5, and 0 < 0
     library.add(pattern("both(a : Cell)", [is_a("Cell", "a"), exact, whole]))
@@ -429,7 +429,7 @@ def test_a_recursive_pattern_that_is_asked_while_a_version_is_held_changes_nothi
     version = model.commit()
     matcher = CompiledMatcher(model, library(step, many, far))
     assert matcher.count("far", (FREE, FREE)) == 27
-    assert not model.store.journal
+    assert not model.graph.store.journal
     model.checkout(version)
     assert matcher.count("far", (FREE, FREE)) == 27
 
@@ -456,10 +456,10 @@ def test_a_recursive_pattern_without_base_rows_is_empty(kind: Kind, body: list[C
     model = Model(CELLS)
     n, to = (model.metamodel.feature("Cell", name) for name in ("n", "to"))
     matcher = kind(model, patterns)
-    first, second = model.new("Cell"), model.new("Cell")
-    model.set_value(second, n, 1)  # type: ignore[arg-type]
+    first, second = model.graph.new("Cell"), model.graph.new("Cell")
+    model.graph.set_value(second, n, 1)  # type: ignore[arg-type]
     for near, far in ((first, second), (second, first)):
-        model.link(near, to, far)  # type: ignore[arg-type]
+        model.graph.link(near, to, far)  # type: ignore[arg-type]
     assert matcher.count("from", (FREE, FREE)) == 0
     assert list(matcher.rows("without", (FREE, FREE))) == [(first, second)]
     assert_sound(matcher)

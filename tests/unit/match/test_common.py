@@ -45,13 +45,13 @@ def crowd() -> Model:
     model, knows = Model(PEOPLE), PEOPLE.references[0]
     with model.loading():
         for _ in range(SIZE):
-            model.new("One")
+            model.graph.new("One")
         for one in range(1, SIZE):
-            model.link(one, knows, 0)
-            model.link(one, knows, one % (SIZE - 1) + 1)
-            model.link(one, knows, (7 * one + 30) % (SIZE - 1) + 1)
+            model.graph.link(one, knows, 0)
+            model.graph.link(one, knows, one % (SIZE - 1) + 1)
+            model.graph.link(one, knows, (7 * one + 30) % (SIZE - 1) + 1)
         for one in range(SIZE - 1, 0, -1):
-            model.link(0, knows, one)
+            model.graph.link(0, knows, one)
     return model
 
 
@@ -67,7 +67,9 @@ def test_circles_around_a_hub_are_found_in_the_order_of_the_links(circle: Patter
     size = len(circle.parameters)
     rows = CompiledMatcher(model, library(circle)).rows("found", (FREE,) * size)
     assert sorted(rows) == NaiveMatcher(model, library(circle)).rows("found", (FREE,) * size)
-    place = {one: {other: n for n, other in enumerate(model.store.forward[0][one])} for one in range(SIZE)}
+    place = {
+        one: {other: n for n, other in enumerate(model.graph.store.forward[0][one])} for one in range(SIZE)
+    }
     ordered = sorted(rows, key=lambda row: (row[0], *(place[a][b] for a, b in pairwise(row))))
     assert rows == ordered
 

@@ -100,8 +100,8 @@ def test_an_index_is_brought_up_to_date_and_made_anew_only_after_a_rollback(
 ) -> None:
     model = Model(KEYS)
     nodes = [model.create("N", key=number) for number in range(100)]
-    index = ValueIndex(model.store, (0,), operators)
-    column = model.store.values[0]
+    index = ValueIndex(model.graph.store, (0,), operators)
+    column = model.graph.store.values[0]
     looked: list[int] = []
 
     def entries(ids: Iterable[int]) -> Iterator[tuple[object, object, int]]:
@@ -122,10 +122,10 @@ def test_an_index_is_brought_up_to_date_and_made_anew_only_after_a_rollback(
     nodes[50].delete()
     assert find(7) == [nodes[3].id, nodes[7].id]
     assert len(looked) <= 3
-    savepoint = model.savepoint()
+    savepoint = model.graph.history.savepoint()
     nodes[3].key = None
     assert find(7) == [nodes[7].id]
     assert len(looked) == 1
-    model.rollback(savepoint)
+    model.graph.history.rollback(savepoint)
     assert find(7) == [nodes[3].id, nodes[7].id]
     assert len(looked) >= 99

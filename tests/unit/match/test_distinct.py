@@ -75,10 +75,10 @@ def crowded() -> Model:
     assert isinstance(to, Reference)
     with model.loading():
         for _ in range(SIZE):
-            model.new("Stop")
+            model.graph.new("Stop")
         for stop in range(SIZE):
             for step in range(1, FANOUT + 1):
-                model.link(stop, to, (stop + step) % SIZE)
+                model.graph.link(stop, to, (stop + step) % SIZE)
     return model
 
 
@@ -122,7 +122,7 @@ def test_ends_come_in_the_order_of_the_first_path_to_them() -> None:
     matcher = CompiledMatcher(
         model, library(pattern("far(a : Stop, b : Stop)", [path("Stop.to.to.to", "a", "b")]))
     )
-    targets = model.store.forward[0]
+    targets = model.graph.store.forward[0]
     paths = [c for a in targets[3] for b in targets[a] for c in targets[b]]
     assert matcher.rows("far", (3, FREE)) == [(3, end) for end in dict.fromkeys(paths)]
 
@@ -133,7 +133,7 @@ def test_a_closure_over_hubs_looks_at_the_links_of_each_hub_once() -> None:
     assert isinstance(hub, Reference)
     with model.loading():
         for stop in range(SIZE):
-            model.set_target(stop, hub, stop % 2)
+            model.graph.set_target(stop, hub, stop % 2)
     matcher = Counting(
         model,
         library(

@@ -48,15 +48,15 @@ def test_the_target_is_solvable_until_its_only_passage_burns(
 ) -> None:
     model = forest()
     matcher = kind(model, library())
-    start, goal = model.extent("StartTile")[0], model.extent("GoalTile")[0]
+    start, goal = model.graph.extent("StartTile")[0], model.graph.extent("GoalTile")[0]
     assert matcher.exists("solvable", (start, goal))
-    savepoint = model.savepoint()
+    savepoint = model.graph.history.savepoint()
     for tile in model.nodes("Tile"):
         if (tile.x == 7 and tile.y in (5, 6)) or (tile.x == 6 and tile.y == 7):
             tile.retype("BurningTile")
     assert not matcher.exists("solvable", (start, goal))
     assert not matcher.exists("solvable", (FREE, FREE))
     assert_sound(matcher)
-    model.rollback(savepoint)
+    model.graph.history.rollback(savepoint)
     assert matcher.rows("solvable", (FREE, FREE)) == [(start, goal)]
     assert_sound(matcher)

@@ -29,7 +29,7 @@ def matcher(kind: type[CompiledMatcher] | type[ViewMatcher], people: int) -> Mat
     model, library = Model(METAMODEL), Library(METAMODEL)
     library.add(*PATTERNS)
     for _ in range(people):
-        model.new("Person")
+        model.graph.new("Person")
     return kind(model, library)
 
 
@@ -74,12 +74,12 @@ def test_a_view_ends_at_the_limit_when_it_is_made_and_when_the_model_grows(
     views.watch("all", "pairs")
     assert views.count("all", free(14)) == 2**14
     with pytest.raises(EvaluationError, match="`all` has more than 20,000 combinations"):
-        views.model.new("Person")
+        views.model.graph.new("Person")
         views.count("all", free(14))
-    number = len(views.model.extent("Person"))
+    number = len(views.model.graph.extent("Person"))
     assert views.count("pairs", free(2)) == number**2
     if number == 3:
-        views.model.delete(views.model.extent("Person")[-1])
+        views.model.graph.delete(views.model.graph.extent("Person")[-1])
     assert views.count("all", free(14)) == 2**14
     views.check_integrity()
 
@@ -92,7 +92,7 @@ def test_a_search_that_finds_nothing_ends_at_the_limit_too(monkeypatch: pytest.M
     library.add(pattern(f"eight({heads})", [*(is_a("Person", name) for name in NAMES[:8]), *different]))
     model = Model(METAMODEL)
     for _ in range(7):
-        model.new("Person")
+        model.graph.new("Person")
     asked = CompiledMatcher(model, library)
     for question in (asked.rows, asked.count, asked.exists, asked.first):
         with pytest.raises(EvaluationError, match="`eight` has more than 2,000 combinations"):

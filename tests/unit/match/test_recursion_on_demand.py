@@ -43,9 +43,9 @@ def library() -> Library:
 def chain(length: int) -> Model:
     """Hosts in a row."""
     model = Model(METAMODEL)
-    hosts = [model.new("Host") for _ in range(length)]
+    hosts = [model.graph.new("Host") for _ in range(length)]
     for one, other in pairwise(hosts):
-        model.link(one, METAMODEL.references[0], other)
+        model.graph.link(one, METAMODEL.references[0], other)
     return model
 
 
@@ -61,8 +61,8 @@ def test_the_rows_follow_the_model() -> None:
     compiled, naive = (kind(model, library()) for kind in (CompiledMatcher, NaiveMatcher))
     for change in (
         lambda: None,
-        lambda: model.unlink(2, METAMODEL.references[0], 3),
-        lambda: model.new("Host"),
+        lambda: model.graph.unlink(2, METAMODEL.references[0], 3),
+        lambda: model.graph.new("Host"),
     ):
         change()
         assert compiled.rows("reach", (FREE, FREE)) == naive.rows("reach", (FREE, FREE))
@@ -100,7 +100,7 @@ def test_rows_with_a_value_that_is_asked_about_often_are_derived_once(body: list
         pattern("apart(a : Host)", apart),
     )
     model = chain(length)
-    model.set_value(length - 1, METAMODEL.attributes[0], 1)
+    model.graph.set_value(length - 1, METAMODEL.attributes[0], 1)
     matcher = CompiledMatcher(model, patterns)
     assert matcher.rows("apart", (FREE,)) == [(length - 1,)]
     assert matcher._program._recursion._kept < 12 * length
@@ -131,11 +131,11 @@ def test_a_call_whose_rows_another_one_takes_over_reads_no_more_than_its_own() -
         ),
     )
     model = Model(metamodel)
-    first, second, third, last = (model.new("Place") for _ in range(4))
+    first, second, third, last = (model.graph.new("Place") for _ in range(4))
     _, near, up = metamodel.references
-    model.link(first, near, second)
-    model.link(first, up, third)
-    model.link(third, near, last)
+    model.graph.link(first, near, second)
+    model.graph.link(first, up, third)
+    model.graph.link(third, near, last)
     compiled, naive = (kind(model, patterns) for kind in (CompiledMatcher, NaiveMatcher))
     assert compiled.rows("q", (first, FREE)) == naive.rows("q", (first, FREE)) == [(first, third)]
 
@@ -143,6 +143,6 @@ def test_a_call_whose_rows_another_one_takes_over_reads_no_more_than_its_own() -
 def test_numbers_without_end_are_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(_recursive, "MOST_ROWS", 1_000)
     model = chain(1)
-    model.set_value(0, METAMODEL.attributes[0], 1)
+    model.graph.set_value(0, METAMODEL.attributes[0], 1)
     with pytest.raises(EvaluationError, match="more than 1,000 matches"):
         CompiledMatcher(model, library()).rows("endless", (FREE, FREE))

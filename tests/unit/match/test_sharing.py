@@ -24,7 +24,7 @@ def test_answers_are_those_of_the_matcher_after_every_change_and_rollback() -> N
     for step in range(60):
         chosen = engine.choose(("introduce", "assign", "move", "extract", "join"), rng)
         assert chosen is not None
-        savepoint = engine.model.savepoint()
+        savepoint = engine.model.graph.history.savepoint()
         engine.fire(*chosen)
         for kept in (True, False):
             for name in names:
@@ -32,10 +32,10 @@ def test_answers_are_those_of_the_matcher_after_every_change_and_rollback() -> N
                 assert sorted(questions.rows(name)) == sorted(found)
                 assert questions.count(name) == len(found)
             if kept and step % 3:
-                engine.model.release(savepoint)
+                engine.model.graph.history.release(savepoint)
                 break
             if kept:
-                engine.model.rollback(savepoint)
+                engine.model.graph.history.rollback(savepoint)
 
 
 def test_what_aggregates_is_computed_once_for_an_object(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -78,6 +78,6 @@ def test_what_changes_its_class_goes_from_one_body_to_the_other(watched: bool) -
         chosen = engine.choose(("retypings",), rng)
         assert chosen is not None
         engine.fire(*chosen)
-        found = {(node,) for cls in ("BurningTile", "RoadTile") for node in engine.model.extent(cls)}
+        found = {(node,) for cls in ("BurningTile", "RoadTile") for node in engine.model.graph.extent(cls)}
         assert {*engine.matcher.rows("dry", (FREE,))} == found
         assert engine.count("dry") == len(found)

@@ -88,20 +88,20 @@ def queries(join: Pattern) -> Library:
 
 def edit(dice: Random, model: Model) -> None:
     """A new point, or another value; some have none."""
-    points = list(model.extent("Point"))
+    points = list(model.graph.extent("Point"))
     if dice.random() < 0.3 or not points:
-        points.append(model.new(dice.choice(["Point", "Inn", "Well"])))
+        points.append(model.graph.new(dice.choice(["Point", "Inn", "Well"])))
     attribute = dice.choice([X, Y, NAME])
-    model.set_value(
+    model.graph.set_value(
         points[-1],
         attribute,
         None if dice.random() < 0.2 else dice.choice("ab") if attribute is NAME else dice.randint(0, 2),
     )
     node = dice.choice(points)
     if dice.random() < 0.1:
-        model.delete(node, "spo")
+        model.graph.delete(node, "spo")
     else:
-        model.set_value(node, dice.choice([X, Y]), dice.randint(0, 2))
+        model.graph.set_value(node, dice.choice([X, Y]), dice.randint(0, 2))
 
 
 @pytest.mark.parametrize("join", JOINS.values(), ids=JOINS)
@@ -111,7 +111,7 @@ def test_equal_values_are_found_after_every_edit_and_rollback(join: Pattern) -> 
     compiled, naive = CompiledMatcher(model, library), NaiveMatcher(model, library)
     free = (FREE,) * len(join.parameters)
     for _ in range(25):
-        savepoint = model.savepoint()
+        savepoint = model.graph.history.savepoint()
         for _ in range(dice.randint(1, 4)):
             edit(dice, model)
         found = compiled.rows("q", free)
@@ -119,7 +119,7 @@ def test_equal_values_are_found_after_every_edit_and_rollback(join: Pattern) -> 
         for row in found[:2]:
             assert compiled.rows("q", (row[0], *free[1:])) == [each for each in found if each[0] == row[0]]
         if dice.random() < 0.3:
-            model.rollback(savepoint)
+            model.graph.history.rollback(savepoint)
             assert sorted(compiled.rows("q", free)) == naive.rows("q", free)
 
 

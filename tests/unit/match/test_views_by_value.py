@@ -79,24 +79,24 @@ def test_matches_follow_changes_of_values(name: str, size: int) -> None:
     views.watch(name)
     assert bool(value_views(views)) == (size > 100 and name in BY_VALUE)
     free = (FREE,) * len(library.parameter_types(name))
-    people = list(model.extent("Person"))
-    savepoint = model.savepoint()
+    people = list(model.graph.extent("Person"))
+    savepoint = model.graph.history.savepoint()
     before = list(views.rows(name, free))
     changes = (
-        lambda: model.set_value(people[3], NAME, "p4"),
-        lambda: model.set_value(people[3], AGE, 4),
-        lambda: model.set_value(people[5], NAME, None),
-        lambda: model.set_value(people[5], AGE, None),
-        lambda: model.retype(people[6], "Flat", lossy=True),
-        lambda: model.set_value(people[3], NAME, "p3"),
-        lambda: model.delete(people[4], "spo"),
+        lambda: model.graph.set_value(people[3], NAME, "p4"),
+        lambda: model.graph.set_value(people[3], AGE, 4),
+        lambda: model.graph.set_value(people[5], NAME, None),
+        lambda: model.graph.set_value(people[5], AGE, None),
+        lambda: model.graph.retype(people[6], "Flat", lossy=True),
+        lambda: model.graph.set_value(people[3], NAME, "p3"),
+        lambda: model.graph.delete(people[4], "spo"),
     )
     for number, change in enumerate(changes):
         change()
         if size < 100 or number in (1, 6):  # the naive matcher takes its time
             assert sorted(views.rows(name, free)) == naive.rows(name, free), number  # type: ignore[type-var]
     views.check_integrity()
-    model.rollback(savepoint)
+    model.graph.history.rollback(savepoint)
     assert list(views.rows(name, free)) == before
 
 
@@ -130,8 +130,8 @@ def test_values_that_are_not_looked_for_have_no_view(name: str) -> None:
 
 def test_values_that_tell_few_apart_have_no_view() -> None:
     model = town(150)
-    for number, person in enumerate(model.extent("Person")):
-        model.set_value(person, NAME, f"p{number % 3}")
+    for number, person in enumerate(model.graph.extent("Person")):
+        model.graph.set_value(person, NAME, f"p{number % 3}")
     views = ViewMatcher(model, queries("same"))
     views.watch("same")
     assert value_views(views) == []

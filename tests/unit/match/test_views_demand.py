@@ -23,14 +23,15 @@ def grid() -> Model:
     model = Model(METAMODEL)
     following = METAMODEL.references[0]
     cells = [
-        [model.new("Cell" if row or column else "Start") for column in range(SIDE)] for row in range(SIDE)
+        [model.graph.new("Cell" if row or column else "Start") for column in range(SIDE)]
+        for row in range(SIDE)
     ]
     for row in range(SIDE):
         for column in range(SIDE):
             for below, right in ((row + 1, column), (row, column + 1)):
                 if below < SIDE and right < SIDE:
-                    model.link(cells[row][column], following, cells[below][right])
-                    model.link(cells[below][right], following, cells[row][column])
+                    model.graph.link(cells[row][column], following, cells[below][right])
+                    model.graph.link(cells[below][right], following, cells[row][column])
     return model
 
 
@@ -61,13 +62,13 @@ def test_numbers_of_what_is_reached_follow_the_links(query: str, before: object,
     matcher = ViewMatcher(model, library())
     matcher.watch(query)
     assert matcher.rows(query, (FREE, FREE)) == before
-    savepoint = model.savepoint()
-    for target in list(model.targets(0, METAMODEL.references[0])):
-        model.unlink(0, METAMODEL.references[0], target)
+    savepoint = model.graph.history.savepoint()
+    for target in list(model.graph.targets(0, METAMODEL.references[0])):
+        model.graph.unlink(0, METAMODEL.references[0], target)
     assert matcher.rows(query, (FREE, FREE)) == after
     assert CompiledMatcher(model, matcher.library).rows(query, (FREE, FREE)) == after
     matcher.check_integrity()
-    model.rollback(savepoint)
+    model.graph.history.rollback(savepoint)
     assert matcher.rows(query, (FREE, FREE)) == before
 
 

@@ -55,7 +55,7 @@ class Crowd:
         self.model = Model(METAMODEL)
         self.library = Library(METAMODEL)
         self.library.add(*PATTERNS)
-        self.people = [self.model.new("Person") for _ in range(4)]
+        self.people = [self.model.graph.new("Person") for _ in range(4)]
         self.knows = self.model.metamodel.feature("Person", "knows")
         self.views = watched(self.model, self.library)
         self.link(0, 1)
@@ -63,11 +63,11 @@ class Crowd:
 
     def link(self, source: int, target: int) -> None:
         """Two people meet."""
-        self.model.link(self.people[source], self.knows, self.people[target])  # type: ignore[arg-type]
+        self.model.graph.link(self.people[source], self.knows, self.people[target])  # type: ignore[arg-type]
 
     def unlink(self, source: int, target: int) -> None:
         """Two people part."""
-        self.model.unlink(self.people[source], self.knows, self.people[target])  # type: ignore[arg-type]
+        self.model.graph.unlink(self.people[source], self.knows, self.people[target])  # type: ignore[arg-type]
 
     def meet(self) -> None:
         """Several meet and part at once."""
@@ -131,10 +131,10 @@ def explode(crowd: Crowd, fuse: tuple[str, int], *changes: Callable[[], object])
 def test_a_rollback_repairs_views_that_were_interrupted(fuse: tuple[str, int]) -> None:
     crowd = Crowd()
     before = crowd.order()
-    savepoint = crowd.model.savepoint()
+    savepoint = crowd.model.graph.history.savepoint()
     explode(crowd, fuse, crowd.meet, crowd.order)
     crowd.assert_right()
-    crowd.model.rollback(savepoint)
+    crowd.model.graph.history.rollback(savepoint)
     assert crowd.order() == before
     crowd.views.check_integrity()
     crowd.meet()
@@ -156,12 +156,12 @@ def test_the_fuses_burn() -> None:
 def test_a_savepoint_that_is_interrupted_is_not_open(fuse: tuple[str, int]) -> None:
     crowd = Crowd()
     before = crowd.order()
-    outer = crowd.model.savepoint()
-    exploded = explode(crowd, fuse, crowd.meet, crowd.model.savepoint)
+    outer = crowd.model.graph.history.savepoint()
+    exploded = explode(crowd, fuse, crowd.meet, crowd.model.graph.history.savepoint)
     if not exploded:
         return
     crowd.assert_right()
-    crowd.model.rollback(outer)
+    crowd.model.graph.history.rollback(outer)
     assert crowd.order() == before
     crowd.views.check_integrity()
 
@@ -170,16 +170,16 @@ def test_a_savepoint_that_is_interrupted_is_not_open(fuse: tuple[str, int]) -> N
 def test_a_rollback_of_later_changes_alone_repairs_nothing(fuse: tuple[str, int]) -> None:
     crowd = Crowd()
     before = crowd.order()
-    outer = crowd.model.savepoint()
-    inner = crowd.model.savepoint()
+    outer = crowd.model.graph.history.savepoint()
+    inner = crowd.model.graph.history.savepoint()
     explode(crowd, fuse, crowd.meet, crowd.order)
-    crowd.model.release(inner)
-    later = crowd.model.savepoint()
+    crowd.model.graph.history.release(inner)
+    later = crowd.model.graph.history.savepoint()
     crowd.link(3, 1)
     crowd.assert_right()
-    crowd.model.rollback(later)
+    crowd.model.graph.history.rollback(later)
     crowd.assert_right()
-    crowd.model.rollback(outer)
+    crowd.model.graph.history.rollback(outer)
     assert crowd.order() == before
     crowd.views.check_integrity()
 
@@ -253,7 +253,7 @@ def test_an_exception_in_a_listener_leaves_the_views_right() -> None:
     crowd.views.listen("two", refuse)
     with pytest.raises(Refused), crowd.model.transaction():
         crowd.meet()
-    assert crowd.model.depth == 0
+    assert crowd.model.graph.history.depth == 0
     crowd.assert_right()
     crowd.views.check_integrity()
     crowd.unlink(3, 3)
@@ -294,7 +294,7 @@ def test_a_listener_that_changes_the_model_is_told_of_that_in_turn() -> None:
     def answer(appeared: list[Row], disappeared: list[Row]) -> None:
         heard.extend(appeared)
         for first, second in appeared:
-            crowd.model.link(second, crowd.knows, first)  # type: ignore[arg-type]
+            crowd.model.graph.link(second, crowd.knows, first)  # type: ignore[arg-type]
 
     crowd.views.listen("knows", answer)
     crowd.link(2, 3)
@@ -333,9 +333,9 @@ def test_rollbacks_leave_nothing_to_tell_behind() -> None:
     crowd.views.listen("knows", lambda *change: told.append(change))
     crowd.views.listeners.deliver()
     for _ in range(1_000):
-        savepoint = crowd.model.savepoint()
+        savepoint = crowd.model.graph.history.savepoint()
         crowd.meet()
-        crowd.model.rollback(savepoint)
+        crowd.model.graph.history.rollback(savepoint)
     assert len(rows_of(crowd.views, "knows").log) < 1_000
     crowd.views.listeners.deliver()
     assert told == []

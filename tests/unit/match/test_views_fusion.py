@@ -62,21 +62,21 @@ def test_functions_that_are_one_find_what_each_would_find() -> None:
     library = Library(POSTS)
     library.add(CHAIN, LAST)
     model = Model(POSTS)
-    posts = [model.new("Post") for _ in range(4)]
-    model.set_value(posts[0], LIT, True)
+    posts = [model.graph.new("Post") for _ in range(4)]
+    model.graph.set_value(posts[0], LIT, True)
     views = watched(model, library)
     for source, target in pairwise(posts):
-        model.link(source, NEXT, target)
+        model.graph.link(source, NEXT, target)
         views.check_integrity()
-    model.link(posts[3], NEXT, posts[3])  # one link at several places of a body
+    model.graph.link(posts[3], NEXT, posts[3])  # one link at several places of a body
     views.check_integrity()
     assert views.count("chain", (FREE,) * 4) == 1
     assert views.count("last", (FREE,) * 3) == 4
-    model.link(posts[0], NEXT, posts[0])
+    model.graph.link(posts[0], NEXT, posts[0])
     views.check_integrity()
     for source in reversed(posts):
-        for target in list(model.targets(source, NEXT)):
-            model.unlink(source, NEXT, target)
+        for target in list(model.graph.targets(source, NEXT)):
+            model.graph.unlink(source, NEXT, target)
             views.check_integrity()
     assert views.count("chain", (FREE,) * 4) == views.count("last", (FREE,) * 3) == 0
 
@@ -99,20 +99,20 @@ def test_what_a_view_loses_at_one_place_may_have_come_at_another_in_a_later_pass
         )
     )
     model = Model(posts)
-    first, second, third, *others = (model.new("Post") for _ in range(12))
+    first, second, third, *others = (model.graph.new("Post") for _ in range(12))
     for target in (third, second):
-        model.link(first, lamp, target)
+        model.graph.link(first, lamp, target)
     for other in (first, *others):
-        model.link(first, wire, other)
-        model.link(other, wire, first)
+        model.graph.link(first, wire, other)
+        model.graph.link(other, wire, first)
     views = watched(model, library)
     # With x and y the same post, a new mark adds each row at the first place, and takes it away at the second.
-    model.link(first, mark, second)
+    model.graph.link(first, mark, second)
     views.check_integrity()
-    model.link(others[0], lamp, third)
+    model.graph.link(others[0], lamp, third)
     views.check_integrity()
     assert views.count("differ", (FREE,) * 4) == 2
-    model.unlink(first, mark, second)
+    model.graph.unlink(first, mark, second)
     views.check_integrity()
     assert views.count("differ", (FREE,) * 4) == 0
 
@@ -121,16 +121,16 @@ def test_explain_tells_what_a_function_does_for_the_tuples_that_there_are() -> N
     library = Library(POSTS)
     library.add(LAST, pattern("far(a : Post, b : Post)", [path("Post.next", "a", "b")], FAR))
     model = Model(POSTS)
-    hub, *leaves = (model.new("Post") for _ in range(5))
+    hub, *leaves = (model.graph.new("Post") for _ in range(5))
     views = watched(model, library)
     assert "actually" not in views.explain("last")  # there is no link yet
     for leaf in leaves:
-        model.link(leaf, NEXT, hub)
+        model.graph.link(leaf, NEXT, hub)
     text = views.explain("last")
     assert "when Post.next(a, b) comes" in text
     assert text.count("actually 0)") == 2
-    model.link(hub, NEXT, leaves[0])
-    model.link(hub, NEXT, leaves[1])
+    model.graph.link(hub, NEXT, leaves[0])
+    model.graph.link(hub, NEXT, leaves[1])
     # Of six links four lead to the hub, from which there are two; two lead to leaves, from which there is one each.
     text = views.explain("last")
     assert text.count("actually 1.67)") == 2
@@ -210,13 +210,13 @@ def test_what_has_two_halves_is_no_nest() -> None:
     )
     library.add(counted, LAST)
     model = Model(POSTS)
-    posts = [model.new("Post") for _ in range(4)]
+    posts = [model.graph.new("Post") for _ in range(4)]
     views = watched(model, library)
     for source in posts:
         for target in posts:
-            model.link(source, NEXT, target)
+            model.graph.link(source, NEXT, target)
             views.check_integrity()
     for source in posts:
-        model.unlink(source, NEXT, posts[1])
+        model.graph.unlink(source, NEXT, posts[1])
         views.check_integrity()
     assert views.count("busy", (FREE,) * 3) == 12

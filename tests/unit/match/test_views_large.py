@@ -22,10 +22,10 @@ def test_a_chain_of_constraints_is_kept_current(length: int, kind: type) -> None
     chain = [path("Cell.next", f"x{number}", f"x{number + 1}") for number in range(length)]
     library.add(pattern(f"far(x0 : Cell, x{length} : Cell)", chain))
     model = Model(METAMODEL)
-    cells = [model.new("Cell") for _ in range(length + 2)]
+    cells = [model.graph.new("Cell") for _ in range(length + 2)]
     following = METAMODEL.references[0]
     for one, other in pairwise(cells):
-        model.link(one, following, other)
+        model.graph.link(one, following, other)
     matcher = ViewMatcher(model, library)
     matcher.watch("far")
     assert type(matcher.kept.network.operators["far"]) is kind
@@ -33,11 +33,11 @@ def test_a_chain_of_constraints_is_kept_current(length: int, kind: type) -> None
         (cells[0], cells[length]),
         (cells[1], cells[length + 1]),
     }
-    model.unlink(cells[length], following, cells[length + 1])
+    model.graph.unlink(cells[length], following, cells[length + 1])
     assert matcher.rows("far", (FREE, FREE)) == [(cells[0], cells[length])]
-    model.unlink(cells[3], following, cells[4])
+    model.graph.unlink(cells[3], following, cells[4])
     assert matcher.count("far", (FREE, FREE)) == 0
-    model.link(cells[3], following, cells[4])
+    model.graph.link(cells[3], following, cells[4])
     assert matcher.rows("far", (FREE, FREE)) == CompiledMatcher(model, library).rows("far", (FREE, FREE))
     matcher.check_integrity()
 
@@ -50,8 +50,8 @@ def test_large_patterns_are_explained_with_actual_rows(shape: str) -> None:
         pattern("large(x0 : Cell, x1 : Cell)", [path("Cell.next", one, other) for one, other in ends])
     )
     model = Model(METAMODEL)
-    cells = [model.new("Cell") for _ in range(3)]
-    model.link(cells[0], METAMODEL.references[0], cells[1])
+    cells = [model.graph.new("Cell") for _ in range(3)]
+    model.graph.link(cells[0], METAMODEL.references[0], cells[1])
     matcher = CompiledMatcher(model, library)
     assert "actually" in matcher.explain("large")
     why = matcher.why_not("large", {})
@@ -77,15 +77,15 @@ def test_rows_of_several_derivations_go_with_the_last_however_dear_their_search_
         )
     )
     model = Model(metamodel)
-    cells = [model.new("Cell") for _ in range(16)]
+    cells = [model.graph.new("Cell") for _ in range(16)]
     for one in cells:
-        model.set_value(one, marked, True)
+        model.graph.set_value(one, marked, True)
         for other in cells:
-            model.link(one, following, other)
+            model.graph.link(one, following, other)
     views, searched = ViewMatcher(model, library), CompiledMatcher(model, library)
     views.watch("two")
     for value in (None, False, True):
-        model.set_value(cells[0], marked, value)
+        model.graph.set_value(cells[0], marked, value)
         found = views.rows("two", (FREE, FREE, FREE))
         assert len(found) == 16 * (15 + (value is not None))
         assert sorted(found) == sorted(searched.rows("two", (FREE, FREE, FREE)))  # type: ignore[type-var]

@@ -47,11 +47,11 @@ def watching(number: int) -> ViewMatcher:
     model, dice = Model(METAMODEL), Random(3)
     assert isinstance(KNOWS, Reference)
     with model.loading():
-        people = [model.new("Person") for _ in range(number)]
+        people = [model.graph.new("Person") for _ in range(number)]
         for one in people:
             for other in dice.sample(people, 2):
                 if other > one and other < one + 20:
-                    model.link(one, KNOWS, other)
+                    model.graph.link(one, KNOWS, other)
     views = ViewMatcher(model, library())
     views.watch(*WATCHED)
     return views
@@ -60,12 +60,12 @@ def watching(number: int) -> ViewMatcher:
 def change(model: Model, dice: Random) -> None:
     """Add or take away a link."""
     assert isinstance(KNOWS, Reference)
-    people = list(model.extent("Person"))
+    people = list(model.graph.extent("Person"))
     one, other = dice.choice(people), dice.choice(people)
-    if other in model.targets(one, KNOWS):
-        model.unlink(one, KNOWS, other)
+    if other in model.graph.targets(one, KNOWS):
+        model.graph.unlink(one, KNOWS, other)
     else:
-        model.link(one, KNOWS, other)
+        model.graph.link(one, KNOWS, other)
 
 
 def size(views: ViewMatcher, name: str) -> int:
@@ -108,7 +108,7 @@ def test_answers_are_those_of_the_naive_matcher_and_their_order_belongs_to_the_v
     monkeypatch.setattr(_agreeing, "READ", read)
     views, dice = watching(12), Random(5)
     naive = NaiveMatcher(views.model, views.library)
-    start = views.model.savepoint()
+    start = views.model.graph.history.savepoint()
     asked = questions(views)
     before = [list(views.rows(*question)) for question in asked]
     for _ in range(2):
@@ -121,7 +121,7 @@ def test_answers_are_those_of_the_naive_matcher_and_their_order_belongs_to_the_v
             assert views.first(name, arguments) == (rows[0] if rows else None)
             assert views.count(name, arguments) == len(expected)
             assert views.exists(name, arguments) is bool(expected)
-    views.model.rollback(start)
+    views.model.graph.history.rollback(start)
     again = dict(zip(asked, before, strict=True))
     for question in [*asked[::-3], *asked]:
         assert list(views.rows(*question)) == again[question]
@@ -179,11 +179,11 @@ def test_an_index_follows_changes_rollbacks_and_checkouts() -> None:
 
     versions = [model.commit()]
     for _ in range(4):
-        savepoint = model.savepoint()
+        savepoint = model.graph.history.savepoint()
         for _ in range(6):
             change(model, dice)
         compare()
-        model.rollback(savepoint)
+        model.graph.history.rollback(savepoint)
         compare()
         for _ in range(30):
             change(model, dice)
@@ -221,7 +221,7 @@ def test_questions_that_look_through_a_class_are_answered_by_the_view_whatever_i
         ),
         pattern("knows(a : Person, b : Person)", [path("Person.knows", "a", "b")]),
     )
-    people = [model.new("Person") for _ in range(8)]
+    people = [model.graph.new("Person") for _ in range(8)]
     views = ViewMatcher(model, queries)
     views.watch("peers", "knows")
     assert views.demand.cost("peers", (0,)) == float("inf") and views.demand.cost("knows", (0,)) == 10

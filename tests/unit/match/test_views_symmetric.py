@@ -67,13 +67,13 @@ def test_a_symmetric_link_comes_and_goes_in_both_directions_at_once(alone: Patte
         random = Random(seed)
         model, library = Model(PLACES), Library(PLACES)
         library.add(*dict.fromkeys((PATTERNS[0], alone)))
-        places = [model.new("Place") for _ in range(3)]
+        places = [model.graph.new("Place") for _ in range(3)]
         views, naive = watched(model, library), NaiveMatcher(model, library)
         free = (FREE,) * len(alone.parameters)
         for _ in range(40):
             one, other = random.choice(places), random.choice(places)
-            if not model.unlink(one, BESIDE, other):
-                model.link(one, BESIDE, other)
+            if not model.graph.unlink(one, BESIDE, other):
+                model.graph.link(one, BESIDE, other)
             if random.random() < 0.7:
                 assert sorted(views.rows(alone.name, free)) == naive.rows(alone.name, free)
                 views.check_integrity()

@@ -33,9 +33,9 @@ def library() -> Library:
 def chain(model: Model, length: int) -> list[int]:
     """People each of whom knows the next."""
     knows = model.metamodel.feature("Person", "knows")
-    people = [model.new("Person") for _ in range(length)]
+    people = [model.graph.new("Person") for _ in range(length)]
     for one, other in pairwise(people):
-        model.link(one, knows, other)  # type: ignore[arg-type]
+        model.graph.link(one, knows, other)  # type: ignore[arg-type]
     return people
 
 
@@ -74,12 +74,12 @@ def test_a_model_is_not_planned_for_anew_while_there_is_a_state_to_go_back_to(
     model = Model(METAMODEL)
     views = watched(model, library())
     chain(model, 3)
-    savepoint = model.savepoint()
+    savepoint = model.graph.history.savepoint()
     before, network = list(views.rows("two", FREE2)), views.kept.network
     chain(model, 30)
     assert views.count("two", FREE2) == 29
     assert views.kept.network is network
-    model.rollback(savepoint)
+    model.graph.history.rollback(savepoint)
     assert views.rows("two", FREE2) == before
     version = model.commit()
     chain(model, 30)
@@ -99,9 +99,9 @@ def test_a_model_that_has_grown_is_planned_for_before_a_savepoint_and_not_after_
     chain(model, 30)
     model.node(0).knows.clear()
     model.node(0).knows.append(model.node(1))  # last in the order of the links, first in that of the objects
-    savepoint, network = model.savepoint(), views.kept.network
+    savepoint, network = model.graph.history.savepoint(), views.kept.network
     before = list(views.rows("two", FREE2))
-    model.rollback(savepoint)
+    model.graph.history.rollback(savepoint)
     assert views.rows("two", FREE2) == before
     assert views.kept.network is network
     views.check_integrity()
@@ -129,12 +129,12 @@ def test_an_unwatched_pattern_is_searched_for_even_after_a_rollback() -> None:
     model = Model(METAMODEL)
     views = watched(model, library())
     chain(model, 4)
-    savepoint = model.savepoint()
+    savepoint = model.graph.history.savepoint()
     chain(model, 4)
     views.unwatch("two")
     chain(model, 4)
     assert views.count("two", FREE2) == 6
-    model.rollback(savepoint)
+    model.graph.history.rollback(savepoint)
     assert views.count("two", FREE2) == 2
     views.unwatch("knows")
     assert views.watched == ()
@@ -250,7 +250,7 @@ def test_partly_bound_counts_of_a_watched_pattern_are_those_of_a_search() -> Non
                     assert views.exists("two", arguments) is (expected > 0)
             nodes[turn].knows.remove(nodes[turn + 1])
     gone = nodes[5].id
-    model.delete(gone, semantics="spo")
+    model.graph.delete(gone, semantics="spo")
     for _ in range(2):
         assert views.count("two", (gone, FREE)) == 0 and not views.exists("two", (FREE, gone))
     with pytest.raises(TypeMismatch):

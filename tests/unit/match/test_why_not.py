@@ -26,7 +26,7 @@ def test_explain_counts_what_each_step_leaves() -> None:
 def test_explain_counts_for_given_values() -> None:
     model = forest()
     matcher = CompiledMatcher(model, library())
-    burning = model.extent("BurningTile")[0]
+    burning = model.graph.extent("BurningTile")[0]
     neighbours = matcher.rows("neighbour", (burning, FREE))
     text = matcher.explain("neighbour", (0,), (burning,))
     counts = [
@@ -86,7 +86,7 @@ def test_the_body_that_comes_furthest_is_first() -> None:
 
 def test_a_match_is_shown_instead() -> None:
     model = forest()
-    start = model.extent("StartTile")[0]
+    start = model.graph.extent("StartTile")[0]
     why = CompiledMatcher(model, library()).why_not("startTileFixedLocation", {1: start})
     assert why.match is not None
     assert why.match["tile"] == start
@@ -101,7 +101,7 @@ def test_why_not_says_there_is_no_match_exactly_if_there_is_none(name: str) -> N
     found = naive.first(name, (FREE,) * size)
     assert (matcher.why_not(name, {}).match is None) == (found is None)
     # Objects that are of the wrong kinds for almost every place.
-    for node in list(model.extent("Agent"))[:1] + list(model.extent("BurningTile"))[:1]:
+    for node in list(model.graph.extent("Agent"))[:1] + list(model.graph.extent("BurningTile"))[:1]:
         why = matcher.why_not(name, {0: node})
         assert (why.match is None) == (not naive.exists(name, (node, *(FREE,) * (size - 1))))
         if why.match is None:

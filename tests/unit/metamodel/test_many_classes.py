@@ -68,15 +68,17 @@ def test_objects_of_classes_of_a_lattice_are_made_linked_and_deleted(count: int)
         for one in metamodel.references
         if metamodel.concrete(one.owner) and metamodel.concrete(one.target)
     )
-    source, target = model.extent(reference.owner)[0], model.extent(reference.target)[-1]
-    model.link(source, reference, target)
-    assert list(model.targets(source, reference)) == [target]
+    source, target = model.graph.extent(reference.owner)[0], model.graph.extent(reference.target)[-1]
+    model.graph.link(source, reference, target)
+    assert list(model.graph.targets(source, reference)) == [target]
     model.check_integrity()
-    model.delete(source, semantics="spo")
-    assert not model.alive(source)
+    model.graph.delete(source, semantics="spo")
+    assert not model.graph.alive(source)
     del made[source]
     for name in metamodel.classes:
-        assert sorted(model.extent(name)) == [node for node, cls in made.items() if metamodel.is_a(cls, name)]
+        assert sorted(model.graph.extent(name)) == [
+            node for node, cls in made.items() if metamodel.is_a(cls, name)
+        ]
     model.check_integrity()
 
 
@@ -96,6 +98,6 @@ def test_a_chain_of_thousands_of_superclasses_is_soon_ready(kind: str) -> None:
     model = Model(Metamodel("m", classes))
     first, last = model.create("C0").id, model.create(f"C{count - 1}").id
     assert check_conformance(model) == []
-    assert list(model.extent("C0")) == [first, last]
-    assert list(model.extent(f"C{count - 1}")) == [last]
+    assert list(model.graph.extent("C0")) == [first, last]
+    assert list(model.graph.extent(f"C{count - 1}")) == [last]
     assert process_time() - started < 10, "it takes a fraction of a second; the square of it took minutes"

@@ -106,15 +106,15 @@ def snapshot(model: Model) -> tuple[object, ...]:
     for cls in metamodel.class_list:
         if cls.abstract:
             continue
-        for node in model.exact_extent(cls.name):
+        for node in model.graph.exact_extent(cls.name):
             values = [
-                model.value(node, feature)
+                model.graph.value(node, feature)
                 for feature in metamodel.attributes
                 if metamodel.is_a(cls.name, feature.owner)
             ]
             ends = [
-                (tuple(model.targets(node, reference)), tuple(model.sources(node, reference)))
+                (tuple(model.graph.targets(node, reference)), tuple(model.graph.sources(node, reference)))
                 for reference in metamodel.references
             ]
-            rows.append((cls.name, node, tuple(values), tuple(ends), model.object_name(node)))
+            rows.append((cls.name, node, tuple(values), tuple(ends), model.graph.object_name(node)))
     return (*rows, model.state_hash())

@@ -39,11 +39,11 @@ def test_a_refused_match_is_skipped_and_another_one_drawn_equally_likely() -> No
     made = half()
     seen: Counter[object] = Counter()
     for _ in range(400):
-        savepoint = made.model.savepoint()
+        savepoint = made.model.graph.history.savepoint()
         done = made.apply("cut")
         assert done is not None
         seen[done.match.row] += 1
-        made.model.rollback(savepoint)
+        made.model.graph.history.rollback(savepoint)
     assert set(seen) == {(2,), (3,)} and 150 < seen[2,] < 250
 
 

@@ -150,6 +150,6 @@ def test_rows_of_a_choice_can_be_fired() -> None:
     for _ in range(50):
         chosen = made.choose(("d",))
         assert chosen is not None
-        before = made.model.class_of(int(chosen[1][0]))
+        before = made.model.graph.class_of(int(chosen[1][0]))
         assert made.fire(*chosen) == (chosen,)
-        assert made.model.class_of(int(chosen[1][0])) != before
+        assert made.model.graph.class_of(int(chosen[1][0])) != before

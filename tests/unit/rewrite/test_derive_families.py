@@ -150,7 +150,7 @@ def arrange(model: Model, links: Links) -> None:
     feature = model.metamodel.feature("A", "e")
     assert isinstance(feature, Reference)
     for a, b in sorted(links):
-        model.link(a, feature, b)
+        model.graph.link(a, feature, b)
 
 
 @pytest.mark.parametrize("inner", BOUNDS, ids=text_of)
@@ -170,7 +170,7 @@ def test_operators_on_a_reference_are_those_of_the_scheme(outer: Bounds, inner: 
         scheme = Scheme(frozenset(chosen), outer, inner)
         if not scheme.valid:
             continue
-        savepoint = made.model.savepoint()
+        savepoint = made.model.graph.history.savepoint()
         arrange(made.model, scheme.links)
         for name in sorted(there & set(EXPECTED)):
             matches = made.matches(f"d.{name}")
@@ -182,11 +182,11 @@ def test_operators_on_a_reference_are_those_of_the_scheme(outer: Bounds, inner: 
             assert sorted(rows) == sorted(EXPECTED[name](scheme)), (name, chosen)
         for name in made.rules:
             for match in made.matches(name)[:2]:
-                before = made.model.savepoint()
+                before = made.model.graph.history.savepoint()
                 made.apply(name, match)
                 assert check_conformance(made.model) == [], (name, match)
-                made.model.rollback(before)
-        made.model.rollback(savepoint)
+                made.model.graph.history.rollback(before)
+        made.model.graph.history.rollback(savepoint)
 
 
 def only_match(made: Engine, name: str) -> dict[str, int]:

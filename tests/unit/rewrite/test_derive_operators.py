@@ -206,7 +206,7 @@ def test_a_class_may_be_called_like_a_variable_of_the_operators(name: str) -> No
     whole, other = made.model.create(name, bolts=bolts), made.model.create(name)
     made.model.create("Dog", toys=bolts)
     assert [match.row for match in made.matches(f"d.delete.{name}")] == [(other.id,)]
-    made.model.delete(other.id)
+    made.model.graph.delete(other.id)
     assert whole.bolts and not made.exists(f"d.delete.{name}")
 
 
@@ -232,7 +232,7 @@ def test_new_keys_are_above_those_in_use() -> None:
     assert created(made, "R", 3) == ["R1", "R2", "R3"]
     assert created(made, "S", 3) == [4, 5, 6]
     for cls in ("R", "S"):
-        made.model.delete(made.model.nodes(cls)[0].id)
+        made.model.graph.delete(made.model.nodes(cls)[0].id)
     assert sorted(map(str, created(made, "R", 9))) == sorted(f"R{n}" for n in range(2, 13))
     assert sorted(map(int, map(str, created(made, "S", 2)))) == [5, 6, 7, 8]
     made.model.create("S", x=2**63 - 1)

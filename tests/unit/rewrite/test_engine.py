@@ -179,7 +179,7 @@ def test_matches_are_equal_by_model_definition_and_values() -> None:
 def test_a_match_outlives_its_objects() -> None:
     made = engine("", NEXT, model=chain(2))
     (match,) = made.matches("following")
-    made.model.delete(0, "spo")
+    made.model.graph.delete(0, "spo")
     assert match.row == (0, 1, 0)
     assert "deleted #0" in repr(match)
 
@@ -218,7 +218,7 @@ def test_a_group_is_applied_by_drawing_a_rule() -> None:
     assert match is not None and made.apply("d", match) is not None
     with pytest.raises(InvalidArgument, match="no match of a rule of `d`"):
         made.apply("d", engine("rule r { lhs { a : Item; } }", model=made.model).first("r"))
-    made.model.delete(0)
+    made.model.graph.delete(0)
     assert made.apply("d") is None
     with pytest.raises(InvalidArgument, match="no arguments in common"):
         made.apply("d", object=0)
@@ -366,12 +366,12 @@ def test_transactions_can_be_entered_by_an_exit_stack(recording: bool) -> None:
             stack.enter_context(made.transaction())
             made.apply("up")
         kept = made.model.state_hash()
-        assert kept != before and not made.model.in_transaction
+        assert kept != before and not made.model.graph.history.depth
         with pytest.raises(KeyError), ExitStack() as stack:
             stack.enter_context(made.transaction())
             made.apply("up")
             raise KeyError
-        assert made.model.state_hash() == kept and not made.model.in_transaction
+        assert made.model.state_hash() == kept and not made.model.graph.history.depth
 
 
 def test_transactions_nest_and_an_exception_takes_back() -> None:

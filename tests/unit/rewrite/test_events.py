@@ -157,7 +157,7 @@ def test_an_update_replaces_a_match_by_one_with_the_same_objects() -> None:
         made.model.node(1).n = 7
         made.model.node(1).n = 8
         made.model.create("Item", n=9)
-        made.model.delete(0, "spo")
+        made.model.graph.delete(0, "spo")
     assert log.take() == ["- 0 0", "1: 1 -> 8", "+ 2 9"]
 
 
@@ -252,7 +252,7 @@ def test_rules_groups_and_units_can_be_jobs() -> None:
     assert len(made.model) == 5
     made.model.node(1).done = False
     made.settle()
-    assert made.model.class_of(0) == "Special" or made.count("d.Item.Special") == 4
+    assert made.model.graph.class_of(0) == "Special" or made.count("d.Item.Special") == 4
 
 
 def test_variables_of_a_rule_are_bound_by_name() -> None:
@@ -601,7 +601,7 @@ def test_a_cancelled_rule_fires_no_more() -> None:
     other.cancel()
     made.model.node(2).done = True
     made.settle()
-    assert log == [] and made.model.store.followers[:] == [made.matcher.kept]
+    assert log == [] and made.model.graph.store.followers[:] == [made.matcher.kept]
 
 
 def test_a_block_cancels_at_its_end() -> None:

@@ -231,12 +231,12 @@ def test_the_dock_changes_places_with_an_aisle_without_a_parcel() -> None:
 def test_applying_and_rolling_back_restores_everything(name: str, model: str) -> None:
     made = domain(name, model)
     before = snapshot(made.model)
-    savepoint = made.model.savepoint()
+    savepoint = made.model.graph.history.savepoint()
     for rule in made.rules:
         try:
             made.apply(rule)
         except RuleError as error:
             assert error.reason == "dangling"
     made.model.check_integrity()
-    made.model.rollback(savepoint)
+    made.model.graph.history.rollback(savepoint)
     assert snapshot(made.model) == before

@@ -46,11 +46,11 @@ def made(size: int = 3) -> Engine:
 
 def unchanged(one: Engine) -> Callable[[], None]:
     """Asserts, when called, that the engine is as it is now."""
-    before, version, depth = snapshot(one.model), one.model.version, one.model.depth
+    before, version, depth = snapshot(one.model), one.model.version, one.model.graph.history.depth
 
     def check() -> None:
         assert snapshot(one.model) == before
-        assert one.model.version is version and one.model.depth == depth
+        assert one.model.version is version and one.model.graph.history.depth == depth
         one.check_integrity()
 
     return check

@@ -44,7 +44,7 @@ def test_updates_are_told_apart_from_what_comes_and_goes() -> None:
     made.listen("number", told.changed, updated=told.updated)
     with made.transaction():
         made.apply("add", x=0, k=5)
-        made.model.delete(made.model.node(2).id, semantics="spo")
+        made.model.graph.delete(made.model.node(2).id, semantics="spo")
         made.model.create("Item", n=7)
     assert told.take() == [[((0, 0), (0, 5))], ([(3, 7)], [(2, 2)])]
     made.apply("add", x=1, k=1)

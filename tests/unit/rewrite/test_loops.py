@@ -73,8 +73,8 @@ def assert_left(one: Engine) -> None:
     """Nothing is watched, and nothing hears of changes."""
     matcher = views(one)
     assert one.watched == () and not matcher.kept.views and matcher.loops.depth == 0
-    assert matcher.kept not in one.model.store.followers
-    assert all(relation.added is None for relation in one.model.store.relations)
+    assert matcher.kept not in one.model.graph.store.followers
+    assert all(relation.added is None for relation in one.model.graph.store.relations)
     one.check_integrity()
 
 

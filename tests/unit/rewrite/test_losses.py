@@ -31,11 +31,11 @@ def engine() -> envgraph.Engine:
 def test_actions_that_may_take_an_object_away(
     engine: envgraph.Engine, name: str, cls: str | None, known: dict[str, bool], deeds: list[str]
 ) -> None:
-    found = engine.losses(name, cls, known)
+    found = engine.catalog.losses(name, cls, known)
     assert [loss.deed for loss in found] == deeds
     assert all(loss.rule == "coins.lose" and loss.span and loss.span.text == "coin" for loss in found)
 
 
 def test_an_unknown_name_is_an_error(engine: envgraph.Engine) -> None:
     with pytest.raises(InvalidArgument, match="looose"):
-        engine.losses("looose", None, {})
+        engine.catalog.losses("looose", None, {})

@@ -383,9 +383,9 @@ def test_a_link_to_itself_that_is_not_matched_is_left_dangling(reference: str) -
         made.apply("cut")
     assert (caught.value.reason, len(caught.value.details)) == ("dangling", 1)
     for rule in ("loop", "lossy"):
-        savepoint = made.model.savepoint()
-        assert made.apply(rule) is not None and not made.model.alive(one.id)
-        made.model.rollback(savepoint)
+        savepoint = made.model.graph.history.savepoint()
+        assert made.apply(rule) is not None and not made.model.graph.alive(one.id)
+        made.model.graph.history.rollback(savepoint)
     made.model.create("Item", kids=[one])
     assert made.apply("whole", a=1) is not None and len(made.model) == 0  # its parts go with their loops
 
@@ -579,7 +579,7 @@ def test_a_match_that_is_none_any_more_is_refused() -> None:
         made.apply("r", first)
     assert caught.value.reason == "stale-match"
     model.node(1).next = None
-    model.delete(2)
+    model.graph.delete(2)
     with pytest.raises(RuleError) as caught:
         made.apply("r", second)
     assert caught.value.reason == "stale-match"
@@ -762,12 +762,12 @@ def test_interrupted_applications_leave_no_savepoint(monkeypatch: pytest.MonkeyP
     def interrupted(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(type(model), "link", interrupted)
+    monkeypatch.setattr(type(model.graph), "link", interrupted)
     made = engine("rule r(a : Item) { lhs { } modify { create b : Box; move a to b.content; } }", model=model)
     before = snapshot(model)
     with pytest.raises(KeyboardInterrupt):
         made.apply("r", a=0)
-    assert not model.in_transaction and snapshot(model) == before
+    assert not model.graph.history.depth and snapshot(model) == before
 
 
 def test_links_that_are_made_again_are_reported_once(caplog: pytest.LogCaptureFixture) -> None:

@@ -289,4 +289,4 @@ def test_a_rule_says_why_it_cannot_be_applied_at_its_match() -> None:
     assert made.why_not("drop", a=0).refusal is None
     assert made.why_not("drop", a=2).match is None
     assert "division by zero" in str(made.why_not("halve", a=0))
-    assert made.model.state_hash() == before and not made.model.in_transaction
+    assert made.model.state_hash() == before and not made.model.graph.history.depth

@@ -332,7 +332,7 @@ def test_all_applies_a_rule_at_each_match_of_a_snapshot() -> None:
     made.model.node(2).next = None
     assert made.run("u")
     # 0 -> 1 -> 2 and 3: (0, 1) is refused, because 1 -> 2 would dangle, or (1, 2) comes first.
-    assert model.alive(0) and model.alive(3)
+    assert model.graph.alive(0) and model.graph.alive(3)
 
 
 def test_all_checks_each_match_again() -> None:
@@ -616,7 +616,7 @@ def test_a_run_from_a_deep_stack_is_taken_back() -> None:
         with pytest.raises((EvaluationError, RecursionError)):
             dive(levels)
         assert snapshot(made.model) == before
-        assert not made.model.in_transaction
+        assert not made.model.graph.history.depth
 
 
 def test_calls_that_are_not_written_out_do_the_same() -> None:
@@ -629,7 +629,7 @@ def test_calls_that_are_not_written_out_do_the_same() -> None:
     refused.model.create("Special", n=5, favourite=refused.model.node(0))
     assert refused.run("u")
     # The first item is linked; the next one goes.
-    assert refused.model.alive(0) and len(refused.model) == 2 + 300 - 1
+    assert refused.model.graph.alive(0) and len(refused.model) == 2 + 300 - 1
 
 
 def test_a_long_circle_of_calls_is_told_once() -> None:

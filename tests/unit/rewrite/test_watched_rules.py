@@ -83,7 +83,7 @@ def test_once_of_an_exact_retyping() -> None:
     random = Random(1)
     assert sorted(row for row in (there.once(random) for _ in range(3)) if row) == [(0,), (1,), (2,)]
     assert there.once(random) is None and list(there.live_rows()) == []
-    assert back.once(random) is not None and one.model.extent("Special") != [0, 1, 2]
+    assert back.once(random) is not None and one.model.graph.extent("Special") != [0, 1, 2]
 
 
 def test_a_row_holds_until_it_is_no_match() -> None:
@@ -120,16 +120,16 @@ def test_watched_and_searched_rules_do_the_same(seed: int) -> None:
 def fire(one: Engine, name: str, row: Row, keep: bool) -> None:
     """Apply a rule, which the model may refuse, and perhaps take it back."""
     before = snapshot(one.model)
-    mark = one.model.savepoint()
+    mark = one.model.graph.history.savepoint()
     try:
         one.fire(name, row)
     except RuleError as error:
         assert error.reason in ("full", "containment")
         assert snapshot(one.model) == before
     if keep:
-        one.model.release(mark)
+        one.model.graph.history.release(mark)
     else:
-        one.model.rollback(mark)
+        one.model.graph.history.rollback(mark)
         assert snapshot(one.model) == before
 
 
@@ -151,7 +151,7 @@ class Ear:
 
 def test_the_model_hears_of_links_that_rules_change() -> None:
     one, ear = made(False), Ear()
-    one.model.subscribe(ear)
+    one.model.graph.subscribe(ear)
     one.apply("cut", a=0)
     one.apply("tie", a=0)
     assert ear.facts == ["-LinkFact", "+LinkFact"]

@@ -33,7 +33,7 @@ def only(why: WhyNot) -> Failure:
 
 def test_a_not_block_names_the_object_and_the_link_in_the_way() -> None:
     engine = hall()
-    left, right = (engine.model.find_object(name) or 0 for name in ("left", "right"))
+    left, right = (engine.model.graph.find_object(name) or 0 for name in ("left", "right"))
     engine.model.node(left).at = engine.model.node(5)  # beside the other robot
     why = engine.why_not("drive", robot=left, way="east")
     failure = only(why)
@@ -51,7 +51,7 @@ def test_a_not_block_names_the_object_and_the_link_in_the_way() -> None:
 
 def test_of_several_not_blocks_the_one_that_fails_is_named() -> None:
     engine = hall()
-    left = engine.model.find_object("left") or 0
+    left = engine.model.graph.find_object("left") or 0
     engine.model.node(left).at = engine.model.node(7)
     failure = only(engine.why_not("drive", robot=left, way="east"))
     assert failure.span is not None and failure.span.line == 9
@@ -105,7 +105,7 @@ def test_a_small_pattern_that_is_called_is_told_as_it_is_written() -> None:
 def test_a_require_block_is_told_as_a_block() -> None:
     text = "rule stay { lhs { robot : Robot -at-> here : Cell; } require { here : Shelf; } modify { } }"
     engine = hall_with("stay.rules", f'import "warehouse.metamodel" {text}')
-    why = engine.why_not("stay", robot=engine.model.find_object("left"))
+    why = engine.why_not("stay", robot=engine.model.graph.find_object("left"))
     assert only(why).constraint == "the `require` block"
     assert "the `require` block for here = " in str(why) and "#require" not in str(why)
 
@@ -140,7 +140,7 @@ def units() -> Engine:
 def test_the_step_of_a_unit_that_fails_is_named_and_nothing_changes() -> None:
     engine = units()
     before = engine.model.state_hash()
-    why = engine.why_not("lift_and_ship", robot=engine.model.find_object("left"))
+    why = engine.why_not("lift_and_ship", robot=engine.model.graph.find_object("left"))
     assert (why.match, why.kind) == (None, "unit")
     failure = only(why)
     assert failure.span is not None and failure.span.text.startswith("lift(robot)")
@@ -196,5 +196,5 @@ def test_a_declared_object_is_shown_with_its_class() -> None:
         }
     """
     engine = hall_with("enter.rules", text)
-    failures = engine.why_not("enter", robot=engine.model.find_object("left")).failures
+    failures = engine.why_not("enter", robot=engine.model.graph.find_object("left")).failures
     assert [failure.constraint for failure in failures] == ["there : Shelf"]

@@ -264,7 +264,7 @@ class Lit:
             self.change = self._change
 
     def score(self, members: Sequence[Candidate]) -> float:
-        fires = [len(one.model.extent("BurningTile")) for one in members]
+        fires = [len(one.model.graph.extent("BurningTile")) for one in members]
         return float(sum(abs(a - b) for a, b in pairwise(fires)))
 
     def _change(self, members: Sequence[Candidate], leaving: int, entering: Candidate) -> float:

@@ -35,11 +35,12 @@ def built(metamodel: Metamodel) -> tuple[Engine, dict[str, int]]:
     """Two ways from source to port, one of them over a swamp."""
     model = Model(metamodel)
     nodes = {
-        name: model.new(cls) for name, cls in {"s": "Source", "a": "Field", "b": "Swamp", "p": "Port"}.items()
+        name: model.graph.new(cls)
+        for name, cls in {"s": "Source", "a": "Field", "b": "Swamp", "p": "Port"}.items()
     }
     onward = metamodel.feature("Field", "next")
     for source, target in ("sa", "sb", "ap", "bp"):
-        model.link(nodes[source], onward, nodes[target])
+        model.graph.link(nodes[source], onward, nodes[target])
     return Engine(model), nodes
 
 
@@ -67,19 +68,19 @@ def test_a_goal_needs_no_way_on(places: Metamodel) -> None:
 def test_links_and_classes_that_change_are_seen(places: Metamodel) -> None:
     measure = PathComplexity(places, "Source", "Port", ("next",), "Swamp")
     engine, nodes = built(places)
-    engine.model.retype(nodes["a"], "Swamp")
+    engine.model.graph.retype(nodes["a"], "Swamp")
     assert measure.evaluate(engine) == 1.0
-    engine.model.retype(nodes["b"], "Field")
+    engine.model.graph.retype(nodes["b"], "Field")
     assert measure.evaluate(engine) == 0.5
     onward = places.feature("Field", "next")
-    engine.model.unlink(nodes["a"], onward, nodes["p"])
+    engine.model.graph.unlink(nodes["a"], onward, nodes["p"])
     assert measure.evaluate(engine) == 0.0
-    engine.model.unlink(nodes["b"], onward, nodes["p"])
+    engine.model.graph.unlink(nodes["b"], onward, nodes["p"])
     assert measure.evaluate(engine) == 1.0
 
 
 def test_links_in_a_cycle_are_refused(places: Metamodel) -> None:
     engine, nodes = built(places)
-    engine.model.link(nodes["a"], places.feature("Field", "next"), nodes["s"])
+    engine.model.graph.link(nodes["a"], places.feature("Field", "next"), nodes["s"])
     with pytest.raises(EvaluationError, match="along next form a cycle"):
         PathComplexity(places, "Source", "Port", ("next",), "Swamp").evaluate(engine)

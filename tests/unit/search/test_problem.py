@@ -48,7 +48,7 @@ def test_what_mutations_cannot_violate_is_asked_once(name: str) -> None:
     problem, rng = family.problem(family.engine()), default_rng(5)
     engine, found = problem.engine, []
     for _ in range(60):
-        savepoint = engine.model.savepoint()
+        savepoint = engine.model.graph.history.savepoint()
         for _ in range(3):
             chosen = engine.choose(problem.mutations, rng)
             assert chosen is not None
@@ -57,9 +57,9 @@ def test_what_mutations_cannot_violate_is_asked_once(name: str) -> None:
         found.append(problem.valid())
         assert remains_valid(problem) == found[-1]
         if found[-1]:
-            engine.model.release(savepoint)
+            engine.model.graph.history.release(savepoint)
         else:
-            engine.model.rollback(savepoint)
+            engine.model.graph.history.rollback(savepoint)
     assert len({*found}) == 2
 
 
@@ -69,7 +69,7 @@ def shift(engine: Engine) -> None:
 
 def test_what_no_mutation_changes_is_asked_of_other_changes(domain: Domain) -> None:
     problem = problem_with(domain, [Require("startTileFixedLocation")])
-    problem.engine.model.node(next(iter(problem.engine.model.extent("StartTile")))).x = 1
+    problem.engine.model.node(next(iter(problem.engine.model.graph.extent("StartTile")))).x = 1
     assert (problem.valid(), remains_valid(problem)) == (False, True)
     written = replace(problem, mutations=("collect", "burnDown"))
     assert (written.valid(), remains_valid(written)) == (False, True)
@@ -138,13 +138,13 @@ def test_a_constraint_and_a_measure_search_the_states_of_a_model_once(
     problem = domain.problem(domain.engine())
     plan = problem.measure()["plan"] if problem.valid() else None
     engine = problem.engine
-    savepoint = engine.model.savepoint()
+    savepoint = engine.model.graph.history.savepoint()
     for key in engine.model.nodes("Key"):
         key.delete(semantics="spo")
     assert not problem.valid()
     with pytest.raises(NoValue):
         problem.measure()
-    engine.model.rollback(savepoint)
+    engine.model.graph.history.rollback(savepoint)
     assert problem.valid() and problem.measure()["plan"] == plan == 9.0
     assert searches == [9.0, inf, 9.0]
 
@@ -161,10 +161,10 @@ def test_a_state_is_judged_once(monkeypatch: pytest.MonkeyPatch, kept: int) -> N
     model, judged = problem.engine.model, []
     for _ in range(3):
         judged.append(problem.judged())
-        savepoint = model.savepoint()
+        savepoint = model.graph.history.savepoint()
         model.nodes("Door")[0].open = True
         judged.append(problem.judged(mutated=True))
-        model.rollback(savepoint)
+        model.graph.history.rollback(savepoint)
     assert judged == [{"plan": 9.0}] * 6
     assert len(searches) == (2 if kept == 20 else 6)
 

@@ -17,7 +17,7 @@ WANTED = ("samples.count=12", "samples.cover={ complexity = 3 }", "mutation.init
 
 def wetness(family: Family) -> list[float]:
     """A score that no measure has."""
-    return [-float(len(family.model(member).extent("BurningTile"))) for member in family.members]
+    return [-float(len(family.model(member).graph.extent("BurningTile"))) for member in family.members]
 
 
 def looped(rounds: int = 12) -> tuple[Sampling, list[str], list[float]]:

@@ -22,7 +22,7 @@ def family(tmp_path_factory: pytest.TempPathFactory) -> Family:
 def tiles(family: Family) -> dict[str, list[str]]:
     """The classes of the tiles of each member: nothing else of them differs."""
     models = {member.name: family.model(member) for member in family.members}
-    return {name: [model.class_of(node) for node in range(1, 65)] for name, model in models.items()}
+    return {name: [model.graph.class_of(node) for node in range(1, 65)] for name, model in models.items()}
 
 
 def far(one: list[str], other: list[str]) -> int:

@@ -114,5 +114,5 @@ def test_random_families_take_the_same_mutations(forest: str, tmp_path: Path) ->
     evolved(forest, tmp_path / "run.sqlite", 2)
     family = open_family(str(tmp_path / "run.sqlite"), tmp_path)
     found = next(random_families(family, 1, (1,) * 20))
-    fires = [family.model(member).extent("BurningTile") for member in found.members]
+    fires = [family.model(member).graph.extent("BurningTile") for member in found.members]
     assert max(abs(len(one) - FIRES) for one in fires) > 10

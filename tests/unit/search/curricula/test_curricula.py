@@ -70,7 +70,7 @@ class Fires:
 
     def fires(self, level: Level) -> int:
         self._levels.go_to(level.version)
-        return len(self._levels.engine.model.extent("BurningTile"))
+        return len(self._levels.engine.model.graph.extent("BurningTile"))
 
 
 @pytest.mark.parametrize("name", ["burning_forest/paper.toml", "keydoor/diverse.toml"])

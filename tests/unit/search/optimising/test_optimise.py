@@ -36,7 +36,7 @@ def tiny() -> Engine:
     names = {"price", "stock", "reprice", "reserve", "add"}
     for feature in list(model.nodes("Feature")):
         if feature.name not in names:
-            model.delete(feature.id, "spo")
+            model.graph.delete(feature.id, "spo")
     return engine
 
 
@@ -46,7 +46,7 @@ def best_index() -> float:
     model, found = tiny().model, []
     root, features = model.nodes("ClassModel")[0], model.nodes("Feature")
     for numbers in product(range(len(features)), repeat=len(features)):
-        savepoint = model.savepoint()
+        savepoint = model.graph.history.savepoint()
         classes = {number: model.create("Class", name=f"c{number}") for number in sorted(set(numbers))}
         for cls in classes.values():
             root.classes.append(cls)
@@ -54,7 +54,7 @@ def best_index() -> float:
             feature.isEncapsulatedBy = classes[number]
         cohesion, coupling = cra(model)
         found.append(cohesion - coupling)
-        model.rollback(savepoint)
+        model.graph.history.rollback(savepoint)
     return max(found)
 
 
@@ -129,7 +129,7 @@ def test_a_search_leaves_the_engine_as_it_was_but_for_the_model() -> None:
     assert engine.rng is before
     assert before.bit_generator.state == state
     assert engine.watched == ("assignment.craIndex",)
-    assert not engine.model.in_transaction
+    assert not engine.model.graph.history.depth
 
 
 def test_fewer_violations_come_before_any_objective() -> None:
@@ -321,7 +321,7 @@ def test_an_error_in_the_middle_leaves_the_model_as_it_was() -> None:
     with pytest.raises(EvaluationError, match="objective `odd` is no number"):
         optimise(engine, MOVES, maximise=Goal("odd", Fails()), steps=100)
     assert engine.model.state_hash() == state
-    assert not engine.model.in_transaction
+    assert not engine.model.graph.history.depth
     search(engine, steps=20)
 
 
