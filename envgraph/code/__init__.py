@@ -70,6 +70,7 @@ from envgraph.code._tree import (
     While,
     Yield,
 )
+from envgraph.code._walk import compared_fields, differing_fields, walk
 
 __all__ = [
     "ATOM",
@@ -109,9 +110,11 @@ __all__ = [
     "Yield",
     "call",
     "chained",
+    "compared_fields",
     "dataclass",
     "define",
     "define_text",
+    "differing_fields",
     "equal",
     "expression_text",
     "inverse",
@@ -122,5 +125,6 @@ __all__ = [
     "printed",
     "some",
     "tuple_of",
+    "walk",
     "with_counters",
 ]

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from collections.abc import Iterable, Sequence
-from dataclasses import fields, replace
+from dataclasses import replace
 from typing import Any, Final
 
-from envgraph.code import dataclass
+from envgraph.code import dataclass, differing_fields
 from envgraph.errors import Diagnostic, InvalidArgument, Severity, Source
-from envgraph.lang.read._from_text import Definition, raise_errors, read_framed
+from envgraph.lang.read._from_text import raise_errors, read_framed
 from envgraph.lang.read._query_header import Header
 from envgraph.lang.syntax._grammar import grammar
 from envgraph.lang.syntax._lexer import Lexeme
@@ -196,7 +196,7 @@ class Parts:
         if any(one.severity is Severity.ERROR for one in problems) or not found:
             return empty
         alone = len(found) == 1 and file.header == Header()
-        if not alone or _filled(empty, found[0]) - {*frame.fills}:
+        if not alone or {*differing_fields(found[0], empty)} - {*frame.fills}:
             message = f"there is more here than what belongs into `{part}`"
             hint = "leave the rest out, or read the whole with `envgraph.lang.from_text`"
             self._problems.append(Diagnostic("misplaced-part", message, own.span(0, len(text)), hint))
@@ -293,9 +293,3 @@ def _stray(lexemes: Sequence[Lexeme]) -> Lexeme | None:
             while waiting.pop() != lexeme.value:
                 pass  # the parser tells of brackets that pair up wrongly
     return None
-
-
-def _filled(empty: Definition, found: Definition) -> set[str]:
-    """The fields in which the definitions differ."""
-    names = [field.name for field in fields(found) if field.compare]
-    return {name for name in names if getattr(empty, name, None) != getattr(found, name)}

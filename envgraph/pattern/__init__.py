@@ -3,6 +3,7 @@
 from envgraph.errors import shorten
 from envgraph.pattern._analysis import Entry, UnknownNames, expression_reads
 from envgraph.pattern._bodies import (
+    Reading,
     children,
     navigations,
     terms_in,
@@ -103,7 +104,7 @@ from envgraph.pattern._terms import (
     Variable,
 )
 from envgraph.pattern._types import assignable, data_type_hint, static_type, type_hint, type_text, value_hint
-from envgraph.pattern.check._usage import mistyped
+from envgraph.pattern.check._usage import mistyped, quantified_variable
 from envgraph.pattern.expressions._compile import CompiledExpression, compile_expression
 from envgraph.pattern.expressions._evaluate import evaluate, holds, value_of
 from envgraph.pattern.expressions._expressions import check_expression, is_method
@@ -174,6 +175,7 @@ __all__ = [
     "PathConstraint",
     "Pattern",
     "PatternCall",
+    "Reading",
     "Redirect",
     "Relation",
     "RelationAtom",
@@ -216,6 +218,7 @@ __all__ = [
     "mistyped",
     "navigations",
     "outputs",
+    "quantified_variable",
     "renumbered",
     "renumbered_relation",
     "static_type",

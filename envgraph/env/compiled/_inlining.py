@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
-from dataclasses import fields, is_dataclass
-from functools import cache
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 from envgraph import code
@@ -39,34 +38,14 @@ def inlined(
 
 def _called(body: code.Body) -> Iterator[str]:
     """The functions that a body calls."""
-    for node in walk(body):
+    for node in code.walk(body):
         if isinstance(node, code.Call) and isinstance(node.function, code.Name):
             yield node.function.name
 
 
-def walk(node: Any) -> Iterator[Any]:
-    """A piece of code and all that it consists of, from the outside in."""
-    waiting = [node]
-    while waiting:
-        one = waiting.pop()
-        yield one
-        waiting += reversed(_parts(one))
-
-
 def names_in(node: object) -> set[str]:
     """Names of the local variables in some code."""
-    return {one.name for one in walk(node) if isinstance(one, code.Local)}
-
-
-def _parts(node: Any) -> Sequence[Any]:
-    if isinstance(node, tuple):
-        return node
-    return [getattr(node, name) for name in _fields(node.__class__)]
-
-
-@cache
-def _fields(cls: Hashable) -> tuple[str, ...]:
-    return tuple(field.name for field in fields(cls)) if is_dataclass(cls) else ()
+    return {one.name for one in code.walk(node) if isinstance(one, code.Local)}
 
 
 def _body(body: code.Body, known: Mapping[str, code.Function], fresh: Fresh) -> tuple[code.Body, list[str]]:
@@ -104,7 +83,7 @@ def _body(body: code.Body, known: Mapping[str, code.Function], fresh: Fresh) -> 
 
 
 def _returns_at_end(function: code.Function) -> bool:
-    returns = sum(isinstance(node, code.Return) for node in walk(function.body))
+    returns = sum(isinstance(node, code.Return) for node in code.walk(function.body))
     return returns == 1 and isinstance(function.body[-1], code.Return)
 
 
@@ -125,7 +104,7 @@ def _inside(
 
 def _assigned(body: code.Body) -> Iterator[code.Local]:
     """The variables that get values."""
-    for node in walk(body):
+    for node in code.walk(body):
         if isinstance(node, code.Assign | code.For):
             targets = node.target.items if isinstance(node.target, code.Tuple) else (node.target,)
             yield from (target for target in targets if isinstance(target, code.Local))
@@ -136,5 +115,5 @@ def _renamed(node: Any, names: Mapping[code.Local, code.Local]) -> Any:
         return names.get(node, node)
     if isinstance(node, tuple):
         return tuple(_renamed(part, names) for part in node)
-    parts = [_renamed(part, names) for part in _parts(node)]
-    return type(node)(*parts) if parts else node
+    parts = {part: _renamed(getattr(node, part), names) for part in code.compared_fields(node.__class__)}
+    return replace(node, **parts) if parts else node

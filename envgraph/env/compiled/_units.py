@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 from envgraph import code
 from envgraph.behaviour import RuleCall
 from envgraph.env.compiled._changes import checked_unit, plan_of
-from envgraph.env.compiled._inlining import walk
 from envgraph.env.compiled._layout import ERROR, NOBODY, ONE, ZERO, D, cell, listed
 from envgraph.env.compiled._refused import NotCompiled, standing
 from envgraph.env.compiled._terms import Term, as_float, named, zero_of
@@ -297,7 +296,7 @@ class _Steps:
             bodies = {function.name: function.body for function in module.functions}
             reached = [name]
             for each in reached:  # grows meanwhile
-                names = {node.name for node in walk(bodies[each]) if isinstance(node, code.Name)}
+                names = {node.name for node in code.walk(bodies[each]) if isinstance(node, code.Name)}
                 found = found or "REFUSED" in names
                 reached += sorted(names & bodies.keys() - {*reached})
         body = plan_of(self._writer.engine, call).body

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import fields, replace
+from dataclasses import replace
 
+from envgraph.code import differing_fields
 from envgraph.errors import Diagnostic, InvalidArgument, LoadError, Severity, Source
 from envgraph.lang.format._format import format_text
 from envgraph.lang.read._query import read_query
@@ -146,12 +147,8 @@ def _assert_equal(definitions: Sequence[Definition], language: str, text: str) -
             else read_again(one)
         )
         if wanted != other:
-            different = [
-                f.name
-                for f in fields(wanted)
-                if f.compare and getattr(wanted, f.name) != getattr(other, f.name)
-            ]
-            reason = f"something else would be read as its {', '.join(different)}"
+            different = ", ".join(differing_fields(wanted, other))
+            reason = f"something else would be read as its {different}"
             TermText(one.qualified_name, ()).refuse(reason)
 
 

@@ -247,9 +247,7 @@ class UsageCheck:
                 yield _warning("similar-names", message, places[0].variable.span, hint)
             return
         if self._reading.quantified(name) is not None:
-            message = f"`{name}` is used only here, so it is quantified inside the call"
-            hint = f"start its name with `_` (`_{name}`) if that is meant"
-            yield _warning("quantified-variable", message, places[0].variable.span, hint)
+            yield quantified_variable(places[0].variable)
         elif len(places) == 1 and not self._unclear:
             others = [other for other in self._reading.names if other != name and not other.startswith("_")]
             near = did_you_mean(name, others) if len(others) <= _MOST_COMPARED else None
@@ -304,6 +302,13 @@ class UsageCheck:
             message = f"{relation_text(place.relation)} must have no match at all for the body to hold"
             hint = "an argument that stands elsewhere in the body ties it to that"
             yield _warning("global-negation", message, place.relation.span, hint)
+
+
+def quantified_variable(variable: Variable) -> Diagnostic:
+    """Return the warning about a variable that only one negation or aggregate names."""
+    message = f"`{variable.name}` is used only here, so it is quantified inside the call"
+    hint = f"start its name with `_` (`_{variable.name}`) if that is meant"
+    return _warning("quantified-variable", message, variable.span, hint)
 
 
 def mistyped(variable: Variable, known: Iterable[str]) -> Iterator[Diagnostic]:

@@ -3,24 +3,23 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Iterator, Sequence
-from dataclasses import fields, is_dataclass
-from typing import Any
+from collections.abc import Collection, Iterator
 
+from envgraph.code import walk
 from envgraph.errors import Diagnostic, Severity
 from envgraph.pattern import (
     Block,
+    Body,
     Edge,
-    LeftSide,
-    Modification,
     Node,
     Parameter,
-    RightSide,
+    Reading,
     Rule,
     Variable,
     mistyped,
+    quantified_variable,
 )
-from envgraph.rewrite.check._variables import is_named, mentioned, node_names, own_variables
+from envgraph.rewrite.check._variables import is_named, node_names
 
 
 def used_once(rule: Rule) -> list[Diagnostic]:
@@ -33,66 +32,47 @@ def used_once(rule: Rule) -> list[Diagnostic]:
     given = {parameter.name for parameter in rule.parameters}
     given.update(name for group in rule.homomorphic for name in group)
     found: list[Diagnostic] = []
-    uses = _part(rule.left, rule.blocks, rule.right, given, True, found)
+    uses = _check_part(rule, given, True, found)
     return found + [_unused(one) for one in rule.parameters if not uses[one.name] and one.direction != "out"]
 
 
-def _part(
-    left: LeftSide,
-    blocks: Sequence[Block],
-    right: RightSide | Modification | None,
-    outside: Collection[str],
-    matched: bool,
-    found: list[Diagnostic],
+def _check_part(
+    part: Rule | Block, outside: Collection[str], matched: bool, found: list[Diagnostic]
 ) -> Counter[str]:
-    """Return how often each name stands in a rule or block, those inside included; adds what is wrong.
+    """Add warnings about a rule or block to `found`; return how often each name occurs in it, inner blocks included.
 
-    `matched`: whether the variables belong to a match.
+    Args:
+        outside: the names that enclosing parts declare.
+        matched: whether the variables belong to a match.
     """
-    places = [variable for constraint in left.constraints for variable in mentioned(constraint)]
-    nodes = node_names(left)
-    inside = {*outside, *nodes, *(variable.name for variable in places)}
-    uses = Counter(variable.name for variable in places)
-    uses.update([*nodes, *_names(right)])
-    for block in blocks:
-        rewrites = block.kind not in ("not", "require")
-        uses.update(_part(block.left, block.blocks, block.right, inside, rewrites, found))
-    once = [one for one in places if uses[one.name] == 1 and one.name not in outside and is_named(one.name)]
-    bound = set(own_variables(left, outside)) if once else set()
-    others = inside - {one.name for one in once}
-    for one in once:
-        if one.name not in bound:
-            found.append(_quantified(one))
+    reading, nodes = Reading(Body(part.left.constraints), ()), node_names(part.left)
+    inside = {*outside, *nodes, *reading.names}
+    uses = Counter({name: len(places) for name, places in reading.occurrences.items()})
+    uses.update([*nodes, *_names(part)])
+    for block in part.blocks:
+        uses.update(_check_part(block, inside, block.kind not in ("not", "require"), found))
+    once = [name for name in reading.names if uses[name] == 1 and name not in outside and is_named(name)]
+    others = inside.difference(once)
+    for name in once:
+        variable = reading.occurrences[name][0].variable
+        if reading.quantified(name) is not None:
+            found.append(quantified_variable(variable))
         elif not matched:
-            found.extend(mistyped(one, others))
-        others.add(one.name)  # of two such names the second is reported
+            found.extend(mistyped(variable, others))
+        others.add(name)  # of two such names the second is reported
     return uses
 
 
-def _names(data: Any) -> Iterator[str]:
-    """The names of objects and variables in a right side."""
-    match data:
-        case Variable() | Node():
-            yield data.name
-        case Edge():
-            yield data.source
-            yield data.target
-        case tuple():
-            for part in data:
-                yield from _names(part)
-    if is_dataclass(data):
-        for field in fields(data):
-            if field.compare:
-                yield from _names(getattr(data, field.name))
+def _names(part: Rule | Block) -> Iterator[str]:
+    """Yield the names of objects and variables in a right side, once for each place."""
+    for one in walk(part.right):
+        if isinstance(one, Variable | Node):
+            yield one.name
+        elif isinstance(one, Edge):
+            yield from (one.source, one.target)
 
 
 def _unused(parameter: Parameter) -> Diagnostic:
     message = f"parameter `{parameter.name}` is used nowhere: the rule matches once for each of its values"
     hint = "leave it out, or name it in the left side"
     return Diagnostic("unused-parameter", message, parameter.span, hint, Severity.WARNING)
-
-
-def _quantified(variable: Variable) -> Diagnostic:
-    message = f"`{variable.name}` is used only here, so it is quantified inside the call"
-    hint = f"start its name with `_` (`_{variable.name}`) if that is meant"
-    return Diagnostic("quantified-variable", message, variable.span, hint, Severity.WARNING)

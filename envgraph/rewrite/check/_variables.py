@@ -50,16 +50,11 @@ def _visible(constraint: Constraint) -> Iterator[Variable]:
     """The places that a negation or an aggregate does not quantify by itself."""
     if isinstance(constraint, Check):
         yield from variables_in(constraint.expression)
-    elif isinstance(constraint, Negation):
-        for term in terms_in(constraint):
-            if isinstance(term, Evaluation):
-                yield from variables_in(term.expression)
-    else:
-        for term in terms_in(constraint):
-            if isinstance(term, Variable):
-                yield term
-            elif isinstance(term, Evaluation):
-                yield from variables_in(term.expression)
+    for term in terms_in(constraint):
+        if isinstance(term, Evaluation):
+            yield from variables_in(term.expression)
+        elif isinstance(term, Variable) and not isinstance(constraint, Negation):
+            yield term
 
 
 def node_names(left: LeftSide) -> dict[str, Span | None]:

@@ -1,0 +1,32 @@
+"""Walks through frozen data: generated code, patterns and rules."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Iterator
+from dataclasses import fields, is_dataclass
+from functools import cache
+from typing import Any
+
+
+@cache
+def compared_fields(cls: Hashable) -> tuple[str, ...]:
+    """Return the names of the fields that the objects of a data class are compared by; () for any other class."""
+    return tuple(field.name for field in fields(cls) if field.compare) if is_dataclass(cls) else ()
+
+
+def differing_fields(one: Any, other: Any) -> list[str]:
+    """Return the names of the compared fields of `one` that have another value in `other`, or none."""
+    names = compared_fields(one.__class__)
+    return [name for name in names if getattr(one, name) != getattr(other, name, None)]
+
+
+def walk(data: Any) -> Iterator[Any]:
+    """Yield data and all parts of it, outermost first: elements of tuples, and compared fields of data classes."""
+    waiting = [data]
+    while waiting:
+        one = waiting.pop()
+        yield one
+        if isinstance(one, tuple):
+            waiting += reversed(one)
+        else:
+            waiting += [getattr(one, name) for name in reversed(compared_fields(one.__class__))]
