@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
+from itertools import combinations
 
 from envgraph.behaviour._check_base import Scope, type_names
 from envgraph.behaviour._check_calls import CallChecking
@@ -12,7 +13,17 @@ from envgraph.behaviour._clauses import condition_question, is_asked, used_elsew
 from envgraph.behaviour._data import Action, Agent, Behaviour, Domain, EachStep, Effect, OnFind
 from envgraph.behaviour._domains import MOST_VALUES, domain_count, domain_type
 from envgraph.behaviour._losing import loss_warnings
-from envgraph.errors import Diagnostic, Note, Severity, Span, has_errors, limit, name_hint, sort_diagnostics
+from envgraph.errors import (
+    Diagnostic,
+    Note,
+    Severity,
+    Span,
+    defined_twice,
+    has_errors,
+    limit,
+    name_hint,
+    sort_diagnostics,
+)
 from envgraph.metamodel import Scalar
 from envgraph.pattern import Parameter, PatternCall, StaticType, Variable, static_type
 from envgraph.rewrite import Engine
@@ -109,13 +120,11 @@ class _Checker(CallChecking, ViewChecking):
 
     def _parameters(self, parameters: Iterable[Parameter]) -> Scope:
         scope: Scope = {}
-        first: dict[str, Span | None] = {}
+        named = ((one.name, one.span) for one in parameters)
+        self.problems += defined_twice(named, "parameter `{}` is defined twice")
         for parameter in parameters:
-            if parameter.name in first:
-                self.twice("parameter", parameter.name, parameter.span, first[parameter.name])
-                continue
-            first[parameter.name] = parameter.span
-            scope[parameter.name] = self.class_of(parameter)
+            if parameter.name not in scope:
+                scope[parameter.name] = self.class_of(parameter)
         return scope
 
     def _agent(self, agent: Agent, outer: Scope, shared: Mapping[str, Span | None]) -> None:
@@ -132,26 +141,24 @@ class _Checker(CallChecking, ViewChecking):
 
     def _apart(self, agents: Sequence[Agent]) -> None:
         """See that no object is the agent of two blocks."""
-        for position, agent in enumerate(agents):
-            for other in agents[:position]:
-                if agent.variable == other.variable:
-                    self.twice("agent", agent.variable, agent.span, other.span)
-                elif {agent.cls, other.cls} <= set(self.metamodel.classes) and self.metamodel.overlap(
-                    agent.cls, other.cls
-                ):
-                    message = f"an object of `{agent.cls}` may be `{other.variable}` already"
-                    notes = (Note("the first one is here", other.cls_span or other.span),)
-                    span = agent.cls_span or agent.span
-                    hint = "an object is one agent; put the clauses into one block"
-                    self.report("duplicate-agent", message, span, hint, notes=notes)
+        named = ((agent.variable, agent.span) for agent in agents)
+        self.problems += defined_twice(named, "agent `{}` is defined twice")
+        for other, agent in combinations(agents, 2):
+            known = {agent.cls, other.cls} <= set(self.metamodel.classes)
+            if known and agent.variable != other.variable and self.metamodel.overlap(agent.cls, other.cls):
+                message = f"an object of `{agent.cls}` may be `{other.variable}` already"
+                notes = (Note("the first one is here", other.cls_span or other.span),)
+                span = agent.cls_span or agent.span
+                hint = "an object is one agent; put the clauses into one block"
+                self.report("duplicate-agent", message, span, hint, notes=notes)
 
     def _owner(self, owner: Behaviour | Agent, scope: Scope, first: dict[str, Span | None]) -> None:
         """Check the clauses of a behaviour or agent; `first` has the actions that it has already, and gets its own."""
         total = 0
+        named = [(action.name, action.span) for action in owner.actions]
+        self.problems += defined_twice(named, "action `{}` is defined twice", first=first)
+        first |= {name: span for name, span in reversed(named) if name not in first}
         for action in owner.actions:
-            if action.name in first:
-                self.twice("action", action.name, action.span, first[action.name])
-            first.setdefault(action.name, action.span)
             total += self._action(action, scope)
         if total > MOST_ACTIONS:
             message = f"{total} actions, at most {MOST_ACTIONS} are possible"
@@ -178,14 +185,12 @@ class _Checker(CallChecking, ViewChecking):
         scope = dict(outer)
         count = 1
         spans: Sequence[Span | None] = action.parameter_spans or [action.span] * len(action.parameters)
-        seen: dict[str, Span | None] = {}
-        for (name, domain), span in zip(action.parameters, spans, strict=True):
-            if name in seen:
-                self.twice("parameter", name, span, seen[name])
-            elif outer.get(name) is not None:
+        names = [name for name, _ in action.parameters]
+        self.problems += defined_twice(zip(names, spans, strict=True), "parameter `{}` is defined twice")
+        for number, ((name, domain), span) in enumerate(zip(action.parameters, spans, strict=True)):
+            if name not in names[:number] and outer.get(name) is not None:
                 hint = "a parameter of an action needs another name"
                 self.report("duplicate-definition", f"`{name}` is a parameter of the environment", span, hint)
-            seen.setdefault(name, span)
             type_ = self._domain(domain)
             scope[name] = None if name in outer else type_
             count *= domain_count(domain, self.metamodel)

@@ -51,17 +51,6 @@ class Checking:
         """Add a diagnostic."""
         self.problems.append(Diagnostic(code, message, span, hint, severity, notes))
 
-    def twice(self, what: str, name: str, span: Span | None, first: Span | None) -> None:
-        """Report a second definition of a name."""
-        notes = (Note("the first one is here", first),)
-        self.report(
-            "duplicate-definition",
-            f"{what} `{name}` is defined twice",
-            span,
-            "choose another name, or leave one out",
-            notes=notes,
-        )
-
     def class_of(self, parameter: Parameter) -> ObjectType | None:
         """The class of a parameter that stands for an object."""
         if parameter.type is None:
