@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from importlib.util import find_spec
 from math import ceil, floor, isfinite, log10
 from re import sub
+from typing import Final
 
 from envgraph.code import dataclass
 from envgraph.draw import markup
@@ -17,8 +18,8 @@ COLOURS = ("#0072b2", "#b34700", "#00785a", "#a8437b", "#8a6100", "#4b4fc4", "#6
 COLOURS_ON_DARK = ("#56b4e9", "#ff9d5c", "#2fc79a", "#e79fc4", "#e69f00", "#a9a4ff", "#c9a86a", "#aab2b9")
 """Variables `--line-0` ... of a dark page may stand in for those above."""
 
-_WIDTH, _HEIGHT = 720, 300
-_LEFT, _RIGHT, _TOP, _BOTTOM = 74, 26, 14, 44
+WIDTH: Final = 720
+"""Of every chart, in pixels."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,32 +85,32 @@ def line_chart(series: Sequence[Series], *, x_label: str, y_label: str, title: s
     whole = all(float(value).is_integer() for value in xs)  # there is no half a generation
     x_ticks, y_ticks = ticks(min(xs), max(xs), 8, least=float(whole)), ticks(min(ys), max(ys))
     # The x axis ends at the data: a curve that stops before the frame looks unfinished.
-    frame = _Frame(min(xs), max(*xs, min(xs) + 1e-9), y_ticks[0], y_ticks[-1])
-    columns = _columns(series)
-    height = _HEIGHT + 20 * ceil(len(series) / columns)
-    parts = [
-        f'<svg class="chart" viewBox="0 0 {_WIDTH} {height}" role="img" aria-label="{markup(title)}">',
-        f"<title>{markup(title)}</title>",
-        *frame.axes([tick for tick in x_ticks if min(xs) <= tick <= max(xs)], y_ticks, x_label, y_label),
-    ]
+    x_range = min(xs), max(*xs, min(xs) + 1e-9)
+    frame = Frame(74, 14, WIDTH - 100, 242, x_range, y_ticks)
+    x_ticks = [tick for tick in x_ticks if min(xs) <= tick <= max(xs)]
     numbers = [place if one.number is None else one.number for place, one in enumerate(series)]
-    places = (number % len(COLOURS) for number in numbers)
-    colours = [f"var(--line-{place}, {COLOURS[place]})" for place in places]
-    parts.extend(frame.band(one, colour) for one, colour in zip(series, colours, strict=True) if one.low)
-    dashes = [_dash(number, one) for number, one in zip(numbers, series, strict=True)]
-    parts.extend(frame.line(*one) for one in zip(series, colours, dashes, strict=True))
-    parts.extend(_legend(series, colours, dashes, columns))
-    return "\n".join([*parts, "</svg>"])
+    drawn = [(one, colour(number), _dash(number, one)) for number, one in zip(numbers, series, strict=True)]
+    # Letters of the legend are 7.5 wide, or less.
+    columns = max(1, min(4, int(frame.width / (36 + 7.5 * max(len(one.label) for one in series)))))
+    parts = [
+        *frame.axes(x_ticks, y_ticks, x_label, y_label),
+        *(_band(frame, one, shade) for one, shade, _ in drawn if one.low),
+        *(_curve(frame, *one) for one in drawn),
+    ]
+    for place, (one, shade, dash) in enumerate(drawn):
+        x, y = frame.left + place % columns * frame.width / columns, 310 + place // columns * 20
+        parts += [line("line", (x, x + 22), (y, y), f"stroke: {shade}", dash), text(x + 28, y + 4, one.label)]
+    return chart(300 + 20 * ceil(len(series) / columns), title, parts)
 
 
-def standalone(chart: str) -> str:
-    """A chart as a file of its own: a page has the name space, the styles and the colours that this adds.
+def standalone(drawn: str) -> str:
+    """A drawn chart as a file of its own: a page has the name space, the styles and the colours that this adds.
 
-    >>> chart = line_chart([Series("a", (0, 1), (2, 3))], x_label="x", y_label="y", title="t")
-    >>> standalone(chart).startswith('<svg xmlns="http://www.w3.org/2000/svg"')
+    >>> drawn = line_chart([Series("a", (0, 1), (2, 3))], x_label="x", y_label="y", title="t")
+    >>> standalone(drawn).startswith('<svg xmlns="http://www.w3.org/2000/svg"')
     True
     """
-    head, rest = chart.split("\n", 1)
+    head, rest = drawn.split("\n", 1)
     style = (
         "text { font: 12px sans-serif; fill: #444 } .grid { stroke: #ddd } .axis, .tick { stroke: #888 } "
         ".line { fill: none; stroke-width: 2 } .band { opacity: .16 }"
@@ -131,59 +132,103 @@ def png(picture: str) -> bytes | None:
     return bytes(svg_to_bytes(svg_string=picture, zoom=2.0))
 
 
-@dataclass(frozen=True, slots=True)
-class _Frame:
-    """Maps data to pixels."""
+def chart(height: float, title: str, parts: Iterable[str]) -> str:
+    """Return an SVG element `WIDTH` wide; readers that see no picture get the title."""
+    head = f'<svg class="chart" viewBox="0 0 {WIDTH} {height}" role="img" aria-label="{markup(title)}">'
+    return "\n".join([head, f"<title>{markup(title)}</title>", *parts, "</svg>"])
 
-    x_low: float
-    x_high: float
-    y_low: float
-    y_high: float
+
+def text(x: float, y: float, words: str, anchor: str = "", *, turned: bool = False) -> str:
+    """Return a text at a place, `turned` to be read from below."""
+    style = f' text-anchor="{anchor}"' if anchor else ""
+    style += f' transform="rotate(-90 {x:.1f} {y:.1f})"' if turned else ""
+    return f'<text x="{x:.1f}" y="{y:.1f}"{style}>{markup(words)}</text>'
+
+
+def line(kind: str, xs: tuple[float, float], ys: tuple[float, float], style: str = "", dash: str = "") -> str:
+    """Return a line from one point to another; `kind` is its class in the style sheet."""
+    ends = f'x1="{xs[0]:.1f}" x2="{xs[1]:.1f}" y1="{ys[0]:.1f}" y2="{ys[1]:.1f}"'
+    return f'<line class="{kind}" {ends}' + (f' style="{style}"' if style else "") + f"{dash}/>"
+
+
+def dot(x: float, y: float, style: str, radius: float = 3) -> str:
+    """Return a filled circle."""
+    return f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{radius}" style="fill: {style}"/>'
+
+
+def colour(number: int) -> str:
+    """Return the colour of a line or kind of points; a dark page has others."""
+    place = number % len(COLOURS)
+    return f"var(--line-{place}, {COLOURS[place]})"
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """A rectangle of a chart, in pixels, and the data in it.
+
+    Attributes:
+        x_range, y_range: the first value is at the left and at the bottom, the last one at the right and at the top.
+    """
+
+    left: float
+    top: float
+    width: float
+    height: float
+    x_range: Sequence[float]
+    y_range: Sequence[float]
+
+    @property
+    def right(self) -> float:
+        """The right edge, in pixels."""
+        return self.left + self.width
+
+    @property
+    def bottom(self) -> float:
+        """The lower edge, in pixels from the top of the chart."""
+        return self.top + self.height
 
     def x(self, value: float) -> float:
-        return _LEFT + (value - self.x_low) / (self.x_high - self.x_low) * (_WIDTH - _LEFT - _RIGHT)
+        """Return where a value is, in pixels from the left."""
+        return self.left + (value - self.x_range[0]) / (self.x_range[-1] - self.x_range[0]) * self.width
 
     def y(self, value: float) -> float:
-        share = (value - self.y_low) / (self.y_high - self.y_low)
-        return _HEIGHT - _BOTTOM - share * (_HEIGHT - _TOP - _BOTTOM)
+        """Return where a value is, in pixels from the top."""
+        return self.bottom - (value - self.y_range[0]) / (self.y_range[-1] - self.y_range[0]) * self.height
 
     def axes(
         self, x_ticks: Sequence[float], y_ticks: Sequence[float], x_label: str, y_label: str
-    ) -> list[str]:
-        bottom, right = _HEIGHT - _BOTTOM, _WIDTH - _RIGHT
-        parts = []
+    ) -> Iterator[str]:
+        """Yield the axes with their labels, and a line of the grid for each tick on the left."""
+        across, bottom = (self.left, self.right), self.bottom
         for tick in y_ticks:
             y = self.y(tick)
-            parts.append(f'<line class="grid" x1="{_LEFT}" x2="{right}" y1="{y:.1f}" y2="{y:.1f}"/>')
-            parts.append(f'<text x="{_LEFT - 8}" y="{y + 4:.1f}" text-anchor="end">{_number(tick)}</text>')
+            yield line("grid", across, (y, y))
+            yield text(self.left - 5, y + 4, _number(tick), "end")
         for tick in x_ticks:
             x = self.x(tick)
-            parts.append(f'<line class="tick" x1="{x:.1f}" x2="{x:.1f}" y1="{bottom}" y2="{bottom + 4}"/>')
-            parts.append(f'<text x="{x:.1f}" y="{bottom + 17}" text-anchor="middle">{_number(tick)}</text>')
-        parts.append(f'<line class="axis" x1="{_LEFT}" x2="{right}" y1="{bottom}" y2="{bottom}"/>')
-        middle = (_LEFT + right) / 2
-        parts.append(f'<text x="{middle}" y="{bottom + 35}" text-anchor="middle">{markup(x_label)}</text>')
-        centre = (_TOP + bottom) / 2
-        turned = f'transform="rotate(-90 14 {centre})"'
-        parts.append(f'<text x="14" y="{centre}" text-anchor="middle" {turned}>{markup(y_label)}</text>')
-        return parts
+            yield line("tick", (x, x), (bottom, bottom + 4))
+            yield text(x, bottom + 17, _number(tick), "middle")
+        yield line("axis", across, (bottom, bottom))
+        yield text(self.left + self.width / 2, bottom + 35, x_label, "middle")
+        if y_label:
+            yield text(10, self.top + self.height / 2, y_label, "middle", turned=True)
 
     def points(self, xs: Sequence[float], ys: Sequence[float]) -> str:
+        """Return points as SVG writes them."""
         return " ".join(f"{self.x(x):.1f},{self.y(y):.1f}" for x, y in zip(xs, ys, strict=True))
 
-    def line(self, series: Series, colour: str, dash: str) -> str:
-        if len(series.x) == 1:
-            x, y = self.x(series.x[0]), self.y(series.y[0])
-            return f'<circle cx="{x:.1f}" cy="{y:.1f}" r="3" style="fill: {colour}"/>'
-        points = self.points(series.x, series.y)
-        line = f'<polyline class="line" points="{points}" style="stroke: {colour}"{dash}/>'
-        places = [point.partition(",") for point in points.split()] if series.marked else []
-        dots = [f'<circle cx="{x}" cy="{y}" r="3" style="fill: {colour}"/>' for x, _, y in places]
-        return "\n".join([line, *dots])
 
-    def band(self, series: Series, colour: str) -> str:
-        edge = self.points(series.x + series.x[::-1], series.high + series.low[::-1])
-        return f'<polygon class="band" points="{edge}" style="fill: {colour}"/>'
+def _curve(frame: Frame, series: Series, shade: str, dash: str) -> str:
+    points = f'points="{frame.points(series.x, series.y)}" style="stroke: {shade}"{dash}'
+    alone = len(series.x) == 1
+    places = zip(series.x, series.y, strict=True) if series.marked or alone else ()
+    dots = [dot(frame.x(x), frame.y(y), shade) for x, y in places]
+    return "\n".join([*([] if alone else [f'<polyline class="line" {points}/>']), *dots])
+
+
+def _band(frame: Frame, series: Series, shade: str) -> str:
+    edge = frame.points(series.x + series.x[::-1], series.high + series.low[::-1])
+    return f'<polygon class="band" points="{edge}" style="fill: {shade}"/>'
 
 
 def _dash(place: int, series: Series) -> str:
@@ -191,26 +236,6 @@ def _dash(place: int, series: Series) -> str:
     round_ = place // len(COLOURS)
     dash = [5 + 9 * round_, 4] if series.dashed or round_ else []
     return f' stroke-dasharray="{" ".join(map(str, dash))}"' if dash else ""
-
-
-def _columns(series: Sequence[Series]) -> int:
-    """How many labels stand beside each other in a legend: letters are 7.5 wide, or less."""
-    widest = 28 + 7.5 * max(len(one.label) for one in series) + 8
-    return max(1, min(4, int((_WIDTH - _LEFT - _RIGHT) / widest)))
-
-
-def _legend(
-    series: Sequence[Series], colours: Sequence[str], dashes: Sequence[str], columns: int
-) -> list[str]:
-    column = (_WIDTH - _LEFT - _RIGHT) / columns
-    parts = []
-    for place, (one, colour, dash) in enumerate(zip(series, colours, dashes, strict=True)):
-        x, y = _LEFT + place % columns * column, _HEIGHT + 10 + place // columns * 20
-        parts.append(
-            f'<line class="line" x1="{x}" x2="{x + 22}" y1="{y}" y2="{y}" style="stroke: {colour}"{dash}/>'
-        )
-        parts.append(f'<text x="{x + 28}" y="{y + 4}">{markup(one.label)}</text>')
-    return parts
 
 
 def _number(value: float) -> str:
