@@ -9,6 +9,7 @@ from os import PathLike
 from pathlib import Path
 from typing import Any, Final, Literal, get_args
 
+from envgraph.code import dataclass
 from envgraph.env import About, Explored, ModelView, ObservationKind, Simulator, TooManyStates, model_view
 from envgraph.env.compiled import NotCompiled, Program, has_numba
 from envgraph.errors import EvaluationError, InvalidArgument
@@ -126,24 +127,24 @@ class Opened:
             return self.family.explored(self.family.members[place], pictures=pictures)
 
 
+@dataclass(frozen=True, eq=False)
 class OpenedMembers:
     """The members of a family that one environment goes over to; each is read once. See `Members`."""
 
-    def __init__(
-        self,
-        domain: str | None,
-        family: Location | Family,
-        engine: EngineKind,
-        pictures: bool,
-        pays: str | None = None,
-    ) -> None:
-        self._given = domain, family, engine, pictures, pays
-        self._entered: dict[int, Any] = {}
+    domain: str | None
+    family: Location | Family
+    engine: EngineKind
+    pictures: bool
+    pays: str | None = None
+
+    @cached_property
+    def _entered(self) -> dict[int, Any]:
+        return {}
 
     @cached_property
     def _opened(self) -> Opened:
-        opened, pays = open_member_family(*self._given[:2]), self._given[4]
-        return opened if pays is None else opened.paying(pays)
+        opened = open_member_family(self.domain, self.family)
+        return opened if self.pays is None else opened.paying(self.pays)
 
     def place(self, variant: int | str) -> int:
         return self._opened.place(variant)
@@ -153,8 +154,7 @@ class OpenedMembers:
 
     def entered(self, place: int) -> Any:
         if place not in self._entered:
-            engine, pictures = self._given[2:4]
-            found = self._opened.stepping([place], engine, pictures=pictures)
+            found = self._opened.stepping([place], self.engine, pictures=self.pictures)
             if found is None:
                 return self._opened.simulator(place)  # has a state: it is of one environment
             self._entered[place] = found[0] if isinstance(found, list) else found
@@ -162,9 +162,6 @@ class OpenedMembers:
 
     def __deepcopy__(self, _: object) -> OpenedMembers:
         return self
-
-    def __reduce__(self) -> tuple[type[OpenedMembers], tuple[Any, ...]]:
-        return OpenedMembers, self._given
 
 
 def open_member_family(
