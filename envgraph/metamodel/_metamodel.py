@@ -6,17 +6,23 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from itertools import compress, count
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, TypeVar
 
 from envgraph.errors import ResolutionError, has_errors, name_hint
 from envgraph.metamodel._above import linearise, supertypes_first
 from envgraph.metamodel._check import check_classes
 from envgraph.metamodel._diagram import class_diagram
 from envgraph.metamodel._features import Attribute, Class, EnumType, Feature, Package, Reference, simple_name
+from envgraph.metamodel._walks import reached
 
 if TYPE_CHECKING:
     from envgraph.draw import Picture
 
+
+Side = TypeVar("Side")
+"""An end of a link, however it is named: an object, a slot, a name."""
+End = TypeVar("End", int, str)
+"""The same, where ends have an order."""
 
 _FEW: Final = 256
 """Up to so many classes, what holds for each of them is kept where it is read fastest."""
@@ -166,6 +172,10 @@ class Metamodel:
         held = (one for one in self.features(name).values() if isinstance(one, Reference) and one.containment)
         return list(dict.fromkeys(cls for one in held for cls in self.concrete(one.target)))
 
+    def all_contents(self, names: Iterable[str]) -> list[str]:
+        """The concrete classes whose objects those of exactly these classes may contain, at any depth."""
+        return reached((one for name in names for one in self.contents(name)), self.contents)
+
     def features(self, name: str) -> Mapping[str, Feature]:
         """All features of a class, inherited ones first, by name."""
         found = self._features.get(name)
@@ -204,6 +214,28 @@ class Metamodel:
         found = self.features(reference.target)[reference.opposite]
         assert isinstance(found, Reference)
         return found
+
+    def canonical(self, reference: Reference, source: End, target: End) -> tuple[Reference, End, End]:
+        """Return one way to write a link that its opposite may write, too: the same for both."""
+        opposite = self.opposite(reference)
+        # The ends of a link whose reference is its own opposite are sorted.
+        if opposite is not None and (opposite.index, target, source) < (reference.index, source, target):
+            return opposite, target, source
+        return reference, source, target
+
+    def containment(
+        self, reference: Reference, source: Side, target: Side
+    ) -> tuple[Reference, Side, Side] | None:
+        """Return a link as its container has it: reference, container and content; None if neither end is one."""
+        opposite = self.opposite(reference)
+        if opposite is not None and opposite.containment:
+            return opposite, target, source
+        return (reference, source, target) if reference.containment else None
+
+    def most_sources(self, reference: Reference) -> int | None:
+        """Return how many objects may have the same one as a target; None for any number."""
+        opposite = self.opposite(reference)
+        return 1 if reference.containment else None if opposite is None else opposite.upper
 
     def key(self, name: str) -> tuple[str, ...]:
         """The key attributes of a class, its own or those of the nearest supertype that has any; () without."""

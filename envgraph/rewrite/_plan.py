@@ -252,3 +252,11 @@ class RulePlan:
     body: BlockPlan
     exact: str | None = None
     span: Span | None = field(default=None, compare=False, repr=False)
+
+    @property
+    def blocks(self) -> list[BlockPlan]:
+        """The rule itself, and the blocks of it that rewrite, outer ones first."""
+        found = [self.body]
+        for block in found:
+            found += block.nested
+        return found

@@ -11,7 +11,7 @@ from envgraph.behaviour import (
 )
 from envgraph.code import dataclass
 from envgraph.env._keys import KeyIndex, indexed_classes, key_attributes
-from envgraph.env.compiled._changes import Changes, StaticPatterns, blocks_of, plans_of
+from envgraph.env.compiled._changes import Changes, StaticPatterns, plans_of
 from envgraph.env.compiled._clauses import ACTION, Clauses
 from envgraph.env.compiled._facts import Facts, Module
 from envgraph.env.compiled._inlining import inlined
@@ -117,7 +117,7 @@ class _Program:
         for cls in indexed_classes(self._behaviour, self._metamodel):
             key = key_attributes(self._metamodel, cls)
             if key and not self._changes.created.isdisjoint(indexable(self._metamodel, cls)):
-                span = next(body.span for plan in plans for body in blocks_of(plan.body) if body.creates)
+                span = next(body.span for plan in plans for body in plan.blocks if body.creates)
                 raise NotCompiled(f"objects with a key that a rule creates (`{cls}`)", span)
             for attribute in key:
                 if attribute.index in self._changes.written:
@@ -158,7 +158,7 @@ class _Program:
 
 def _set_at(plans: Sequence[RulePlan], attribute: Attribute) -> Span | None:
     """Where a rule sets an attribute, or retypes what has it."""
-    bodies = [body for plan in plans for body in blocks_of(plan.body)]
+    bodies = [body for plan in plans for body in plan.blocks]
     sets = [one for body in bodies for one in body.sets if isinstance(one, SetValue | Increase)]
     found = [one.span for one in sets if one.attribute == attribute]
     return next(iter([*found, *(one.span for body in bodies for one in body.retypes)]), None)

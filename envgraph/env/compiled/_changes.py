@@ -72,15 +72,8 @@ def checked_unit(engine: Engine, call: RuleCall) -> CheckedUnit:
     return checked
 
 
-def blocks_of(body: BlockPlan) -> Iterator[BlockPlan]:
-    """A rule, and the blocks inside it."""
-    yield body
-    for inner in body.nested:
-        yield from blocks_of(inner)
-
-
 def _check(plan: RulePlan, call: RuleCall) -> None:
-    for body in blocks_of(plan.body):
+    for body in plan.blocks:
         for absorb in body.absorbs:
             raise NotCompiled(f"objects that a rule merges (`{plan.name}`)", absorb.span or body.span)
         for change in body.sets:
@@ -183,7 +176,7 @@ class _Found:
             match change:
                 case SetTargets(_, reference) | ChangeTargets(_, reference):
                     self._reference(reference)
-                    if houses(reference, self.metamodel) and not _alone(change, body):
+                    if self.metamodel.containment(reference, 0, 1) and not _alone(change, body):
                         raise NotCompiled(
                             f"containers that are set among others (`{reference}`)", change.span
                         )
@@ -207,16 +200,16 @@ class _Found:
     def _reference(self, reference: Reference) -> None:
         opposite = self.metamodel.opposite(reference)
         self.references.update({reference.index} if opposite is None else {reference.index, opposite.index})
-        if reference.containment or (opposite is not None and opposite.containment):
-            content = reference.target if reference.containment else reference.owner
-            self._enters(content, reference)
+        held = self.metamodel.containment(reference, reference.owner, reference.target)
+        if held is not None:
+            self._enters(held[2], reference)
 
     def _replaced(self, change: SetTargets, body: BlockPlan) -> bool:
         """Whether all targets are replaced by different ones, and nothing else of a rule changes such links.
 
         Contents are not replaced so: they would leave other containers.
         """
-        if houses(change.reference, self.metamodel):
+        if self.metamodel.containment(change.reference, 0, 1):
             return False
         ends = {change.reference, self.metamodel.opposite(change.reference)}
         sets = [one for one in body.sets if isinstance(one, SetTargets | ChangeTargets) and one is not change]
@@ -238,7 +231,7 @@ class _Found:
         assert cls is not None
         concrete = self.metamodel.concrete(cls)
         self._group(concrete)
-        inside = contained(self.metamodel, concrete)
+        inside = self.metamodel.all_contents(concrete)
         for one in inside:
             self._group([one])
         self.deleted.update(concrete, inside)
@@ -327,31 +320,12 @@ def _rules(engine: Engine, call: RuleCall, above: tuple[str, ...] = ()) -> Itera
             yield from _rules(engine, inner, (*above, signature.name))
 
 
-def houses(reference: Reference, metamodel: Metamodel) -> bool:
-    """Whether one end of a reference contains the other."""
-    opposite = metamodel.opposite(reference)
-    return reference.containment or (opposite is not None and opposite.containment)
-
-
 def _alone(change: SetTargets | ChangeTargets, body: BlockPlan) -> bool:
     """Whether a change of a container is the only thing by which a rule puts something into another one."""
     if isinstance(change, ChangeTargets) or body.kind != "rule" or body.nested or body.moves or body.deletes:
         return False
     others = [one for one in body.sets if one is not change and isinstance(one, SetTargets | ChangeTargets)]
     return not (others or body.links or body.coinciding or body.contended)
-
-
-def contained(metamodel: Metamodel, classes: Iterable[str]) -> tuple[str, ...]:
-    """The concrete classes of what objects of some concrete classes may contain, at any depth."""
-    found: dict[str, None] = {}
-    waiting = [*classes]
-    for cls in waiting:  # grows meanwhile
-        for feature in metamodel.features(cls).values():
-            if isinstance(feature, Reference) and feature.containment:
-                new = [one for one in metamodel.concrete(feature.target) if one not in found]
-                found.update(dict.fromkeys(new))
-                waiting += new
-    return tuple(found)
 
 
 class StaticPatterns:

@@ -169,10 +169,7 @@ class Connections:
 
     def _one(self, reference: Reference, forward: bool) -> bool:
         """Whether an object has at most one target, or source."""
-        if forward:
-            return not reference.many
-        opposite = self._facts.metamodel.opposite(reference)
-        return reference.containment or (opposite is not None and not opposite.many)
+        return (reference.upper if forward else self._facts.metamodel.most_sources(reference)) == 1
 
     def _finder(self, reference: Reference, forward: bool) -> str:
         """The function that finds the object whose cell has another."""

@@ -6,7 +6,6 @@ from collections.abc import Iterator, Sequence
 
 from envgraph import code
 from envgraph.env.compiled._bodies import CAPACITY
-from envgraph.env.compiled._changes import contained
 from envgraph.env.compiled._facts import Facts
 from envgraph.env.compiled._layout import NOBODY, ONE, RI, TOP, ZERO, cell, entry, failed, plus
 from envgraph.env.compiled._member import absent
@@ -51,7 +50,7 @@ def _deleting(facts: Facts, classes: tuple[str, ...], lossy: bool) -> tuple[Sequ
     root, node = facts.module.fresh("v", "object"), facts.module.fresh("v", "object")
     count, number, stride = (facts.module.fresh(prefix) for prefix in "nks")
     facts.module.width = max(facts.module.width, 2)
-    every = tuple(dict.fromkeys((*classes, *contained(facts.metamodel, classes))))
+    every = tuple(dict.fromkeys((*classes, *facts.metamodel.all_contents(classes))))
     read = code.Assign(node, entry(RI, plus(TOP, number), ZERO))
     each = code.call("range", count)
     body: list[code.Statement] = [
@@ -85,8 +84,7 @@ def _contents(
     facts: Facts, classes: Sequence[str], node: code.Local, count: code.Local
 ) -> Iterator[code.Statement]:
     for reference, forward in ends_of(facts.metamodel, classes):
-        opposite = facts.metamodel.opposite(reference)
-        if reference.containment if forward else opposite is not None and opposite.containment:
+        if holds_content(facts.metamodel, reference, forward):
             block = code.Block()
             content = facts.links.follow(block, reference, node, forward=forward, sure=False)
             block.add(*_put(content, count))
@@ -98,13 +96,12 @@ def _dangling(
 ) -> Iterator[code.Statement]:
     """The rule is refused if an object has links to one that stays, or the first one to itself."""
     for reference, forward in ends_of(facts.metamodel, classes):
-        opposite = facts.metamodel.opposite(reference)
         block = code.Block()
         other = facts.links.follow(block, reference, node, forward=forward, sure=False)
         first = code.equal(number, ZERO)
         loop = code.Operation("and", (first, code.equal(other, node)))
         stays: code.Expression = code.Operation("or", (code.equal(_mark(other), ZERO), loop))
-        if (opposite is not None and opposite.containment) if forward else reference.containment:
+        if holds_content(facts.metamodel, reference, not forward):
             stays = code.Operation("and", (stays, code.inverse(first)))
         block.add(code.If(stays, REFUSED))
         yield from block.body()
@@ -156,6 +153,12 @@ def word_of(facts: Facts, group: tuple[str, ...], cls: str, place: code.Expressi
     """The word of a set that has the object at a place of its group."""
     offset = facts.layout.offset(ClassSet(group, cls))
     return cell(plus(offset, code.Operation(">>", (place, code.Constant(5)))))
+
+
+def holds_content(metamodel: Metamodel, reference: Reference, forward: bool) -> bool:
+    """Return whether the objects at the near end of a reference contain those at the other one."""
+    held = metamodel.containment(reference, True, False)
+    return held is not None and held[1] is forward
 
 
 def ends_of(metamodel: Metamodel, classes: Sequence[str]) -> Iterator[tuple[Reference, bool]]:

@@ -8,7 +8,6 @@ from typing import Literal
 from envgraph import code
 from envgraph.code import dataclass
 from envgraph.env.compiled._blocks import Frame, Slots
-from envgraph.env.compiled._changes import contained
 from envgraph.env.compiled._layout import NOBODY, ZERO
 from envgraph.env.compiled._member import absent
 from envgraph.env.compiled._refused import NotCompiled
@@ -81,12 +80,12 @@ def claims_of(frame: Frame, metamodel: Metamodel) -> Iterator[Claim]:
                     if operator == "+=":
                         yield from _linked(metamodel, reference, node, value, forced=True)
                     else:
-                        first, source, target = _canonical(metamodel, reference, node, value)
+                        first, source, target = metamodel.canonical(reference, node, value)
                         yield Claim("withdrawn", source, first, target, present=value)
             case _:
                 raise AssertionError(change)
     for unlink in plan.unlinks:
-        reference, source, target = _canonical(metamodel, unlink.reference, unlink.source, unlink.target)
+        reference, source, target = metamodel.canonical(unlink.reference, unlink.source, unlink.target)
         yield Claim("removed", source, reference, target)
 
 
@@ -99,7 +98,7 @@ def _linked(
     yield Claim("touched", target, present=target)
     yield Claim("owner", source, reference.owner, present=target)
     yield Claim("owner", target, reference.target, present=target)
-    first, start, end = _canonical(metamodel, reference, source, target)
+    first, start, end = metamodel.canonical(reference, source, target)
     yield Claim("added", start, first, end, present=target)
     if opposite == reference:
         yield Claim("added", end, first, start, present=target)
@@ -107,19 +106,9 @@ def _linked(
         yield Claim("end", source, reference, target, target, forced)
     if opposite is not None and opposite.upper == 1:
         yield Claim("end", target, opposite, source, target, forced)
-    if reference.containment:
-        yield Claim("end", target, None, source, target, forced, reference)
-    elif opposite is not None and opposite.containment:
-        yield Claim("end", source, None, target, target, forced, opposite)
-
-
-def _canonical(
-    metamodel: Metamodel, reference: Reference, source: int, target: int
-) -> tuple[Reference, int, int]:
-    opposite = metamodel.opposite(reference)
-    if opposite is not None and opposite.index < reference.index:
-        return opposite, target, source
-    return reference, source, target
+    if (held := metamodel.containment(reference, source, target)) is not None:
+        contains, container, content = held
+        yield Claim("end", content, None, container, target, forced, contains)
 
 
 class Pairs:
@@ -227,7 +216,7 @@ class Pairs:
         """A link that a match removes and makes anew stays."""
         found: list[code.Expression | None] = []
         for link in frame.plan.links:
-            reference, source, target = _canonical(self._metamodel, link.reference, link.source, link.target)
+            reference, source, target = self._metamodel.canonical(link.reference, link.source, link.target)
             if reference != a.what:
                 continue
             symmetric = self._metamodel.opposite(reference) == reference
@@ -316,7 +305,7 @@ def _check_order(site: Site) -> None:
         for change in frame.plan.sets:
             feature: Attribute | Reference | None = None
             if isinstance(change, ChangeTargets):
-                feature, _, _ = _canonical(site.facts.metamodel, change.reference, 0, 0)
+                feature, _, _ = site.facts.metamodel.canonical(change.reference, 0, 0)
             elif isinstance(change, Increase) and change.attribute.type is Scalar.FLOAT:
                 feature = change.attribute
             elif isinstance(change, SetTargets):
@@ -337,7 +326,7 @@ def check_kept(site: Site) -> None:
     metamodel, frames = site.facts.metamodel, site.blocks.frames
     deletes = [(delete, frame.plan) for frame in frames for delete in frame.plan.deletes]
     doomed = [one for delete, plan in deletes for one in metamodel.concrete(plan.classes[delete.node] or "")]
-    endangered = contained(metamodel, doomed)
+    endangered = metamodel.all_contents(doomed)
     for frame in frames:
         slots = dict.fromkeys(frame.plan.kept)
         slots.update(dict.fromkeys(c.node for c in claims_of(frame, metamodel) if c.kind == "touched"))

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from envgraph import code
-from envgraph.env.compiled._changes import houses
 from envgraph.env.compiled._contradictions import check_agreement, check_kept, fitted
 from envgraph.env.compiled._links import Links
 from envgraph.env.compiled._matching import Matching
@@ -120,7 +119,7 @@ class Effects:
                     self._set(change)
                 case Increase():
                     self._increase(change)
-                case SetTargets(_, reference) if houses(reference, self._facts.metamodel):
+                case SetTargets(_, reference) if self._facts.metamodel.containment(reference, 0, 1):
                     self._links.set_container(change)
                 case SetTargets(_, reference) if reference.many:
                     self._links.set_targets(change)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from envgraph import code
 from envgraph.env.compiled._blocks import Frame
-from envgraph.env.compiled._changes import contained
 from envgraph.env.compiled._connections import LinkCell
 from envgraph.env.compiled._containers import inside
 from envgraph.env.compiled._layout import NOBODY, ZERO, call
@@ -99,18 +98,13 @@ class Links:
             source, reference, target = link.container, link.reference, link.node
         else:
             source, reference, target = link.source, link.reference, link.target
-        opposite = self._facts.metamodel.opposite(reference)
-        content = None
-        if reference.containment:
-            content, end = target, reference.target
-        elif opposite is not None and opposite.containment:
-            content, end = source, reference.owner
+        held = self._facts.metamodel.containment(reference, source, target)
 
         def write() -> None:
-            if content is not None:
-                container = source if content == target and reference.containment else target
-                self._check_contents(content, container, end)
-                self._check_homeless(content, end, reference)
+            if held is not None:
+                contains, container, content = held
+                self._check_contents(content, container, contains.target)
+                self._check_homeless(content, contains)
             self._check_room(reference, self._site.slots[source], source, forward=True)
             self._check_room(reference, self._site.slots[target], target, forward=False)
             cells = self._cells(source, reference, target)
@@ -129,13 +123,13 @@ class Links:
         facts, site = self._facts, self._site
         if content in site.frame.new and all(holder != content for _, holder, _ in self._housed()):
             return
-        inner = contained(facts.metamodel, facts.metamodel.concrete(site.frame.classes.get(content) or cls))
+        inner = facts.metamodel.all_contents(facts.metamodel.concrete(site.frame.classes.get(content) or cls))
         holder = site.frame.classes.get(container)
         if any(holder is None or facts.metamodel.overlap(one, holder) for one in inner):
             found = call(inside(facts), site.slots[content], site.slots[container])
             site.unless(code.inverse(found))
 
-    def _check_homeless(self, content: int, cls: str, entered: Reference) -> None:
+    def _check_homeless(self, content: int, entered: Reference) -> None:
         """The rule is refused where an object is in another container, by another reference than the one it enters."""
         maker = self._site.frame.new.get(content)
         entering = [
@@ -143,13 +137,9 @@ class Links:
         ]
         if maker is self._site.frame and len(entering) == 1:
             return
-        metamodel, cls = self._facts.metamodel, self._site.frame.classes.get(content) or cls
+        metamodel, cls = self._facts.metamodel, self._site.frame.classes.get(content) or entered.target
         for reference in metamodel.references:
-            if (
-                reference.containment
-                and reference not in (entered, metamodel.opposite(entered))
-                and metamodel.overlap(cls, reference.target)
-            ):
+            if reference.containment and reference != entered and metamodel.overlap(cls, reference.target):
                 held = self._held_cell(reference, self._site.slots[content], cls)
                 self._site.unless(code.Operation("<", (held, ZERO)))
 
@@ -159,19 +149,14 @@ class Links:
         for frame in self._site.blocks.frames:
             found += [(move.node, move.container, frame) for move in frame.plan.moves]
             for link in frame.plan.links:
-                opposite = self._facts.metamodel.opposite(link.reference)
-                if link.reference.containment:
-                    found.append((link.target, link.source, frame))
-                elif opposite is not None and opposite.containment:
-                    found.append((link.source, link.target, frame))
+                held = self._facts.metamodel.containment(link.reference, link.source, link.target)
+                if held is not None:
+                    found.append((held[2], held[1], frame))
         return found
 
     def _check_room(self, reference: Reference, node: code.Expression, slot: int, *, forward: bool) -> None:
         """The rule is refused unless an object may have one more target, or one more source."""
-        opposite = self._facts.metamodel.opposite(reference)
-        upper = reference.upper
-        if not forward:
-            upper = 1 if reference.containment else None if opposite is None else opposite.upper
+        upper = reference.upper if forward else self._facts.metamodel.most_sources(reference)
         if upper is None:
             return
         sure = self._site.sure(slot, reference.owner if forward else reference.target)

@@ -6,8 +6,7 @@ from collections.abc import Sequence
 
 from envgraph import code
 from envgraph.env.compiled._bodies import CAPACITY
-from envgraph.env.compiled._changes import contained
-from envgraph.env.compiled._containers import deleting, ends_of, inside, left, word_of
+from envgraph.env.compiled._containers import deleting, ends_of, holds_content, inside, left, word_of
 from envgraph.env.compiled._layout import NOBODY, TOP, ZERO, call, plus
 from envgraph.env.compiled._member import absent
 from envgraph.env.compiled._site import Site
@@ -90,13 +89,12 @@ class Objects:
         concrete = metamodel.concrete(cls)
         if not concrete:
             return
-        if contained(metamodel, concrete):
+        if metamodel.all_contents(concrete):
             self._delete_whole(concrete, delete.node)
             return
         for reference, forward in ends_of(metamodel, concrete):
-            opposite = metamodel.opposite(reference)
-            content = reference.containment if not forward else opposite is not None and opposite.containment
-            self._drop(reference, node, cls, forward=forward, clears=content or self._site.plan.lossy)
+            is_content = holds_content(metamodel, reference, not forward)
+            self._drop(reference, node, cls, forward=forward, clears=is_content or self._site.plan.lossy)
         attributes = {
             f.index: f
             for one in concrete
@@ -115,7 +113,7 @@ class Objects:
         facts, slots, classes = self._facts, self._site.slots, self._site.body.classes
         found: list[code.Expression] = []
         for other in self._site.body.deletes:
-            inner = contained(facts.metamodel, facts.metamodel.concrete(classes[other.node] or ""))
+            inner = facts.metamodel.all_contents(facts.metamodel.concrete(classes[other.node] or ""))
             if other is not delete and any(
                 facts.metamodel.overlap(one, classes[delete.node] or "") for one in inner
             ):

@@ -155,8 +155,7 @@ class _Writer:
         """Return whether the place of an object says it: the link to its container."""
         if isinstance(feature, Attribute):
             return False
-        opposite = self.model.metamodel.opposite(feature)
-        return opposite is not None and opposite.containment
+        return self.model.store.relations[feature.index].contained
 
     def _named(self, node: int) -> str:
         name = self.model.graph.object_name(node)

@@ -73,10 +73,7 @@ class Sizes:
 
     def single_source(self, reference: Reference | Attribute) -> bool:
         """Return whether an object has at most one source."""
-        if isinstance(reference, Attribute):
-            return False
-        opposite = self._metamodel.opposite(reference)
-        return reference.containment or (opposite is not None and not opposite.many)
+        return isinstance(reference, Reference) and self._metamodel.most_sources(reference) == 1
 
 
 class _Populations:

@@ -36,7 +36,7 @@ Operation = (
     | Unlink
 )
 Arrow = tuple[Reference, int, int]
-"""A link from the end that is named first: `Conflicts.canonical`."""
+"""A link from the end that is named first: `Metamodel.canonical`."""
 
 SUM: Final = ("added up",)
 """Instead of a value: what several matches add to a number."""
@@ -88,6 +88,7 @@ class Conflicts:
 
     def __init__(self, metamodel: Metamodel, describe: Callable[[int], str], *, strict: bool = False) -> None:
         self.metamodel = metamodel
+        self._canonical = metamodel.canonical
         self.describe = describe
         self.strict = strict
         self._gone: dict[int, tuple[int | None, Want]] = {}
@@ -124,12 +125,12 @@ class Conflicts:
         for link in plan.links:
             source, target = slots[link.source], slots[link.target]
             if target is not None:
-                added.add(self.canonical(link.reference, source, target))
+                added.add(self._canonical(link.reference, source, target))
                 self._link(link.reference, source, target, Want(plan, slots, link), False)
         for change in plan.sets:
             self._set(Want(plan, slots, change), change)
         for unlink in plan.unlinks:
-            arrow = self.canonical(unlink.reference, slots[unlink.source], slots[unlink.target])
+            arrow = self._canonical(unlink.reference, slots[unlink.source], slots[unlink.target])
             if arrow not in added:  # what a match removes and makes anew stays
                 self._removed.setdefault(arrow, Want(plan, slots, unlink))
 
@@ -189,7 +190,9 @@ class Conflicts:
         for gone_link, other_link in plan.identified_links:
             ends = slots[gone_link.source], slots[gone_link.target]
             same = slots[other_link.source], slots[other_link.target]
-            if self.canonical(gone_link.reference, *ends) == self.canonical(other_link.reference, *same):
+            if self._canonical(gone_link.reference, *ends) == self.metamodel.canonical(
+                other_link.reference, *same
+            ):
                 message = f"two arrows `{gone_link.reference.name}` are one link, and one of them is deleted"
                 details = [self.describe(end) for end in ends]
                 raise RuleError(message, reason="identification", details=details, span=gone_link.span)
@@ -221,15 +224,14 @@ class Conflicts:
         self._touch(source, want)
         self._touch(target, want)
         self._features += [(source, reference.owner, want), (target, reference.target, want)]
-        self._added.setdefault(self.canonical(reference, source, target), want)
+        self._added.setdefault(self._canonical(reference, source, target), want)
         if reference.upper == 1:
             self._end(source, reference, target, want, forced)
         if opposite is not None and opposite.upper == 1:
             self._end(target, opposite, source, want, forced)
-        if reference.containment:
-            self._end(target, None, (source, reference), want, forced)
-        elif opposite is not None and opposite.containment:
-            self._end(source, None, (target, opposite), want, forced)
+        if (held := self.metamodel.containment(reference, source, target)) is not None:
+            contains, container, content = held
+            self._end(content, None, (container, contains), want, forced)
 
     def _end(self, node: int, feature: Reference | None, value: object, want: Want, forced: bool) -> None:
         """What an object has one of; feature None stands for its container."""
@@ -269,7 +271,7 @@ class Conflicts:
                     if operator == "+=":
                         self._link(reference, slots[node], target, want, True)
                     else:
-                        self._withdrawn.setdefault(self.canonical(reference, slots[node], target), want)
+                        self._withdrawn.setdefault(self._canonical(reference, slots[node], target), want)
             case _:
                 raise AssertionError(change)
 
@@ -298,13 +300,6 @@ class Conflicts:
             raise self._two_values(node, reference, (other, earlier), (targets, want))
 
     # --- what it is about
-
-    def canonical(self, reference: Reference, source: int, target: int) -> Arrow:
-        """The same for a link and for its opposite."""
-        opposite = self.metamodel.opposite(reference)
-        if opposite is not None and (opposite.index, target, source) < (reference.index, source, target):
-            return opposite, target, source
-        return reference, source, target
 
     def _two_values(
         self,

@@ -12,10 +12,8 @@ End = TypeVar("End", int, str)
 
 def content_of(reference: Reference, source: End, target: End, metamodel: Metamodel) -> End | None:
     """Return which end of a link is contained in the other; None if neither is."""
-    opposite = metamodel.opposite(reference)
-    if opposite is not None and opposite.containment:
-        return source
-    return target if reference.containment else None
+    found = metamodel.containment(reference, source, target)
+    return None if found is None else found[2]
 
 
 def homeless(classes: Iterable[str], after: str, metamodel: Metamodel) -> bool:

@@ -278,8 +278,5 @@ class RuleScope:
 
     def key(self, edge: ResolvedEdge) -> LinkKey:
         """The same for a link and for its opposite: they are one fact."""
-        reference, source, target = edge.reference, edge.source, edge.target
-        opposite = self.metamodel.opposite(reference)
-        if opposite is not None and (opposite.index, target, source) < (reference.index, source, target):
-            return opposite.index, target, source
+        reference, source, target = self.metamodel.canonical(edge.reference, edge.source, edge.target)
         return reference.index, source, target

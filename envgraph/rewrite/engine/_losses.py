@@ -59,7 +59,7 @@ def losses(
         known: parameters of the rule that are the object (True), or surely another one (False).
     """
     given = any(known.values())
-    for block in _blocks(plan):
+    for block in plan.blocks:
 
         def may_be(slot: int, block: BlockPlan = block) -> bool:
             """Return whether a slot may be the object: what one slot has is in no other, unless they may coincide."""
@@ -90,10 +90,10 @@ def unnamed_links(plan: RulePlan, library: Library) -> Iterator[UnnamedLinks]:
     Where there is such a link the rule is refused. A condition on one, even a negated one, or in a pattern that is
     called, is taken to say that the rule knows of it. Links to the container and from it go along.
     """
-    patterns = reached((block.pattern for block in _blocks(plan)), library.called)
+    patterns = reached((block.pattern for block in plan.blocks), library.called)
     bodies = (body for name in patterns for body in library.lowered(name).bodies)
     asked = {reference for body in bodies for reference in _asked(body.goals)}
-    for block in _blocks(plan):
+    for block in plan.blocks:
         for delete in block.deletes if not plan.lossy else ():
             cls = block.classes[delete.node]
             found = cls and tuple(_touching(library.metamodel, cls, asked))
@@ -125,16 +125,6 @@ def _asked(goals: Iterable[Goal]) -> Iterator[Reference | Attribute]:
             yield goal.reference
 
 
-def _blocks(plan: RulePlan) -> list[BlockPlan]:
-    """The rule itself, and the blocks of it that rewrite."""
-    found = [plan.body]
-    for block in found:
-        found += block.nested
-    return found
-
-
 def _holds(metamodel: Metamodel, outer: str, inner: str) -> bool:
     """Return whether an object of one class may contain one of another, however deep."""
-    inside = (cls for name in metamodel.concrete(outer) for cls in metamodel.contents(name))
-    found = set(reached(inside, metamodel.contents))
-    return not found.isdisjoint(metamodel.concrete(inner))
+    return not {*metamodel.all_contents(metamodel.concrete(outer))}.isdisjoint(metamodel.concrete(inner))

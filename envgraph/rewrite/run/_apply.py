@@ -16,11 +16,10 @@ from envgraph.code import dataclass
 from envgraph.errors import RAISE_LIMIT, EvaluationError, RuleError, limit
 from envgraph.graph import Model
 from envgraph.match import Matcher
-from envgraph.metamodel import Metamodel, Reference, reached
+from envgraph.metamodel import Metamodel, Reference
 from envgraph.rewrite._match import Row
 from envgraph.rewrite._plan import BlockPlan, ChangeTargets, Link, RulePlan, SetTargets, SetValue
 from envgraph.rewrite.check._conflicts import Conflicts, Contradiction, Fresh, told
-from envgraph.rewrite.check._containment import content_of
 from envgraph.rewrite.run._effects import check_kept
 from envgraph.rewrite.run._notices import Report
 from envgraph.rewrite.run._refusal import refusal
@@ -137,8 +136,7 @@ def _endangered(blocks: Sequence[BlockPlan], metamodel: Metamodel) -> set[str]:
     """Classes of variables whose objects may go along with an object that one of the blocks deletes."""
     classes = {b.classes[d.node] for b in blocks for d in b.deletes} - {None}
     deleted = (sub for cls in classes for sub in metamodel.concrete(cls or ""))
-    inside = (cls for name in deleted for cls in metamodel.contents(name))
-    return {above for cls in reached(inside, metamodel.contents) for above in metamodel.supertypes(cls)}
+    return {above for cls in metamodel.all_contents(deleted) for above in metamodel.supertypes(cls)}
 
 
 def _needs_savepoint(body: BlockPlan, metamodel: Metamodel) -> bool:
@@ -166,20 +164,13 @@ def _needs_savepoint(body: BlockPlan, metamodel: Metamodel) -> bool:
 
 def _always_fits(reference: Reference, metamodel: Metamodel) -> bool:
     """Return whether the model never refuses a link, given ends of the right classes."""
-    opposite = metamodel.opposite(reference)
-    return (
-        reference.upper is None
-        and content_of(reference, 0, 1, metamodel) is None
-        and (opposite is None or opposite.upper is None)
-    )
+    return reference.upper is None and metamodel.most_sources(reference) is None
 
 
 def _always_set(reference: Reference, metamodel: Metamodel) -> bool:
     """Return whether the model never refuses to replace the targets of a single-valued reference."""
-    opposite = metamodel.opposite(reference)
-    if reference.many or content_of(reference, 0, 1, metamodel) is not None:
-        return False
-    return opposite is None or opposite.upper in (None, 1)
+    contains = metamodel.containment(reference, 0, 1) is not None
+    return not (reference.many or contains) and metamodel.most_sources(reference) in (None, 1)
 
 
 REFUSALS: Final = (RuleError, EvaluationError)
@@ -262,13 +253,6 @@ class _Block:
                 block.collect([*slots, *row[len(block.plan.arguments) :]], instance, found, fresh, most)
 
 
-def _blocks(plan: BlockPlan) -> Iterator[BlockPlan]:
-    """A block and those inside it."""
-    yield plan
-    for inner in plan.nested:
-        yield from _blocks(inner)
-
-
 class _Staged:
     """Applies a rule with nested blocks, or one of which not even the match tells what it changes."""
 
@@ -278,7 +262,7 @@ class _Staged:
         self.again = again
         self.most = limit(MOST_INSTANCES)
         self.doomed: set[int] = set()
-        endangered = _endangered([*_blocks(plan.body)], model.metamodel)
+        endangered = _endangered(plan.blocks, model.metamodel)
         self.block = _Block(plan.body, model, matcher, plan.lossy, self.doomed, endangered)
 
     def apply(self, row: Row) -> Sequence[Any]:
