@@ -123,15 +123,15 @@ def _shortest_path(options: Options, context: Context) -> IndividualMeasure:
     return ShortestPath(
         metamodel=context.metamodel,
         along=options.names("along"),
-        start=options.name("from") if options.given("from") else None,
-        goal=options.name("to") if options.given("to") else None,
-        avoid=options.name("avoid") if options.given("avoid") else None,
+        start=options.name_or_none("from"),
+        goal=options.name_or_none("to"),
+        avoid=options.name_or_none("avoid"),
     )
 
 
 def _shortest_plan(options: Options, context: Context) -> IndividualMeasure:
     assert context.behaviour is not None, "check_family demands an environment for this measure"
-    return ShortestPlan(context.behaviour, options.name("guide") if options.given("guide") else None)
+    return ShortestPlan(context.behaviour, options.name_or_none("guide"))
 
 
 def _expression(options: Options, context: Context) -> IndividualMeasure:
@@ -144,24 +144,19 @@ def _expression(options: Options, context: Context) -> IndividualMeasure:
     return Expressed(expression, {name: context.others[name] for name in named(expression) if context.others})
 
 
-def _distance(options: Options, context: Context) -> IndividualMeasure:
-    del options
-    return Distance(context.initial)
+def _certified(measure: type[RandomSuccess | OptimalReturn]) -> MeasureFactory:
+    """Return a factory of a measure that asks the certifier of the family."""
 
+    def made(options: Options, context: Context) -> IndividualMeasure:
+        assert context.certifier is not None, "check_family demands an environment for this measure"
+        return measure(context.certifier, options.spec)
 
-def _random_success(options: Options, context: Context) -> IndividualMeasure:
-    assert context.certifier is not None, "check_family demands an environment for this measure"
-    return RandomSuccess(context.certifier, options.spec)
-
-
-def _optimal_return(options: Options, context: Context) -> IndividualMeasure:
-    assert context.certifier is not None, "check_family demands an environment for this measure"
-    return OptimalReturn(context.certifier, options.spec)
+    return made
 
 
 def _value(options: Options, context: Context) -> IndividualMeasure:
     pattern = options.name("of")
-    named = options.name("parameter") if options.given("parameter") else None
+    named = options.name_or_none("parameter")
     numbers = (numeric_parameters(context.library, pattern) if context.library else None) or {}
     place, type_ = numbers.get(named or next(iter(numbers), ""), (0, Scalar.INT))
     return PatternValue(pattern, place, whole=type_ is Scalar.INT)
@@ -241,9 +236,9 @@ class Components:
         path_complexity=_path_complexity,
         shortest_path=_shortest_path,
         shortest_plan=_shortest_plan,
-        random_success=_random_success,
-        optimal_return=_optimal_return,
-        distance=_distance,
+        random_success=_certified(RandomSuccess),
+        optimal_return=_certified(OptimalReturn),
+        distance=lambda options, context: Distance(context.initial),
         expression=_expression,
         count=lambda options, context: MatchCount(options.name("of")),
         value=_value,
@@ -287,14 +282,8 @@ class Components:
 
     def kinds(self) -> dict[str, tuple[str, ...]]:
         """The known kinds by role, for the check of a family file."""
-        return {
-            "measure": tuple(self.measure),
-            "diversity": tuple(self.diversity),
-            "objective": tuple(self.objective),
-            "parents": tuple(self.parents),
-            "survivors": tuple(self.survivors),
-            "strategy": tuple(self.strategy),
-        }
+        roles = ("measure", "diversity", "objective", "parents", "survivors", "strategy")
+        return {role: tuple(getattr(self, role)) for role in roles}
 
     def with_(self, role: str, kind: str, factory: Callable[..., object]) -> Components:
         """A copy in which a kind of a role is made by a factory.

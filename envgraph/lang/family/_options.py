@@ -55,6 +55,10 @@ class Options:
             self._table.missing(name, f'write `{name} = "..."`')
         return found.text if found else ""
 
+    def name_or_none(self, name: str) -> str | None:
+        """A name, or None where the option is not there."""
+        return self.name(name) if self.given(name) else None
+
     def names(self, name: str) -> tuple[str, ...]:
         """A name or a list of names, at least one."""
         value = self._table.take(name)
