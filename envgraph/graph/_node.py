@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, MutableSequence, Sequence
-from typing import TYPE_CHECKING, Any, Literal, overload
+from typing import TYPE_CHECKING, Any, Literal
 
 from envgraph.errors import InvalidArgument, TypeMismatch, did_you_mean
 from envgraph.graph import _refusals as refusals
@@ -126,29 +126,60 @@ class Node:
 _OWN_NAMES = frozenset(name for name in dir(Node) if not name.startswith("_"))
 
 
-class Targets(Sequence[Node]):
+class _HeldList(Sequence[Any]):
+    """What an object holds of a feature with many, live: reading it reads the model."""
+
+    __slots__ = ("_feature", "_node")
+
+    def __init__(self, node: Node, feature: Any) -> None:
+        self._node = node
+        self._feature = feature
+
+    def _made(self, held: Any) -> Any:
+        """Return what stands for a value, or for the id of a target."""
+        return held
+
+    def __len__(self) -> int:
+        return len(_held(self._node, self._feature))
+
+    def __getitem__(self, index: int | slice) -> Any:
+        held = _held(self._node, self._feature)
+        return [*map(self._made, held[index])] if isinstance(index, slice) else self._made(held[index])
+
+    def __eq__(self, other: object) -> bool:
+        """Equal to a list, tuple or other view of the same items in the same order."""
+        if isinstance(other, list | tuple | type(self)):
+            return list(self) == list(other)
+        return NotImplemented
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def __repr__(self) -> str:
+        """A list of the first ones, and how many there are."""
+        if len(self) <= _SHOWN:
+            return repr(list(self))
+        return f"[{', '.join(map(repr, self[:_SHOWN]))}, ... {len(self):,} in all]"
+
+
+class Targets(_HeldList, Sequence[Node]):
     """The targets of a many-reference, live: reading and writing it reads and writes the model.
 
     Iterating goes over the targets as they were at the start. They are in the order in which they were added; of more
     than 32, the last one takes the place of one that is removed.
     """
 
-    __slots__ = ("_reference", "_source")
+    __slots__ = ()
 
-    def __init__(self, source: Node, reference: Reference) -> None:
-        self._source = source
-        self._reference = reference
-
-    def _ids(self) -> Sequence[int]:
-        return _held(self._source, self._reference)
+    def _made(self, held: int) -> Node:
+        return Node(self._node.model, held)
 
     def append(self, target: Node) -> None:
         """Add a target; nothing happens if it is one already.
 
         As an assignment does, it takes the object out of its container, and from what has it by a single opposite.
         """
-        model = self._source.model
-        model.graph.add_target(self._source.id, self._reference, _target(model, self._reference, target))
+        model = self._node.model
+        model.graph.add_target(self._node.id, self._feature, _target(model, self._feature, target))
 
     def insert(self, index: int, target: Node) -> None:
         """Add a target at a position, as a list does; one that is there already moves.
@@ -158,9 +189,8 @@ class Targets(Sequence[Node]):
         """
         if type(index) is not int:
             raise InvalidArgument(f"a position is a whole number, not {index!r}")
-        model = self._source.model
-        new = _target(model, self._reference, target)
-        model.graph.insert_target(self._source.id, self._reference, index, new)
+        model = self._node.model
+        model.graph.insert_target(self._node.id, self._feature, index, _target(model, self._feature, target))
 
     def extend(self, targets: Iterable[Node]) -> None:
         """Add several targets."""
@@ -173,78 +203,41 @@ class Targets(Sequence[Node]):
         Raises:
             InvalidArgument: it is none.
         """
-        model = self._source.model
-        if model.graph.defined and self._reference in model.graph.defined:
-            raise refusals.lacks(model.graph, self._source.id, self._reference)
-        if not model.graph.unlink(self._source.id, self._reference, _target(model, self._reference, target)):
-            raise InvalidArgument(f"{target!r} is not among the targets of `{self._reference.name}`")
+        model = self._node.model
+        if model.graph.defined and self._feature in model.graph.defined:
+            raise refusals.lacks(model.graph, self._node.id, self._feature)
+        if not model.graph.unlink(self._node.id, self._feature, _target(model, self._feature, target)):
+            raise InvalidArgument(f"{target!r} is not among the targets of `{self._feature.name}`")
 
     def clear(self) -> None:
         """Remove all targets."""
-        self._source.model.graph.set_targets(self._source.id, self._reference, ())
-
-    def __len__(self) -> int:
-        return len(self._ids())
+        self._node.model.graph.set_targets(self._node.id, self._feature, ())
 
     def __iter__(self) -> Iterator[Node]:
-        model = self._source.model
-        return (Node(model, id) for id in tuple(self._ids()))
+        model = self._node.model
+        return (Node(model, id) for id in tuple(_held(self._node, self._feature)))
 
     def __contains__(self, item: object) -> bool:
-        return isinstance(item, Node) and item.model is self._source.model and item.id in self._ids()
-
-    @overload
-    def __getitem__(self, index: int) -> Node: ...
-    @overload
-    def __getitem__(self, index: slice) -> list[Node]: ...
-    def __getitem__(self, index: int | slice) -> Node | list[Node]:
-        ids = self._ids()
-        if isinstance(index, slice):
-            return [Node(self._source.model, id) for id in ids[index]]
-        return Node(self._source.model, ids[index])
-
-    def __eq__(self, other: object) -> bool:
-        """Equal to a list, tuple or other view of the same nodes in the same order."""
-        if isinstance(other, list | tuple | Targets):
-            return list(self) == list(other)
-        return NotImplemented
-
-    __hash__ = None  # type: ignore[assignment]
-
-    def __repr__(self) -> str:
-        return _listed(self)
+        if not isinstance(item, Node) or item.model is not self._node.model:
+            return False
+        return item.id in _held(self._node, self._feature)
 
 
-class ValueList(MutableSequence[Value]):
+class ValueList(_HeldList, MutableSequence[Value]):
     """The values of an attribute with many, live: a list that reads and writes the model.
 
     Iterating goes over the values as they were at the start. Where each value stands once, inserting one that is there
     changes nothing. Errors are those of `Graph.set_value`.
     """
 
-    __slots__ = ("_attribute", "_object")
-
-    def __init__(self, object_: Node, attribute: Attribute) -> None:
-        self._object = object_
-        self._attribute = attribute
-
-    def _values(self) -> Sequence[Value]:
-        return _held(self._object, self._attribute)
+    __slots__ = ()
 
     def _set(self, values: list[Value]) -> None:
-        self._object.model.graph.set_value(self._object.id, self._attribute, values)
+        self._node.model.graph.set_value(self._node.id, self._feature, values)
 
     def insert(self, index: int, value: Value) -> None:
         """Put a value before the one at an index."""
-        self._object.model.graph.insert_value(self._object.id, self._attribute, index, value)
-
-    @overload
-    def __getitem__(self, index: int) -> Value: ...
-    @overload
-    def __getitem__(self, index: slice) -> list[Value]: ...
-    def __getitem__(self, index: int | slice) -> Value | list[Value]:
-        values = self._values()
-        return list(values[index]) if isinstance(index, slice) else values[index]
+        self._node.model.graph.insert_value(self._node.id, self._feature, index, value)
 
     def __setitem__(self, index: Any, value: Any) -> None:
         values = list(self)
@@ -257,38 +250,17 @@ class ValueList(MutableSequence[Value]):
             del values[index]
             self._set(values)
         else:
-            self._object.model.graph.remove_value_at(self._object.id, self._attribute, index)
+            self._node.model.graph.remove_value_at(self._node.id, self._feature, index)
 
     def reverse(self) -> None:
         """Reverse the order in one write: swapping values one by one would repeat a unique value."""
         self._set(list(self)[::-1])
 
     def __iter__(self) -> Iterator[Value]:
-        return iter(tuple(self._values()))
+        return iter(tuple(_held(self._node, self._feature)))
 
     def __contains__(self, item: object) -> bool:
-        return item in self._values()
-
-    def __len__(self) -> int:
-        return len(self._values())
-
-    def __eq__(self, other: object) -> bool:
-        """Equal to a list, tuple or other view of the same values in the same order."""
-        if isinstance(other, list | tuple | ValueList):
-            return list(self) == list(other)
-        return NotImplemented
-
-    __hash__ = None  # type: ignore[assignment]
-
-    def __repr__(self) -> str:
-        return _listed(self)
-
-
-def _listed(items: Sequence[object]) -> str:
-    """A list of the first ones, and how many there are."""
-    if len(items) <= _SHOWN:
-        return repr(list(items))
-    return f"[{', '.join(map(repr, items[:_SHOWN]))}, ... {len(items):,} in all]"
+        return item in _held(self._node, self._feature)
 
 
 def assign_features(node: Node, features: Mapping[str, object]) -> None:

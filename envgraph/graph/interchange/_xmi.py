@@ -155,7 +155,7 @@ class _Writer:
         """Return whether the place of an object says it: the link to its container."""
         if isinstance(feature, Attribute):
             return False
-        return self.model.store.relations[feature.index].contained
+        return self.model.graph.store.relations[feature.index].contained
 
     def _named(self, node: int) -> str:
         name = self.model.graph.object_name(node)
