@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from envgraph.behaviour._data import Action, Behaviour, EachStep, Effect
-from envgraph.errors import InvalidArgument, did_you_mean, listed
+from envgraph.errors import check_known
 from envgraph.pattern import Negation, PatternCall
 
 
@@ -28,10 +28,7 @@ def paying(behaviour: Behaviour, name: str) -> Behaviour:
     Raises:
         InvalidArgument: nothing of this name pays a reward.
     """
-    known = reward_names(behaviour)
-    if name not in known:
-        hint = did_you_mean(name, known) or (f"there are {listed(known)}" if known else "it pays none")
-        raise InvalidArgument(f"environment `{behaviour.name}` pays no reward `{name}`", hint)
+    check_known(name, reward_names(behaviour), f"environment `{behaviour.name}` pays no reward `{name}`")
     agents = tuple(
         replace(one, actions=_actions(one.actions, name), effects=_effects(one.effects, name))
         for one in behaviour.agents

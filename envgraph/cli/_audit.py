@@ -11,7 +11,7 @@ from typing import Final
 
 from envgraph import __version__
 from envgraph.cli._output import print_json, print_line, print_table, progress_bar
-from envgraph.errors import InvalidArgument, did_you_mean
+from envgraph.errors import InvalidArgument, check_known
 from envgraph.files import replace_file, write_lock
 from envgraph.lang import DiskFiles, bundled_domains, data_path
 from envgraph.learn.audit import (
@@ -122,9 +122,7 @@ def _methods(names: str | None) -> list[Method]:
     known = {method.name: method for method in every}
     wanted = [METHODS[0].name, *(name.strip() for name in names.split(";"))]
     for name in wanted:
-        if name not in known:
-            hint = did_you_mean(name, known) or "there are " + ", ".join(f"`{one}`" for one in known)
-            raise InvalidArgument(f"unknown method `{name}`", hint)
+        check_known(name, known, f"unknown method `{name}`")
     return [method for method in every if method.name in wanted]
 
 

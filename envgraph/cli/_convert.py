@@ -9,7 +9,7 @@ from pathlib import Path
 
 from envgraph.cli._inputs import A_MODEL, MODELS, Inputs, take
 from envgraph.cli._output import print_line
-from envgraph.errors import InvalidArgument, did_you_mean
+from envgraph.errors import InvalidArgument, check_known
 from envgraph.files import replace_file
 from envgraph.graph import Model, model_to_json, model_to_xmi
 from envgraph.lang import model_to_text
@@ -51,9 +51,7 @@ def convert_file(file: str, output: Path, inputs: Inputs, *, lossy: bool) -> Non
 
 def check_format(output: Path, formats: Sequence[str] = _WRITTEN) -> None:
     """Refuse a file whose name asks for no format that can be written."""
-    if output.suffix not in formats:
-        hint = did_you_mean(output.suffix, formats) or f"there are {', '.join(formats)}"
-        raise InvalidArgument(f"`{output}` is of no format that can be written", hint)
+    check_known(output.suffix, formats, f"`{output}` is of no format that can be written")
 
 
 def model_text(model: Model, output: Path) -> str:

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from envgraph.cli._output import print_line, printable_json
-from envgraph.errors import EvaluationError, InvalidArgument, did_you_mean, visible
+from envgraph.errors import EvaluationError, InvalidArgument, check_known, visible
 from envgraph.files import replace_file
 from envgraph.search import Family, export_ga4cl, family_svg, open_family, write_family
 from envgraph.search.export import MINIGRID, copy_templates, write_frozen_lake, write_package, write_tables
@@ -28,9 +28,7 @@ def export_family(
     run: str, directory: Path, format: str, output: Path | None, templates: Path | None = None
 ) -> None:
     """Write a family in another format."""
-    if format not in _KNOWN:
-        hint = did_you_mean(format, _KNOWN) or f"there are {', '.join(_KNOWN)}"
-        raise InvalidArgument(f"unknown format `{format}`", hint)
+    check_known(format, _KNOWN, f"unknown format `{format}`")
     if templates is not None and format != "python":
         raise InvalidArgument(f"format `{format}` takes no templates", "`--format python` does")
     if format in ("family", "ga4cl", "frozenlake") and output is not None and output.suffix == ".svg":

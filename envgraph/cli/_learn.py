@@ -17,7 +17,7 @@ from envgraph.cli._family import REPORT, TRAINING, run_directory
 from envgraph.cli._output import print_json, print_line, print_table, progress_bar
 from envgraph.env import Tabular, TooManyStates
 from envgraph.env.compiled import NotCompiled
-from envgraph.errors import MOST_STEPS, EvaluationError, InvalidArgument, did_you_mean, listed, parse_within
+from envgraph.errors import MOST_STEPS, EvaluationError, InvalidArgument, check_known, listed, parse_within
 from envgraph.files import replace_file, write_lock
 from envgraph.learn import (
     CONTROLS,
@@ -358,9 +358,7 @@ def _curricula(family: Family, kinds: str | None) -> list[Curriculum]:
     wanted = default if kinds is None else [kind.strip() for kind in kinds.split(",")]
     chosen: dict[tuple[str, str], Curriculum] = {}
     for kind in wanted:
-        if kind not in _KINDS:
-            hint = did_you_mean(kind, _KINDS) or f"there are {', '.join(_KINDS)}"
-            raise InvalidArgument(f"unknown curricula `{kind}`", hint)
+        check_known(kind, _KINDS, f"unknown curricula `{kind}`")
         for one in sequences(names, kind):  # type: ignore[arg-type]
             chosen.setdefault((one.kind, one.label), one)
     return list(chosen.values())
@@ -373,9 +371,7 @@ def _named(controls: str | None) -> list[str] | None:
         return None if controls is None else [*CONTROLS, _RANDOM] if controls.strip() == "all" else []
     kinds = [kind.strip() for kind in controls.split(",")]
     for kind in kinds:
-        if kind not in known:
-            hint = did_you_mean(kind, known) or f"there are {', '.join(known)}; all, or none"
-            raise InvalidArgument(f"unknown control `{kind}`", hint)
+        check_known(kind, (*known, "all", "none"), f"unknown control `{kind}`")
     return kinds
 
 

@@ -12,7 +12,7 @@ from typing import Any
 from envgraph.cli._inputs import A_MODEL, DEFINITIONS, MODELS, THE_DEFINITIONS, Inputs, take
 from envgraph.cli._output import print_json, print_line, print_lines, print_table
 from envgraph.code import dataclass
-from envgraph.errors import InvalidArgument, did_you_mean, listed, name_hint, parse_int, with_article
+from envgraph.errors import InvalidArgument, check_known, listed, name_hint, parse_int, with_article
 from envgraph.files import replace_file
 from envgraph.graph import Model, Node, model_from_json
 from envgraph.lang import Workspace, bundled_domains
@@ -246,9 +246,7 @@ def parse_values(
         name, equals, value = text.partition("=")
         if not equals:
             raise InvalidArgument(f"`{text}` is not of the form NAME=VALUE; write `--where {name}=..`")
-        if name not in types:
-            hint = name_hint(name, types) or "nothing can be given"
-            raise InvalidArgument(f"unknown variable `{name}`", hint)
+        check_known(name, types, f"unknown variable `{name}`")
         if name in bound:
             raise InvalidArgument(f"`{name}` is given twice")
         bound[name] = _value(engine, name, value, types[name])
@@ -276,9 +274,7 @@ def _value(engine: Engine, name: str, text: str, type_: StaticType | None) -> No
         return engine.model.node(found)
     if isinstance(type_, EnumType):
         text = text.removeprefix(type_.name).removeprefix("::")  # as in the languages
-        if text not in type_.literals:
-            hint = did_you_mean(text, type_.literals) or f"there are {', '.join(type_.literals)}"
-            raise InvalidArgument(f"`{name}`: `{type_.name}` has no literal `{text}`", hint)
+        check_known(text, type_.literals, f"`{name}`: `{type_.name}` has no literal `{text}`")
         return text
     value = parse_value(text, type_) if type_ else text
     if value is None:

@@ -16,7 +16,7 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from envgraph.behaviour import MOST_VALUES
-from envgraph.errors import InvalidArgument, did_you_mean, listed
+from envgraph.errors import InvalidArgument, check_known
 
 ObservationKind = Literal["index", "multi", "flat", "dict", "image", "graph"]
 
@@ -34,9 +34,7 @@ def check_kind(kind: object) -> None:
     Raises:
         InvalidArgument: there are none.
     """
-    if kind not in KINDS:
-        hint = did_you_mean(str(kind), KINDS) or f"there are {listed(KINDS)}"
-        raise InvalidArgument(f"unknown kind of observation {kind!r}", hint)
+    check_known(kind, KINDS, f"unknown kind of observation {kind!r}")
 
 
 class Memory:

@@ -26,6 +26,7 @@ from envgraph.errors._exceptions import (
     TraceError,
     TransactionError,
     TypeMismatch,
+    check_known,
 )
 from envgraph.errors._limits import MOST_ERRORS, MOST_NESTED, MOST_STEPS, RAISE_LIMIT, limit, parse_within
 from envgraph.errors._numbers import LARGEST_INT, parse_float, parse_int
@@ -55,6 +56,7 @@ __all__ = [
     "TraceError",
     "TransactionError",
     "TypeMismatch",
+    "check_known",
     "defined_twice",
     "did_you_mean",
     "has_errors",

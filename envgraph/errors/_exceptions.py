@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 
 from envgraph.errors._diagnostics import Diagnostic, Note
 from envgraph.errors._source import Span, visible
+from envgraph.errors._suggest import did_you_mean, quoted
 
 _LONGEST = 140
 """Of a message in a repr."""
@@ -209,3 +210,18 @@ class FunctionError(_PlacedError):
 
 class InvalidArgument(EnvgraphError, ValueError):
     """An argument of a Python call is outside what its docstring allows."""
+
+
+def check_known(name: object, known: Collection[str], message: str) -> None:
+    """Raise `InvalidArgument` with a message unless a name is known; the hint says which names there are.
+
+    >>> check_known("full", ("full", "direct"), "unknown kind `full`")
+    >>> check_known("fast", ("full", "direct"), "unknown kind `fast`")
+    Traceback (most recent call last):
+    envgraph.errors._exceptions.InvalidArgument: unknown kind `fast`; there are `full`, `direct`
+    """
+    if name not in known:
+        there_are = (
+            f"there is only {quoted(known)}" if len(known) == 1 else f"there are {quoted(known) or 'none'}"
+        )
+        raise InvalidArgument(message, did_you_mean(str(name), known) or there_are)

@@ -11,7 +11,7 @@ from typing import Any, Final, Literal, get_args
 import numpy as np
 
 from envgraph.env import Tabular
-from envgraph.errors import InvalidArgument, did_you_mean
+from envgraph.errors import check_known
 from envgraph.learn._curricula import Curriculum, sequences
 from envgraph.learn._results import OPTIMISTIC
 from envgraph.learn._teachers import TEACHERS
@@ -69,8 +69,7 @@ def controls(
     """
     known = (*CONTROLS, *TEACHERS)
     for kind in kinds:
-        if kind not in known:
-            raise InvalidArgument(f"unknown control {kind!r}", did_you_mean(str(kind), known))
+        check_known(kind, known, f"unknown control {kind!r}")
     direct, count = sequences(names, "direct"), len(names)
     found: list[Curriculum] = [*direct] if "direct" in kinds else []
 

@@ -10,7 +10,7 @@ from math import isfinite
 from typing import Literal, Self, get_args
 
 from envgraph.code import dataclass
-from envgraph.errors import InvalidArgument, did_you_mean
+from envgraph.errors import InvalidArgument, check_known
 from envgraph.solve.learning import Epsilon
 
 Kind = Literal["curriculum", "baseline", "control"]
@@ -104,9 +104,7 @@ def sequences(names: Sequence[str], kind: Sequences = "suffixes") -> tuple[Curri
     >>> sequences(["E1", "E2", "E3"], "direct")[0].stages, sequences(["E1", "E2", "E3"], "direct")[0].shares
     (('E3',), (3,))
     """
-    if kind not in get_args(Sequences):
-        hint = did_you_mean(str(kind), get_args(Sequences))
-        raise InvalidArgument(f"unknown kind of sequences {kind!r}", hint)
+    check_known(kind, get_args(Sequences), f"unknown kind of sequences {kind!r}")
     if not names or len(set(names)) != len(names):
         raise InvalidArgument("a family needs environments with different names")
     if kind in ("suffixes", "full"):

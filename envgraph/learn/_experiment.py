@@ -12,7 +12,7 @@ import numpy as np
 
 from envgraph.code import dataclass
 from envgraph.env import Tabular
-from envgraph.errors import InvalidArgument, did_you_mean
+from envgraph.errors import InvalidArgument, check_known
 from envgraph.learn._agents import ProgramAgent, Programs, TableAgent, Tables
 from envgraph.learn._curricula import Curriculum, Kind, sequences
 from envgraph.learn._deep import DeepAgent
@@ -325,9 +325,7 @@ def _check(names: Sequence[str], curricula: Sequence[Curriculum], seeds: Sequenc
         raise InvalidArgument("a family needs environments with different names")
     for curriculum in curricula:
         for name in (name for stage in curriculum.members for name in stage):
-            if name not in names:
-                hint = did_you_mean(name, names)
-                raise InvalidArgument(f"no environment is called `{name}`", hint)
+            check_known(name, names, f"no environment is called `{name}`")
     labels = [(curriculum.kind, curriculum.label) for curriculum in curricula]
     if not labels or len(set(labels)) != len(labels):
         raise InvalidArgument("an experiment needs curricula with different labels")

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from envgraph.env import Tabular
 from envgraph.env.schedules import SCHEDULES, Outcomes, Replay, Schedule, named_schedule
-from envgraph.errors import InvalidArgument, did_you_mean, listed
+from envgraph.errors import InvalidArgument, check_known
 from envgraph.solve import evaluate_policy, optimal_return
 from envgraph.solve.learning import TrainingSettings
 
@@ -73,9 +73,7 @@ def teacher(name: str, count: int, exact: ExactScore | None = None) -> Schedule:
     Raises:
         InvalidArgument: none has this name, or it needs tables of the members.
     """
-    if name not in TEACHERS:
-        hint = did_you_mean(name, TEACHERS) or f"there are {listed(TEACHERS)}"
-        raise InvalidArgument(f"unknown schedule `{name}`", hint)
+    check_known(name, TEACHERS, f"unknown schedule `{name}`")
     if name not in EXACT:
         return named_schedule(name, count)
     if exact is None:

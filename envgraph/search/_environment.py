@@ -34,7 +34,7 @@ from envgraph.env.compiled import (
 )
 from envgraph.env.registration import MAKE_VECTOR_ENVIRONMENT
 from envgraph.env.schedules import Schedule, named_schedule
-from envgraph.errors import InvalidArgument
+from envgraph.errors import InvalidArgument, check_known
 from envgraph.search._family import Family, run_file
 from envgraph.search._opened import (
     ENGINES,
@@ -383,9 +383,8 @@ def make_vector_environment(
 
 def _engine_of(engine: EngineKind | None, live: bool) -> EngineKind | None:
     """What is to step; None for the first that can."""
-    if engine not in (None, *ENGINES):
-        known = ", ".join(f"`{one}`" for one in ENGINES)
-        raise InvalidArgument(f"unknown engine {engine!r}: there are {known}")
+    if engine is not None:
+        check_known(engine, ENGINES, f"unknown engine {engine!r}")
     if live and engine not in (None, "live"):
         raise InvalidArgument(f"`live=True` and `engine={engine!r}` are two engines: give one")
     return "live" if live else engine

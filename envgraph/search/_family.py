@@ -15,7 +15,16 @@ from envgraph.behaviour import paying
 from envgraph.code import dataclass
 from envgraph.env import Behaviour, Explored, KeyIndex, Scene, scene_of
 from envgraph.env.compiled import Borrowed, Program, program_of
-from envgraph.errors import EvaluationError, InvalidArgument, LoadError, Note, did_you_mean, listed, parse_int
+from envgraph.errors import (
+    EvaluationError,
+    InvalidArgument,
+    LoadError,
+    Note,
+    check_known,
+    did_you_mean,
+    listed,
+    parse_int,
+)
 from envgraph.graph import Model, model_from_json
 from envgraph.lang import Bundle
 from envgraph.rewrite import Engine
@@ -226,10 +235,7 @@ class Family:
         Raises:
             InvalidArgument: there is no such measure, or no such member.
         """
-        known = self.members[0].measures
-        if measure not in known:
-            hint = did_you_mean(measure, known) or f"there are {', '.join(known)}"
-            raise InvalidArgument(f"family `{self.name}` has no measure `{measure}`", hint)
+        check_known(measure, self.members[0].measures, f"family `{self.name}` has no measure `{measure}`")
         return self._of(
             [place for place, one in enumerate(self.members) if low <= one.measures[measure] <= high]
         )
@@ -357,12 +363,10 @@ def place_of(variant: int | str | None, names: Sequence[str], family: str) -> in
     if variant is None:
         return len(names) - 1
     text = str(variant)
-    if text in names:
-        return names.index(text)
-    if (number := parse_int(text)) is not None and 1 <= number <= len(names):
+    if text not in names and (number := parse_int(text)) is not None and 1 <= number <= len(names):
         return number - 1
-    hint = did_you_mean(text, names) or f"there are {', '.join(names)}"
-    raise InvalidArgument(f"family `{family}` has no environment `{variant}`", hint)
+    check_known(text, names, f"family `{family}` has no environment `{variant}`")
+    return names.index(text)
 
 
 def ordered(

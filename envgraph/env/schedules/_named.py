@@ -12,7 +12,7 @@ from envgraph.env.schedules._protocol import Schedule
 from envgraph.env.schedules._replay import Buffer, Replay
 from envgraph.env.schedules._sifting import Sifter
 from envgraph.env.schedules._weighted import Band, Weighted, learnability, learning_progress
-from envgraph.errors import InvalidArgument, did_you_mean, listed
+from envgraph.errors import check_known
 
 SCHEDULES: Final[dict[str, Callable[[int], Schedule]]] = {
     "uniform": lambda count: Shuffled(np.arange(count)),
@@ -32,7 +32,5 @@ def named_schedule(name: str, count: int) -> Schedule:
     Raises:
         InvalidArgument: none has this name.
     """
-    if name not in SCHEDULES:
-        hint = did_you_mean(name, SCHEDULES) or f"there are {listed(SCHEDULES)}"
-        raise InvalidArgument(f"unknown schedule `{name}`", hint)
+    check_known(name, SCHEDULES, f"unknown schedule `{name}`")
     return SCHEDULES[name](count)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from envgraph.errors import InvalidArgument, did_you_mean
+from envgraph.errors import check_known
 
 
 def data_path(*parts: str) -> Path:
@@ -34,10 +34,7 @@ def bundled_domain(name: str) -> Path:
     Raises:
         InvalidArgument: there is no such domain.
     """
-    domains = bundled_domains()
-    if name not in domains:
-        hint = did_you_mean(name, domains) or f"there are {', '.join(domains)}"
-        raise InvalidArgument(f"no bundled domain `{name}`", hint)
+    check_known(name, bundled_domains(), f"no bundled domain `{name}`")
     return data_path("rules", name)
 
 

@@ -9,7 +9,7 @@ from math import isfinite
 from typing import Any, Final, Literal, get_args
 
 from envgraph.code import dataclass
-from envgraph.errors import InvalidArgument, did_you_mean
+from envgraph.errors import InvalidArgument, check_known, did_you_mean
 
 Agent = Literal["q_learning", "sarsa", "expected_sarsa", "double_q_learning"]
 AGENTS: Final[tuple[Agent, ...]] = get_args(Agent)
@@ -152,9 +152,7 @@ def _read(spec: object, cls: type[Any]) -> dict[str, Any]:
     names = tuple(one.name for one in fields(cls))
     if isinstance(spec, Mapping):
         for key in spec:
-            if key not in names:
-                hint = did_you_mean(str(key), names)
-                raise InvalidArgument(f"unknown training setting `{key}`", hint)
+            check_known(key, names, f"unknown training setting `{key}`")
     return _chosen(spec, names)
 
 

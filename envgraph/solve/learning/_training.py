@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from envgraph.code import dataclass
 from envgraph.env import Tabular
-from envgraph.errors import InvalidArgument
+from envgraph.errors import InvalidArgument, check_known
 from envgraph.solve.learning._settings import TrainingSettings
 from envgraph.solve.learning._stage import Stage, StageOutcome, Table, flatten
 
@@ -77,8 +77,7 @@ def choose_backend(backend: Backend, steps: int, settings: TrainingSettings) -> 
     Raises:
         InvalidArgument: the name is unknown, or numba is asked for and not installed.
     """
-    if backend not in get_args(Backend):
-        raise InvalidArgument(f"unknown backend {backend!r}, it must be 'auto', 'python' or 'numba'")
+    check_known(backend, get_args(Backend), f"unknown backend {backend!r}")
     if backend == "auto":
         return available_backends()[0] if steps >= COMPILING_PAYS[not _plain(settings)] else "python"
     if backend not in available_backends():
