@@ -8,7 +8,7 @@ from math import isfinite
 from envgraph.behaviour._check_base import Checking, Scope
 from envgraph.behaviour._data import Action, Branch, RuleCall
 from envgraph.behaviour._signatures import callable_names, signature_of, written
-from envgraph.errors import Note, Severity, Span, listed, name_hint, with_article
+from envgraph.errors import Note, Severity, Span, listed, name_hint, plural, with_article
 from envgraph.metamodel import Attribute, Scalar
 from envgraph.pattern import (
     Constant,
@@ -16,8 +16,8 @@ from envgraph.pattern import (
     ObjectType,
     StaticType,
     Variable,
-    assignable,
     check_expression,
+    may_fit,
     type_text,
     value_hint,
     variables_in,
@@ -122,7 +122,8 @@ class CallChecking(Checking):
             self.report("first-match", message, call.rule_span or call.span, hint, notes=notes)
         self._refusable(call.rule, call.rule_span or call.span)
         if len(call.arguments) != len(signature.parameters):
-            message = f"{signature.kind} `{call.rule}` takes {_count(signature)}, not {len(call.arguments)}"
+            count = plural(len(signature.parameters), "argument")
+            message = f"{signature.kind} `{call.rule}` takes {count}, not {len(call.arguments)}"
             self.report("wrong-arity", message, call.span, f"write `{written(signature)}`")
             return _supposed(call, scope)
         return self._arguments(call, signature, scope)
@@ -184,28 +185,19 @@ class CallChecking(Checking):
                 )
                 self.report("wrong-type", "an argument needs a value", argument.span, hint)
             return
-        if not self._fits(type_, expected):
+        if not may_fit(type_, expected, self.metamodel):
             message = f"expected `{type_text(expected)}`, found `{type_text(type_)}`"
-            fitting = [name for name, known in scope.items() if known and self._fits(known, expected)]
+            fitting = [
+                name for name, known in scope.items() if known and may_fit(known, expected, self.metamodel)
+            ]
             hint = f"write {listed(fitting)}" if fitting else value_hint(expected)
             self.report("wrong-type", message, argument.span, hint)
-
-    def _fits(self, type_: StaticType, expected: StaticType) -> bool:
-        """Whether some value of one type is of the other: an object of a superclass may be the right one."""
-        if isinstance(type_, ObjectType) and isinstance(expected, ObjectType):
-            return self.metamodel.overlap(type_.cls, expected.cls)
-        return assignable(type_, expected, self.metamodel)
 
 
 def _supposed(call: RuleCall, scope: Scope) -> Scope:
     """What a call with a mistake in it may hand out: all names that nothing else has bound, of any type."""
     arguments = [argument for argument in call.arguments if isinstance(argument, Variable)]
     return {argument.name: None for argument in arguments if argument.name not in scope}
-
-
-def _count(signature: Signature) -> str:
-    count = len(signature.parameters)
-    return f"{count} argument" + ("" if count == 1 else "s")
 
 
 def _share_hint(probabilities: Sequence[float]) -> str | None:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from envgraph.cli._output import print_diagnostics, print_line
-from envgraph.errors import Diagnostic, InvalidArgument, LoadError, Severity, Source, has_errors
+from envgraph.errors import Diagnostic, InvalidArgument, LoadError, Severity, Source, has_errors, plural
 from envgraph.files import replace_file
 
 STDIN = "-"
@@ -55,7 +55,7 @@ def format_files(
     print_diagnostics(diagnostics)
     failed = has_errors(diagnostics)
     if not (stdout or changed or diagnostics):
-        print_line(f"nothing to format in {_count(len(names))}")
+        print_line(f"nothing to format in {plural(len(names), 'file')}")
     return int(failed or (check and changed > 0))
 
 
@@ -143,7 +143,3 @@ def _write(text: str) -> None:
     sys.stdout.flush()
     sys.stdout.buffer.write(text.encode())
     sys.stdout.buffer.flush()
-
-
-def _count(files: int) -> str:
-    return "1 file" if files == 1 else f"{files} files"

@@ -103,7 +103,7 @@ from envgraph.pattern._terms import (
     Unary,
     Variable,
 )
-from envgraph.pattern._types import assignable, data_type_hint, static_type, type_hint, type_text, value_hint
+from envgraph.pattern._types import data_type_hint, may_fit, static_type, type_hint, type_text, value_hint
 from envgraph.pattern.check._usage import mistyped, quantified_variable
 from envgraph.pattern.expressions._compile import CompiledExpression, compile_expression
 from envgraph.pattern.expressions._evaluate import evaluate, holds, value_of
@@ -198,7 +198,6 @@ __all__ = [
     "Valuation",
     "Variable",
     "arguments",
-    "assignable",
     "check_expression",
     "children",
     "compile_expression",
@@ -214,6 +213,7 @@ __all__ = [
     "is_method",
     "is_relation",
     "key_patterns",
+    "may_fit",
     "mentioned",
     "mistyped",
     "navigations",

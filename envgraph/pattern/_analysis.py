@@ -252,7 +252,7 @@ class Analysis:
         return calls
 
     def _declared(self, pattern: Pattern) -> tuple[StaticType | None, ...]:
-        return tuple(static_type(p.type, self.metamodel) if p.type else None for p in pattern.parameters)
+        return tuple(static_type(p.type, self.metamodel) for p in pattern.parameters)
 
     def callee(self, caller: Pattern) -> Callee:
         """Finds the signature behind a name in the calls of a pattern."""

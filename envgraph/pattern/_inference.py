@@ -229,7 +229,7 @@ class BodyTypes:
 
 def _declarations(parameters: Sequence[Parameter], metamodel: Metamodel) -> Iterator[Fact]:
     for parameter in parameters:
-        type_ = static_type(parameter.type, metamodel) if parameter.type else None
+        type_ = static_type(parameter.type, metamodel)
         if type_ is not None:
             variable = Variable(parameter.name, parameter.span)
             yield Fact(variable, type_, "declaration", f"parameter `{parameter.name}`", parameter.span)

@@ -30,12 +30,14 @@ _LITERALS = 4
 """Of an enum with more literals only one is shown."""
 
 
-def static_type(name: str, metamodel: Metamodel) -> StaticType | None:
-    """The type that a name stands for: a class, an enum or a scalar; None if it stands for none.
+def static_type(name: str | None, metamodel: Metamodel) -> StaticType | None:
+    """The type that a name stands for: a class, an enum or a scalar; None without a name, or if it stands for none.
 
     >>> static_type("int", Metamodel("m", ()))
     <Scalar.INT: 'int'>
     """
+    if name is None:
+        return None
     if name in metamodel.classes:
         return ObjectType(name)
     if name in metamodel.enums:
@@ -136,6 +138,13 @@ def is_subtype(type_: StaticType, above: StaticType, metamodel: Metamodel) -> bo
 def assignable(type_: StaticType, target: StaticType, metamodel: Metamodel) -> bool:
     """Return whether a value of one type may be stored where the other is expected; an int may stand for a float."""
     return is_subtype(type_, target, metamodel) or (type_ is Scalar.INT and target is Scalar.FLOAT)
+
+
+def may_fit(type_: StaticType, target: StaticType, metamodel: Metamodel) -> bool:
+    """Return whether some value of a type is assignable: an object of a superclass may be one of the class."""
+    if isinstance(type_, ObjectType) and isinstance(target, ObjectType):
+        return metamodel.overlap(type_.cls, target.cls)
+    return assignable(type_, target, metamodel)
 
 
 def compatible(one: StaticType, other: StaticType, metamodel: Metamodel) -> bool:

@@ -151,7 +151,7 @@ class _PatternCheck:
 
     def _parameter_type(self, parameter: Parameter, bodies: Sequence[_BodyCheck]) -> Iterator[Diagnostic]:
         span = parameter.span or self._pattern.span
-        declared = static_type(parameter.type, self._metamodel) if parameter.type else None
+        declared = static_type(parameter.type, self._metamodel)
         if declared is None:
             yield from self._inferred(parameter, bodies)
             return

@@ -101,7 +101,7 @@ class LeftLowering:
         """The rule itself; parameters among the `created` names are left out of the match."""
         rule = self.rule
         parameters = [p for p in rule.parameters if p.name not in created]
-        outside = {p.name: static_type(p.type, self.metamodel) if p.type else None for p in parameters}
+        outside = {p.name: static_type(p.type, self.metamodel) for p in parameters}
         types = self._types(rule.left, rule.blocks, outside)
         constraints, nested = self._body(rule.left, rule.blocks, types, ())
         names = tuple(types)

@@ -14,6 +14,7 @@ from envgraph.errors import (
     did_you_mean,
     has_errors,
     listed,
+    plural,
     with_article,
 )
 from envgraph.metamodel import Metamodel, Scalar
@@ -44,8 +45,8 @@ from envgraph.pattern import (
     TypeConstraint,
     Unit,
     Variable,
-    assignable,
     check_expression,
+    may_fit,
     static_type,
     type_hint,
     type_text,
@@ -118,13 +119,8 @@ def unit_signature(unit: Unit, metamodel: Metamodel) -> Signature:
         "unit",
         unit.package,
         tuple(
-            Taken(
-                parameter.name,
-                static_type(parameter.type, metamodel) if parameter.type else None,
-                parameter.direction == "out",
-                parameter.direction != "out",
-            )
-            for parameter in unit.parameters
+            Taken(one.name, static_type(one.type, metamodel), one.direction == "out", one.direction != "out")
+            for one in unit.parameters
         ),
         unit.weight,
         unit.priority,
@@ -348,8 +344,8 @@ class _Checker:
                 self._error("wrong-arity", f"`{call.name}` needs arguments for {missing}", call.span, hint)
             return not required
         if len(call.arguments) != len(callee.parameters):
-            count = len(callee.parameters)
-            message = f"`{call.name}` takes {count} argument{'s' * (count != 1)}, not {len(call.arguments)}"
+            count = plural(len(callee.parameters), "argument")
+            message = f"`{call.name}` takes {count}, not {len(call.arguments)}"
             self._error("wrong-arity", message, call.span, hint)
             return False
         return True
@@ -371,9 +367,13 @@ class _Checker:
             return
         type_, problems = check_expression(argument, scope, self.metamodel, expected=_data(parameter.type))
         self.result.problems.extend(problems)
-        if not problems and type_ and parameter.type and not self._may_be(type_, parameter.type):
+        if not problems and type_ and parameter.type and not may_fit(type_, parameter.type, self.metamodel):
             message = f"`{parameter.name}` of `{callee.simple}` is {with_article(type_text(parameter.type))}"
-            fitting = [name for name, known in scope.items() if known and self._may_be(known, parameter.type)]
+            fitting = [
+                name
+                for name, known in scope.items()
+                if known and may_fit(known, parameter.type, self.metamodel)
+            ]
             hint = f"write {listed(fitting)}" if fitting else value_hint(parameter.type, type_)
             message = f"{message}, not {with_article(type_text(type_))}"
             self._error("wrong-type", message, argument.span, hint)
@@ -382,12 +382,6 @@ class _Checker:
         return all(variable.name != parameter.name for variable in callee.variables) and (
             isinstance(parameter.type, ObjectType)
         )
-
-    def _may_be(self, type_: StaticType, wanted: StaticType) -> bool:
-        """An object may turn out to be of the wanted class; if it is not, the rule has no match."""
-        if isinstance(type_, ObjectType) and isinstance(wanted, ObjectType):
-            return self.metamodel.overlap(type_.cls, wanted.cls)
-        return assignable(type_, wanted, self.metamodel)
 
     # --- conditions
 

@@ -183,8 +183,7 @@ def _rule_signature(checked: CheckedRule, library: Library) -> Signature:
         tuple(
             Taken(
                 parameter.name,
-                types.get(parameter.name)
-                or (static_type(parameter.type, library.metamodel) if parameter.type else None),
+                types.get(parameter.name) or static_type(parameter.type, library.metamodel),
                 parameter.direction == "out",
                 plan is not None and parameter.name in plan.inputs,
             )
