@@ -150,8 +150,22 @@ class Body:
     span: Span | None = field(default=None, compare=False, repr=False)
 
 
+class InPackage:
+    """A definition that may be in a package; "" is none."""
+
+    __slots__ = ()
+
+    name: str
+    package: str
+
+    @property
+    def qualified_name(self) -> str:
+        """`package.name`, or the name alone."""
+        return f"{self.package}.{self.name}" if self.package else self.name
+
+
 @dataclass(frozen=True, slots=True)
-class Pattern:
+class Pattern(InPackage):
     """A query: the set of parameter tuples for which one of the bodies holds.
 
     Attributes:
@@ -173,8 +187,3 @@ class Pattern:
     span: Span | None = field(default=None, compare=False, repr=False)
     mended: bool = field(default=False, compare=False, repr=False)
     unknown: frozenset[str] = field(default=frozenset(), compare=False, repr=False)
-
-    @property
-    def qualified_name(self) -> str:
-        """`package.name`, or the name alone."""
-        return f"{self.package}.{self.name}" if self.package else self.name

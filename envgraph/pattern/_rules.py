@@ -11,7 +11,7 @@ from typing import Literal
 from envgraph.code import dataclass
 from envgraph.errors import Span
 from envgraph.metamodel import Annotation
-from envgraph.pattern._queries import Constraint, Parameter
+from envgraph.pattern._queries import Constraint, InPackage, Parameter
 from envgraph.pattern._terms import Expression, Variable
 
 
@@ -173,7 +173,7 @@ class Block:
 
 
 @dataclass(frozen=True, slots=True)
-class Rule:
+class Rule(InPackage):
     """A rewrite rule.
 
     Attributes:
@@ -199,11 +199,6 @@ class Rule:
     doc: str | None = None
     span: Span | None = field(default=None, compare=False, repr=False)
     homomorphic_spans: tuple[tuple[Span, ...], ...] = field(default=(), compare=False, repr=False)
-
-    @property
-    def qualified_name(self) -> str:
-        """`package.name`, or the name alone."""
-        return f"{self.package}.{self.name}" if self.package else self.name
 
 
 @dataclass(frozen=True, slots=True)
@@ -311,7 +306,7 @@ Step = Call | Sequence | Choice | Alap | Repeat | Try | If | Atomic
 
 
 @dataclass(frozen=True, slots=True)
-class Unit:
+class Unit(InPackage):
     """A control program over rules, with the same standing as a rule wherever one is named."""
 
     name: str
@@ -324,14 +319,9 @@ class Unit:
     doc: str | None = None
     span: Span | None = field(default=None, compare=False, repr=False)
 
-    @property
-    def qualified_name(self) -> str:
-        """`package.name`, or the name alone."""
-        return f"{self.package}.{self.name}" if self.package else self.name
-
 
 @dataclass(frozen=True, slots=True)
-class Derivation:
+class Derivation(InPackage):
     """`derive name = retype among { A, B };` or `derive name = operators for Class;`: a group of rules to generate.
 
     `kind` "retype" gives `name.A.B` for every ordered pair; "operators" the operators of the one class.
@@ -346,8 +336,3 @@ class Derivation:
     doc: str | None = None
     span: Span | None = field(default=None, compare=False, repr=False)
     class_spans: tuple[Span, ...] = field(default=(), compare=False, repr=False)
-
-    @property
-    def qualified_name(self) -> str:
-        """`package.name`, or the name alone."""
-        return f"{self.package}.{self.name}" if self.package else self.name
