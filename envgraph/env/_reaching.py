@@ -8,7 +8,6 @@ from heapq import heappop, heappush
 
 from envgraph.behaviour import Behaviour
 from envgraph.env._explore import Progress
-from envgraph.env._keys import KeyIndex
 from envgraph.env._simulator import Simulator
 from envgraph.graph import Savepoint
 from envgraph.rewrite import Engine, walk_of_savepoints
@@ -21,7 +20,6 @@ def can_end(
     engine: Engine,
     behaviour: Behaviour,
     outcome: int,
-    keys: KeyIndex | None = None,
     *,
     limit: int = REACH_LIMIT,
     progress: Progress | None = None,
@@ -39,7 +37,6 @@ def can_end(
         engine: its model is the initial state.
         behaviour: what the environment does.
         outcome: 1 or 2.
-        keys: indices of objects over a family; those of the engine's model alone if None.
         limit: how many states are looked at; when none of them is the end, the answer is False.
         progress: called with the number of states that were met, now and then.
 
@@ -48,7 +45,7 @@ def can_end(
         RuleError: a rule matches but cannot be applied.
         EvaluationError: a reward has no value, or an observed object no index.
     """
-    simulator = Simulator(engine, behaviour, keys)
+    simulator = Simulator(engine, behaviour)
     return _Search(simulator, outcome, limit, progress).run()
 
 

@@ -89,6 +89,8 @@ class Simulator:
     Attributes:
         players: names of the agents, in the order in which they act; () for a behaviour without `agent` blocks.
         agent_names: the same, () also for agents that act together.
+        agents: the same themselves; one from outside for a behaviour without `agent` blocks.
+        together: makes the step of agents that act together; None where they take turns.
         turn: number of the agent that acts next; 0 where they act together.
         action_names, observation_shape, n_observations: of a step.
         did: whether the action of the last step did something: a rule was applied, or the branch `nothing()` drawn;
@@ -103,40 +105,30 @@ class Simulator:
         self.engine = engine
         self.behaviour = behaviour
         self.keys = keys or KeyIndex.of(engine.model, indexed_classes(behaviour, engine.model.metamodel))
-        self._agents = Agents(behaviour, engine, self.keys)
+        self.agents = Agents(behaviour, engine, self.keys)
         self._model = engine.model
         self._start: Savepoint | None = None
         self._drawn: list[tuple[int, float]] = []
         self._fresh = _first_new(engine.model, self.keys)
         self._needed = [one for one in readings(behaviour) if one.always and one.callers]
-        self.turn = self._first = self._agents.after(-1)
+        self.turn = self._first = self.agents.after(-1)
         self.did = False
         self._painter: Painter | None = None
-        self._together: Together | None = None
+        self.together: Together | None = None
         if behaviour.together:
-            self._together = Together(behaviour, self._agents, self._model, self.keys)
-        self.players = tuple(seat.name for seat in self._agents.seats if seat.node is not None)
+            self.together = Together(behaviour, self.agents, self._model, self.keys)
+        self.players = tuple(seat.name for seat in self.agents.seats if seat.node is not None)
         self.agent_names = () if behaviour.together else self.players
-
-    @property
-    def agents(self) -> Agents:
-        """The agents, of which each has its own actions and observations."""
-        return self._agents
-
-    @property
-    def together(self) -> Together | None:
-        """What makes the step of agents that act together; None where they take turns."""
-        return self._together
 
     @property
     def action_names(self) -> tuple[str, ...]:
         """The names of the actions of a step."""
-        return (self._together or self._agents).action_names
+        return (self.together or self.agents).action_names
 
     @property
     def observation_shape(self) -> tuple[int, ...]:
         """Sizes of the components of the observation of a step."""
-        return (self._together or self._agents).shape
+        return (self.together or self.agents).shape
 
     @property
     def n_observations(self) -> int:
@@ -146,8 +138,8 @@ class Simulator:
     @property
     def observation_names(self) -> tuple[str, ...]:
         """Different names for the components of the observation of a step."""
-        if self._together is not None:
-            return self._together.observation_names
+        if self.together is not None:
+            return self.together.observation_names
         return component_names(self.behaviour, self.keys, len(self.observation_shape))
 
     # --- live
@@ -213,9 +205,9 @@ class Simulator:
 
     def observe(self) -> int:
         """The index of what the agent that acts next sees of the present state; the first component varies fastest."""
-        if self._together is not None:
-            return self._together.observation()
-        return self._agents.observation(self.turn)
+        if self.together is not None:
+            return self.together.observation()
+        return self.agents.observation(self.turn)
 
     def allowed(self) -> NDArray[np.bool_]:
         """Whether each action would do something in the present state [actions]; where none would, all are True.
@@ -223,17 +215,17 @@ class Simulator:
         That is: a branch of it is `nothing()`, a rule that has a match, or a unit that can succeed. A joint action of
         agents that act together needs that of all of them, whatever those before may do in the same step.
         """
-        if self._together is None:
+        if self.together is None:
             return self.allowed_to(self.turn)
         found = np.ones(1, dtype=np.bool_)
-        for number in range(len(self._agents.seats)):
+        for number in range(len(self.agents.seats)):
             found = (self.allowed_to(number)[:, None] & found).ravel()
         return found
 
     def allowed_to(self, number: int) -> NDArray[np.bool_]:
         """`allowed` for the actions of one agent; where it is gone, all are True."""
-        seat, model = self._agents.seats[number], self._model
-        if not self._agents.present(seat):
+        seat, model = self.agents.seats[number], self._model
+        if not self.agents.present(seat):
             return np.ones(len(seat.actions), dtype=np.bool_)
         bound = seat.program.bound
         can = [one.branches.can_run(one.scope(bound), model) for one in seat.actions]
@@ -245,13 +237,13 @@ class Simulator:
 
     def look(self) -> tuple[int, ...]:
         """The components of the observation that are no number in a range."""
-        seats = self._agents.seats if self._together else (self._agents.seats[self.turn],)
+        seats = self.agents.seats if self.together else (self.agents.seats[self.turn],)
         components = (component for seat in seats for component in seat.program.components)
         return tuple(component.read() for component in components if not component.number)
 
     def in_the_way(self, end: int) -> Callable[[], int]:
         """Counts the matches that have to go before an episode can end in success (1) or failure (2)."""
-        return self._agents.seats[0].program.in_the_way(end)
+        return self.agents.seats[0].program.in_the_way(end)
 
     def painter(self) -> Painter:
         """Draws the states of this simulator.
@@ -269,7 +261,7 @@ class Simulator:
     @property
     def seat(self) -> Seat:
         """The agent that acts next; that from outside where a behaviour has no agents."""
-        return self._agents.seats[self.turn]
+        return self.agents.seats[self.turn]
 
     # --- all outcomes
 
@@ -325,13 +317,13 @@ class Simulator:
     # --- the step
 
     def _action(self, number: int) -> PreparedAction:
-        actions = self._agents.seats[self.turn].actions
+        actions = self.agents.seats[self.turn].actions
         if not 0 <= number < len(actions):
             raise InvalidArgument(f"action {number} is not in 0..{len(actions) - 1}")
         return actions[number]
 
     def _begin(self, choices: Choices) -> None:
-        shared = self._agents.seats[0].program
+        shared = self.agents.seats[0].program
         shared.done.clear()
         for reset in shared.resets:
             if isinstance(reset, PreparedClause):
@@ -339,13 +331,13 @@ class Simulator:
             elif reset.apply is not None:
                 reset.apply.run(shared.bound, choices, self._model)
         _check_needed(shared, self._needed, self._model)
-        self.turn = self._agents.after(-1)
+        self.turn = self.agents.after(-1)
 
     def _step(self, number: int, choices: Choices) -> tuple[float, int]:
-        if self._together is not None:
-            return self._step_together(self._together, number, choices)
+        if self.together is not None:
+            return self._step_together(self.together, number, choices)
         action = self._action(number)
-        program, model = self._agents.seats[self.turn].program, self._model
+        program, model = self.agents.seats[self.turn].program, self._model
         program.done.clear()
         scope = action.scope(program.bound)
         done = action.branches.run(scope, choices, model)
@@ -357,7 +349,7 @@ class Simulator:
         run_pending(pending, choices, self._model)
         if terminated == GOES_ON and program.done:
             _check_needed(program, self._needed, self._model)
-        self.turn = self._agents.after(self.turn)
+        self.turn = self.agents.after(self.turn)
         return reward, terminated
 
     def _step_together(self, together: Together, number: int, choices: Choices) -> tuple[float, int]:
@@ -365,7 +357,7 @@ class Simulator:
             raise InvalidArgument(f"action {number} is not in 0..{together.n_actions - 1}")
         reward, terminated = together.step(number, choices)
         self.did = True
-        for seat in self._agents.seats:
+        for seat in self.agents.seats:
             if terminated == GOES_ON and seat.program.done:
                 _check_needed(seat.program, self._needed, self._model)
         return reward, terminated
