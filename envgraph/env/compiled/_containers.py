@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 from envgraph import code
 from envgraph.env.compiled._bodies import CAPACITY
@@ -120,13 +120,7 @@ def _erased(facts: Facts, classes: Sequence[str], node: code.Local) -> Iterator[
         _, link = links.each(block, reference, node, forward=forward, sure=False)
         block.add(code.Assign(link.place, link.unlinked))
         yield from block.body()
-    attributes = {
-        feature: None
-        for cls in classes
-        for feature in facts.metamodel.features(cls).values()
-        if isinstance(feature, Attribute) and not feature.many
-    }
-    for attribute in attributes:
+    for attribute in single_attributes(facts.metamodel, classes).values():
         place, guard = facts.attribute_cell(attribute, node, sure=False)
         yield code.If(code.joined("and", guard, True), (code.Assign(place, absent(attribute.type)),))
     for group in dict.fromkeys(facts.changes.group_of(cls) for cls in classes):
@@ -153,6 +147,12 @@ def word_of(facts: Facts, group: tuple[str, ...], cls: str, place: code.Expressi
     """The word of a set that has the object at a place of its group."""
     offset = facts.layout.offset(ClassSet(group, cls))
     return cell(plus(offset, code.Operation(">>", (place, code.Constant(5)))))
+
+
+def single_attributes(metamodel: Metamodel, classes: Iterable[str]) -> dict[int, Attribute]:
+    """The attributes that objects of some classes have, by index; those with many values are left out."""
+    features = (feature for cls in classes for feature in metamodel.features(cls).values())
+    return {one.index: one for one in features if isinstance(one, Attribute) and not one.many}
 
 
 def holds_content(metamodel: Metamodel, reference: Reference, forward: bool) -> bool:

@@ -6,7 +6,15 @@ from collections.abc import Sequence
 
 from envgraph import code
 from envgraph.env.compiled._bodies import CAPACITY
-from envgraph.env.compiled._containers import deleting, ends_of, holds_content, inside, left, word_of
+from envgraph.env.compiled._containers import (
+    deleting,
+    ends_of,
+    holds_content,
+    inside,
+    left,
+    single_attributes,
+    word_of,
+)
 from envgraph.env.compiled._layout import NOBODY, TOP, ZERO, call, plus
 from envgraph.env.compiled._member import absent
 from envgraph.env.compiled._site import Site
@@ -34,9 +42,8 @@ class Objects:
         assert group is not None
         self._site.add(code.Assign(there, facts.place(group, node, sure=True)[0]))
         self._site.add(code.Assign(word_of(facts, group, new.cls, there), _bit_at(there), "|="))
-        for attribute in facts.metamodel.features(new.cls).values():
-            if isinstance(attribute, Attribute) and not attribute.many:
-                self._begin(attribute, node)
+        for attribute in single_attributes(facts.metamodel, [new.cls]).values():
+            self._begin(attribute, node)
 
     def retype(self, retype: ChangeClass) -> None:
         """An object is of another class: what that has not goes, and is refused if it is links; what it adds comes."""
@@ -57,10 +64,7 @@ class Objects:
         for reference, forward in ends_of(metamodel, [old]):
             if not metamodel.is_a(new, reference.owner if forward else reference.target):
                 self._drop(reference, node, old, forward=forward, clears=self._site.plan.lossy)
-        before, after = (
-            {f.index: f for f in metamodel.features(cls).values() if isinstance(f, Attribute) and not f.many}
-            for cls in (old, new)
-        )
+        before, after = (single_attributes(metamodel, [cls]) for cls in (old, new))
         for index, attribute in before.items():
             if index not in after:
                 place = self._facts.attribute_cell(attribute, node, sure=True)[0]
@@ -95,13 +99,7 @@ class Objects:
         for reference, forward in ends_of(metamodel, concrete):
             is_content = holds_content(metamodel, reference, not forward)
             self._drop(reference, node, cls, forward=forward, clears=is_content or self._site.plan.lossy)
-        attributes = {
-            f.index: f
-            for one in concrete
-            for f in metamodel.features(one).values()
-            if isinstance(f, Attribute) and not f.many
-        }
-        for attribute in attributes.values():
+        for attribute in single_attributes(metamodel, concrete).values():
             place, guard = facts.attribute_cell(attribute, node, sure=metamodel.is_a(cls, attribute.owner))
             self._clear(place, absent(attribute.type), guard)
         group = facts.changes.group_of(concrete[0])
