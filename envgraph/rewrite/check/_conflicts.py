@@ -94,12 +94,11 @@ class Conflicts:
         self._gone: dict[int, tuple[int | None, Want]] = {}
         self._touched: dict[int, Want] = {}
         self._classes: dict[int, tuple[str, Want]] = {}
-        self._values: dict[tuple[int, Attribute], tuple[object, Want]] = {}
+        self._values: dict[tuple[int, Attribute | Reference], tuple[Any, Want]] = {}
         self._members: dict[tuple[int, Attribute, object], tuple[str, Want]] = {}
         self._removed: dict[Arrow, Want] = {}
         self._added: dict[Arrow, Want] = {}
         self._withdrawn: dict[Arrow, Want] = {}
-        self._targets: dict[tuple[int, Reference], tuple[tuple[int, ...] | None, Want]] = {}
         self._ends: dict[tuple[int, Reference | None], tuple[object, Want, bool]] = {}
         self._features: list[tuple[int, str, Want]] = []
 
@@ -173,9 +172,9 @@ class Conflicts:
             (source, reference, target),
             (target, self.metamodel.opposite(reference), source),
         ):
-            if feature is None or (node, feature) not in self._targets:
+            if feature is None or (node, feature) not in self._values:
                 continue
-            targets, exact = self._targets[node, feature]
+            targets, exact = self._values[node, feature]
             if targets is not None and other not in targets:
                 raise self._two_values(node, feature, (targets, exact), ((other,), want))
 
@@ -262,11 +261,11 @@ class Conflicts:
                 self._value(slots[node], attribute, tuple(slots[value] for value in values), want)
             case SetTargets(node, reference, values):
                 targets = tuple(slots[value] for value in values if slots[value] is not None)
-                self._end_targets(slots[node], reference, targets, want)
+                self._value(slots[node], reference, targets, want)
                 for target in targets:
                     self._link(reference, slots[node], target, want, True)
             case ChangeTargets(node, reference, operator, values):
-                self._end_targets(slots[node], reference, None, want)
+                self._value(slots[node], reference, None, want)
                 for target in (slots[value] for value in values if slots[value] is not None):
                     if operator == "+=":
                         self._link(reference, slots[node], target, want, True)
@@ -275,12 +274,13 @@ class Conflicts:
             case _:
                 raise AssertionError(change)
 
-    def _value(self, node: int, attribute: Attribute, value: object, want: Want) -> None:
+    def _value(self, node: int, feature: Attribute | Reference, value: object, want: Want) -> None:
+        """A feature gets a value, or all its targets; None if some targets come or go."""
         self._touch(node, want)
-        self._features.append((node, attribute.owner, want))
-        other, earlier = self._values.setdefault((node, attribute), (value, want))
+        self._features.append((node, feature.owner, want))
+        other, earlier = self._values.setdefault((node, feature), (value, want))
         if other != value:
-            raise self._two_values(node, attribute, (other, earlier), (value, want))
+            raise self._two_values(node, feature, (other, earlier), (value, want))
 
     def _member(self, node: int, attribute: Attribute, value: object, operator: str, want: Want) -> None:
         """A value comes or goes among many."""
@@ -288,16 +288,6 @@ class Conflicts:
         if other != operator:
             message = f"{value!r} is added to and removed from `{attribute.name}` of {self.describe(node)}"
             raise Contradiction(message, earlier, want, always=False)
-
-    def _end_targets(
-        self, node: int, reference: Reference, targets: tuple[int, ...] | None, want: Want
-    ) -> None:
-        """All targets of a reference; None if some come or go."""
-        self._touch(node, want)
-        self._features.append((node, reference.owner, want))
-        other, earlier = self._targets.setdefault((node, reference), (targets, want))
-        if other != targets:
-            raise self._two_values(node, reference, (other, earlier), (targets, want))
 
     # --- what it is about
 
