@@ -44,16 +44,13 @@ def check_conformance(model: Model) -> list[Violation]:
         nodes = model.graph.exact_extent(cls.name)
         if not nodes:
             continue
-        features = [one for one in model.metamodel.features(cls.name).values() if _demands(one)]
+        known = model.metamodel.features(cls.name).values()
+        features = [one for one in known if one.lower > 0 or (one.many and one.upper is not None)]
         features = [one for one in features if one not in model.graph.defined]
         for node in nodes:
             for feature in features:
                 violations.extend(_violations(model, node, feature))
     return violations
-
-
-def _demands(feature: Feature) -> bool:
-    return feature.lower > 0 or (feature.many and feature.upper is not None)
 
 
 def _violations(model: Model, node: int, feature: Feature) -> Iterator[Violation]:

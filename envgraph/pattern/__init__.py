@@ -103,7 +103,15 @@ from envgraph.pattern._terms import (
     Unary,
     Variable,
 )
-from envgraph.pattern._types import data_type_hint, may_fit, static_type, type_hint, type_text, value_hint
+from envgraph.pattern._types import (
+    data_type_hint,
+    may_fit,
+    static_type,
+    type_hint,
+    type_text,
+    value_hint,
+    value_type,
+)
 from envgraph.pattern.check._usage import mistyped, quantified_variable
 from envgraph.pattern.expressions._compile import CompiledExpression, compile_expression
 from envgraph.pattern.expressions._evaluate import evaluate, holds, value_of
@@ -228,6 +236,7 @@ __all__ = [
     "type_text",
     "value_hint",
     "value_of",
+    "value_type",
     "variables",
     "variables_in",
     "variables_of_terms",

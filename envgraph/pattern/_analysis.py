@@ -230,7 +230,8 @@ class Analysis:
                 self._new.setdefault(pattern.qualified_name, pattern)
         self.entries = dict(self.known)
         for name, pattern in self._new.items():
-            self.entries[name] = Entry(pattern, self._resolved(pattern), self._declared(pattern))
+            declared = tuple(static_type(one.type, self.metamodel) for one in pattern.parameters)
+            self.entries[name] = Entry(pattern, self._resolved(pattern), declared)
         self._short = tuple(n for n, new in self._new.items() if not any(map(too_long, new.bodies)))
         self._solve_types()
         self._spell_out()
@@ -250,9 +251,6 @@ class Analysis:
                 if len(found) == 1:
                     calls[call.pattern] = found[0].qualified_name
         return calls
-
-    def _declared(self, pattern: Pattern) -> tuple[StaticType | None, ...]:
-        return tuple(static_type(p.type, self.metamodel) for p in pattern.parameters)
 
     def callee(self, caller: Pattern) -> Callee:
         """Finds the signature behind a name in the calls of a pattern."""

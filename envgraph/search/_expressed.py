@@ -77,7 +77,7 @@ def read_expression(
             "unknown-measure",
             f"unknown measure `{one.name}`",
             within(one.span, text, place),
-            _hint(one.name, names),
+            name_hint(one.name, names) or "measures above this one can be named",
         )
         for one in variables_in(expression)
         if one.name not in names
@@ -129,10 +129,6 @@ def checked_expression(
 def named(expression: Expression) -> tuple[str, ...]:
     """The measures that an expression names."""
     return tuple(dict.fromkeys(one.name for one in variables_in(expression)))
-
-
-def _hint(name: str, names: Sequence[str]) -> str:
-    return name_hint(name, names) or "measures above this one can be named"
 
 
 def within(span: Span | None, text: str, place: Span | None) -> Span | None:

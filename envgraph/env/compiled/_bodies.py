@@ -45,11 +45,6 @@ Found = Callable[["Body"], None]
 """Writes what is done with a solution."""
 
 
-def _marked(top: code.Expression, node: code.Expression) -> code.Expression:
-    """Code for whether a search has found an object."""
-    return code.equal(entry(RI, plus(top, node), 1), ONE)
-
-
 class Body:
     """Writes the steps of one plan.
 
@@ -363,7 +358,9 @@ class Body:
         self.take_space(top)
         self.block.add(code.Assign(number, self.called(name, [self.source(start)])))
         if self.known(end):
-            self.block.test(_marked(top, self.source(end)))
+            self.block.test(
+                code.equal(entry(RI, plus(top, self.source(end)), 1), ONE)
+            )  # the search has found it
         else:
             place, found = self.matching.module.fresh("i"), self.facts.local(types[forward])
             self.block.loop(place, code.call("range", number))

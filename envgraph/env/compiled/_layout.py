@@ -157,7 +157,7 @@ class Layout:
         Raises:
             Misfit: a member does not meet an assumption.
         """
-        symbols = [symbol for symbol in self._numbers if _is_array(symbol)]
+        symbols = [one for one in self._numbers if not isinstance(one, Stride | Width | Constants | Text)]
         filled: list[list[Sequence[Cell]]] = []
         for member in members:
             member.arrive()
@@ -201,10 +201,6 @@ class Layout:
                 arrays[where][row, start : start + len(values)] = values
         whole = np.concatenate([offsets, np.array(tails, dtype=np.int64)])
         return Arrays(arrays["T"], arrays["G"], whole, arrays["S"], arrays["F"])
-
-
-def _is_array(symbol: Symbol) -> bool:
-    return not isinstance(symbol, Stride | Width | Constants | Text)
 
 
 def _where(symbol: Symbol) -> str:

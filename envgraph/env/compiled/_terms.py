@@ -25,6 +25,7 @@ from envgraph.pattern import (
     Unary,
     Variable,
     children,
+    value_type,
 )
 
 Test: TypeAlias = code.Expression
@@ -122,7 +123,7 @@ class Terms:
             case Constant(value):
                 assert value is not None
                 of_enum = isinstance(expected, EnumType) and isinstance(value, str)
-                return literal(self._facts, value, expected if of_enum and expected else _type_of(value))
+                return literal(self._facts, value, expected if of_enum and expected else value_type(value))
             case EnumLiteral():
                 type_ = expected if node.enum is None else self._facts.metamodel.enums.get(node.enum)
                 if not isinstance(type_, EnumType):
@@ -320,14 +321,6 @@ def _is_literal(node: Expression) -> bool:
     if isinstance(node, Conditional):
         return _is_literal(node.then) and _is_literal(node.otherwise)
     return isinstance(node, EnumLiteral | Constant)
-
-
-def _type_of(value: Value) -> StaticType:
-    if isinstance(value, bool):
-        return Scalar.BOOL
-    if isinstance(value, int):
-        return Scalar.INT
-    return Scalar.FLOAT if isinstance(value, float) else Scalar.STRING
 
 
 def literal(facts: Facts, value: Value, type_: StaticType) -> Term:

@@ -320,7 +320,7 @@ def _align(rows: list[_Row], kind: str) -> None:
     padded = [list(row.cells) for row in rows]
     for turn in range(max(map(len, places))):
         having = [number for number, found in enumerate(places) if turn < len(found)]
-        ends = {number: _length(padded[number], places[number][turn]) for number in having}
+        ends = {number: sum(map(len, padded[number][: places[number][turn] + 1])) for number in having}
         here = [marks[number][turn] for number in having]
         more = int(kind in _WIDE and all(mark.spaces > mark.usual for mark in here))
         for number in having:
@@ -332,7 +332,3 @@ def _align(rows: list[_Row], kind: str) -> None:
 
 _WIDE: Final = frozenset({"annotation", "on", "table"})
 """Kinds of marks with two blanks between the columns, if the author has two or more everywhere."""
-
-
-def _length(cells: list[str], place: int) -> int:
-    return sum(len(cell) for cell in cells[: place + 1])

@@ -336,7 +336,7 @@ class _Reader:
         if isinstance(feature, Attribute):
             self._set(task, feature)
         elif feature is not None:
-            self._fill(task, feature)
+            self._links.fill(task.node, feature, self._targets(task.value, feature, task.made), task.cell)
 
     def _set(self, task: _Task, attribute: Attribute) -> None:
         if task.value.data == "none":
@@ -350,10 +350,6 @@ class _Reader:
             self._model.graph.set_value(task.node, attribute, value)
 
     # --- references ---
-
-    def _fill(self, task: _Task, reference: Reference) -> None:
-        found = self._targets(task.value, reference, task.made)
-        self._links.fill(task.node, reference, found, task.cell)
 
     def _targets(self, tree: Tree[Token], reference: Reference, made: Made) -> Iterator[tuple[int, Span]]:
         match tree.data:

@@ -78,14 +78,6 @@ def _alternative(reading: Reading, tree: Tree[Token]) -> Step:
     return block_of(reading, tree) if tree.data == "block" else _call(reading, tree)
 
 
-def _alap(reading: Reading, tree: Tree[Token]) -> Alap:
-    return Alap(_only_block(reading, tree), reading.span(tree))
-
-
-def _atomic(reading: Reading, tree: Tree[Token]) -> Atomic:
-    return Atomic(_only_block(reading, tree), reading.span(tree))
-
-
 def _only_block(reading: Reading, tree: Tree[Token]) -> Sequence:
     return block_of(reading, trees(tree.children, "block")[0])
 
@@ -153,8 +145,8 @@ def _argument(reading: Reading, tree: Tree[Token]) -> Expression:
 _STEPS: Mapping[str, Callable[[Reading, Tree[Token]], Step]] = {
     "call": _call,
     "choice": _choice,
-    "alap": _alap,
-    "atomic": _atomic,
+    "alap": lambda reading, tree: Alap(_only_block(reading, tree), reading.span(tree)),
+    "atomic": lambda reading, tree: Atomic(_only_block(reading, tree), reading.span(tree)),
     "repeat": _repeat,
     "try": _try,
     "if": _if,

@@ -13,7 +13,6 @@ from envgraph.pattern import (
     Action,
     Alap,
     Applicable,
-    Assignment,
     Atomic,
     Block,
     Call,
@@ -167,11 +166,8 @@ class RuleText(TermText):
             if node.assignments:
                 self.refuse(f"`{node.name}` has values and no class")
             return name
-        values = ", ".join(map(self._assignment, node.assignments))
+        values = ", ".join(f"{self.name(one.feature)} = {self.values(one.value)}" for one in node.assignments)
         return f"{name} : {self.type(node.type)}" + (f" {{ {values} }}" if values else "")
-
-    def _assignment(self, one: Assignment) -> str:
-        return f"{self.name(one.feature)} = {self.values(one.value)}"
 
     def values(self, value: Expression | tuple[Expression, ...]) -> str:
         """An expression, or `[a, b]`."""

@@ -12,7 +12,6 @@ from envgraph.match.views._occurrences import Role
 from envgraph.match.views._operators import Evaluated, Operator, View
 from envgraph.match.views._planning import ViewPlanner
 from envgraph.match.views._recursive import Component, Member
-from envgraph.pattern import Library
 
 _ROLES = {
     Role.EACH: "",
@@ -70,7 +69,7 @@ def _operator(operator: Operator) -> str:
 
 
 def _delta(delta: Delta, planner: ViewPlanner, actual: Actual) -> Iterator[str]:
-    names = _names(planner.library, delta)
+    names = Names(planner.library, delta.name, delta.body, delta.conjunction)
     text = relation_text(delta.occurrence.relation, names)
     yield f"body {delta.body + 1}: when {text} comes or goes{_ROLES[delta.occurrence.role]}"
     known = [variable for variable in delta.occurrence.columns if variable is not None]
@@ -78,7 +77,3 @@ def _delta(delta: Delta, planner: ViewPlanner, actual: Actual) -> Iterator[str]:
     if delta.own is not None:
         yield "  the rows that are lost are looked up in the view itself"
     yield delta_source(planner, delta, True).text
-
-
-def _names(library: Library, delta: Delta) -> Names:
-    return Names(library, delta.name, delta.body, delta.conjunction)

@@ -83,7 +83,8 @@ def fused_source(planner: ViewPlanner, deltas: Sequence[Delta], coming: bool) ->
     for delta in deltas:
         block = Block()
         write_delta(planner, module, block, delta, coming)
-        if _is_nest(delta):
+        # Whether it is one nest, and does not read what it changes.
+        if delta.occurrence.role is not Role.NUMBER and delta.own is None:
             adding = coming != (delta.occurrence.role is Role.NONE)
             insert(groups, block.body(), (delta.name, adding))
         else:
@@ -91,11 +92,6 @@ def fused_source(planner: ViewPlanner, deltas: Sequence[Delta], coming: bool) ->
             groups = []
     whole += merged(groups)
     return module.source(module.function("delta", tuple_names(deltas[0].occurrence), tuple(whole)))
-
-
-def _is_nest(delta: Delta) -> bool:
-    """Return whether a function is one nest, and does not read what it changes."""
-    return delta.occurrence.role is not Role.NUMBER and delta.own is None
 
 
 def insert(groups: list[Group], nest: Body, change: Change) -> None:

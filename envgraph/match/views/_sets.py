@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, Final
 
 from envgraph.graph import EXCHANGE, IN, OUT, SET, IndexedSet, Store
@@ -283,10 +283,6 @@ def net(log: Sequence[Any]) -> tuple[list[Row], list[Row]]:
     """Rows that a log leaves added, and rows that it leaves removed, in the order in which each was first touched."""
     balance: dict[Row, int] = {}
     entries = iter(log)
-    for row, came in _pairs(entries):
+    for row, came in zip(entries, entries, strict=True):
         balance[row] = balance.get(row, 0) + (1 if came else -1)
     return [row for row, sum_ in balance.items() if sum_ > 0], [r for r, sum_ in balance.items() if sum_ < 0]
-
-
-def _pairs(entries: Iterator[Any]) -> Iterator[tuple[Row, bool]]:
-    return zip(entries, entries, strict=True)

@@ -289,9 +289,6 @@ class CurriculumSearch:
         """Share of the effort."""
         return (self._steps + LEVEL * self.levels.made) / self.settings.effort
 
-    def _progress(self, lane: _Lane) -> CurriculumProgress:
-        return CurriculumProgress(lane.best, lane.value, min(1.0, self._spent()), self.tried)
-
     # --- families to begin with
 
     def _screened(
@@ -345,7 +342,7 @@ class CurriculumSearch:
     def _climb(self, lane: _Lane, until: float) -> None:
         while self._spent() < until and not self._is_enough(lane):
             self._epoch(lane, until)
-            self.report(self._progress(lane))
+            self.report(CurriculumProgress(lane.best, lane.value, min(1.0, self._spent()), self.tried))
 
     def _epoch(self, lane: _Lane, until: float) -> None:
         """Judge the family of a lane on new seeds, see whether it is the best so far, and try moves on it."""
