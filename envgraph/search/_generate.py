@@ -175,14 +175,14 @@ def resume(
 
 def _search(
     domain: Domain, problem: Problem, progress: Progress, climbing: Climbing, drawing: Drawing, workers: int
-) -> Callable[[RunStore], None]:
+) -> Callable[[RunStore], object]:
     """What makes the family of a run: of single models, or, with an objective, as a whole; or samples."""
     search, settings, seed = domain.curriculum_search(), domain.settings(), domain.spec.seed
     wanted = domain.samples()
     if wanted is not None:
         return lambda store: _drawn(Sampler(problem, settings, wanted, seed), drawing, store)
     if search is None:
-        return lambda store: _evolved(Evolution(problem, settings, seed, store), progress)
+        return lambda store: Evolution(problem, settings, seed, store).run(progress)
     assert domain.behaviour is not None, "check_family demands an environment for an objective"
     make, climb = search
     levels = Levels(problem, domain.behaviour)
@@ -195,10 +195,6 @@ def _search(
 def _drawn(sampler: Sampler, drawing: Drawing, store: RunStore) -> None:
     sampler.run(drawing)
     sampler.write(store)
-
-
-def _evolved(evolution: Evolution, progress: Progress) -> None:
-    evolution.run(progress)
 
 
 def _store(

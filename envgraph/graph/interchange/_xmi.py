@@ -153,9 +153,7 @@ class _Writer:
 
     def _implied(self, feature: Feature) -> bool:
         """Return whether the place of an object says it: the link to its container."""
-        if isinstance(feature, Attribute):
-            return False
-        return self.model.graph.store.relations[feature.index].contained
+        return isinstance(feature, Reference) and self.model.graph.store.relations[feature.index].contained
 
     def _named(self, node: int) -> str:
         name = self.model.graph.object_name(node)

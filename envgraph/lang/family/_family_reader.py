@@ -173,7 +173,7 @@ class _Reader:
             objective=self._objective(top),
             samples=self._samples(top.table("samples")),
             optimise=self._optimise(top.table("optimise")),
-            audit=self._audit(top),
+            audit=table.options("audit") if (table := top.table("audit")).there else None,
             mutation=_mutation(top.table("mutation")),
             search=_search(top.table("search")),
             curriculum=self._curriculum(top.table("curriculum")),
@@ -222,10 +222,6 @@ class _Reader:
             hint = f'write `of = "..."` in `[diversity]`: {quoted(names)}'
             top.error("missing-key", "there are several measures to choose from", span, hint)
         return replace(found, options={**found.options, "of": names[0] if names else ""})
-
-    def _audit(self, top: Section) -> ComponentSpec | None:
-        section = top.table("audit")
-        return section.options("audit") if section.there else None
 
     def _objective(self, top: Section) -> ComponentSpec | None:
         section = top.table("objective")

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from lark import Token, Tree
 
-from envgraph.behaviour import Action, Agent, Behaviour, Domain, Effect, Observation, OnReset
+from envgraph.behaviour import Action, Agent, Behaviour, Domain, Effect, Observation
 from envgraph.lang.read._environment_clauses import (
     action_of,
     drawing_of,
@@ -74,7 +74,7 @@ def _behaviour(reading: Reading, _: str, tree: Tree[Token]) -> Behaviour:
         parameters=parameters_of(reading, tree),
         actions=_actions(reading, clauses),
         effects=_effects(reading, clauses),
-        resets=_resets(reading, clauses),
+        resets=tuple(filter(None, (on_reset_of(reading, part) for part in trees(clauses, "reset")))),
         observations=_observations(reading, clauses),
         agents=tuple(_agent(reading, part) for part in trees(clauses, "agent")),
         together=together is not None,
@@ -123,11 +123,6 @@ def _effects(reading: Reading, clauses: Sequence[Tree[Token]]) -> tuple[Effect, 
         for part in trees(clauses, "each", "on")
     )
     return tuple(effect for effect in read if effect is not None)
-
-
-def _resets(reading: Reading, clauses: Sequence[Tree[Token]]) -> tuple[OnReset, ...]:
-    read = (on_reset_of(reading, part) for part in trees(clauses, "reset"))
-    return tuple(reset for reset in read if reset is not None)
 
 
 def _observations(reading: Reading, clauses: Sequence[Tree[Token]]) -> tuple[Observation, ...]:

@@ -81,12 +81,9 @@ class _Writer:
         model, metamodel = self._model, self._model.metamodel
         found = []
         for feature in metamodel.features(model.graph.class_of(node)).values():
-            if isinstance(feature, Reference) and not feature.containment:
-                other = metamodel.opposite(feature)
-                if (
-                    not (other and other.containment)
-                    and not model.graph.store.relations[feature.index].flipped
-                ):
+            if isinstance(feature, Reference):
+                relation = model.graph.store.relations[feature.index]
+                if not (relation.containment or relation.contained or relation.flipped):
                     found.append(feature)
         return found
 

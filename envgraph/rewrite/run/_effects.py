@@ -100,10 +100,9 @@ def house(graph: Graph, source: int, reference: Reference, target: int) -> None:
     Raises:
         RuleError: the object is in a container ("full"), or the container is inside it ("containment").
     """
-    opposite = graph.metamodel.opposite(reference)
-    if not reference.containment:
-        assert opposite is not None
-        source, reference, target = target, opposite, source
+    found = graph.metamodel.containment(reference, source, target)
+    assert found is not None
+    reference, source, target = found
     old = graph.container(target) if graph.alive(target) else None
     if old is not None:
         container, feature = graph.describe(old[0]), old[1].name

@@ -297,10 +297,8 @@ def _links(levels: Levels) -> dict[int, list[int]]:
     for cls in model.metamodel.class_list:
         if not cls.abstract:
             found |= {node: [] for node in model.graph.exact_extent(cls.name)}
-    references = model.metamodel.references
-    contained = {(one.target, one.opposite) for one in references if one.containment}
-    for reference in references:
-        if not reference.containment and (reference.owner, reference.name) not in contained:
+    for reference in model.metamodel.references:
+        if model.metamodel.containment(reference, 0, 1) is None:
             for source in found:
                 for target in model.graph.store.forward[reference.index][source]:
                     found[source].append(target)
