@@ -62,7 +62,7 @@ class Recorder:
     def __init__(self, model: Model) -> None:
         self.changes: list[Change] = []
         self._names = dict(_link_names(model.metamodel))
-        model.graph.subscribe(self)
+        model.graph.store.listeners.append(self)
 
     def inserted(self, fact: Fact) -> None:
         self._note(True, fact)

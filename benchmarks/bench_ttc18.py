@@ -372,7 +372,7 @@ class Counter:
 def count_facts(scale: int, sizes: Sizes) -> list[int]:
     """The number of elementary changes in each change set of a scale."""
     engine, network = open_network(initial_lines(scale))
-    engine.model.graph.subscribe(counter := Counter())
+    engine.model.graph.store.listeners.append(counter := Counter())
     totals = [0]
     for changes in sizes.changes(scale):
         network.insert(changes)

@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import NamedTuple, Protocol
 
-from envgraph.errors import InvalidArgument
 from envgraph.metamodel import Attribute, Reference, Value
-
-if TYPE_CHECKING:
-    from envgraph.graph._graph import Graph
 
 
 class ClassFact(NamedTuple):
@@ -42,7 +38,7 @@ Fact = ClassFact | ValueFact | LinkFact
 
 
 class Listener(Protocol):
-    """Hears of every change of a model, one elementary fact at a time. It must not write to the model.
+    """Hears of every change of a store that lists it in `listeners`, one elementary fact at a time. It must not write.
 
     Setting a value, retyping and moving are removals followed by insertions.
     """
@@ -55,21 +51,3 @@ class Listener(Protocol):
 
     def restored(self) -> None:
         """The model is in an earlier or another state: a rollback, a checkout, or a load has ended."""
-
-
-def subscribe(graph: Graph, listener: Listener) -> None:
-    """Tell a listener of every change from now on, after those that are there already."""
-    graph.store.listeners.append(listener)
-
-
-def unsubscribe(graph: Graph, listener: Listener) -> None:
-    """Stop notifying a listener.
-
-    Raises:
-        InvalidArgument: it is not subscribed.
-    """
-    for index, other in enumerate(graph.store.listeners):
-        if other is listener:
-            del graph.store.listeners[index]
-            return
-    raise InvalidArgument("the listener is not subscribed")

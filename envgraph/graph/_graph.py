@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from envgraph.graph import _facts, _links, _naming, _objects, _query_features, _values
+from envgraph.graph import _links, _naming, _objects, _query_features, _values
 from envgraph.graph import _refusals as refusals
 from envgraph.graph._history import History
 from envgraph.graph._integrity import check_store
@@ -80,9 +80,6 @@ class Graph:
     set_target = _links.set_target
     set_targets = _links.set_targets
     container = _links.container
-
-    subscribe = _facts.subscribe
-    unsubscribe = _facts.unsubscribe
 
     def class_of(self, node: int) -> str:
         """Name of an object's class.

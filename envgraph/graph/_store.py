@@ -66,6 +66,7 @@ class Store:
         touched: the objects whose values have changed since somebody set it to {}, and inverted (`~node`) those whose
             class or place in the extent has, each with the revision of its last change, the latest last; None while
             nobody asks, and after a restoration.
+        listeners: see `Listener`.
         followers: see `Follower`.
         value_added, value_removing: for each attribute (by `index`) a function of node and value, or None.
         class_added, class_removing: for each class (by index) a function of the node, or None.

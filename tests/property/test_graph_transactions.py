@@ -21,7 +21,7 @@ class Transactions(RuleBasedStateMachine):
     def start(self, data: st.DataObject) -> None:
         self.model = Model(data.draw(metamodels()))
         self.shadow = Shadow(self.model)
-        self.model.graph.subscribe(self.shadow)
+        self.model.graph.store.listeners.append(self.shadow)
         self.savepoints: list[tuple[Savepoint, dict[str, object]]] = []
         self.versions: list[tuple[Version, dict[str, object]]] = []
 

@@ -105,7 +105,7 @@ def test_a_target_that_moves_changes_no_fact():
 
     targets = model.nodes("Forest")[0].states
     before = list(targets)
-    model.graph.subscribe(Ear())
+    model.graph.store.listeners.append(Ear())
     digest = model.state_hash()
     with model.transaction():
         targets.insert(0, targets[-1])

@@ -151,7 +151,7 @@ class Ear:
 
 def test_the_model_hears_of_links_that_rules_change() -> None:
     one, ear = made(False), Ear()
-    one.model.graph.subscribe(ear)
+    one.model.graph.store.listeners.append(ear)
     one.apply("cut", a=0)
     one.apply("tie", a=0)
     assert ear.facts == ["-LinkFact", "+LinkFact"]
