@@ -24,7 +24,7 @@ from time import perf_counter, process_time
 from typing import Any, NamedTuple
 from unittest.mock import patch
 
-from envgraph.graph import Model
+from envgraph.graph._history import History
 from envgraph.graph._versions import VersionTree
 from envgraph.lang import bundled_domain
 from envgraph.rewrite import Engine
@@ -129,7 +129,7 @@ _PHASES: list[tuple[str, object, tuple[str, ...]]] = [
     ("validate and measure", Problem, ("judged",)),
     ("measure", Problem, ("measure",)),
     ("commit and check out", Engine, ("commit", "checkout")),
-    ("savepoints", Model, ("savepoint", "release", "rollback")),
+    ("savepoints", History, ("savepoint", "release", "rollback")),
     ("random generators", Evolution, ("_generator",)),
     ("survivor selection", SimulatedAnnealing, ("select",)),
     ("store", RunStore, ("write_generation",)),
