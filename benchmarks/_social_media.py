@@ -8,8 +8,7 @@ from heapq import heapify, heappop, heappush, nlargest, nsmallest
 from pathlib import Path
 
 from envgraph.graph import Model
-from envgraph.lang import bundled_domain
-from envgraph.lang import open as open_engine
+from envgraph.lang import bundled_domain, open as open_engine
 from envgraph.rewrite import Engine, Match
 
 DATA = Path(__file__).parents[1] / "tests" / "data" / "ttc18"

@@ -3,74 +3,50 @@
 `check_behaviour` says what is wrong with a behaviour; `envgraph.env` runs it. The rest is what both need to know of it.
 """
 
-from envgraph.behaviour._check import check_behaviour
-from envgraph.behaviour._clauses import Question, condition_question, count_question
-from envgraph.behaviour._data import (
-    Action,
-    Agent,
-    Behaviour,
-    Branch,
-    Domain,
-    DrawGraph,
-    DrawGrid,
-    DrawnLink,
-    EachStep,
-    Effect,
-    End,
-    Observation,
-    ObserveAttribute,
-    ObserveFind,
-    ObserveObject,
-    ObservePath,
-    ObserveRange,
-    OnFind,
-    OnReset,
-    RuleCall,
-    Token,
-)
-from envgraph.behaviour._domains import MOST_VALUES, domain_type
-from envgraph.behaviour._edges import edge_ends
-from envgraph.behaviour._losing import Reading, is_gone, lost, readings, root_of, roots
-from envgraph.behaviour._rewards import paying, reward_names
-from envgraph.errors import shorten
+from typing import TYPE_CHECKING
 
-__all__ = [
-    "MOST_VALUES",
-    "Action",
-    "Agent",
-    "Behaviour",
-    "Branch",
-    "Domain",
-    "DrawGraph",
-    "DrawGrid",
-    "DrawnLink",
-    "EachStep",
-    "Effect",
-    "End",
-    "Observation",
-    "ObserveAttribute",
-    "ObserveFind",
-    "ObserveObject",
-    "ObservePath",
-    "ObserveRange",
-    "OnFind",
-    "OnReset",
-    "Question",
-    "Reading",
-    "RuleCall",
-    "Token",
-    "check_behaviour",
-    "condition_question",
-    "count_question",
-    "domain_type",
-    "edge_ends",
-    "is_gone",
-    "lost",
-    "paying",
-    "readings",
-    "reward_names",
-    "root_of",
-    "roots",
-]
+from envgraph.code import later
 
-shorten(globals(), __all__)
+if TYPE_CHECKING:
+    from envgraph.behaviour._check import check_behaviour as check_behaviour
+    from envgraph.behaviour._clauses import (
+        Question as Question,
+        condition_question as condition_question,
+        count_question as count_question,
+    )
+    from envgraph.behaviour._data import (
+        Action as Action,
+        Agent as Agent,
+        Behaviour as Behaviour,
+        Branch as Branch,
+        Domain as Domain,
+        DrawGraph as DrawGraph,
+        DrawGrid as DrawGrid,
+        DrawnLink as DrawnLink,
+        EachStep as EachStep,
+        Effect as Effect,
+        End as End,
+        Observation as Observation,
+        ObserveAttribute as ObserveAttribute,
+        ObserveFind as ObserveFind,
+        ObserveObject as ObserveObject,
+        ObservePath as ObservePath,
+        ObserveRange as ObserveRange,
+        OnFind as OnFind,
+        OnReset as OnReset,
+        RuleCall as RuleCall,
+        Token as Token,
+    )
+    from envgraph.behaviour._domains import MOST_VALUES as MOST_VALUES, domain_type as domain_type
+    from envgraph.behaviour._edges import edge_ends as edge_ends
+    from envgraph.behaviour._losing import (
+        Reading as Reading,
+        is_gone as is_gone,
+        lost as lost,
+        readings as readings,
+        root_of as root_of,
+        roots as roots,
+    )
+    from envgraph.behaviour._rewards import paying as paying, reward_names as reward_names
+
+later(globals())

@@ -38,10 +38,10 @@ from envgraph.search import (
     lineage,
     measure_texts,
     open_family,
+    resume as resume_run,
     run_file,
     why_low,
 )
-from envgraph.search import resume as resume_run
 from envgraph.search.curricula import CurriculumProgress
 
 _MOST_SHOWN = 100

@@ -19,112 +19,72 @@ Every statement can carry an `origin`: the step, the operation, whatever it was 
 unless they have one of their own, and `origin_of` finds that of the line that has raised an error.
 """
 
-from envgraph.code._block import Block
-from envgraph.code._compile import define as define_text
-from envgraph.code._counters import with_counters
-from envgraph.code._lines import define, origin_of
-from envgraph.code._printer import ATOM, Printed, expression_text, printed
-from envgraph.code._records import dataclass
-from envgraph.code._short import (
-    FALSE,
-    NONE,
-    TRUE,
-    call,
-    chained,
-    equal,
-    inverse,
-    is_none,
-    joined,
-    method,
-    some,
-    tuple_of,
-)
-from envgraph.code._tree import (
-    Assign,
-    Body,
-    Call,
-    Choice,
-    Constant,
-    Do,
-    Each,
-    Expression,
-    For,
-    Function,
-    Handler,
-    If,
-    Index,
-    Lambda,
-    Leave,
-    Let,
-    Local,
-    Mapping,
-    Member,
-    Name,
-    Operation,
-    Raise,
-    Return,
-    Statement,
-    Text,
-    Try,
-    Tuple,
-    While,
-    Yield,
-)
-from envgraph.code._walk import compared_fields, differing_fields, walk
+from typing import TYPE_CHECKING
 
-__all__ = [
-    "ATOM",
-    "FALSE",
-    "NONE",
-    "TRUE",
-    "Assign",
-    "Block",
-    "Body",
-    "Call",
-    "Choice",
-    "Constant",
-    "Do",
-    "Each",
-    "Expression",
-    "For",
-    "Function",
-    "Handler",
-    "If",
-    "Index",
-    "Lambda",
-    "Leave",
-    "Let",
-    "Local",
-    "Mapping",
-    "Member",
-    "Name",
-    "Operation",
-    "Printed",
-    "Raise",
-    "Return",
-    "Statement",
-    "Text",
-    "Try",
-    "Tuple",
-    "While",
-    "Yield",
-    "call",
-    "chained",
-    "compared_fields",
-    "dataclass",
-    "define",
-    "define_text",
-    "differing_fields",
-    "equal",
-    "expression_text",
-    "inverse",
-    "is_none",
-    "joined",
-    "method",
-    "origin_of",
-    "printed",
-    "some",
-    "tuple_of",
-    "walk",
-    "with_counters",
-]
+from envgraph.code._later import later as later
+
+if TYPE_CHECKING:
+    from envgraph.code._block import Block as Block
+    from envgraph.code._compile import define_text as define_text
+    from envgraph.code._counters import with_counters as with_counters
+    from envgraph.code._lines import define as define, origin_of as origin_of
+    from envgraph.code._printer import (
+        ATOM as ATOM,
+        Printed as Printed,
+        expression_text as expression_text,
+        printed as printed,
+    )
+    from envgraph.code._records import dataclass as dataclass
+    from envgraph.code._reprs import short_repr as short_repr, visible as visible
+    from envgraph.code._short import (
+        FALSE as FALSE,
+        NONE as NONE,
+        TRUE as TRUE,
+        call as call,
+        chained as chained,
+        equal as equal,
+        inverse as inverse,
+        is_none as is_none,
+        joined as joined,
+        method as method,
+        some as some,
+        tuple_of as tuple_of,
+    )
+    from envgraph.code._tree import (
+        Assign as Assign,
+        Body as Body,
+        Call as Call,
+        Choice as Choice,
+        Constant as Constant,
+        Do as Do,
+        Each as Each,
+        Expression as Expression,
+        For as For,
+        Function as Function,
+        Handler as Handler,
+        If as If,
+        Index as Index,
+        Lambda as Lambda,
+        Leave as Leave,
+        Let as Let,
+        Local as Local,
+        Mapping as Mapping,
+        Member as Member,
+        Name as Name,
+        Operation as Operation,
+        Raise as Raise,
+        Return as Return,
+        Statement as Statement,
+        Text as Text,
+        Try as Try,
+        Tuple as Tuple,
+        While as While,
+        Yield as Yield,
+    )
+    from envgraph.code._walk import (
+        compared_fields as compared_fields,
+        differing_fields as differing_fields,
+        walk as walk,
+    )
+
+later(globals())

@@ -7,7 +7,7 @@ from types import CodeType
 from typing import Any
 
 
-def define(text: str, file: str, names: dict[str, Any]) -> dict[str, Any]:
+def define_text(text: str, file: str, names: dict[str, Any]) -> dict[str, Any]:
     """Run generated definitions.
 
     Args:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from types import FrameType
 from typing import Any, Final
 
-from envgraph.code import _compile
+from envgraph.code._compile import define_text
 from envgraph.code._printer import printed
 from envgraph.code._tree import Body
 
@@ -25,7 +25,7 @@ def define(definitions: Body, file: str, names: dict[str, Any]) -> dict[str, Any
         The names with the definitions.
     """
     text, names[_ORIGINS] = printed(definitions)
-    return _compile.define(text, file, names)
+    return define_text(text, file, names)
 
 
 def origin_of(error: BaseException) -> tuple[object, FrameType | None]:

@@ -9,12 +9,11 @@ from operator import attrgetter
 from reprlib import recursive_repr
 from typing import TYPE_CHECKING, Any
 
-from envgraph.code._compile import define
-
-__all__ = ["dataclass"]
+from envgraph.code._compile import define_text
+from envgraph.code._reprs import short_repr
 
 if TYPE_CHECKING:
-    from dataclasses import dataclass  # noqa: TID251
+    from dataclasses import dataclass as dataclass  # noqa: TID251
 else:
 
     def dataclass(*, frozen: bool = False, eq: bool = True, slots: bool = False) -> Callable[[type], type]:
@@ -42,7 +41,7 @@ def _made(cls: type, frozen: bool, eq: bool, slots: bool) -> type:
     for name, method in made.items():
         if name not in own:
             setattr(cls, name, method)
-    return cls
+    return short_repr(cls)
 
 
 def _init(cls: type, fields: tuple[Field[Any], ...], frozen: bool) -> Callable[..., None]:
@@ -68,7 +67,9 @@ def _init(cls: type, fields: tuple[Field[Any], ...], frozen: bool) -> Callable[.
         body.append("self.__post_init__()")
     lines = "\n    ".join(body or ["pass"])
     init: Callable[..., None]
-    init = define(f"def __init__({', '.join(parameters)}):\n    {lines}\n", "<data class>", names)["__init__"]
+    init = define_text(f"def __init__({', '.join(parameters)}):\n    {lines}\n", "<data class>", names)[
+        "__init__"
+    ]
     init.__qualname__ = f"{cls.__qualname__}.__init__"
     init.__annotations__ = {field.name: field.type for field in fields if field.init} | {"return": None}
     return init

@@ -10,143 +10,97 @@ Importing the package registers the bundled environments (`envgraph/BurningFores
 200
 """
 
-from gymnasium.envs.registration import EnvSpec
+from typing import TYPE_CHECKING
 
-from envgraph.behaviour import (
-    Action,
-    Agent,
-    Behaviour,
-    Branch,
-    Domain,
-    DrawGraph,
-    DrawGrid,
-    DrawnLink,
-    EachStep,
-    Effect,
-    Observation,
-    ObserveAttribute,
-    ObserveFind,
-    ObserveObject,
-    ObserveRange,
-    OnFind,
-    OnReset,
-    RuleCall,
-    Token,
-    check_behaviour,
-)
-from envgraph.env._adopted import Adopted, Transition, adopt
-from envgraph.env._agents import unbound
-from envgraph.env._apart import RewardsApart
-from envgraph.env._explore import DEFAULT_LIMIT, Explored, explore
-from envgraph.env._frozen_lake import frozen_lake
-from envgraph.env._gymnasium import EnvgraphEnv, EnvgraphLiveEnv, SingleEnvironment, check_render_mode
-from envgraph.env._keys import KeyIndex, SameKey, indexed_classes, key_reader, spread_classes
-from envgraph.env._members import About, Members, Variants
-from envgraph.env._minigrid import MiniGridLevel
-from envgraph.env._model_views import GraphView, ImageView, ModelView, model_view, torch_graph
-from envgraph.env._reaching import REACH_LIMIT, can_end
-from envgraph.env._simulator import Outcome, Simulator
-from envgraph.env._table_file import read_explored, write_explored
-from envgraph.env._tabular import Tabular
-from envgraph.env._too_many import TooManyStates
-from envgraph.env._vector import EnvgraphVectorEnv
-from envgraph.env._views import OF_MODEL, ObservationKind, View, check_kind
-from envgraph.env.registration import (
-    Environment,
-    VectorEnvironment,
-    environment_spec,
-    make_vec_spec,
-    register,
-    register_entry_point,
-)
-from envgraph.env.scene._pixels import scene_rgb
-from envgraph.env.scene._scene import Draw, Edge, GraphScene, GridScene, Key, Mark, Scene, legend, scene_of
-from envgraph.env.scene._svg import scene_svg
-from envgraph.env.scene._text import scene_text, scene_title
-from envgraph.errors import shorten
+from envgraph.code import later
+from envgraph.env.registration import register_entry_point
 
-__all__ = [
-    "DEFAULT_LIMIT",
-    "OF_MODEL",
-    "REACH_LIMIT",
-    "About",
-    "Action",
-    "Adopted",
-    "Agent",
-    "Behaviour",
-    "Branch",
-    "Domain",
-    "Draw",
-    "DrawGraph",
-    "DrawGrid",
-    "DrawnLink",
-    "EachStep",
-    "Edge",
-    "Effect",
-    "EnvSpec",
-    "EnvgraphEnv",
-    "EnvgraphLiveEnv",
-    "EnvgraphVectorEnv",
-    "Environment",
-    "Explored",
-    "GraphScene",
-    "GraphView",
-    "GridScene",
-    "ImageView",
-    "Key",
-    "KeyIndex",
-    "Mark",
-    "Members",
-    "MiniGridLevel",
-    "ModelView",
-    "Observation",
-    "ObservationKind",
-    "ObserveAttribute",
-    "ObserveFind",
-    "ObserveObject",
-    "ObserveRange",
-    "OnFind",
-    "OnReset",
-    "Outcome",
-    "RewardsApart",
-    "RuleCall",
-    "SameKey",
-    "Scene",
-    "Simulator",
-    "SingleEnvironment",
-    "Tabular",
-    "Token",
-    "TooManyStates",
-    "Transition",
-    "Variants",
-    "VectorEnvironment",
-    "View",
-    "adopt",
-    "can_end",
-    "check_behaviour",
-    "check_kind",
-    "check_render_mode",
-    "environment_spec",
-    "explore",
-    "frozen_lake",
-    "indexed_classes",
-    "key_reader",
-    "legend",
-    "make_vec_spec",
-    "model_view",
-    "read_explored",
-    "register",
-    "scene_of",
-    "scene_rgb",
-    "scene_svg",
-    "scene_text",
-    "scene_title",
-    "spread_classes",
-    "torch_graph",
-    "unbound",
-    "write_explored",
-]
+if TYPE_CHECKING:
+    from gymnasium.envs.registration import EnvSpec as EnvSpec
+
+    from envgraph.behaviour import (
+        Action as Action,
+        Agent as Agent,
+        Behaviour as Behaviour,
+        Branch as Branch,
+        Domain as Domain,
+        DrawGraph as DrawGraph,
+        DrawGrid as DrawGrid,
+        DrawnLink as DrawnLink,
+        EachStep as EachStep,
+        Effect as Effect,
+        Observation as Observation,
+        ObserveAttribute as ObserveAttribute,
+        ObserveFind as ObserveFind,
+        ObserveObject as ObserveObject,
+        ObserveRange as ObserveRange,
+        OnFind as OnFind,
+        OnReset as OnReset,
+        RuleCall as RuleCall,
+        Token as Token,
+        check_behaviour as check_behaviour,
+    )
+    from envgraph.env._adopted import Adopted as Adopted, Transition as Transition, adopt as adopt
+    from envgraph.env._agents import unbound as unbound
+    from envgraph.env._apart import RewardsApart as RewardsApart
+    from envgraph.env._explore import DEFAULT_LIMIT as DEFAULT_LIMIT, Explored as Explored, explore as explore
+    from envgraph.env._frozen_lake import frozen_lake as frozen_lake
+    from envgraph.env._gymnasium import (
+        EnvgraphEnv as EnvgraphEnv,
+        EnvgraphLiveEnv as EnvgraphLiveEnv,
+        SingleEnvironment as SingleEnvironment,
+        check_render_mode as check_render_mode,
+    )
+    from envgraph.env._keys import (
+        KeyIndex as KeyIndex,
+        SameKey as SameKey,
+        indexed_classes as indexed_classes,
+        key_reader as key_reader,
+        spread_classes as spread_classes,
+    )
+    from envgraph.env._members import About as About, Members as Members, Variants as Variants
+    from envgraph.env._minigrid import MiniGridLevel as MiniGridLevel
+    from envgraph.env._model_views import (
+        GraphView as GraphView,
+        ImageView as ImageView,
+        ModelView as ModelView,
+        model_view as model_view,
+        torch_graph as torch_graph,
+    )
+    from envgraph.env._reaching import REACH_LIMIT as REACH_LIMIT, can_end as can_end
+    from envgraph.env._simulator import Outcome as Outcome, Simulator as Simulator
+    from envgraph.env._table_file import read_explored as read_explored, write_explored as write_explored
+    from envgraph.env._tabular import Tabular as Tabular
+    from envgraph.env._too_many import TooManyStates as TooManyStates
+    from envgraph.env._vector import EnvgraphVectorEnv as EnvgraphVectorEnv
+    from envgraph.env._views import (
+        OF_MODEL as OF_MODEL,
+        ObservationKind as ObservationKind,
+        View as View,
+        check_kind as check_kind,
+    )
+    from envgraph.env.registration import (
+        Environment as Environment,
+        VectorEnvironment as VectorEnvironment,
+        environment_spec as environment_spec,
+        make_vec_spec as make_vec_spec,
+        register as register,
+    )
+    from envgraph.env.scene._pixels import scene_rgb as scene_rgb
+    from envgraph.env.scene._scene import (
+        Draw as Draw,
+        Edge as Edge,
+        GraphScene as GraphScene,
+        GridScene as GridScene,
+        Key as Key,
+        Mark as Mark,
+        Scene as Scene,
+        legend as legend,
+        scene_of as scene_of,
+    )
+    from envgraph.env.scene._svg import scene_svg as scene_svg
+    from envgraph.env.scene._text import scene_text as scene_text, scene_title as scene_title
+
+later(globals())
 
 register_entry_point()
-
-shorten(globals(), __all__)

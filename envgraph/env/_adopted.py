@@ -12,7 +12,7 @@ from typing import Any, Final, NamedTuple
 import gymnasium
 import numpy as np
 
-from envgraph.code import dataclass
+from envgraph.code import dataclass, short_repr
 from envgraph.env._explore import DEFAULT_LIMIT
 from envgraph.env._minigrid import MiniGridLevel, is_minigrid
 from envgraph.env._tabular import MOST_REWARD, Tabular
@@ -26,6 +26,7 @@ _TRIED: Final = 2_000
 """Steps: Taxi's fickle passenger shows in less than a hundred."""
 
 
+@short_repr
 class Transition(NamedTuple):
     """One of the ways in which an action in a state may turn out."""
 

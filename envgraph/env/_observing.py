@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from itertools import count as count_from
-from itertools import zip_longest
+from itertools import count as count_from, zip_longest
 
 from envgraph.behaviour import (
     Behaviour,

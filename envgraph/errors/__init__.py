@@ -5,77 +5,58 @@ the `Span` it is about and, where one is known, a hint. Every exception that env
 from `EnvgraphError`.
 """
 
-from envgraph.errors._diagnostics import (
-    Diagnostic,
-    Note,
-    Severity,
-    defined_twice,
-    has_errors,
-    sort_diagnostics,
-    too_many_errors,
-)
-from envgraph.errors._exceptions import (
-    DiagnosticError,
-    EnvgraphError,
-    EvaluationError,
-    FunctionError,
-    InvalidArgument,
-    LoadError,
-    ResolutionError,
-    RuleError,
-    TraceError,
-    TransactionError,
-    TypeMismatch,
-    check_known,
-)
-from envgraph.errors._limits import MOST_ERRORS, MOST_NESTED, MOST_STEPS, RAISE_LIMIT, limit, parse_within
-from envgraph.errors._numbers import LARGEST_INT, parse_float, parse_int
-from envgraph.errors._reprs import later, shorten, spelling
-from envgraph.errors._source import Source, Span, visible
-from envgraph.errors._suggest import did_you_mean, listed, name_hint, nearest, plural, quoted, with_article
+from typing import TYPE_CHECKING
 
-__all__ = [
-    "LARGEST_INT",
-    "MOST_ERRORS",
-    "MOST_NESTED",
-    "MOST_STEPS",
-    "RAISE_LIMIT",
-    "Diagnostic",
-    "DiagnosticError",
-    "EnvgraphError",
-    "EvaluationError",
-    "FunctionError",
-    "InvalidArgument",
-    "LoadError",
-    "Note",
-    "ResolutionError",
-    "RuleError",
-    "Severity",
-    "Source",
-    "Span",
-    "TraceError",
-    "TransactionError",
-    "TypeMismatch",
-    "check_known",
-    "defined_twice",
-    "did_you_mean",
-    "has_errors",
-    "later",
-    "limit",
-    "listed",
-    "name_hint",
-    "nearest",
-    "parse_float",
-    "parse_int",
-    "parse_within",
-    "plural",
-    "quoted",
-    "shorten",
-    "sort_diagnostics",
-    "spelling",
-    "too_many_errors",
-    "visible",
-    "with_article",
-]
+from envgraph.code import later
 
-shorten(globals(), __all__)
+if TYPE_CHECKING:
+    from envgraph.code import visible as visible
+    from envgraph.errors._diagnostics import (
+        Diagnostic as Diagnostic,
+        Note as Note,
+        Severity as Severity,
+        defined_twice as defined_twice,
+        has_errors as has_errors,
+        sort_diagnostics as sort_diagnostics,
+        too_many_errors as too_many_errors,
+    )
+    from envgraph.errors._exceptions import (
+        DiagnosticError as DiagnosticError,
+        EnvgraphError as EnvgraphError,
+        EvaluationError as EvaluationError,
+        FunctionError as FunctionError,
+        InvalidArgument as InvalidArgument,
+        LoadError as LoadError,
+        ResolutionError as ResolutionError,
+        RuleError as RuleError,
+        TraceError as TraceError,
+        TransactionError as TransactionError,
+        TypeMismatch as TypeMismatch,
+        check_known as check_known,
+    )
+    from envgraph.errors._limits import (
+        MOST_ERRORS as MOST_ERRORS,
+        MOST_NESTED as MOST_NESTED,
+        MOST_STEPS as MOST_STEPS,
+        RAISE_LIMIT as RAISE_LIMIT,
+        limit as limit,
+        parse_within as parse_within,
+    )
+    from envgraph.errors._numbers import (
+        LARGEST_INT as LARGEST_INT,
+        parse_float as parse_float,
+        parse_int as parse_int,
+    )
+    from envgraph.errors._source import Source as Source, Span as Span
+    from envgraph.errors._spelling import spelling as spelling
+    from envgraph.errors._suggest import (
+        did_you_mean as did_you_mean,
+        listed as listed,
+        name_hint as name_hint,
+        nearest as nearest,
+        plural as plural,
+        quoted as quoted,
+        with_article as with_article,
+    )
+
+later(globals())

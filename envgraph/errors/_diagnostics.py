@@ -6,8 +6,8 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import field
 from enum import StrEnum
 
-from envgraph.code import dataclass
-from envgraph.errors._source import Span, visible
+from envgraph.code import dataclass, visible
+from envgraph.errors._source import Span
 
 _LONGEST = 2000
 """A message that is longer is not shown in full: names may have any length."""

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
 
+from envgraph.code import short_repr, visible
 from envgraph.errors._diagnostics import Diagnostic, Note
-from envgraph.errors._source import Span, visible
+from envgraph.errors._source import Span
 from envgraph.errors._suggest import did_you_mean, quoted
 
 _LONGEST = 140
 """Of a message in a repr."""
 
 
+@short_repr
 class EnvgraphError(Exception):
     """Root of every exception that envgraph raises on purpose.
 

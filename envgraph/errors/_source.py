@@ -7,7 +7,7 @@ from bisect import bisect_right
 from dataclasses import field
 from unicodedata import category, east_asian_width
 
-from envgraph.code import dataclass
+from envgraph.code import dataclass, visible
 
 _LONGEST = 300
 """Of a longer line, only what surrounds the place is shown."""
@@ -100,19 +100,6 @@ class Span:
 
     def __str__(self) -> str:
         return f"{visible(self.source.name)}:{self.line}:{self.column}"
-
-
-def visible(text: str) -> str:
-    r"""A text in one line whose characters all show: what is not printable becomes an escape.
-
-    For terminals, which obey control characters, for logs and for pictures.
-
-    >>> print(visible("a\n\x00b\x1b[31m"))
-    a\n\x00b\x1b[31m
-    """
-    if text.isprintable():
-        return text
-    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in text)
 
 
 def _columns(char: str) -> int:

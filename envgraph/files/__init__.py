@@ -3,26 +3,26 @@
 Also the one that people read meanwhile: standard error, where long work says how far it has come.
 """
 
-from envgraph.files._cache import CACHE_VARIABLE, cache_directory, is_own, read_cached, write_cached
-from envgraph.files._escaping import jinja_environment, markdown
-from envgraph.files._lock import write_lock
-from envgraph.files._open import open_input
-from envgraph.files._progress import counting, telling
-from envgraph.files._replace import check_free, replace_file, replacing
+from typing import TYPE_CHECKING
 
-__all__ = [
-    "CACHE_VARIABLE",
-    "cache_directory",
-    "check_free",
-    "counting",
-    "is_own",
-    "jinja_environment",
-    "markdown",
-    "open_input",
-    "read_cached",
-    "replace_file",
-    "replacing",
-    "telling",
-    "write_cached",
-    "write_lock",
-]
+from envgraph.code import later
+
+if TYPE_CHECKING:
+    from envgraph.files._cache import (
+        CACHE_VARIABLE as CACHE_VARIABLE,
+        cache_directory as cache_directory,
+        is_own as is_own,
+        read_cached as read_cached,
+        write_cached as write_cached,
+    )
+    from envgraph.files._escaping import jinja_environment as jinja_environment, markdown as markdown
+    from envgraph.files._lock import write_lock as write_lock
+    from envgraph.files._open import open_input as open_input
+    from envgraph.files._progress import counting as counting, telling as telling
+    from envgraph.files._replace import (
+        check_free as check_free,
+        replace_file as replace_file,
+        replacing as replacing,
+    )
+
+later(globals())

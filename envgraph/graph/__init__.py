@@ -1,5 +1,6 @@
 """The model: a typed attributed graph with change events, one undo log, transactions and versions.
 
+>>> from envgraph.graph import Model
 >>> from envgraph.metamodel import Attribute, Class, Metamodel, Reference, Scalar
 >>> room = Class("Room", features=(Attribute("label", Scalar.STRING), Reference("doors", "Room", 0, None)))
 >>> model = Model(Metamodel("house", [room]), "home")
@@ -15,81 +16,51 @@
 
 from typing import TYPE_CHECKING
 
-from envgraph.errors import later, shorten
+from envgraph.code import later
 from envgraph.graph import _copying  # noqa: F401, how models are copied
-from envgraph.graph._conformance import Violation, check_conformance
-from envgraph.graph._facts import ClassFact, Fact, LinkFact, Listener, ValueFact
-from envgraph.graph._graph import Graph
-from envgraph.graph._history import Savepoint, Shelf
-from envgraph.graph._interrupts import deferred, guarded
-from envgraph.graph._isomorphism import Shapes
-from envgraph.graph._journal import EXCHANGE, IN, OUT, SET, IndexedSet
-from envgraph.graph._model import Model
-from envgraph.graph._node import Node, Targets, ValueList
-from envgraph.graph._picture import PictureOptions
-from envgraph.graph._query_features import Defined, first_with
-from envgraph.graph._relation import Relation
-from envgraph.graph._store import Store
-from envgraph.graph._versions import Version
 
 if TYPE_CHECKING:
-    from envgraph.graph.interchange._json import (
-        JsonPath,
-        json_place,
-        model_from_json,
-        model_schema,
-        model_to_json,
+    from envgraph.graph._conformance import Violation as Violation, check_conformance as check_conformance
+    from envgraph.graph._facts import (
+        ClassFact as ClassFact,
+        Fact as Fact,
+        LinkFact as LinkFact,
+        Listener as Listener,
+        ValueFact as ValueFact,
     )
-    from envgraph.graph.interchange._networkx import from_networkx, to_networkx
-    from envgraph.graph.interchange._xmi import arrange_targets, model_to_xmi, usual_value
+    from envgraph.graph._graph import Graph as Graph
+    from envgraph.graph._history import Savepoint as Savepoint, Shelf as Shelf
+    from envgraph.graph._interrupts import deferred as deferred, guarded as guarded
+    from envgraph.graph._isomorphism import Shapes as Shapes
+    from envgraph.graph._journal import (
+        EXCHANGE as EXCHANGE,
+        IN as IN,
+        OUT as OUT,
+        SET as SET,
+        IndexedSet as IndexedSet,
+    )
+    from envgraph.graph._model import Model as Model
+    from envgraph.graph._node import Node as Node, Targets as Targets, ValueList as ValueList
+    from envgraph.graph._picture import PictureOptions as PictureOptions
+    from envgraph.graph._query_features import Defined as Defined, first_with as first_with
+    from envgraph.graph._relation import Relation as Relation
+    from envgraph.graph._store import Store as Store
+    from envgraph.graph._versions import Version as Version
+    from envgraph.graph.interchange._json import (
+        JsonPath as JsonPath,
+        json_place as json_place,
+        model_from_json as model_from_json,
+        model_schema as model_schema,
+        model_to_json as model_to_json,
+    )
+    from envgraph.graph.interchange._networkx import (
+        from_networkx as from_networkx,
+        to_networkx as to_networkx,
+    )
+    from envgraph.graph.interchange._xmi import (
+        arrange_targets as arrange_targets,
+        model_to_xmi as model_to_xmi,
+        usual_value as usual_value,
+    )
 
-__all__ = [
-    "EXCHANGE",
-    "IN",
-    "OUT",
-    "SET",
-    "ClassFact",
-    "Defined",
-    "Fact",
-    "Graph",
-    "IndexedSet",
-    "JsonPath",
-    "LinkFact",
-    "Listener",
-    "Model",
-    "Node",
-    "PictureOptions",
-    "Relation",
-    "Savepoint",
-    "Shapes",
-    "Shelf",
-    "Store",
-    "Targets",
-    "ValueFact",
-    "ValueList",
-    "Version",
-    "Violation",
-    "arrange_targets",
-    "check_conformance",
-    "deferred",
-    "first_with",
-    "from_networkx",
-    "guarded",
-    "json_place",
-    "model_from_json",
-    "model_schema",
-    "model_to_json",
-    "model_to_xmi",
-    "to_networkx",
-    "usual_value",
-]
-
-later(
-    globals(),
-    {
-        "envgraph.graph.interchange._json": "JsonPath json_place model_from_json model_schema model_to_json",
-        "envgraph.graph.interchange._networkx": "from_networkx to_networkx",
-        "envgraph.graph.interchange._xmi": "arrange_targets model_to_xmi usual_value",
-    },
-)
-shorten(globals(), __all__)
+later(globals())

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from typing import NamedTuple, Protocol
 
+from envgraph.code import short_repr
 from envgraph.metamodel import Attribute, Reference, Value
 
 
+@short_repr
 class ClassFact(NamedTuple):
     """The object is an instance of exactly this class."""
 
@@ -14,6 +16,7 @@ class ClassFact(NamedTuple):
     node: int
 
 
+@short_repr
 class ValueFact(NamedTuple):
     """The object has this value in the attribute."""
 
@@ -22,6 +25,7 @@ class ValueFact(NamedTuple):
     value: Value
 
 
+@short_repr
 class LinkFact(NamedTuple):
     """There is a link from source to target.
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from envgraph.graph import _links, _naming, _objects, _query_features, _values
-from envgraph.graph import _refusals as refusals
+from envgraph.graph import _links, _naming, _objects, _query_features, _refusals as refusals, _values
 from envgraph.graph._history import History
 from envgraph.graph._integrity import check_store
 from envgraph.graph._journal import Ordered

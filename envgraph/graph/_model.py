@@ -6,8 +6,8 @@ from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager
 from copy import copy
 
-from envgraph.graph import _canonical, _hashing, _picture
-from envgraph.graph import _refusals as refusals
+from envgraph.code import short_repr
+from envgraph.graph import _canonical, _hashing, _picture, _refusals as refusals
 from envgraph.graph._graph import Graph
 from envgraph.graph._history import Savepoint
 from envgraph.graph._node import Node, assign_features
@@ -15,6 +15,7 @@ from envgraph.graph._versions import Version
 from envgraph.metamodel import Metamodel
 
 
+@short_repr
 class Model:
     """A typed attributed graph that instantiates a metamodel.
 

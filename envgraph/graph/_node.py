@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, MutableSequence, Sequence
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, TypeVar, overload
 
+from envgraph.code import short_repr
 from envgraph.errors import InvalidArgument, TypeMismatch, did_you_mean
 from envgraph.graph import _refusals as refusals
 from envgraph.metamodel import LARGEST_INT, Attribute, Feature, Reference, Value
@@ -16,6 +17,7 @@ _SHOWN = 10
 """Of a longer list, so many are in its repr."""
 
 
+@short_repr
 class Node:
     """An object of a model: light, compared by model and id.
 
@@ -126,7 +128,10 @@ class Node:
 _OWN_NAMES = frozenset(name for name in dir(Node) if not name.startswith("_"))
 
 
-class _HeldList(Sequence[Any]):
+_Item = TypeVar("_Item")
+
+
+class _HeldList(Sequence[_Item]):
     """What an object holds of a feature with many, live: reading it reads the model."""
 
     __slots__ = ("_feature", "_node")
@@ -135,14 +140,18 @@ class _HeldList(Sequence[Any]):
         self._node = node
         self._feature = feature
 
-    def _made(self, held: Any) -> Any:
+    def _made(self, held: Any) -> _Item:
         """Return what stands for a value, or for the id of a target."""
-        return held
+        return held  # type: ignore[no-any-return]
 
     def __len__(self) -> int:
         return len(_held(self._node, self._feature))
 
-    def __getitem__(self, index: int | slice) -> Any:
+    @overload
+    def __getitem__(self, index: int) -> _Item: ...
+    @overload
+    def __getitem__(self, index: slice) -> list[_Item]: ...
+    def __getitem__(self, index: int | slice) -> _Item | list[_Item]:
         held = _held(self._node, self._feature)
         return [*map(self._made, held[index])] if isinstance(index, slice) else self._made(held[index])
 
@@ -161,7 +170,8 @@ class _HeldList(Sequence[Any]):
         return f"[{', '.join(map(repr, self[:_SHOWN]))}, ... {len(self):,} in all]"
 
 
-class Targets(_HeldList, Sequence[Node]):
+@short_repr
+class Targets(_HeldList[Node]):
     """The targets of a many-reference, live: reading and writing it reads and writes the model.
 
     Iterating goes over the targets as they were at the start. They are in the order in which they were added; of more
@@ -223,7 +233,8 @@ class Targets(_HeldList, Sequence[Node]):
         return item.id in _held(self._node, self._feature)
 
 
-class ValueList(_HeldList, MutableSequence[Value]):
+@short_repr
+class ValueList(_HeldList[Value], MutableSequence[Value]):
     """The values of an attribute with many, live: a list that reads and writes the model.
 
     Iterating goes over the values as they were at the start. Where each value stands once, inserting one that is there

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from envgraph.code import short_repr
 from envgraph.graph._layout import Layout
 from envgraph.metamodel import Attribute, Feature
 
@@ -12,6 +13,7 @@ if TYPE_CHECKING:
     from envgraph.graph._graph import Graph
 
 
+@short_repr
 class Defined(NamedTuple):
     """A derived feature: its pattern, a function that reads the values or target ids of an object, the matcher."""
 

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from operator import length_hint
 from typing import TYPE_CHECKING, Any, NoReturn
 
+from envgraph.code import short_repr
 from envgraph.graph._journal import Journal, invert, net_changes, take_back, undo
 from envgraph.graph._store import Store
 
@@ -18,6 +19,7 @@ _LONG = 256
 """Items (four to an entry) from which on a spliced segment is worth reducing to its net changes."""
 
 
+@short_repr
 class Version:
     """A committed state of a model. Holding it keeps the state reachable; made by `Model.commit`.
 

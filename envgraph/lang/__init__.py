@@ -6,138 +6,80 @@ wrong with them, without raising.
 
 from typing import TYPE_CHECKING
 
-from envgraph.errors import later, shorten
-from envgraph.lang.family._family import (
-    EXPRESSIONS,
-    ConstraintsSpec,
-    CurriculumSpec,
-    EpsilonSpec,
-    FamilySpec,
-    MutationSpec,
-    OptimiseSpec,
-    SamplesSpec,
-    SearchSpec,
-    Strength,
-    TrainingSpec,
-)
-from envgraph.lang.family._family_reader import find_family
-from envgraph.lang.family._options import LARGEST, Options
-from envgraph.lang.family._section import ComponentSpec, Name, key
-from envgraph.lang.loading._checking import conformance
-from envgraph.lang.loading._family_check import (
-    COMPONENTS,
-    NEED_ENVIRONMENT,
-    check_family,
-    numeric_parameters,
-)
-from envgraph.lang.loading._import_check import LANGUAGES
-from envgraph.lang.loading._open import load, load_workspace, open, open_workspace
-from envgraph.lang.loading._workspace import Workspace
-from envgraph.lang.read._model import ModelText
-from envgraph.lang.syntax._data import bundled_domain, bundled_domains, data_path
-from envgraph.lang.syntax._files import Bundle, DiskFiles, Files, TextFiles, file_format, read_source
-from envgraph.lang.syntax._formats import FORMATS
+from envgraph.code import later
 
 if TYPE_CHECKING:
-    from envgraph.graph import JsonPath
-    from envgraph.lang._constructors import Pattern, Rule, Unit
-    from envgraph.lang.format._format import format_text, language_of
-    from envgraph.lang.interchange._json import check_json, model_at, parse_json, parse_model
-    from envgraph.lang.interchange._level_template import LevelTemplate
-    from envgraph.lang.interchange._levels import Level, LevelCell, read_levels
-    from envgraph.lang.interchange._pyecore import (
-        metamodel_from_pyecore,
-        metamodel_to_pyecore,
-        model_from_pyecore,
-        model_to_pyecore,
+    from envgraph.graph import JsonPath as JsonPath
+    from envgraph.lang._constructors import Pattern as Pattern, Rule as Rule, Unit as Unit
+    from envgraph.lang.family._family import (
+        EXPRESSIONS as EXPRESSIONS,
+        ConstraintsSpec as ConstraintsSpec,
+        CurriculumSpec as CurriculumSpec,
+        EpsilonSpec as EpsilonSpec,
+        FamilySpec as FamilySpec,
+        MutationSpec as MutationSpec,
+        OptimiseSpec as OptimiseSpec,
+        SamplesSpec as SamplesSpec,
+        SearchSpec as SearchSpec,
+        Strength as Strength,
+        TrainingSpec as TrainingSpec,
     )
-    from envgraph.lang.interchange._trace import parse_trace
-    from envgraph.lang.read._from_text import from_text
-    from envgraph.lang.write._model_to_text import model_to_text
-    from envgraph.lang.write._text_derived import spelled_out
-    from envgraph.lang.write._to_text import to_text
+    from envgraph.lang.family._family_reader import find_family as find_family
+    from envgraph.lang.family._options import LARGEST as LARGEST, Options as Options
+    from envgraph.lang.family._section import ComponentSpec as ComponentSpec, Name as Name, key as key
+    from envgraph.lang.format._format import format_text as format_text, language_of as language_of
+    from envgraph.lang.interchange._json import (
+        check_json as check_json,
+        model_at as model_at,
+        parse_json as parse_json,
+        parse_model as parse_model,
+    )
+    from envgraph.lang.interchange._level_template import LevelTemplate as LevelTemplate
+    from envgraph.lang.interchange._levels import (
+        Level as Level,
+        LevelCell as LevelCell,
+        read_levels as read_levels,
+    )
+    from envgraph.lang.interchange._pyecore import (
+        metamodel_from_pyecore as metamodel_from_pyecore,
+        metamodel_to_pyecore as metamodel_to_pyecore,
+        model_from_pyecore as model_from_pyecore,
+        model_to_pyecore as model_to_pyecore,
+    )
+    from envgraph.lang.interchange._trace import parse_trace as parse_trace
+    from envgraph.lang.loading._checking import conformance as conformance
+    from envgraph.lang.loading._family_check import (
+        COMPONENTS as COMPONENTS,
+        NEED_ENVIRONMENT as NEED_ENVIRONMENT,
+        check_family as check_family,
+        numeric_parameters as numeric_parameters,
+    )
+    from envgraph.lang.loading._import_check import LANGUAGES as LANGUAGES
+    from envgraph.lang.loading._open import (
+        load as load,
+        load_workspace as load_workspace,
+        open as open,
+        open_workspace as open_workspace,
+    )
+    from envgraph.lang.loading._workspace import Workspace as Workspace
+    from envgraph.lang.read._from_text import from_text as from_text
+    from envgraph.lang.read._model import ModelText as ModelText
+    from envgraph.lang.syntax._data import (
+        bundled_domain as bundled_domain,
+        bundled_domains as bundled_domains,
+        data_path as data_path,
+    )
+    from envgraph.lang.syntax._files import (
+        Bundle as Bundle,
+        DiskFiles as DiskFiles,
+        Files as Files,
+        TextFiles as TextFiles,
+        file_format as file_format,
+        read_source as read_source,
+    )
+    from envgraph.lang.syntax._formats import FORMATS as FORMATS
+    from envgraph.lang.write._model_to_text import model_to_text as model_to_text
+    from envgraph.lang.write._text_derived import spelled_out as spelled_out
+    from envgraph.lang.write._to_text import to_text as to_text
 
-__all__ = [
-    "COMPONENTS",
-    "EXPRESSIONS",
-    "FORMATS",
-    "LANGUAGES",
-    "LARGEST",
-    "NEED_ENVIRONMENT",
-    "Bundle",
-    "ComponentSpec",
-    "ConstraintsSpec",
-    "CurriculumSpec",
-    "DiskFiles",
-    "EpsilonSpec",
-    "FamilySpec",
-    "Files",
-    "JsonPath",
-    "Level",
-    "LevelCell",
-    "LevelTemplate",
-    "ModelText",
-    "MutationSpec",
-    "Name",
-    "OptimiseSpec",
-    "Options",
-    "Pattern",
-    "Rule",
-    "SamplesSpec",
-    "SearchSpec",
-    "Strength",
-    "TextFiles",
-    "TrainingSpec",
-    "Unit",
-    "Workspace",
-    "bundled_domain",
-    "bundled_domains",
-    "check_family",
-    "check_json",
-    "conformance",
-    "data_path",
-    "file_format",
-    "find_family",
-    "format_text",
-    "from_text",
-    "key",
-    "language_of",
-    "load",
-    "load_workspace",
-    "metamodel_from_pyecore",
-    "metamodel_to_pyecore",
-    "model_at",
-    "model_from_pyecore",
-    "model_to_pyecore",
-    "model_to_text",
-    "numeric_parameters",
-    "open",
-    "open_workspace",
-    "parse_json",
-    "parse_model",
-    "parse_trace",
-    "read_levels",
-    "read_source",
-    "spelled_out",
-    "to_text",
-]
-
-later(
-    globals(),
-    {
-        "envgraph.lang._constructors": "Pattern Rule Unit",
-        "envgraph.lang.format._format": "format_text language_of",
-        "envgraph.lang.interchange._json": "check_json model_at parse_json parse_model",
-        "envgraph.lang.interchange._level_template": "LevelTemplate",
-        "envgraph.lang.interchange._levels": "Level LevelCell read_levels",
-        "envgraph.lang.interchange._pyecore": "metamodel_from_pyecore metamodel_to_pyecore "
-        "model_from_pyecore model_to_pyecore",
-        "envgraph.lang.interchange._trace": "parse_trace",
-        "envgraph.lang.read._from_text": "from_text",
-        "envgraph.lang.write._model_to_text": "model_to_text",
-        "envgraph.lang.write._text_derived": "spelled_out",
-        "envgraph.lang.write._to_text": "to_text",
-        "envgraph.graph": "JsonPath",
-    },
-)
-shorten(globals(), __all__)
+later(globals())

@@ -21,13 +21,13 @@ from envgraph.pattern import (
     Modification,
     Node,
     Parameter,
+    Pattern as PatternData,
     RightSide,
+    Rule as RuleData,
     Step,
     Strategy,
+    Unit as UnitData,
 )
-from envgraph.pattern import Pattern as PatternData
-from envgraph.pattern import Rule as RuleData
-from envgraph.pattern import Unit as UnitData
 
 _Data = TypeVar("_Data", RuleData, UnitData)
 

@@ -29,10 +29,10 @@ from envgraph.pattern import (
     Node,
     Parameter,
     RightSide,
+    Sequence as Steps,
     Set,
     Step,
 )
-from envgraph.pattern import Sequence as Steps
 
 
 @dataclass(frozen=True, slots=True)

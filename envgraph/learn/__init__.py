@@ -10,103 +10,78 @@ tables alone how well a family teaches.
 ['E1-E3', 'E2-E3']
 """
 
-from envgraph.errors import shorten
-from envgraph.learn._comparison import SIGNIFICANT, BestWay, Comparison, best_way, compare, findings
-from envgraph.learn._controls import CONTROLS, controls, optimistic_values, other_starts
-from envgraph.learn._curricula import Curriculum, sequences
-from envgraph.learn._experiment import FamilyMember, run_experiment, run_families, run_stages, train_run
-from envgraph.learn._intervals import (
-    bootstrap_interval,
-    interquartile_mean,
-    newcombe_interval,
-    performance_profile,
-    probability_of_improvement,
-    wilson_interval,
-)
-from envgraph.learn._journal import Journal, fingerprint
-from envgraph.learn._results import Experiment, RunResult, Summary, read_csv, write_csv
-from envgraph.learn._significance import FEWEST_UNITS, holm, mean_test, permutation_test
-from envgraph.learn._teachers import EXACT, TEACHERS
-from envgraph.solve import (
-    Evaluation,
-    Optimum,
-    chain_transfer,
-    evaluate,
-    evaluate_policy,
-    mixture,
-    optimal_return,
-    value_iteration,
-)
-from envgraph.solve.learning import (
-    STUDENTS,
-    Curve,
-    Epsilon,
-    InProgram,
-    ProgramTraining,
-    Training,
-    TrainingSettings,
-    available_backends,
-    play_program,
-    train_curriculum,
-    train_program,
-)
+from typing import TYPE_CHECKING
 
-__all__ = [
-    "CONTROLS",
-    "EXACT",
-    "FEWEST_UNITS",
-    "SIGNIFICANT",
-    "STUDENTS",
-    "TEACHERS",
-    "BestWay",
-    "Comparison",
-    "Curriculum",
-    "Curve",
-    "Epsilon",
-    "Evaluation",
-    "Experiment",
-    "FamilyMember",
-    "InProgram",
-    "Journal",
-    "Optimum",
-    "ProgramTraining",
-    "RunResult",
-    "Summary",
-    "Training",
-    "TrainingSettings",
-    "available_backends",
-    "best_way",
-    "bootstrap_interval",
-    "chain_transfer",
-    "compare",
-    "controls",
-    "evaluate",
-    "evaluate_policy",
-    "findings",
-    "fingerprint",
-    "holm",
-    "interquartile_mean",
-    "mean_test",
-    "mixture",
-    "newcombe_interval",
-    "optimal_return",
-    "optimistic_values",
-    "other_starts",
-    "performance_profile",
-    "permutation_test",
-    "play_program",
-    "probability_of_improvement",
-    "read_csv",
-    "run_experiment",
-    "run_families",
-    "run_stages",
-    "sequences",
-    "train_curriculum",
-    "train_program",
-    "train_run",
-    "value_iteration",
-    "wilson_interval",
-    "write_csv",
-]
+from envgraph.code import later
 
-shorten(globals(), __all__)
+if TYPE_CHECKING:
+    from envgraph.learn._comparison import (
+        SIGNIFICANT as SIGNIFICANT,
+        BestWay as BestWay,
+        Comparison as Comparison,
+        best_way as best_way,
+        compare as compare,
+        findings as findings,
+    )
+    from envgraph.learn._controls import (
+        CONTROLS as CONTROLS,
+        controls as controls,
+        optimistic_values as optimistic_values,
+        other_starts as other_starts,
+    )
+    from envgraph.learn._curricula import Curriculum as Curriculum, sequences as sequences
+    from envgraph.learn._experiment import (
+        FamilyMember as FamilyMember,
+        run_experiment as run_experiment,
+        run_families as run_families,
+        run_stages as run_stages,
+        train_run as train_run,
+    )
+    from envgraph.learn._intervals import (
+        bootstrap_interval as bootstrap_interval,
+        interquartile_mean as interquartile_mean,
+        newcombe_interval as newcombe_interval,
+        performance_profile as performance_profile,
+        probability_of_improvement as probability_of_improvement,
+        wilson_interval as wilson_interval,
+    )
+    from envgraph.learn._journal import Journal as Journal, fingerprint as fingerprint
+    from envgraph.learn._results import (
+        Experiment as Experiment,
+        RunResult as RunResult,
+        Summary as Summary,
+        read_csv as read_csv,
+        write_csv as write_csv,
+    )
+    from envgraph.learn._significance import (
+        FEWEST_UNITS as FEWEST_UNITS,
+        holm as holm,
+        mean_test as mean_test,
+        permutation_test as permutation_test,
+    )
+    from envgraph.learn._teachers import EXACT as EXACT, TEACHERS as TEACHERS
+    from envgraph.solve import (
+        Evaluation as Evaluation,
+        Optimum as Optimum,
+        chain_transfer as chain_transfer,
+        evaluate as evaluate,
+        evaluate_policy as evaluate_policy,
+        mixture as mixture,
+        optimal_return as optimal_return,
+        value_iteration as value_iteration,
+    )
+    from envgraph.solve.learning import (
+        STUDENTS as STUDENTS,
+        Curve as Curve,
+        Epsilon as Epsilon,
+        InProgram as InProgram,
+        ProgramTraining as ProgramTraining,
+        Training as Training,
+        TrainingSettings as TrainingSettings,
+        available_backends as available_backends,
+        play_program as play_program,
+        train_curriculum as train_curriculum,
+        train_program as train_program,
+    )
+
+later(globals())

@@ -1,26 +1,15 @@
 """Matchers: what finds the matches of patterns in a model."""
 
-from envgraph.errors import shorten
-from envgraph.match._matcher import FREE, Free, Matcher, Row
-from envgraph.match.demand._compiled import CompiledMatcher
-from envgraph.match.demand._sharing import Questions
-from envgraph.match.explain._explain import Explanation
-from envgraph.match.explain._why import Failure, WhyNot, Witness
-from envgraph.match.views import Subscription, ViewMatcher
+from typing import TYPE_CHECKING
 
-__all__ = [
-    "FREE",
-    "CompiledMatcher",
-    "Explanation",
-    "Failure",
-    "Free",
-    "Matcher",
-    "Questions",
-    "Row",
-    "Subscription",
-    "ViewMatcher",
-    "WhyNot",
-    "Witness",
-]
+from envgraph.code import later
 
-shorten(globals(), __all__)
+if TYPE_CHECKING:
+    from envgraph.match._matcher import FREE as FREE, Free as Free, Matcher as Matcher, Row as Row
+    from envgraph.match.demand._compiled import CompiledMatcher as CompiledMatcher
+    from envgraph.match.demand._sharing import Questions as Questions
+    from envgraph.match.explain._explain import Explanation as Explanation
+    from envgraph.match.explain._why import Failure as Failure, WhyNot as WhyNot, Witness as Witness
+    from envgraph.match.views import Subscription as Subscription, ViewMatcher as ViewMatcher
+
+later(globals())

@@ -1,66 +1,46 @@
 """Metamodels: classes with inheritance, attributes, references, enums and multiplicities."""
 
-from envgraph.errors import LARGEST_INT, shorten
-from envgraph.metamodel._check import check_classes
-from envgraph.metamodel._diagram import class_colours
-from envgraph.metamodel._ecore import metamodel_to_ecore, plain_parts, xml_text, xml_value
-from envgraph.metamodel._features import (
-    SUPPRESS,
-    Annotation,
-    Attribute,
-    AttributeType,
-    Class,
-    EnumType,
-    Feature,
-    Glyph,
-    Package,
-    Places,
-    Reference,
-    Scalar,
-    Value,
-    Values,
-    accepts,
-    default_of,
-    parse_value,
-    place,
-    simple_name,
-    type_name,
-)
-from envgraph.metamodel._metamodel import Metamodel
-from envgraph.metamodel._walks import components, reached, shortest_way
+from typing import TYPE_CHECKING
 
-__all__ = [
-    "LARGEST_INT",
-    "SUPPRESS",
-    "Annotation",
-    "Attribute",
-    "AttributeType",
-    "Class",
-    "EnumType",
-    "Feature",
-    "Glyph",
-    "Metamodel",
-    "Package",
-    "Places",
-    "Reference",
-    "Scalar",
-    "Value",
-    "Values",
-    "accepts",
-    "check_classes",
-    "class_colours",
-    "components",
-    "default_of",
-    "metamodel_to_ecore",
-    "parse_value",
-    "place",
-    "plain_parts",
-    "reached",
-    "shortest_way",
-    "simple_name",
-    "type_name",
-    "xml_text",
-    "xml_value",
-]
+from envgraph.code import later
 
-shorten(globals(), __all__)
+if TYPE_CHECKING:
+    from envgraph.errors import LARGEST_INT as LARGEST_INT
+    from envgraph.metamodel._check import check_classes as check_classes
+    from envgraph.metamodel._diagram import class_colours as class_colours
+    from envgraph.metamodel._ecore import (
+        metamodel_to_ecore as metamodel_to_ecore,
+        plain_parts as plain_parts,
+        xml_text as xml_text,
+        xml_value as xml_value,
+    )
+    from envgraph.metamodel._features import (
+        SUPPRESS as SUPPRESS,
+        Annotation as Annotation,
+        Attribute as Attribute,
+        AttributeType as AttributeType,
+        Class as Class,
+        EnumType as EnumType,
+        Feature as Feature,
+        Glyph as Glyph,
+        Package as Package,
+        Places as Places,
+        Reference as Reference,
+        Scalar as Scalar,
+        Value as Value,
+        Values as Values,
+        accepts as accepts,
+        default_of as default_of,
+        parse_value as parse_value,
+        place as place,
+        simple_name as simple_name,
+        type_name as type_name,
+    )
+    from envgraph.metamodel._metamodel import Metamodel as Metamodel
+    from envgraph.metamodel._walks import (
+        components as components,
+        reached as reached,
+        shortest_way as shortest_way,
+    )
+
+later(globals())

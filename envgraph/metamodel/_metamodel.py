@@ -8,6 +8,7 @@ from functools import cached_property
 from itertools import compress, count
 from typing import TYPE_CHECKING, Final, TypeVar
 
+from envgraph.code import short_repr
 from envgraph.errors import ResolutionError, has_errors, name_hint
 from envgraph.metamodel._above import linearise, supertypes_first
 from envgraph.metamodel._check import check_classes
@@ -48,6 +49,7 @@ def _bits(number: int) -> bytes:
     return format(number, "b")[::-1].encode().translate(_DIGITS)
 
 
+@short_repr
 class Metamodel:
     """Classes and enums whose names, supertypes, opposites and defaults have been checked. Immutable.
 

@@ -5,35 +5,37 @@
 True
 """
 
-from envgraph.errors import shorten
-from envgraph.report._audit_charts import Interval, Panel, interval_chart, scatter_chart
-from envgraph.report._audit_report import audit_figures, audit_report
-from envgraph.report._charts import Series, line_chart, png, standalone, ticks
-from envgraph.report._family_report import family_report, stage_rows, stage_table
-from envgraph.report._page import Card, Report, Section, Table, render_html
-from envgraph.report._training_report import Trained
+from typing import TYPE_CHECKING
 
-__all__ = [
-    "Card",
-    "Interval",
-    "Panel",
-    "Report",
-    "Section",
-    "Series",
-    "Table",
-    "Trained",
-    "audit_figures",
-    "audit_report",
-    "family_report",
-    "interval_chart",
-    "line_chart",
-    "png",
-    "render_html",
-    "scatter_chart",
-    "stage_rows",
-    "stage_table",
-    "standalone",
-    "ticks",
-]
+from envgraph.code import later
 
-shorten(globals(), __all__)
+if TYPE_CHECKING:
+    from envgraph.report._audit_charts import (
+        Interval as Interval,
+        Panel as Panel,
+        interval_chart as interval_chart,
+        scatter_chart as scatter_chart,
+    )
+    from envgraph.report._audit_report import audit_figures as audit_figures, audit_report as audit_report
+    from envgraph.report._charts import (
+        Series as Series,
+        line_chart as line_chart,
+        png as png,
+        standalone as standalone,
+        ticks as ticks,
+    )
+    from envgraph.report._family_report import (
+        family_report as family_report,
+        stage_rows as stage_rows,
+        stage_table as stage_table,
+    )
+    from envgraph.report._page import (
+        Card as Card,
+        Report as Report,
+        Section as Section,
+        Table as Table,
+        render_html as render_html,
+    )
+    from envgraph.report._training_report import Trained as Trained
+
+later(globals())

@@ -27,68 +27,45 @@ What the steps of a unit mean is said in `_units`.
 
 from typing import TYPE_CHECKING
 
-from envgraph.errors import later, shorten
-from envgraph.rewrite._branches import Branches
-from envgraph.rewrite._match import Application, Firing, Match, Matches, Row, Shape
-from envgraph.rewrite._names import Signature, Taken
-from envgraph.rewrite.engine._described import Steps
-from envgraph.rewrite.engine._engine import Engine
-from envgraph.rewrite.engine._losses import Loss
-from envgraph.rewrite.engine._register import Registration
-from envgraph.rewrite.engine._trace import TRACE_FORMAT, Trace, trace_schema, trace_to_text
-from envgraph.rewrite.events._agenda import Agenda
-from envgraph.rewrite.events._event_rules import Activation, EventRule
-from envgraph.rewrite.explore._exploration import Exploration, State, Statistics, Transition
-from envgraph.rewrite.explore._walks import SavepointWalk, walk_of_savepoints
-from envgraph.rewrite.run._choice import Choice
-from envgraph.rewrite.run._runner import Randomness, RuleRunner
-from envgraph.rewrite.run._units import RunResult
+from envgraph.code import later
 
 if TYPE_CHECKING:
-    from envgraph.rewrite.derive._check import check_derivation
-    from envgraph.rewrite.derive._derive import derived, derived_rules
+    from envgraph.rewrite._branches import Branches as Branches
+    from envgraph.rewrite._match import (
+        Application as Application,
+        Firing as Firing,
+        Match as Match,
+        Matches as Matches,
+        Row as Row,
+        Shape as Shape,
+    )
+    from envgraph.rewrite._names import Signature as Signature, Taken as Taken
+    from envgraph.rewrite.derive._check import check_derivation as check_derivation
+    from envgraph.rewrite.derive._derive import derived as derived, derived_rules as derived_rules
+    from envgraph.rewrite.engine._described import Steps as Steps
+    from envgraph.rewrite.engine._engine import Engine as Engine
+    from envgraph.rewrite.engine._losses import Loss as Loss
+    from envgraph.rewrite.engine._register import Registration as Registration
+    from envgraph.rewrite.engine._trace import (
+        TRACE_FORMAT as TRACE_FORMAT,
+        Trace as Trace,
+        trace_schema as trace_schema,
+        trace_to_text as trace_to_text,
+    )
+    from envgraph.rewrite.events._agenda import Agenda as Agenda
+    from envgraph.rewrite.events._event_rules import Activation as Activation, EventRule as EventRule
+    from envgraph.rewrite.explore._exploration import (
+        Exploration as Exploration,
+        State as State,
+        Statistics as Statistics,
+        Transition as Transition,
+    )
+    from envgraph.rewrite.explore._walks import (
+        SavepointWalk as SavepointWalk,
+        walk_of_savepoints as walk_of_savepoints,
+    )
+    from envgraph.rewrite.run._choice import Choice as Choice
+    from envgraph.rewrite.run._runner import Randomness as Randomness, RuleRunner as RuleRunner
+    from envgraph.rewrite.run._units import RunResult as RunResult
 
-__all__ = [
-    "TRACE_FORMAT",
-    "Activation",
-    "Agenda",
-    "Application",
-    "Branches",
-    "Choice",
-    "Engine",
-    "EventRule",
-    "Exploration",
-    "Firing",
-    "Loss",
-    "Match",
-    "Matches",
-    "Randomness",
-    "Registration",
-    "Row",
-    "RuleRunner",
-    "RunResult",
-    "SavepointWalk",
-    "Shape",
-    "Signature",
-    "State",
-    "Statistics",
-    "Steps",
-    "Taken",
-    "Trace",
-    "Transition",
-    "check_derivation",
-    "derived",
-    "derived_rules",
-    "trace_schema",
-    "trace_to_text",
-    "walk_of_savepoints",
-]
-
-later(
-    globals(),
-    {
-        "envgraph.rewrite.derive._check": "check_derivation",
-        "envgraph.rewrite.derive._derive": "derived derived_rules",
-    },
-)
-shorten(globals(), __all__)
+later(globals())

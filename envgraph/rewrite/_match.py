@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import NamedTuple, Unpack
 
-from envgraph.code import dataclass
+from envgraph.code import dataclass, short_repr
 from envgraph.draw import Picture, markup
 from envgraph.errors import InvalidArgument, did_you_mean
 from envgraph.graph import Model, Node, PictureOptions
@@ -49,6 +49,7 @@ class Shape:
         return isinstance(self.types[position], ObjectType)
 
 
+@short_repr
 class Match(Mapping[str, "Node | Value"]):
     """One match of a pattern or of the left side of a rule: an immutable mapping from variables to what they stand for.
 
@@ -165,6 +166,7 @@ class Match(Mapping[str, "Node | Value"]):
         return repr(self.model.node(value)) if self.model.graph.alive(value) else f"<deleted #{value}>"
 
 
+@short_repr
 class Matches(list[Match]):
     """All matches of a pattern or rule: a list, which a notebook shows as a table."""
 
@@ -186,6 +188,7 @@ class Matches(list[Match]):
         return f"<table><caption>{markup(self[0].definition)}</caption><tr>{head}</tr>{rows}</table>{more}"
 
 
+@short_repr
 class Firing(NamedTuple):
     """One application as a trace records it: a rule and the match it was applied at. Plain data, ready for JSON."""
 

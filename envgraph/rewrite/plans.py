@@ -1,38 +1,19 @@
 """Plans of rules, and steps of units, for those who carry them out elsewhere."""
 
 from envgraph.rewrite._plan import (
-    BlockPlan,
-    ChangeClass,
-    ChangeTargets,
-    Compute,
-    Delete,
-    Increase,
-    Link,
-    New,
-    Rehome,
-    RulePlan,
-    SetTargets,
-    SetValue,
-    SetValues,
-    Unlink,
+    BlockPlan as BlockPlan,
+    ChangeClass as ChangeClass,
+    ChangeTargets as ChangeTargets,
+    Compute as Compute,
+    Delete as Delete,
+    Increase as Increase,
+    Link as Link,
+    New as New,
+    Rehome as Rehome,
+    RulePlan as RulePlan,
+    SetTargets as SetTargets,
+    SetValue as SetValue,
+    SetValues as SetValues,
+    Unlink as Unlink,
 )
-from envgraph.rewrite.check._unit_check import CheckedUnit, all_steps
-
-__all__ = [
-    "BlockPlan",
-    "ChangeClass",
-    "ChangeTargets",
-    "CheckedUnit",
-    "Compute",
-    "Delete",
-    "Increase",
-    "Link",
-    "New",
-    "Rehome",
-    "RulePlan",
-    "SetTargets",
-    "SetValue",
-    "SetValues",
-    "Unlink",
-    "all_steps",
-]
+from envgraph.rewrite.check._unit_check import CheckedUnit as CheckedUnit, all_steps as all_steps

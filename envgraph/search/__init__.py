@@ -4,197 +4,149 @@
 `open_family` gives what a run made. `Evolution` is the algorithm itself, over any `Problem`.
 """
 
-from envgraph.errors import shorten
-from envgraph.lang import Options
-from envgraph.search._archive import Archive
-from envgraph.search._certified import (
-    Searched,
-    Verification,
-    apart,
-    certificate_texts,
-    certificates,
-    keep_certificates,
-    verify,
-)
-from envgraph.search._components import Components, Context
-from envgraph.search._constraints import Reachable
-from envgraph.search._diversity import BinnedEntropy, Bounded, Gini, Statistic, Swaps, Variance
-from envgraph.search._domain import Domain, domain_problems, option_problems
-from envgraph.search._environment import (
-    make,
-    make_aec,
-    make_environment,
-    make_parallel,
-    make_vec,
-    make_vector_environment,
-    register,
-)
-from envgraph.search._evolution import Evolution, Settings
-from envgraph.search._families import Candidate, FamilyMeasure, Over, Pool
-from envgraph.search._family import Family, Member, domain_of, family_of, run_file
-from envgraph.search._family_file import family_schema, open_family, read_family, write_family
-from envgraph.search._ga4cl import GridVariant, read_ga4cl, retype_grid
-from envgraph.search._generate import evolve, export_ga4cl, generate, import_ga4cl, resume
-from envgraph.search._lineage import LineageStep, lineage
-from envgraph.search._measures import MatchCount, PatternValue, ShortestPath, ShortestPlan
-from envgraph.search._objective import Condition, Objective, Term
-from envgraph.search._objective_text import FamilyCall, WrongCall
-from envgraph.search._optimise_file import optimise_domain, problem_of
-from envgraph.search._outcome import Outcome, describe_search, why_low
-from envgraph.search._paths import PathComplexity, count_paths
-from envgraph.search._problem import (
-    Constraint,
-    CountWithin,
-    Forbid,
-    IndividualMeasure,
-    NoValue,
-    Problem,
-    Require,
-)
-from envgraph.search._random_families import lineage_lengths, random_families
-from envgraph.search._rewards import reward_schedule
-from envgraph.search._samples import SampleProgress, Sampler, SampleSettings
-from envgraph.search._sampling import Sampling
-from envgraph.search._selection import (
-    BeamSearch,
-    ElitistParents,
-    ExactSelection,
-    HillClimbing,
-    ParentSelection,
-    RandomParents,
-    SimulatedAnnealing,
-    SurvivorSelection,
-    TournamentParents,
-    acceptance,
-)
-from envgraph.search._shown import caption, family_svg, measure_texts
-from envgraph.search._store import Generation, Individual, RunStore, Trace
-from envgraph.search._variation import Variation
-from envgraph.search.optimising import (
-    Annealing,
-    Beam,
-    Goal,
-    HillClimb,
-    Optimum,
-    Solution,
-    Strategy,
-    TreeSearch,
-    Walk,
-    optimise,
-)
+from typing import TYPE_CHECKING
 
-__all__ = [
-    "Annealing",
-    "Archive",
-    "Beam",
-    "BeamSearch",
-    "BinnedEntropy",
-    "Bounded",
-    "Candidate",
-    "Components",
-    "Condition",
-    "Constraint",
-    "Context",
-    "CountWithin",
-    "Domain",
-    "ElitistParents",
-    "Evolution",
-    "ExactSelection",
-    "Family",
-    "FamilyCall",
-    "FamilyMeasure",
-    "Forbid",
-    "Generation",
-    "Gini",
-    "Goal",
-    "GridVariant",
-    "HillClimb",
-    "HillClimbing",
-    "Individual",
-    "IndividualMeasure",
-    "LineageStep",
-    "MatchCount",
-    "Member",
-    "NoValue",
-    "Objective",
-    "Optimum",
-    "Options",
-    "Outcome",
-    "Over",
-    "ParentSelection",
-    "PathComplexity",
-    "PatternValue",
-    "Pool",
-    "Problem",
-    "RandomParents",
-    "Reachable",
-    "Require",
-    "RunStore",
-    "SampleProgress",
-    "SampleSettings",
-    "Sampler",
-    "Sampling",
-    "Searched",
-    "Settings",
-    "ShortestPath",
-    "ShortestPlan",
-    "SimulatedAnnealing",
-    "Solution",
-    "Statistic",
-    "Strategy",
-    "SurvivorSelection",
-    "Swaps",
-    "Term",
-    "TournamentParents",
-    "Trace",
-    "TreeSearch",
-    "Variance",
-    "Variation",
-    "Verification",
-    "Walk",
-    "WrongCall",
-    "acceptance",
-    "apart",
-    "caption",
-    "certificate_texts",
-    "certificates",
-    "count_paths",
-    "describe_search",
-    "domain_of",
-    "domain_problems",
-    "evolve",
-    "export_ga4cl",
-    "family_of",
-    "family_schema",
-    "family_svg",
-    "generate",
-    "import_ga4cl",
-    "keep_certificates",
-    "lineage",
-    "lineage_lengths",
-    "make",
-    "make_aec",
-    "make_environment",
-    "make_parallel",
-    "make_vec",
-    "make_vector_environment",
-    "measure_texts",
-    "open_family",
-    "optimise",
-    "optimise_domain",
-    "option_problems",
-    "problem_of",
-    "random_families",
-    "read_family",
-    "read_ga4cl",
-    "register",
-    "resume",
-    "retype_grid",
-    "reward_schedule",
-    "run_file",
-    "verify",
-    "why_low",
-    "write_family",
-]
+from envgraph.code import later
 
-shorten(globals(), __all__)
+if TYPE_CHECKING:
+    from envgraph.lang import Options as Options
+    from envgraph.search._archive import Archive as Archive
+    from envgraph.search._certified import (
+        Searched as Searched,
+        Verification as Verification,
+        apart as apart,
+        certificate_texts as certificate_texts,
+        certificates as certificates,
+        keep_certificates as keep_certificates,
+        verify as verify,
+    )
+    from envgraph.search._components import Components as Components, Context as Context
+    from envgraph.search._constraints import Reachable as Reachable
+    from envgraph.search._diversity import (
+        BinnedEntropy as BinnedEntropy,
+        Bounded as Bounded,
+        Gini as Gini,
+        Statistic as Statistic,
+        Swaps as Swaps,
+        Variance as Variance,
+    )
+    from envgraph.search._domain import (
+        Domain as Domain,
+        domain_problems as domain_problems,
+        option_problems as option_problems,
+    )
+    from envgraph.search._environment import (
+        make as make,
+        make_aec as make_aec,
+        make_environment as make_environment,
+        make_parallel as make_parallel,
+        make_vec as make_vec,
+        make_vector_environment as make_vector_environment,
+        register as register,
+    )
+    from envgraph.search._evolution import Evolution as Evolution, Settings as Settings
+    from envgraph.search._families import (
+        Candidate as Candidate,
+        FamilyMeasure as FamilyMeasure,
+        Over as Over,
+        Pool as Pool,
+    )
+    from envgraph.search._family import (
+        Family as Family,
+        Member as Member,
+        domain_of as domain_of,
+        family_of as family_of,
+        run_file as run_file,
+    )
+    from envgraph.search._family_file import (
+        family_schema as family_schema,
+        open_family as open_family,
+        read_family as read_family,
+        write_family as write_family,
+    )
+    from envgraph.search._ga4cl import (
+        GridVariant as GridVariant,
+        read_ga4cl as read_ga4cl,
+        retype_grid as retype_grid,
+    )
+    from envgraph.search._generate import (
+        evolve as evolve,
+        export_ga4cl as export_ga4cl,
+        generate as generate,
+        import_ga4cl as import_ga4cl,
+        resume as resume,
+    )
+    from envgraph.search._lineage import LineageStep as LineageStep, lineage as lineage
+    from envgraph.search._measures import (
+        MatchCount as MatchCount,
+        PatternValue as PatternValue,
+        ShortestPath as ShortestPath,
+        ShortestPlan as ShortestPlan,
+    )
+    from envgraph.search._objective import Condition as Condition, Objective as Objective, Term as Term
+    from envgraph.search._objective_text import FamilyCall as FamilyCall, WrongCall as WrongCall
+    from envgraph.search._optimise_file import optimise_domain as optimise_domain, problem_of as problem_of
+    from envgraph.search._outcome import (
+        Outcome as Outcome,
+        describe_search as describe_search,
+        why_low as why_low,
+    )
+    from envgraph.search._paths import PathComplexity as PathComplexity, count_paths as count_paths
+    from envgraph.search._problem import (
+        Constraint as Constraint,
+        CountWithin as CountWithin,
+        Forbid as Forbid,
+        IndividualMeasure as IndividualMeasure,
+        NoValue as NoValue,
+        Problem as Problem,
+        Require as Require,
+    )
+    from envgraph.search._random_families import (
+        lineage_lengths as lineage_lengths,
+        random_families as random_families,
+    )
+    from envgraph.search._rewards import reward_schedule as reward_schedule
+    from envgraph.search._samples import (
+        SampleProgress as SampleProgress,
+        Sampler as Sampler,
+        SampleSettings as SampleSettings,
+    )
+    from envgraph.search._sampling import Sampling as Sampling
+    from envgraph.search._selection import (
+        BeamSearch as BeamSearch,
+        ElitistParents as ElitistParents,
+        ExactSelection as ExactSelection,
+        HillClimbing as HillClimbing,
+        ParentSelection as ParentSelection,
+        RandomParents as RandomParents,
+        SimulatedAnnealing as SimulatedAnnealing,
+        SurvivorSelection as SurvivorSelection,
+        TournamentParents as TournamentParents,
+        acceptance as acceptance,
+    )
+    from envgraph.search._shown import (
+        caption as caption,
+        family_svg as family_svg,
+        measure_texts as measure_texts,
+    )
+    from envgraph.search._store import (
+        Generation as Generation,
+        Individual as Individual,
+        RunStore as RunStore,
+        Trace as Trace,
+    )
+    from envgraph.search._variation import Variation as Variation
+    from envgraph.search.optimising import (
+        Annealing as Annealing,
+        Beam as Beam,
+        Goal as Goal,
+        HillClimb as HillClimb,
+        Optimum as Optimum,
+        Solution as Solution,
+        Strategy as Strategy,
+        TreeSearch as TreeSearch,
+        Walk as Walk,
+        optimise as optimise,
+    )
+
+later(globals())

@@ -24,8 +24,8 @@ from envgraph.env import (
     check_render_mode,
     environment_spec,
     make_vec_spec,
+    register as register_name,
 )
-from envgraph.env import register as register_name
 from envgraph.env.compiled import (
     CompiledEnv,
     CompiledVectorEnv,

@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import NamedTuple
 
+from envgraph.code import short_repr
 from envgraph.graph import Node
 from envgraph.metamodel import Value
 from envgraph.search._domain import Domain
 from envgraph.search._store import RunStore
 
 
+@short_repr
 class LineageStep(NamedTuple):
     """A rule that was applied on the way from the initial model to a member.
 

@@ -6,34 +6,36 @@ best policy without a time limit, and `chain_transfer` says how easily what is b
 the next. `mixture` makes one environment of several.
 """
 
-from envgraph.errors import shorten
-from envgraph.solve._certificates import Certificates, certify, cvar, shortest_plan
-from envgraph.solve._checker import recomputed
-from envgraph.solve._distance import steps_to_success
-from envgraph.solve._evaluation import Evaluation, evaluate, evaluate_policy
-from envgraph.solve._mixture import mixture
-from envgraph.solve._transfer import chain_transfer, hit_probability, reachable_states, softened_policy
-from envgraph.solve._value_iteration import Optimum, optimal_episode, optimal_return, value_iteration
+from typing import TYPE_CHECKING
 
-__all__ = [
-    "Certificates",
-    "Evaluation",
-    "Optimum",
-    "certify",
-    "chain_transfer",
-    "cvar",
-    "evaluate",
-    "evaluate_policy",
-    "hit_probability",
-    "mixture",
-    "optimal_episode",
-    "optimal_return",
-    "reachable_states",
-    "recomputed",
-    "shortest_plan",
-    "softened_policy",
-    "steps_to_success",
-    "value_iteration",
-]
+from envgraph.code import later
 
-shorten(globals(), __all__)
+if TYPE_CHECKING:
+    from envgraph.solve._certificates import (
+        Certificates as Certificates,
+        certify as certify,
+        cvar as cvar,
+        shortest_plan as shortest_plan,
+    )
+    from envgraph.solve._checker import recomputed as recomputed
+    from envgraph.solve._distance import steps_to_success as steps_to_success
+    from envgraph.solve._evaluation import (
+        Evaluation as Evaluation,
+        evaluate as evaluate,
+        evaluate_policy as evaluate_policy,
+    )
+    from envgraph.solve._mixture import mixture as mixture
+    from envgraph.solve._transfer import (
+        chain_transfer as chain_transfer,
+        hit_probability as hit_probability,
+        reachable_states as reachable_states,
+        softened_policy as softened_policy,
+    )
+    from envgraph.solve._value_iteration import (
+        Optimum as Optimum,
+        optimal_episode as optimal_episode,
+        optimal_return as optimal_return,
+        value_iteration as value_iteration,
+    )
+
+later(globals())

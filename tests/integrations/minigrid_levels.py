@@ -16,8 +16,7 @@ from gymnasium.utils.env_checker import check_env
 
 import envgraph
 from envgraph.env import MiniGridLevel
-from tests.unit.cli.test_commands import Envgraph, ok
-from tests.unit.cli.test_commands import envgraph as envgraph_command
+from tests.unit.cli.test_commands import Envgraph, envgraph as envgraph_command, ok
 
 pytest.importorskip("minigrid")  # modules are imported in `make test`, too, for their doctests
 

@@ -53,6 +53,7 @@ from envgraph.pattern import (
     PatternCall,
     RightSide,
     Rule,
+    Sequence as Steps,
     StaticType,
     Step,
     Term,
@@ -61,7 +62,6 @@ from envgraph.pattern import (
     Unit,
     Variable,
 )
-from envgraph.pattern import Sequence as Steps
 from envgraph.rewrite import Engine
 from tests.oracle.rewriting_smaller import mended
 from tests.oracle.rewriting_worlds import concrete, random_model, random_patterns, random_rule, state_of

@@ -7,13 +7,11 @@ from itertools import product
 from random import Random
 
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
+from hypothesis import HealthCheck, given, settings, strategies as st
 
 from envgraph.graph import Model
 from envgraph.match import FREE, CompiledMatcher
-from envgraph.match.demand import _closure_aggregates as _aggregates
-from envgraph.match.demand import _closures, _condensation
+from envgraph.match.demand import _closure_aggregates as _aggregates, _closures, _condensation
 from envgraph.metamodel import Attribute, Class, Metamodel, Reference, Scalar
 from envgraph.pattern import Library
 from tests.oracle.naive._naive import NaiveMatcher

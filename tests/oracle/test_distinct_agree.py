@@ -7,8 +7,7 @@ from itertools import product
 from random import Random
 
 import pytest
-from hypothesis import HealthCheck, example, given, settings
-from hypothesis import strategies as st
+from hypothesis import HealthCheck, example, given, settings, strategies as st
 
 from envgraph.code import _block
 from envgraph.graph import Model

@@ -9,8 +9,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 
 import pytest
-from hypothesis import example, given, settings
-from hypothesis import strategies as st
+from hypothesis import example, given, settings, strategies as st
 
 from envgraph.errors import EvaluationError, InvalidArgument, RuleError, Source
 from envgraph.graph import Model

@@ -10,8 +10,7 @@ from contextlib import suppress
 from copy import deepcopy
 from dataclasses import dataclass, field
 
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from benchmarks._social_media import QUERIES, Podium, best, open_network
 from envgraph.graph import Model, Node

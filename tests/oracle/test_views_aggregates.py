@@ -5,8 +5,7 @@ from __future__ import annotations
 from itertools import repeat
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from envgraph.graph import Model, Store
 from envgraph.lang import from_text

@@ -8,8 +8,7 @@ from random import Random
 
 import networkx as nx
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
+from hypothesis import HealthCheck, given, settings, strategies as st
 
 from envgraph.graph import Model
 from envgraph.match import FREE, ViewMatcher

@@ -9,8 +9,7 @@ from __future__ import annotations
 from itertools import pairwise
 
 import pytest
-from hypothesis import HealthCheck, example, given, settings
-from hypothesis import strategies as st
+from hypothesis import HealthCheck, example, given, settings, strategies as st
 
 from envgraph.graph import Model
 from envgraph.metamodel import Attribute, Class, Metamodel, Reference, Scalar

@@ -27,6 +27,7 @@ from envgraph.pattern import (
     Negation,
     PatternCall,
     Repeat,
+    Sequence as Steps,
     Step,
     Try,
     TypeConstraint,
@@ -36,9 +37,6 @@ from envgraph.pattern import (
     holds,
     navigations,
     value_of,
-)
-from envgraph.pattern import (
-    Sequence as Steps,
 )
 from envgraph.rewrite import Engine, Firing, Match
 

@@ -22,10 +22,16 @@ from types import ModuleType
 from envgraph.errors import TransactionError
 from envgraph.graph import Savepoint, Store, Version
 from envgraph.match import FREE, CompiledMatcher, Matcher, ViewMatcher
-from envgraph.match.views import Subscription, _delta, _joins, _kept, _sets
-from envgraph.match.views import _closure_operator as _reach
-from envgraph.match.views import _group_aggregates as _folds
-from envgraph.match.views import _partial_lookup as _agreeing
+from envgraph.match.views import (
+    Subscription,
+    _closure_operator as _reach,
+    _delta,
+    _group_aggregates as _folds,
+    _joins,
+    _kept,
+    _partial_lookup as _agreeing,
+    _sets,
+)
 from tests.oracle.naive._naive import NaiveMatcher
 from tests.oracle.worlds import Dice, World, edit, random_world
 

@@ -6,8 +6,7 @@ import re
 from pathlib import PurePosixPath
 from time import process_time
 
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from envgraph.errors import Diagnostic, InvalidArgument, LoadError
 from envgraph.lang import Bundle, TextFiles, bundled_domain, load_workspace

@@ -6,8 +6,7 @@ from collections.abc import Callable
 from random import Random
 
 import networkx as nx
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from envgraph.errors import EvaluationError, RuleError
 from envgraph.graph import Model, Shapes, to_networkx

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from envgraph.graph import EXCHANGE, IN, OUT, SET, IndexedSet
-from envgraph.graph._journal import Extent, Journal, net_changes, take_back
-from envgraph.graph._journal import invert as _invert
+from envgraph.graph._journal import Extent, Journal, invert as _invert, net_changes, take_back
 
 
 class Register:

@@ -5,8 +5,7 @@ from __future__ import annotations
 import builtins
 import keyword
 
-from hypothesis import assume, example, given
-from hypothesis import strategies as st
+from hypothesis import assume, example, given, strategies as st
 
 from envgraph.graph import Model
 from envgraph.lang import TextFiles, load_workspace

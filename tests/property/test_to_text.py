@@ -4,14 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from envgraph.errors import InvalidArgument, RuleError, Source, spelling
-from envgraph.lang import Pattern as PatternOf
-from envgraph.lang import Rule as RuleOf
-from envgraph.lang import Unit as UnitOf
-from envgraph.lang import format_text, to_text
+from envgraph.lang import Pattern as PatternOf, Rule as RuleOf, Unit as UnitOf, format_text, to_text
 from envgraph.lang.read._query import read_query
 from envgraph.lang.read._rules import read_rules
 from envgraph.lang.syntax._grammar import grammar

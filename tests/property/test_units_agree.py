@@ -5,8 +5,7 @@ from __future__ import annotations
 from contextlib import suppress
 from random import Random
 
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from envgraph.errors import EvaluationError, Source
 from envgraph.lang import parse_trace

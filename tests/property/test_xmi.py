@@ -5,8 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from time import process_time
 
-from hypothesis import assume, given, settings
-from hypothesis import strategies as st
+from hypothesis import assume, given, settings, strategies as st
 
 from envgraph.errors import InvalidArgument, Source
 from envgraph.graph import Model, model_to_xmi

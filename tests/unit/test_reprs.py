@@ -31,7 +31,6 @@ PACKAGES = (
     "envgraph.search",
     "envgraph.learn",
     "envgraph.report",
-    "envgraph.cli",
 )
 LONG = "x\x1b[31m" * 60
 

@@ -14,11 +14,11 @@ from numpy.typing import ArrayLike, NDArray
 from envgraph.env._simulator import Simulator
 from envgraph.env._tabular import allowed_or_all
 from envgraph.env.compiled._growth import carried, grown
-from envgraph.env.compiled._kernels import BEYOND, CAPACITY, FULL, OVERFLOW
 from envgraph.env.compiled._program import Program
 from envgraph.env.compiled._tables import Made
 from envgraph.env.compiled._twin import Twin
 from envgraph.env.compiled._world import NO_ACTIONS, NO_NUMBERS, Rows, World, rows_of, streams
+from envgraph.env.compiled.kernels import BEYOND, CAPACITY, FULL, OVERFLOW
 from envgraph.errors import EvaluationError
 
 SHOWN: Final = {

@@ -37,7 +37,7 @@ from envgraph.rewrite import Engine
 from envgraph.rewrite.plans import Increase, RulePlan, SetValue
 
 ENTRIES: Final = ("begin", "step_one", "may_one", "look", "places")
-"""The functions of a program that `_kernels` calls."""
+"""The functions of a program that `kernels` calls."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,13 +18,13 @@ from envgraph.env._tabular import Tabular, allowed_or_all
 from envgraph.env._too_many import TooManyStates, check_entries, check_observations
 from envgraph.env.compiled._batch import Batch, longer
 from envgraph.env.compiled._growth import grown
-from envgraph.env.compiled._kernels import CAPACITY, FULL
 from envgraph.env.compiled._layout import ERROR, TURN
 from envgraph.env.compiled._listing import DONE, PAUSED, SPACE
 from envgraph.env.compiled._native import has_numba
 from envgraph.env.compiled._program import Program, program_of, program_over
 from envgraph.env.compiled._refused import NotCompiled
 from envgraph.env.compiled._world import space_of
+from envgraph.env.compiled.kernels import CAPACITY, FULL
 from envgraph.env.scene._scene import Scene
 from envgraph.rewrite import Engine
 

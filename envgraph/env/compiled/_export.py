@@ -12,10 +12,10 @@ from typing import Final
 
 import numpy as np
 
-from envgraph.env.compiled import _exported, _kernels, _plain, _world
+from envgraph.env.compiled import _exported, _plain, _world, kernels
 from envgraph.env.compiled._batch import SHOWN
-from envgraph.env.compiled._kernels import CAPACITY, FAILED, REFUSED
 from envgraph.env.compiled._program import Program
+from envgraph.env.compiled.kernels import CAPACITY, FAILED, REFUSED
 from envgraph.errors import InvalidArgument
 from envgraph.files import _cache, check_free, markdown, replace_file
 
@@ -117,11 +117,11 @@ def program_files(
         "width": program.width,
         "errors": _ERRORS,
     }
-    kernels = inspect.getsource(_kernels)
+    text = inspect.getsource(kernels)
     return {
         "__init__.py": inspect.getsource(_exported),
         "_world.py": inspect.getsource(_world),
-        "program.py": f"{kernels}\n\n{program.source}\n{_TAIL}",
+        "program.py": f"{text}\n\n{program.source}\n{_TAIL}",
         **{f"{name}.py": (Path(__file__).parent / f"_{name}.py").read_text("utf-8") for name in _NUMBA},
         "cache_files.py": inspect.getsource(_cache),
         "plain.py": inspect.getsource(_plain),

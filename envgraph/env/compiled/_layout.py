@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from envgraph import code
 from envgraph.code import dataclass
-from envgraph.env.compiled._kernels import CAPACITY
 from envgraph.env.compiled._member import NO_OBJECT, Cell, Member
 from envgraph.env.compiled._refused import NotCompiled
 from envgraph.env.compiled._tables import (
@@ -32,6 +31,7 @@ from envgraph.env.compiled._tables import (
     Values,
 )
 from envgraph.env.compiled._world import Arrays
+from envgraph.env.compiled.kernels import CAPACITY
 
 T, G = code.Local("T"), code.Local("G")
 """What no rule changes about the member: ints, and floats."""
@@ -263,5 +263,5 @@ def call(name: str, *arguments: code.Expression, top: code.Expression = TOP) -> 
 
 
 def failed(error: str) -> code.Assign:
-    """Code for what is done where the live engine raises an error, which has this name in `_kernels`."""
+    """Code for what is done where the live engine raises an error, which has this name in `kernels`."""
     return code.Assign(cell(ERROR), code.Name(error))

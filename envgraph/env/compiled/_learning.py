@@ -1,6 +1,6 @@
 """What is added to a program to learn values of actions: Q-learning with a hash table, for any number of states.
 
-Part of the program's text, between `_values` and `_playing`. `COUNTS` are the step, the point of the curve, the known
+Part of the program's text, between `values` and `_playing`. `COUNTS` are the step, the point of the curve, the known
 keys, the present one, steps left, episodes, successes, and whether an episode has begun; `LEVELS` are exploration and
 reward.
 """

@@ -1,6 +1,6 @@
 """What is added to a program to visit all its states: choices are made by a script, one way after the other.
 
-Part of the program's text, behind `_kernels`, whose `pick` and `choose` these replace. Functions that are called from
+Part of the program's text, behind `kernels`, whose `pick` and `choose` these replace. Functions that are called from
 outside get arrays, and make vectors and matrices of them.
 """
 

@@ -1,6 +1,6 @@
 """What is added to a program to say which actions do something: the masks of a batch.
 
-Part of the program's text, behind `_kernels`.
+Part of the program's text, behind `kernels`.
 """
 
 # ruff: noqa: F821

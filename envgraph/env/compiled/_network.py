@@ -1,6 +1,6 @@
 """What is added to a program to act as a network says that sees the components of an observation as one-hot vectors.
 
-Part of the program's text, between `_values` and `_playing`. All sums begin with the bias and go on in the order of
+Part of the program's text, between `values` and `_playing`. All sums begin with the bias and go on in the order of
 the inputs, so that they are the same with numba and without.
 """
 

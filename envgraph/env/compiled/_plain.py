@@ -1,6 +1,6 @@
 """What Python makes of names that all programs use, where there is no numba: `_arrays` has the same.
 
-What of `_kernels` calculates with words of 64 bits is here again, with Python's ints.
+What of `kernels` calculates with words of 64 bits is here again, with Python's ints.
 """
 
 from __future__ import annotations

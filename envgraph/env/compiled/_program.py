@@ -17,7 +17,7 @@ from envgraph.env._agents import named_agents
 from envgraph.env._keys import KeyIndex, indexed_classes
 from envgraph.env._simulator import Simulator
 from envgraph.env._together import check_complete
-from envgraph.env.compiled import _kernels, _learning, _listing, _masking, _network, _playing, _values
+from envgraph.env.compiled import _learning, _listing, _masking, _network, _playing, kernels, values
 from envgraph.env.compiled._behaviour import Text, written
 from envgraph.env.compiled._layout import Layout
 from envgraph.env.compiled._member import SPARE, Borrowed, Member
@@ -30,11 +30,11 @@ from envgraph.rewrite import Engine
 Purpose = Literal["step", "mask", "list", "learn", "play"]
 
 PURPOSES: Final[Mapping[Purpose, tuple[tuple[ModuleType, ...], tuple[str, ...]]]] = {
-    "step": ((_kernels,), ("advance",)),
-    "mask": ((_kernels, _masking), ("masks",)),
-    "list": ((_kernels, _listing), ("visit_starts", "visit", "expand", "forget_last", "hash_all")),
-    "learn": ((_kernels, _values, _learning, _playing), ("learn", "follow", "hash_all")),
-    "play": ((_kernels, _values, _network, _playing), ("follow",)),
+    "step": ((kernels,), ("advance",)),
+    "mask": ((kernels, _masking), ("masks",)),
+    "list": ((kernels, _listing), ("visit_starts", "visit", "expand", "forget_last", "hash_all")),
+    "learn": ((kernels, values, _learning, _playing), ("learn", "follow", "hash_all")),
+    "play": ((kernels, values, _network, _playing), ("follow",)),
 }
 """The texts that a program has besides its own, and the functions that are called from outside."""
 
@@ -85,7 +85,7 @@ class Program:
     @property
     def space(self) -> tuple[int, int]:
         """How many rows the program's questions may have, and how many columns."""
-        return _kernels.CAPACITY * self.levels, self.width
+        return kernels.CAPACITY * self.levels, self.width
 
     def __deepcopy__(self, _: object) -> Program:
         return self

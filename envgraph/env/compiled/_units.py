@@ -24,6 +24,7 @@ from envgraph.pattern import (
     Expression,
     If,
     ObjectType,
+    Sequence as Steps,
     StaticType,
     Step,
     Try,
@@ -31,7 +32,6 @@ from envgraph.pattern import (
     navigations,
     variables_in,
 )
-from envgraph.pattern import Sequence as Steps
 from envgraph.rewrite import Signature
 from envgraph.rewrite.plans import CheckedUnit
 

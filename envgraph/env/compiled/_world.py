@@ -1,4 +1,4 @@
-"""The arrays that a program works on, in the order in which `advance` of `_kernels` names them."""
+"""The arrays that a program works on, in the order in which `advance` of `kernels` names them."""
 
 # The text of this module is part of exported packages.
 

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Literal, NamedTuple
 
 from envgraph.behaviour import DrawGraph, DrawGrid, Token, edge_ends
-from envgraph.code import dataclass
+from envgraph.code import dataclass, short_repr
 from envgraph.draw import LINE_COLOUR
 from envgraph.env._binding import Reader, bind_parameter, follow, reader
 from envgraph.env._keys import ordered_objects
@@ -107,6 +107,7 @@ class GraphScene:
 Scene = GridScene | GraphScene
 
 
+@short_repr
 class Key(NamedTuple):
     """A line of the legend of pictures: what something is, and how it is drawn."""
 

@@ -14,36 +14,29 @@ known of each member: learning progress, a band of success, learnability. The ve
 np.int64(1)
 """
 
-from envgraph.env.schedules._named import SCHEDULES, named_schedule
-from envgraph.env.schedules._order import InOrder, Shuffled
-from envgraph.env.schedules._protocol import Batch, Outcomes, Schedule
-from envgraph.env.schedules._replay import BestSeen, Buffer, Edit, Kept, Replay
-from envgraph.env.schedules._seats import Seats
-from envgraph.env.schedules._sifting import Sifter, Sifting
-from envgraph.env.schedules._weighted import Band, Known, Weighted, learnability, learning_progress
-from envgraph.errors import shorten
+from typing import TYPE_CHECKING
 
-__all__ = [
-    "SCHEDULES",
-    "Band",
-    "Batch",
-    "BestSeen",
-    "Buffer",
-    "Edit",
-    "InOrder",
-    "Kept",
-    "Known",
-    "Outcomes",
-    "Replay",
-    "Schedule",
-    "Seats",
-    "Shuffled",
-    "Sifter",
-    "Sifting",
-    "Weighted",
-    "learnability",
-    "learning_progress",
-    "named_schedule",
-]
+from envgraph.code import later
 
-shorten(globals(), __all__)
+if TYPE_CHECKING:
+    from envgraph.env.schedules._named import SCHEDULES as SCHEDULES, named_schedule as named_schedule
+    from envgraph.env.schedules._order import InOrder as InOrder, Shuffled as Shuffled
+    from envgraph.env.schedules._protocol import Batch as Batch, Outcomes as Outcomes, Schedule as Schedule
+    from envgraph.env.schedules._replay import (
+        BestSeen as BestSeen,
+        Buffer as Buffer,
+        Edit as Edit,
+        Kept as Kept,
+        Replay as Replay,
+    )
+    from envgraph.env.schedules._seats import Seats as Seats
+    from envgraph.env.schedules._sifting import Sifter as Sifter, Sifting as Sifting
+    from envgraph.env.schedules._weighted import (
+        Band as Band,
+        Known as Known,
+        Weighted as Weighted,
+        learnability as learnability,
+        learning_progress as learning_progress,
+    )
+
+later(globals())

@@ -26,8 +26,8 @@ from envgraph.behaviour import (
     OnFind,
     OnReset,
     RuleCall,
+    Token as DrawnToken,
 )
-from envgraph.behaviour import Token as DrawnToken
 from envgraph.code import dataclass
 from envgraph.errors import Span
 from envgraph.lang.read._expressions import expression_of, expressions_of, variable_of

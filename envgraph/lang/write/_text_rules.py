@@ -39,6 +39,7 @@ from envgraph.pattern import (
     Retype,
     RightSide,
     Rule,
+    Sequence as Steps,
     Set,
     Step,
     Try,
@@ -46,7 +47,6 @@ from envgraph.pattern import (
     Unit,
     Variable,
 )
-from envgraph.pattern import Sequence as Steps
 
 # --- graphs
 

@@ -5,51 +5,51 @@ stand. Methods, their parts and the claims are named in `METHODS` and `CONTRASTS
 described in `docs/evidence.md`.
 """
 
-from envgraph.errors import shorten
-from envgraph.learn.audit._claims import POOLED, Finding, findings_of, rank_values, two_way_test
-from envgraph.learn.audit._editing import Editor
-from envgraph.learn.audit._levels import AuditLevels, make_levels
-from envgraph.learn.audit._methods import CONTRASTS, EDITING, METHODS, PROBED, Contrast, Method
-from envgraph.learn.audit._ranks import Ranking, rank_correlation, ranking
-from envgraph.learn.audit._run import ROLLOUTS, SHOWN_ROLLOUTS, Run, run_method, schedule_of
-from envgraph.learn.audit._scores import Student, score_levels
-from envgraph.learn.audit._settings import AuditSettings, audit_problems, audit_settings
-from envgraph.learn.audit._study import Study, audit
-from envgraph.learn.audit._tables import Summary, summaries, write_audit
+from typing import TYPE_CHECKING
 
-__all__ = [
-    "CONTRASTS",
-    "EDITING",
-    "METHODS",
-    "POOLED",
-    "PROBED",
-    "ROLLOUTS",
-    "SHOWN_ROLLOUTS",
-    "AuditLevels",
-    "AuditSettings",
-    "Contrast",
-    "Editor",
-    "Finding",
-    "Method",
-    "Ranking",
-    "Run",
-    "Student",
-    "Study",
-    "Summary",
-    "audit",
-    "audit_problems",
-    "audit_settings",
-    "findings_of",
-    "make_levels",
-    "rank_correlation",
-    "rank_values",
-    "ranking",
-    "run_method",
-    "schedule_of",
-    "score_levels",
-    "summaries",
-    "two_way_test",
-    "write_audit",
-]
+from envgraph.code import later
 
-shorten(globals(), __all__)
+if TYPE_CHECKING:
+    from envgraph.learn.audit._claims import (
+        POOLED as POOLED,
+        Finding as Finding,
+        findings_of as findings_of,
+        rank_values as rank_values,
+        two_way_test as two_way_test,
+    )
+    from envgraph.learn.audit._editing import Editor as Editor
+    from envgraph.learn.audit._levels import AuditLevels as AuditLevels, make_levels as make_levels
+    from envgraph.learn.audit._methods import (
+        CONTRASTS as CONTRASTS,
+        EDITING as EDITING,
+        METHODS as METHODS,
+        PROBED as PROBED,
+        Contrast as Contrast,
+        Method as Method,
+    )
+    from envgraph.learn.audit._ranks import (
+        Ranking as Ranking,
+        rank_correlation as rank_correlation,
+        ranking as ranking,
+    )
+    from envgraph.learn.audit._run import (
+        ROLLOUTS as ROLLOUTS,
+        SHOWN_ROLLOUTS as SHOWN_ROLLOUTS,
+        Run as Run,
+        run_method as run_method,
+        schedule_of as schedule_of,
+    )
+    from envgraph.learn.audit._scores import Student as Student, score_levels as score_levels
+    from envgraph.learn.audit._settings import (
+        AuditSettings as AuditSettings,
+        audit_problems as audit_problems,
+        audit_settings as audit_settings,
+    )
+    from envgraph.learn.audit._study import Study as Study, audit as audit
+    from envgraph.learn.audit._tables import (
+        Summary as Summary,
+        summaries as summaries,
+        write_audit as write_audit,
+    )
+
+later(globals())

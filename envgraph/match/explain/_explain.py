@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
+from envgraph.code import short_repr
 from envgraph.draw import markup
 from envgraph.match.explain._trace import Trace
 from envgraph.match.generate._sources import view_source
@@ -38,6 +39,7 @@ Actual = Callable[[BodyPlan], Trace]
 """Runs the plan of a body."""
 
 
+@short_repr
 class Explanation(str):
     """The text of a plan; a notebook shows it as it is."""
 

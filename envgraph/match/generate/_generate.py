@@ -57,6 +57,7 @@ from envgraph.pattern import (
     ClosureAtom,
     Condition,
     Conjunction,
+    Expression as Term,
     InstanceAtom,
     LinkAtom,
     UnequalAtom,
@@ -64,7 +65,6 @@ from envgraph.pattern import (
     arguments,
     variables,
 )
-from envgraph.pattern import Expression as Term
 
 
 @dataclass(frozen=True, slots=True)

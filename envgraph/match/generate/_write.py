@@ -22,8 +22,7 @@ from envgraph.match.generate._symbols import (
     View,
 )
 from envgraph.metamodel import EnumType, Value
-from envgraph.pattern import Expression as Term
-from envgraph.pattern import ObjectType, StaticType, compile_expression
+from envgraph.pattern import Expression as Term, ObjectType, StaticType, compile_expression
 
 _COLUMNS: Final = {"extents": "E", "values": "A", "forward": "F", "backward": "B"}
 _PREFIXES: Final[Mapping[type, str]] = {

@@ -6,14 +6,12 @@
 ['links_as_facts', 'closures_as_calls', 'inline_few_locals', 'drop_repeated', 'drop_implied', 'split_negations']
 """
 
-from envgraph.match.passes._bodies import Bodies, Pass
+from envgraph.match.passes._bodies import Bodies as Bodies, Pass as Pass
 from envgraph.match.passes._closures import closures_as_calls
 from envgraph.match.passes._implied import drop_implied, drop_implied_inside
-from envgraph.match.passes._inline import expanded, inline_calls, inline_few_locals
+from envgraph.match.passes._inline import expanded as expanded, inline_calls, inline_few_locals
 from envgraph.match.passes._relations import links_as_facts, split_negations
 from envgraph.match.passes._repeated import drop_repeated
-
-__all__ = ["FOR_VIEWS", "ON_DEMAND", "Bodies", "Pass", "expanded"]
 
 ON_DEMAND: tuple[Pass, ...] = (
     closures_as_calls,

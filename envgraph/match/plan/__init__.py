@@ -1,21 +1,21 @@
 """Search plans: the goals of a body in the order that promises the least work."""
 
-from envgraph.match.passes._calls import CallGraph
-from envgraph.match.plan._live import LiveSizes
-from envgraph.match.plan._options import Unplannable, call_key
-from envgraph.match.plan._plan import BodyPlan, Kind, Plan, Step, ViewKey, ViewPlan
-from envgraph.match.plan._planner import Planner
+from typing import TYPE_CHECKING
 
-__all__ = [
-    "BodyPlan",
-    "CallGraph",
-    "Kind",
-    "LiveSizes",
-    "Plan",
-    "Planner",
-    "Step",
-    "Unplannable",
-    "ViewKey",
-    "ViewPlan",
-    "call_key",
-]
+from envgraph.code import later
+
+if TYPE_CHECKING:
+    from envgraph.match.passes._calls import CallGraph as CallGraph
+    from envgraph.match.plan._live import LiveSizes as LiveSizes
+    from envgraph.match.plan._options import Unplannable as Unplannable, call_key as call_key
+    from envgraph.match.plan._plan import (
+        BodyPlan as BodyPlan,
+        Kind as Kind,
+        Plan as Plan,
+        Step as Step,
+        ViewKey as ViewKey,
+        ViewPlan as ViewPlan,
+    )
+    from envgraph.match.plan._planner import Planner as Planner
+
+later(globals())

@@ -1,6 +1,11 @@
 """Incremental views: the match sets of watched patterns, kept current with every change of the model."""
 
-from envgraph.match.views._listeners import Subscription
-from envgraph.match.views._matcher import ViewMatcher
+from typing import TYPE_CHECKING
 
-__all__ = ["Subscription", "ViewMatcher"]
+from envgraph.code import later
+
+if TYPE_CHECKING:
+    from envgraph.match.views._listeners import Subscription as Subscription
+    from envgraph.match.views._matcher import ViewMatcher as ViewMatcher
+
+later(globals())

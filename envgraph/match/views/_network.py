@@ -8,8 +8,7 @@ from envgraph.graph import Store
 from envgraph.match.generate._symbols import Held
 from envgraph.match.passes._calls import CallGraph
 from envgraph.match.plan._live import LiveSizes
-from envgraph.match.views._actual import Build as DeltaBuild
-from envgraph.match.views._actual import actual_rows, tuples_of
+from envgraph.match.views._actual import Build as DeltaBuild, actual_rows, tuples_of
 from envgraph.match.views._closure_operator import CircleOperator, ClosureOperator
 from envgraph.match.views._delta import Delta
 from envgraph.match.views._explain import explain_views

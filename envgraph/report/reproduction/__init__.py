@@ -8,21 +8,24 @@ beside them. What was published comes from one training seed; here each number i
 `figures` gives the charts.
 """
 
-from envgraph.report.reproduction._claims import Claim, claims
-from envgraph.report.reproduction._page import claims_table, figures, reproduction_report, write_tables
-from envgraph.report.reproduction._published import published_files
-from envgraph.report.reproduction._runs import Budget, Reproduction, generation_times, reproduce
+from typing import TYPE_CHECKING
 
-__all__ = [
-    "Budget",
-    "Claim",
-    "Reproduction",
-    "claims",
-    "claims_table",
-    "figures",
-    "generation_times",
-    "published_files",
-    "reproduce",
-    "reproduction_report",
-    "write_tables",
-]
+from envgraph.code import later
+
+if TYPE_CHECKING:
+    from envgraph.report.reproduction._claims import Claim as Claim, claims as claims
+    from envgraph.report.reproduction._page import (
+        claims_table as claims_table,
+        figures as figures,
+        reproduction_report as reproduction_report,
+        write_tables as write_tables,
+    )
+    from envgraph.report.reproduction._published import published_files as published_files
+    from envgraph.report.reproduction._runs import (
+        Budget as Budget,
+        Reproduction as Reproduction,
+        generation_times as generation_times,
+        reproduce as reproduce,
+    )
+
+later(globals())

@@ -6,8 +6,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 
 from envgraph.errors import Diagnostic, Severity
 from envgraph.metamodel import shortest_way
-from envgraph.pattern import Alap, Atomic, Call, Choice, If, Repeat, Step, Try
-from envgraph.pattern import Sequence as Steps
+from envgraph.pattern import Alap, Atomic, Call, Choice, If, Repeat, Sequence as Steps, Step, Try
 from envgraph.rewrite.check._unit_check import CheckedUnit, inner_steps
 
 

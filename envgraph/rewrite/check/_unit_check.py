@@ -39,6 +39,7 @@ from envgraph.pattern import (
     Parameter,
     Pattern,
     Repeat,
+    Sequence as Steps,
     StaticType,
     Step,
     Try,
@@ -51,9 +52,6 @@ from envgraph.pattern import (
     type_hint,
     type_text,
     value_hint,
-)
-from envgraph.pattern import (
-    Sequence as Steps,
 )
 from envgraph.rewrite._names import Directory, Signature, Taken
 from envgraph.rewrite.check._header import (

@@ -9,6 +9,7 @@ from operator import attrgetter
 from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeVar
 from weakref import ref
 
+from envgraph.code import short_repr
 from envgraph.errors import Diagnostic
 from envgraph.graph import Model
 from envgraph.match import Matcher, ViewMatcher
@@ -43,6 +44,7 @@ def _of(part: str, method: Callable[Concatenate[Any, P], R]) -> Callable[Concate
     return verb
 
 
+@short_repr
 class Engine:
     """A model together with what can be asked of it and done to it.
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from copy import copy
-from inspect import Parameter as Argument
-from inspect import Signature, signature
+from inspect import Parameter as Argument, Signature, signature
 from typing import Final
 
 from envgraph.errors import InvalidArgument, ResolutionError

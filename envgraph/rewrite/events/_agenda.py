@@ -7,6 +7,7 @@ from heapq import heappop, heappush
 from itertools import count, islice
 from typing import TYPE_CHECKING, overload
 
+from envgraph.code import short_repr
 from envgraph.errors import EvaluationError
 from envgraph.graph import guarded
 from envgraph.match import ViewMatcher
@@ -213,6 +214,7 @@ def _nothing(appeared: list[Row], disappeared: list[Row]) -> None:
     """What a checkout has changed activates nothing."""
 
 
+@short_repr
 class Agenda(Sequence[Activation]):
     """The conflict set of an engine: what its event rules are about to do, in the order of firing. Live, and read-only.
 

@@ -25,6 +25,7 @@ from __future__ import annotations
 from collections.abc import Collection, Hashable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
+from envgraph.code import short_repr
 from envgraph.errors import InvalidArgument
 from envgraph.match import Subscription
 from envgraph.pattern import Pattern
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
     from envgraph.rewrite.events._agenda import ConflictSet
 
 
+@short_repr
 class Activation:
     """Something that an event rule is about to do; `old` is the match before an update, else None."""
 
@@ -52,6 +54,7 @@ class Activation:
         return f"<{self.event} {self.rule.name}: {self.match!r}{before}>"
 
 
+@short_repr
 class EventRule:
     """What `Engine.on` has registered; as a context manager it is cancelled at the end of the block.
 

@@ -7,7 +7,7 @@ from dataclasses import field
 from functools import cached_property
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
-from envgraph.code import dataclass
+from envgraph.code import dataclass, short_repr
 from envgraph.errors import InvalidArgument, did_you_mean
 from envgraph.graph import Model, Version
 from envgraph.rewrite._match import Firing, Match, Row, Shape
@@ -22,6 +22,7 @@ left are states as deep as was asked for."""
 Firings = tuple[Firing, ...]
 
 
+@short_repr
 class State(NamedTuple):
     """A state that was found.
 
@@ -38,6 +39,7 @@ class State(NamedTuple):
     version: Version | None
 
 
+@short_repr
 class Transition(NamedTuple):
     """A move from one state to another, or to itself.
 
@@ -104,6 +106,7 @@ class Record:
         self.done.append(done)
 
 
+@short_repr
 class Exploration:
     """The states that were found, and the transitions between them; made by `Engine.explore`.
 

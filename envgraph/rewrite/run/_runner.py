@@ -5,8 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
-from inspect import Parameter as Argument
-from inspect import signature
+from inspect import Parameter as Argument, signature
 from typing import Any, ClassVar, Final, Protocol, TypeVar, overload
 
 from envgraph.errors import EvaluationError, InvalidArgument, RuleError, did_you_mean, with_article

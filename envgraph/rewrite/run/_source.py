@@ -20,6 +20,7 @@ from envgraph.pattern import (
     EXPRESSION_NAMESPACE,
     Binary,
     Conditional,
+    Expression as Term,
     FunctionCall,
     Navigation,
     ObjectType,
@@ -32,9 +33,9 @@ from envgraph.pattern import (
     is_method,
     with_children,
 )
-from envgraph.pattern import Expression as Term
 from envgraph.rewrite._plan import (
     Absorb,
+    Assign as Assign_,
     BlockPlan,
     ChangeTargets,
     Compute,
@@ -47,7 +48,6 @@ from envgraph.rewrite._plan import (
     SetValues,
     Unlink,
 )
-from envgraph.rewrite._plan import Assign as Assign_
 from envgraph.rewrite.check._containment import content_of
 from envgraph.rewrite.run._effects import ON_MODEL, ON_VALUES, absorb
 

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from collections.abc import Mapping as Named
+from collections.abc import Callable, Mapping as Named, Sequence
 from typing import Any
 
 from envgraph import code

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from collections.abc import Mapping as Named
+from collections.abc import Callable, Iterator, Mapping as Named
 from contextlib import contextmanager
 from dataclasses import field
 from typing import Any, Final

@@ -7,8 +7,7 @@ They hold names of ours, operators and numbers; whatever comes from a text is in
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from collections.abc import Mapping as Named
+from collections.abc import Callable, Mapping as Named, Sequence
 from typing import Any, Final
 
 from envgraph import code
@@ -19,16 +18,16 @@ from envgraph.pattern import (
     Atomic,
     Call,
     Choice,
+    Expression as Term,
+    If as If_,
     Repeat,
+    Sequence as Steps,
     Step,
     Try,
     Variable,
     holds,
     value_of,
 )
-from envgraph.pattern import Expression as Term
-from envgraph.pattern import If as If_
-from envgraph.pattern import Sequence as Steps
 from envgraph.rewrite._names import Signature
 from envgraph.rewrite.check._unit_check import CheckedUnit
 from envgraph.rewrite.run._run import (

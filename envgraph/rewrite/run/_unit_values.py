@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from collections.abc import Mapping as Named
+from collections.abc import Callable, Mapping as Named, Sequence
 
 from envgraph import code
 from envgraph.errors import Span
 from envgraph.match import Matcher
-from envgraph.pattern import Applicable, Call, Check, Constraint, Step, Variable, variables_in
-from envgraph.pattern import Constant as Literal
-from envgraph.pattern import Expression as Term
-from envgraph.pattern import If as If_
+from envgraph.pattern import (
+    Applicable,
+    Call,
+    Check,
+    Constant as Literal,
+    Constraint,
+    Expression as Term,
+    If as If_,
+    Step,
+    Variable,
+    variables_in,
+)
 from envgraph.rewrite._names import Signature
 from envgraph.rewrite.check._unit_check import CheckedUnit
 from envgraph.rewrite.run._runner import RuleRunner

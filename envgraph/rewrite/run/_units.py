@@ -32,6 +32,7 @@ from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any
 
+from envgraph.code import short_repr
 from envgraph.errors import EvaluationError, RuleError
 from envgraph.graph import Model, Node
 from envgraph.match import Matcher
@@ -112,6 +113,7 @@ def unit_program(
     return UnitProgram(signature, checked, lambda: UnitSource(checked, rules, called, group, model, matcher))
 
 
+@short_repr
 class RunResult:
     """What a run has done: true if it succeeded.
 

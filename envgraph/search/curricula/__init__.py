@@ -4,24 +4,24 @@ The genetic algorithm values each model by itself; here an objective sees all me
 measures and tables, such as how often a learner that is trained on one after the other comes to solve the target.
 """
 
-from envgraph.search.curricula._climb import CurriculumProgress, CurriculumSearch, CurriculumSettings
-from envgraph.search.curricula._levels import MOST_STATES, Level, Levels
-from envgraph.search.curricula._moves import Moves
-from envgraph.search.curricula._objectives import Judged, Learning, Measured, value_of
-from envgraph.search.curricula._starts import Begin, Starts
+from typing import TYPE_CHECKING
 
-__all__ = [
-    "MOST_STATES",
-    "Begin",
-    "CurriculumProgress",
-    "CurriculumSearch",
-    "CurriculumSettings",
-    "Judged",
-    "Learning",
-    "Level",
-    "Levels",
-    "Measured",
-    "Moves",
-    "Starts",
-    "value_of",
-]
+from envgraph.code import later
+
+if TYPE_CHECKING:
+    from envgraph.search.curricula._climb import (
+        CurriculumProgress as CurriculumProgress,
+        CurriculumSearch as CurriculumSearch,
+        CurriculumSettings as CurriculumSettings,
+    )
+    from envgraph.search.curricula._levels import MOST_STATES as MOST_STATES, Level as Level, Levels as Levels
+    from envgraph.search.curricula._moves import Moves as Moves
+    from envgraph.search.curricula._objectives import (
+        Judged as Judged,
+        Learning as Learning,
+        Measured as Measured,
+        value_of as value_of,
+    )
+    from envgraph.search.curricula._starts import Begin as Begin, Starts as Starts
+
+later(globals())

@@ -4,8 +4,20 @@
 whose package needs Gymnasium and NumPy alone.
 """
 
-from envgraph.search.export._package import MINIGRID, copy_templates, write_package
-from envgraph.search.export._tables import write_frozen_lake, write_tables
-from envgraph.search.export._templates import Templates
+from typing import TYPE_CHECKING
 
-__all__ = ["MINIGRID", "Templates", "copy_templates", "write_frozen_lake", "write_package", "write_tables"]
+from envgraph.code import later
+
+if TYPE_CHECKING:
+    from envgraph.search.export._package import (
+        MINIGRID as MINIGRID,
+        copy_templates as copy_templates,
+        write_package as write_package,
+    )
+    from envgraph.search.export._tables import (
+        write_frozen_lake as write_frozen_lake,
+        write_tables as write_tables,
+    )
+    from envgraph.search.export._templates import Templates as Templates
+
+later(globals())

@@ -5,28 +5,22 @@ that a query computes; constraints are patterns. Every strategy works through `W
 views what it is worth, and keeps it or undoes it.
 """
 
-from envgraph.search.optimising._archive import Archive, Found
-from envgraph.search.optimising._climbing import Annealing, HillClimb
-from envgraph.search.optimising._goals import Goal, Sense, Standing
-from envgraph.search.optimising._optimise import Optimum, Solution, optimise, pursue
-from envgraph.search.optimising._populations import Beam
-from envgraph.search.optimising._tree_search import TreeSearch
-from envgraph.search.optimising._walk import Strategy, Walk
+from typing import TYPE_CHECKING
 
-__all__ = [
-    "Annealing",
-    "Archive",
-    "Beam",
-    "Found",
-    "Goal",
-    "HillClimb",
-    "Optimum",
-    "Sense",
-    "Solution",
-    "Standing",
-    "Strategy",
-    "TreeSearch",
-    "Walk",
-    "optimise",
-    "pursue",
-]
+from envgraph.code import later
+
+if TYPE_CHECKING:
+    from envgraph.search.optimising._archive import Archive as Archive, Found as Found
+    from envgraph.search.optimising._climbing import Annealing as Annealing, HillClimb as HillClimb
+    from envgraph.search.optimising._goals import Goal as Goal, Sense as Sense, Standing as Standing
+    from envgraph.search.optimising._optimise import (
+        Optimum as Optimum,
+        Solution as Solution,
+        optimise as optimise,
+        pursue as pursue,
+    )
+    from envgraph.search.optimising._populations import Beam as Beam
+    from envgraph.search.optimising._tree_search import TreeSearch as TreeSearch
+    from envgraph.search.optimising._walk import Strategy as Strategy, Walk as Walk
+
+later(globals())

@@ -6,68 +6,56 @@ many, which a search asks what they make of a family.
 `PolicyLearner` learns on many levels by what it sees of them, so that it knows what to do on others.
 """
 
-from envgraph.solve.learning._learners import Judgement, Learners, ProgramLearners
-from envgraph.solve.learning._policy import LevelTables, Played, PolicyLearner, PolicySettings
-from envgraph.solve.learning._programs import (
-    InProgram,
-    ProgramTraining,
-    train_learner,
-    train_program,
-    train_stage,
-)
-from envgraph.solve.learning._rollouts import play_program
-from envgraph.solve.learning._settings import STUDENTS, Epsilon, TrainingSettings
-from envgraph.solve.learning._stage import Stage, StageOutcome, Table, flatten, with_starts
-from envgraph.solve.learning._training import (
-    Backend,
-    Curve,
-    Training,
-    action_values,
-    available_backends,
-    choose_backend,
-    initial_values,
-    loop_of,
-    occurring,
-    prepare,
-    train,
-    train_curriculum,
-)
-from envgraph.solve.learning._turns import Place, take_turns
+from typing import TYPE_CHECKING
 
-__all__ = [
-    "STUDENTS",
-    "Backend",
-    "Curve",
-    "Epsilon",
-    "InProgram",
-    "Judgement",
-    "Learners",
-    "LevelTables",
-    "Place",
-    "Played",
-    "PolicyLearner",
-    "PolicySettings",
-    "ProgramLearners",
-    "ProgramTraining",
-    "Stage",
-    "StageOutcome",
-    "Table",
-    "Training",
-    "TrainingSettings",
-    "action_values",
-    "available_backends",
-    "choose_backend",
-    "flatten",
-    "initial_values",
-    "loop_of",
-    "occurring",
-    "play_program",
-    "prepare",
-    "take_turns",
-    "train",
-    "train_curriculum",
-    "train_learner",
-    "train_program",
-    "train_stage",
-    "with_starts",
-]
+from envgraph.code import later
+
+if TYPE_CHECKING:
+    from envgraph.solve.learning._learners import (
+        Judgement as Judgement,
+        Learners as Learners,
+        ProgramLearners as ProgramLearners,
+    )
+    from envgraph.solve.learning._policy import (
+        LevelTables as LevelTables,
+        Played as Played,
+        PolicyLearner as PolicyLearner,
+        PolicySettings as PolicySettings,
+    )
+    from envgraph.solve.learning._programs import (
+        InProgram as InProgram,
+        ProgramTraining as ProgramTraining,
+        train_learner as train_learner,
+        train_program as train_program,
+        train_stage as train_stage,
+    )
+    from envgraph.solve.learning._rollouts import play_program as play_program
+    from envgraph.solve.learning._settings import (
+        STUDENTS as STUDENTS,
+        Epsilon as Epsilon,
+        TrainingSettings as TrainingSettings,
+    )
+    from envgraph.solve.learning._stage import (
+        Stage as Stage,
+        StageOutcome as StageOutcome,
+        Table as Table,
+        flatten as flatten,
+        with_starts as with_starts,
+    )
+    from envgraph.solve.learning._training import (
+        Backend as Backend,
+        Curve as Curve,
+        Training as Training,
+        action_values as action_values,
+        available_backends as available_backends,
+        choose_backend as choose_backend,
+        initial_values as initial_values,
+        loop_of as loop_of,
+        occurring as occurring,
+        prepare as prepare,
+        train as train,
+        train_curriculum as train_curriculum,
+    )
+    from envgraph.solve.learning._turns import Place as Place, take_turns as take_turns
+
+later(globals())

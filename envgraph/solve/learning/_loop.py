@@ -1,6 +1,6 @@
 """Temporal-difference learning of learners side by side, each as on lists (`_q_learning`, `_on_lists`), bit for bit.
 
-The text of these functions stands behind those of `_kernels` of compiled environments, which draws the numbers, NumPy's
+The text of these functions stands behind those of `kernels` of compiled environments, which draws the numbers, NumPy's
 PCG64, and of `_values`. Nothing may be reordered without the loop on lists, and each expression is as it stands there.
 """
 

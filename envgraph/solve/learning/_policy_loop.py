@@ -1,6 +1,6 @@
 """Proximal policy optimisation of a small network on tables, as `envgraph.env.compiled` compiles it, or run by Python.
 
-The text stands behind that of `_kernels`, which draws the numbers. Sums are made in the order of the text, so that both
+The text stands behind that of `kernels`, which draws the numbers. Sums are made in the order of the text, so that both
 ways give the same numbers bit for bit. Names of arrays:
 
     FIRST, STARTS, START_CHANCE, START_FIRST: of levels, where their states and start states are; see `LevelTables`.

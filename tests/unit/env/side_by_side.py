@@ -13,8 +13,8 @@ import numpy as np
 from envgraph.env import Behaviour, KeyIndex, Simulator, indexed_classes
 from envgraph.env.compiled import Batch, Program, program_of
 from envgraph.env.compiled._changes import calls_of
-from envgraph.env.compiled._kernels import BEYOND, FULL, OVERFLOW
 from envgraph.env.compiled._layout import ERROR
+from envgraph.env.compiled.kernels import BEYOND, FULL, OVERFLOW
 from envgraph.errors import EvaluationError, RuleError
 from envgraph.graph import Model
 from envgraph.lang import load_workspace

@@ -8,12 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from envgraph.env import Behaviour, KeyIndex, Simulator
 from envgraph.env.compiled import Batch, NotCompiled, program_of
-from envgraph.env.compiled._kernels import add_exactly, sum_exactly
+from envgraph.env.compiled.kernels import add_exactly, sum_exactly
 from envgraph.errors import EvaluationError
 from envgraph.rewrite import Engine
 from tests.profile import NIGHTLY

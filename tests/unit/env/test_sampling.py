@@ -8,8 +8,7 @@ from operator import add
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from envgraph.env import EnvgraphEnv, EnvgraphLiveEnv, Simulator, explore
 from envgraph.env._sampling import Draw, cumulative

@@ -30,11 +30,11 @@ from envgraph.pattern import (
     Parameter,
     PathConstraint,
     Retype,
+    Rule as RuleData,
     Set,
     TypeConstraint,
     Variable,
 )
-from envgraph.pattern import Rule as RuleData
 from tests.unit.rewrite.graphs import chain, engine
 
 X = Variable("x")

@@ -4,8 +4,7 @@ from pathlib import PurePosixPath
 from time import process_time
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from envgraph.errors import LoadError
 from envgraph.lang import TextFiles, data_path, load_workspace

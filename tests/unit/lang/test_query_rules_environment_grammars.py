@@ -7,8 +7,7 @@ from time import process_time
 from typing import Protocol
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from envgraph.errors import Diagnostic, Source, Span
 from envgraph.lang import data_path

@@ -8,8 +8,7 @@ from pathlib import Path
 import pytest
 
 from envgraph.errors import InvalidArgument, Source
-from envgraph.lang import data_path, load_workspace, spelled_out, to_text
-from envgraph.lang import open as open_files
+from envgraph.lang import data_path, load_workspace, open as open_files, spelled_out, to_text
 from envgraph.lang.read._query import read_query
 from envgraph.lang.read._rules import read_rules
 from envgraph.lang.syntax._parsing import parse

@@ -6,8 +6,7 @@ from statistics import fmean
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from envgraph.errors import InvalidArgument
 from envgraph.learn import (

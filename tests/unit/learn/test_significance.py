@@ -5,8 +5,7 @@ from math import comb
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from envgraph.errors import InvalidArgument
 from envgraph.learn import _significance, holm, mean_test, permutation_test

@@ -10,8 +10,7 @@ import pytest
 from envgraph.graph import Model
 from envgraph.match import FREE, CompiledMatcher
 from envgraph.match.demand._program import Program
-from envgraph.match.generate._symbols import Column as StoreColumn
-from envgraph.match.generate._symbols import Symbol
+from envgraph.match.generate._symbols import Column as StoreColumn, Symbol
 from envgraph.metamodel import Attribute, Class, Metamodel, Reference, Scalar
 from envgraph.pattern import Library
 from tests.unit.match.writing import equal, find, fold, is_a, neg, path, pattern

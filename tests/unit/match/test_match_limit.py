@@ -8,8 +8,7 @@ import pytest
 
 from envgraph.errors import EvaluationError
 from envgraph.graph import Model
-from envgraph.match import FREE, CompiledMatcher, Matcher, ViewMatcher
-from envgraph.match import _limits as limits
+from envgraph.match import FREE, CompiledMatcher, Matcher, ViewMatcher, _limits as limits
 from envgraph.pattern import Library
 from tests.unit.match.people import METAMODEL
 from tests.unit.match.writing import is_a, path, pattern, unequal

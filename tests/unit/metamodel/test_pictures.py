@@ -5,8 +5,7 @@ import sys
 from xml.etree import ElementTree
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from envgraph.draw import Picture, PictureEdge, PictureNode, shown_value
 from envgraph.errors import InvalidArgument, visible

@@ -11,8 +11,7 @@ from typing import Literal
 from xml.etree import ElementTree as ET
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from envgraph.draw import contrast, parse_colour
 from envgraph.env import Key

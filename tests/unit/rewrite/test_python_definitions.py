@@ -6,8 +6,7 @@ import re
 
 import pytest
 
-from envgraph import Pattern, Rule
-from envgraph import Unit as UnitOf
+from envgraph import Pattern, Rule, Unit as UnitOf
 from envgraph.errors import InvalidArgument, LoadError, ResolutionError
 from envgraph.graph import Node
 from envgraph.lang import from_text, spelled_out, to_text
@@ -20,12 +19,12 @@ from envgraph.pattern import (
     Derivation,
     LeftSide,
     Navigation,
+    Node as Node_,
+    Pattern as PatternData,
+    Rule as RuleData,
     Unit,
     Variable,
 )
-from envgraph.pattern import Node as Node_
-from envgraph.pattern import Pattern as PatternData
-from envgraph.pattern import Rule as RuleData
 from envgraph.rewrite import Engine, Firing, Steps
 from tests.unit.rewrite.graphs import METAMODEL, chain, engine
 

@@ -7,8 +7,7 @@ import sys
 import pytest
 
 from envgraph.cli import main
-from envgraph.lang import TextFiles, bundled_domain, load_workspace
-from envgraph.lang import open as open_engine
+from envgraph.lang import TextFiles, bundled_domain, load_workspace, open as open_engine
 from envgraph.match import Failure, WhyNot
 from envgraph.rewrite import Engine
 

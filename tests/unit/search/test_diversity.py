@@ -6,8 +6,7 @@ from itertools import combinations_with_replacement
 from math import log2
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from envgraph.errors import InvalidArgument
 from envgraph.search import BinnedEntropy, Gini

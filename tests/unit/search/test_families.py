@@ -9,8 +9,7 @@ from pathlib import Path
 from typing import TypeVar, cast
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from numpy.random import default_rng
 
 from envgraph.errors import EvaluationError, LoadError

@@ -6,8 +6,7 @@ from itertools import combinations
 
 import networkx as nx
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from envgraph.errors import EvaluationError
 from envgraph.graph import Model

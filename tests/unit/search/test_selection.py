@@ -7,8 +7,7 @@ from math import log2
 from typing import cast
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from numpy.random import default_rng
 
 from envgraph.errors import InvalidArgument, LoadError

@@ -10,8 +10,7 @@ from math import inf
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from envgraph.env import Tabular
 from envgraph.errors import InvalidArgument

@@ -18,13 +18,13 @@ from envgraph.learn.audit import (
     Method,
     Run,
     Study,
+    _run as one_run,
+    _study as module,
     findings_of,
     run_method,
     summaries,
     write_audit,
 )
-from envgraph.learn.audit import _run as one_run
-from envgraph.learn.audit import _study as module
 from envgraph.learn.audit._study import audit, read_run
 from envgraph.search import Domain
 from tests.unit.learn.audit.small_levels import corridors, settings
