@@ -8,6 +8,14 @@ from typing import TYPE_CHECKING
 from envgraph.code import later
 
 if TYPE_CHECKING:
+    from envgraph.behaviour._binding import (
+        Reader as Reader,
+        bind_parameter as bind_parameter,
+        bind_parameters as bind_parameters,
+        follow as follow,
+        reader as reader,
+        unbound as unbound,
+    )
     from envgraph.behaviour._check import check_behaviour as check_behaviour
     from envgraph.behaviour._clauses import (
         Question as Question,
@@ -39,6 +47,16 @@ if TYPE_CHECKING:
     )
     from envgraph.behaviour._domains import MOST_VALUES as MOST_VALUES, domain_type as domain_type
     from envgraph.behaviour._edges import edge_ends as edge_ends
+    from envgraph.behaviour._keys import (
+        KeyIndex as KeyIndex,
+        SameKey as SameKey,
+        expanded as expanded,
+        indexed_classes as indexed_classes,
+        key_attributes as key_attributes,
+        key_reader as key_reader,
+        ordered_objects as ordered_objects,
+        spread_classes as spread_classes,
+    )
     from envgraph.behaviour._losing import (
         Reading as Reading,
         is_gone as is_gone,

@@ -7,10 +7,10 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from envgraph.behaviour import unbound
 from envgraph.cli._family import import_family
 from envgraph.cli._new import domain_texts, write_files
 from envgraph.cli._output import print_diagnostics, print_json, print_line
-from envgraph.env import unbound
 from envgraph.errors import MOST_ERRORS, Diagnostic, InvalidArgument, LoadError, Severity, Span, has_errors
 from envgraph.lang import (
     DiskFiles,

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
         DrawnLink as DrawnLink,
         EachStep as EachStep,
         Effect as Effect,
+        KeyIndex as KeyIndex,
         Observation as Observation,
         ObserveAttribute as ObserveAttribute,
         ObserveFind as ObserveFind,
@@ -37,11 +38,15 @@ if TYPE_CHECKING:
         OnFind as OnFind,
         OnReset as OnReset,
         RuleCall as RuleCall,
+        SameKey as SameKey,
         Token as Token,
         check_behaviour as check_behaviour,
+        indexed_classes as indexed_classes,
+        key_reader as key_reader,
+        spread_classes as spread_classes,
+        unbound as unbound,
     )
     from envgraph.env._adopted import Adopted as Adopted, Transition as Transition, adopt as adopt
-    from envgraph.env._agents import unbound as unbound
     from envgraph.env._apart import RewardsApart as RewardsApart
     from envgraph.env._explore import DEFAULT_LIMIT as DEFAULT_LIMIT, Explored as Explored, explore as explore
     from envgraph.env._frozen_lake import frozen_lake as frozen_lake
@@ -50,13 +55,6 @@ if TYPE_CHECKING:
         EnvgraphLiveEnv as EnvgraphLiveEnv,
         SingleEnvironment as SingleEnvironment,
         check_render_mode as check_render_mode,
-    )
-    from envgraph.env._keys import (
-        KeyIndex as KeyIndex,
-        SameKey as SameKey,
-        indexed_classes as indexed_classes,
-        key_reader as key_reader,
-        spread_classes as spread_classes,
     )
     from envgraph.env._members import About as About, Members as Members, Variants as Variants
     from envgraph.env._minigrid import MiniGridLevel as MiniGridLevel

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from itertools import zip_longest
 from math import prod
 
-from envgraph.behaviour import Agent, Behaviour
+from envgraph.behaviour import Agent, Behaviour, KeyIndex, key_attributes, unbound
 from envgraph.code import dataclass
-from envgraph.env._binding import bind_parameters
-from envgraph.env._keys import KeyIndex, key_attributes
 from envgraph.env._prepared import Alternatives, PreparedAction
 from envgraph.env._program import Program
-from envgraph.errors import Diagnostic, ResolutionError, Severity, Span
+from envgraph.errors import ResolutionError
 from envgraph.graph import Model
 from envgraph.rewrite import Engine
 
@@ -62,7 +60,7 @@ class Agents:
         self._model: Model = engine.model
         programs = list(_programs(behaviour, engine, keys))
         if not programs:
-            raise ResolutionError([_nobody(agent, alone=True) for agent in behaviour.agents])
+            raise ResolutionError(unbound(behaviour, engine.model))
         self._classes = tuple(agent.cls for agent in behaviour.agents)
         self._alone = not behaviour.agents or behaviour.together
         own = [program.actions for _, _, _, program in programs]
@@ -175,28 +173,3 @@ def _numbered(actions: Sequence[PreparedAction], names: Sequence[str]) -> tuple[
 def _idle(name: str) -> PreparedAction:
     """An action that only other agents have."""
     return PreparedAction(name, (), Alternatives(lambda _: (), ()), None, None, 0)
-
-
-def unbound(behaviour: Behaviour, model: Model, spans: Mapping[int, Span] | None = None) -> list[Diagnostic]:
-    """What has no object in a model: errors where that leaves no environment to make of it, else warnings.
-
-    Those are the parameters, and the `agent` blocks that nobody plays. Of several objects where one is wanted, notes
-    tell the places in `spans`.
-    """
-    problems: list[Diagnostic] = []
-    try:
-        bind_parameters(model, behaviour.parameters, spans)
-    except ResolutionError as error:
-        problems.extend(error.diagnostics)
-    absent = [agent for agent in behaviour.agents if not model.graph.extent(agent.cls)]
-    return problems + [_nobody(agent, alone=len(absent) == len(behaviour.agents)) for agent in absent]
-
-
-def _nobody(agent: Agent, alone: bool) -> Diagnostic:
-    return Diagnostic(
-        "unbound-agent",
-        f"nobody {'can act' if alone else f'is `{agent.variable}`'}: the model has no `{agent.cls}`",
-        agent.cls_span or agent.span,
-        "add one to the model",
-        Severity.ERROR if alone else Severity.WARNING,
-    )

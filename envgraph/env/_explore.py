@@ -7,9 +7,8 @@ from dataclasses import field
 
 import numpy as np
 
-from envgraph.behaviour import Behaviour
+from envgraph.behaviour import Behaviour, KeyIndex
 from envgraph.code import dataclass
-from envgraph.env._keys import KeyIndex
 from envgraph.env._simulator import GOES_ON, Simulator
 from envgraph.env._tabular import Tabular, allowed_or_all
 from envgraph.env._too_many import TooManyStates, check_entries, check_observations

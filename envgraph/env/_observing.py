@@ -7,14 +7,16 @@ from itertools import count as count_from, zip_longest
 
 from envgraph.behaviour import (
     Behaviour,
+    KeyIndex,
     Observation,
     ObserveFind,
     ObserveObject,
     ObservePath,
     ObserveRange,
+    Reader,
+    follow,
+    key_reader,
 )
-from envgraph.env._binding import Reader, follow
-from envgraph.env._keys import KeyIndex, key_reader
 from envgraph.env._prepared import Scope, Types, together
 from envgraph.errors import EvaluationError
 from envgraph.graph import Model

@@ -14,6 +14,7 @@ from envgraph.behaviour import (
     Domain,
     EachStep,
     Effect,
+    KeyIndex,
     Observation,
     ObserveFind,
     ObserveObject,
@@ -21,17 +22,19 @@ from envgraph.behaviour import (
     ObserveRange,
     OnFind,
     Question,
+    Reader,
     RuleCall,
+    bind_parameters,
     condition_question,
     count_question,
     domain_type,
+    expanded,
     is_gone,
     lost,
+    reader,
     root_of,
     roots,
 )
-from envgraph.env._binding import Reader, bind_parameters, reader
-from envgraph.env._keys import KeyIndex, expanded
 from envgraph.env._observing import (
     KeyedObjects,
     leading_to,

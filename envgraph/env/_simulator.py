@@ -11,10 +11,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from envgraph.behaviour import Behaviour, Reading, check_behaviour, is_gone, readings
+from envgraph.behaviour import (
+    Behaviour,
+    KeyIndex,
+    Reading,
+    check_behaviour,
+    indexed_classes,
+    is_gone,
+    key_attributes,
+    readings,
+)
 from envgraph.code import dataclass
 from envgraph.env._agents import Agents, Seat
-from envgraph.env._keys import KeyIndex, indexed_classes, key_attributes
 from envgraph.env._observing import component_names
 from envgraph.env._prepared import (
     Choices,

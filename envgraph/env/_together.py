@@ -8,10 +8,9 @@ from itertools import chain, product
 from math import prod
 from operator import add
 
-from envgraph.behaviour import Behaviour, Effect
+from envgraph.behaviour import Behaviour, Effect, KeyIndex
 from envgraph.code import dataclass
 from envgraph.env._agents import Agents, Seat
-from envgraph.env._keys import KeyIndex
 from envgraph.env._observing import joint_component_names
 from envgraph.env._prepared import Choices, Component, Pending, PreparedClause, PreparedEach, run_pending
 from envgraph.env._program import Program, worst

@@ -8,7 +8,7 @@ from math import inf
 from re import fullmatch
 from typing import TYPE_CHECKING
 
-from envgraph.env import SameKey, key_reader, spread_classes, unbound
+from envgraph.behaviour import SameKey, key_reader, spread_classes, unbound
 from envgraph.errors import (
     Diagnostic,
     EvaluationError,

@@ -8,9 +8,11 @@ from typing import Final
 from envgraph import code
 from envgraph.behaviour import (
     Behaviour,
+    KeyIndex,
+    indexed_classes,
+    key_attributes,
 )
 from envgraph.code import dataclass
-from envgraph.env._keys import KeyIndex, indexed_classes, key_attributes
 from envgraph.env.compiled._changes import Changes, StaticPatterns, plans_of
 from envgraph.env.compiled._clauses import ACTION, Clauses
 from envgraph.env.compiled._facts import Facts, Module

@@ -13,13 +13,14 @@ from envgraph.behaviour import (
     Agent,
     Behaviour,
     Effect,
+    KeyIndex,
     Observation,
     ObserveFind,
     domain_type,
+    expanded,
     readings,
 )
 from envgraph.code import dataclass
-from envgraph.env._keys import KeyIndex, expanded
 from envgraph.env._observing import size_of
 from envgraph.env._prepared import Types, together
 from envgraph.env._program import stands_before

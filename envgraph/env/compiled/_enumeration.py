@@ -10,9 +10,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from envgraph.behaviour import Behaviour
+from envgraph.behaviour import Behaviour, KeyIndex
 from envgraph.env._explore import DEFAULT_LIMIT, OUTCOMES, Explored, Progress, explore
-from envgraph.env._keys import KeyIndex
 from envgraph.env._sampling import MOST_OUTCOMES
 from envgraph.env._tabular import Tabular, allowed_or_all
 from envgraph.env._too_many import TooManyStates, check_entries, check_observations

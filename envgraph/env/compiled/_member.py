@@ -8,7 +8,7 @@ from functools import partial
 from typing import Any, NamedTuple, Protocol, TypeAlias
 
 from envgraph import code
-from envgraph.env._keys import KeyIndex
+from envgraph.behaviour import KeyIndex
 from envgraph.env.compiled._refused import NotCompiled
 from envgraph.errors import InvalidArgument
 from envgraph.metamodel import Attribute, EnumType, Reference, Scalar, Value

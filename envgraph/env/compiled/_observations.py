@@ -8,6 +8,7 @@ from math import prod
 from envgraph import code
 from envgraph.behaviour import (
     MOST_VALUES,
+    KeyIndex,
     Observation,
     ObserveFind,
     ObserveObject,
@@ -17,7 +18,6 @@ from envgraph.behaviour import (
     count_question,
     root_of,
 )
-from envgraph.env._keys import KeyIndex
 from envgraph.env._observing import size_of
 from envgraph.env._prepared import Types
 from envgraph.env._program import added

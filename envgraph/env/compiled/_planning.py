@@ -11,10 +11,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from envgraph.behaviour import Behaviour, ObserveFind, OnFind
+from envgraph.behaviour import Behaviour, KeyIndex, ObserveFind, OnFind, indexed_classes
 from envgraph.code import dataclass
 from envgraph.env._explore import Progress
-from envgraph.env._keys import KeyIndex, indexed_classes
 from envgraph.env._prepared import never_acts
 from envgraph.env._sampling import MOST_OUTCOMES
 from envgraph.env._simulator import Simulator

@@ -11,10 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from envgraph import code
-from envgraph.behaviour import Behaviour
+from envgraph.behaviour import Behaviour, KeyIndex, indexed_classes
 from envgraph.code import dataclass
 from envgraph.env._agents import named_agents
-from envgraph.env._keys import KeyIndex, indexed_classes
 from envgraph.env._simulator import Simulator
 from envgraph.env._together import check_complete
 from envgraph.env.compiled import _learning, _listing, _masking, _network, _playing, kernels, values

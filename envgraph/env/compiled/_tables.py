@@ -9,9 +9,8 @@ from typing import Final, Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from envgraph.behaviour import bind_parameter, key_attributes, key_reader
 from envgraph.code import dataclass
-from envgraph.env._binding import bind_parameter
-from envgraph.env._keys import key_attributes, key_reader
 from envgraph.env.compiled._member import NO_OBJECT, Cell, Member, Row, missing, width
 from envgraph.env.compiled._refused import Misfit, NotCompiled
 from envgraph.metamodel import Attribute, Metamodel, Reference, Scalar

@@ -8,11 +8,19 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Literal, NamedTuple
 
-from envgraph.behaviour import DrawGraph, DrawGrid, Token, edge_ends
+from envgraph.behaviour import (
+    DrawGraph,
+    DrawGrid,
+    Reader,
+    Token,
+    bind_parameter,
+    edge_ends,
+    follow,
+    ordered_objects,
+    reader,
+)
 from envgraph.code import dataclass, short_repr
 from envgraph.draw import LINE_COLOUR
-from envgraph.env._binding import Reader, bind_parameter, follow, reader
-from envgraph.env._keys import ordered_objects
 from envgraph.env.scene._looks import Look, Looks, glyph_of, token_colour
 from envgraph.errors import InvalidArgument
 from envgraph.graph import Model

@@ -6,7 +6,8 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from itertools import product
 from typing import Any, Self
 
-from envgraph.behaviour import Action, Agent, Behaviour, Domain, ObserveFind, ObserveObject, domain_type
+from envgraph.behaviour._data import Action, Agent, Behaviour, Domain, ObserveFind, ObserveObject
+from envgraph.behaviour._domains import domain_type
 from envgraph.code import dataclass
 from envgraph.errors import EvaluationError, InvalidArgument
 from envgraph.graph import Model

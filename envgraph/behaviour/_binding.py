@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 
+from envgraph.behaviour._data import Agent, Behaviour
 from envgraph.errors import (
     Diagnostic,
     EvaluationError,
     InvalidArgument,
     Note,
     ResolutionError,
+    Severity,
     Span,
     did_you_mean,
 )
@@ -120,3 +122,28 @@ def bind_parameter(model: Model, parameter: Parameter, spans: Mapping[int, Span]
         Note(f"number {number} is here", span) for number, span in enumerate(places[:MOST_NOTES], 1)
     )
     raise ResolutionError([Diagnostic("unbound-parameter", message, parameter.span, hint, notes=notes)])
+
+
+def unbound(behaviour: Behaviour, model: Model, spans: Mapping[int, Span] | None = None) -> list[Diagnostic]:
+    """What has no object in a model: errors where that leaves no environment to make of it, else warnings.
+
+    Those are the parameters, and the `agent` blocks that nobody plays. Of several objects where one is wanted, notes
+    tell the places in `spans`.
+    """
+    problems: list[Diagnostic] = []
+    try:
+        bind_parameters(model, behaviour.parameters, spans)
+    except ResolutionError as error:
+        problems.extend(error.diagnostics)
+    absent = [agent for agent in behaviour.agents if not model.graph.extent(agent.cls)]
+    return problems + [_nobody(agent, alone=len(absent) == len(behaviour.agents)) for agent in absent]
+
+
+def _nobody(agent: Agent, alone: bool) -> Diagnostic:
+    return Diagnostic(
+        "unbound-agent",
+        f"nobody {'can act' if alone else f'is `{agent.variable}`'}: the model has no `{agent.cls}`",
+        agent.cls_span or agent.span,
+        "add one to the model",
+        Severity.ERROR if alone else Severity.WARNING,
+    )
