@@ -9,13 +9,17 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from pathlib import Path
 from resource import RUSAGE_CHILDREN, getrusage
 from statistics import median
+from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
 from envgraph.lang import bundled_domain
+from envgraph.search import generate
 
 ENVGRAPH = "from envgraph.cli import main; raise SystemExit(main())"
+MAKE = "import sys, envgraph; envgraph.make(sys.argv[1], 'E1')"
 
 
 class Sizes(NamedTuple):
@@ -47,9 +51,15 @@ def main(sizes: Sizes) -> None:
         "envgraph check (rules)": [ENVGRAPH, "check", domain / "burning_forest.rules"],
         "envgraph match": [ENVGRAPH, "match", model, query, "neighbour"],
         "envgraph check (a family)": [ENVGRAPH, "check", domain / "paper.toml"],
+        "envgraph check burning_forest": [ENVGRAPH, "check", "burning_forest"],
+        "make a stored member": [MAKE],
     }
-    for name, words in list(commands.items())[: sizes.commands]:
-        print(f"{name:28}{_seconds([str(word) for word in words], sizes.runs):8.2f} s")
+    with TemporaryDirectory() as home:
+        for name, words in list(commands.items())[: sizes.commands]:
+            if words == [MAKE]:
+                generate(str(domain / "paper.toml"), Path(home) / "run.sqlite", generations=0, population=2)
+                words += [home]
+            print(f"{name:32}{_seconds([str(word) for word in words], sizes.runs):8.2f} s")
 
 
 def _seconds(words: list[str], runs: int) -> float:

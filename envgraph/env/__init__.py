@@ -43,8 +43,6 @@ if TYPE_CHECKING:
         check_behaviour as check_behaviour,
         indexed_classes as indexed_classes,
         key_reader as key_reader,
-        spread_classes as spread_classes,
-        unbound as unbound,
     )
     from envgraph.env._adopted import Adopted as Adopted, Transition as Transition, adopt as adopt
     from envgraph.env._apart import RewardsApart as RewardsApart

@@ -44,7 +44,7 @@ if TYPE_CHECKING:
         make_vector_environment as make_vector_environment,
         register as register,
     )
-    from envgraph.search._evolution import Evolution as Evolution, Settings as Settings
+    from envgraph.search._evolution import Evolution as Evolution
     from envgraph.search._families import (
         Candidate as Candidate,
         FamilyMeasure as FamilyMeasure,
@@ -109,7 +109,6 @@ if TYPE_CHECKING:
     from envgraph.search._samples import (
         SampleProgress as SampleProgress,
         Sampler as Sampler,
-        SampleSettings as SampleSettings,
     )
     from envgraph.search._sampling import Sampling as Sampling
     from envgraph.search._selection import (
@@ -124,6 +123,7 @@ if TYPE_CHECKING:
         TournamentParents as TournamentParents,
         acceptance as acceptance,
     )
+    from envgraph.search._settings import SampleSettings as SampleSettings, Settings as Settings
     from envgraph.search._shown import (
         caption as caption,
         family_svg as family_svg,

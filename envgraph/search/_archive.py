@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from math import prod
-
-from numpy.random import Generator
+from typing import TYPE_CHECKING
 
 from envgraph.search._diversity import BinnedEntropy
+
+if TYPE_CHECKING:
+    from numpy.random import Generator
 
 Cell = tuple[int, ...]
 

@@ -10,8 +10,6 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from envgraph.code import dataclass
-from envgraph.env import Behaviour, TooManyStates
-from envgraph.env.compiled import NotCompiled
 from envgraph.errors import Diagnostic, LoadError, Note
 from envgraph.graph import Model
 from envgraph.lang import Options, numeric_parameters
@@ -45,7 +43,6 @@ from envgraph.search._selection import (
     SurvivorSelection,
     TournamentParents,
 )
-from envgraph.search.curricula import MOST_STATES, Judged, Learning, Levels, Measured
 from envgraph.search.optimising import Annealing, Beam, HillClimb, Strategy, TreeSearch
 from envgraph.solve.learning import TrainingSettings
 
@@ -54,7 +51,9 @@ T = TypeVar("T")
 MOST_BINS, _MOST_STEPS = 100_000, 100_000_000
 
 if TYPE_CHECKING:
+    from envgraph.behaviour import Behaviour
     from envgraph.lang import FamilySpec
+    from envgraph.search.curricula import Judged, Levels
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,7 +103,7 @@ DiversityFactory = Callable[[Options, Context], Statistic]
 ParentsFactory = Callable[[Options, Context], ParentSelection]
 SurvivorsFactory = Callable[[Options, Context], SurvivorSelection]
 StrategyFactory = Callable[[Options, Context], Strategy]
-ObjectiveFactory = Callable[[Options, Context], Callable[[Levels, int], Judged]]
+ObjectiveFactory = Callable[[Options, Context], Callable[["Levels", int], "Judged"]]
 """What it gives makes the objective, from the levels that it will see and the number of threads that it may take."""
 
 
@@ -180,6 +179,9 @@ def _learning(options: Options, context: Context) -> Callable[[Levels, int], Jud
     seed = context.spec.seed
 
     def made(levels: Levels, workers: int) -> Judged:
+        from envgraph.env.compiled import NotCompiled
+        from envgraph.search.curricula import MOST_STATES, Learning
+
         try:
             return Learning(settings, levels.target, steps, seed, workers)
         except NotCompiled as reason:
@@ -197,6 +199,9 @@ def _learning(options: Options, context: Context) -> Callable[[Levels, int], Jud
 
 def _chain_transfer(options: Options, context: Context) -> Callable[[Levels, int], Judged]:
     def made(levels: Levels, workers: int) -> Judged:
+        from envgraph.env import TooManyStates
+        from envgraph.search.curricula import Measured
+
         del workers
         try:
             levels.target.tabular  # noqa: B018  # so that too many states are told before there is a run

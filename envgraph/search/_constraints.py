@@ -7,9 +7,8 @@ from contextlib import suppress
 from math import isfinite
 from typing import TYPE_CHECKING
 
+from envgraph.behaviour import Behaviour, KeyIndex, indexed_classes, unbound
 from envgraph.code import dataclass
-from envgraph.env import Behaviour, KeyIndex, can_end, indexed_classes, unbound
-from envgraph.env.compiled import MOST_STATES, NotCompiled
 from envgraph.errors import has_errors
 from envgraph.files import counting
 from envgraph.pattern import conformance_patterns, key_patterns
@@ -39,6 +38,9 @@ class Reachable:
 
     def holds(self, engine: Engine) -> bool:
         """Whether the outcome can be reached."""
+        from envgraph.env import can_end
+        from envgraph.env.compiled import NotCompiled
+
         try:
             return isfinite(self.plan.plan(engine, self.end).steps)
         except NotCompiled:
@@ -48,6 +50,8 @@ class Reachable:
 
     def why_not(self, engine: Engine) -> str:
         """Return why a model is rejected: no plan to the outcome exists, or the search for a plan was given up."""
+        from envgraph.env.compiled import MOST_STATES, NotCompiled
+
         with suppress(NotCompiled):
             if not self.plan.plan(engine, self.end).exact:
                 return f"no plan to {self.outcome} was found within {MOST_STATES:,} states"

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import field, replace
 from math import comb, inf
-from typing import TypeVar, cast, get_args
+from typing import TYPE_CHECKING, TypeVar, cast, get_args
 
+from envgraph.behaviour import Behaviour, KeyIndex, indexed_classes
 from envgraph.code import dataclass
-from envgraph.env import Behaviour, KeyIndex, indexed_classes
 from envgraph.errors import (
     Diagnostic,
     LoadError,
@@ -39,7 +39,6 @@ from envgraph.rewrite import Engine
 from envgraph.search._components import MOST_BINS, Components, Context
 from envgraph.search._constraints import constraints_of
 from envgraph.search._diversity import BinnedEntropy, Statistic
-from envgraph.search._evolution import Settings
 from envgraph.search._initial import check_initial
 from envgraph.search._objective import Objective
 from envgraph.search._objective_text import read_objective
@@ -47,10 +46,13 @@ from envgraph.search._problem import (
     IndividualMeasure,
     Problem,
 )
-from envgraph.search._samples import SampleSettings
 from envgraph.search._selection import ExactSelection, SurvivorSelection
-from envgraph.search.curricula import Begin, CurriculumSettings, Judged, Levels, Measured
-from envgraph.search.optimising import Strategy
+from envgraph.search._settings import SampleSettings, Settings
+from envgraph.search.curricula import Begin, CurriculumSettings
+
+if TYPE_CHECKING:
+    from envgraph.search.curricula import Judged, Levels
+    from envgraph.search.optimising import Strategy
 
 EFFORT, MOST_LANES = 1_000_000_000, 1_000
 """Defaults of a search for a whole family: steps of learners, up to half a minute; families improved at once."""
@@ -307,6 +309,8 @@ class Domain:
         if objective is None or not objective.terms:
             made = self.components.objective[spec.kind](options, self._context())
         else:
+            from envgraph.search.curricula import Measured
+
             last = Measured(objective.terms[-1], search.population)
             made = lambda levels, workers: last  # noqa: E731
         problems = _finished(options)

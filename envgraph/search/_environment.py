@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from warnings import warn
 
 from envgraph.behaviour import reward_names
@@ -26,12 +26,6 @@ from envgraph.env import (
     make_vec_spec,
     register as register_name,
 )
-from envgraph.env.compiled import (
-    CompiledEnv,
-    CompiledVectorEnv,
-    Program,
-    Streams,
-)
 from envgraph.env.registration import MAKE_VECTOR_ENVIRONMENT
 from envgraph.env.schedules import Schedule, named_schedule
 from envgraph.errors import InvalidArgument, check_known
@@ -45,6 +39,9 @@ from envgraph.search._opened import (
     open_member_family,
 )
 from envgraph.search._tables import Record
+
+if TYPE_CHECKING:
+    from envgraph.env.compiled import CompiledEnv, CompiledVectorEnv, Streams
 
 
 def make(
@@ -296,10 +293,12 @@ def _environment(
     found = opened.stepping([place], wanted, pictures=pictures, of_model=of_model)
     if of_model:
         shown = {**shown, "observation": opened.view(kind)}
-    if isinstance(found, Program):
-        return CompiledEnv(found, **shown), "compiled"
-    if found is not None:
+    if isinstance(found, list):
         return EnvgraphEnv(found[0].tabular, pictures=found[0].pictures, **shown), "table"
+    if found is not None:
+        from envgraph.env.compiled import CompiledEnv
+
+        return CompiledEnv(found, **shown), "compiled"
     if wanted is None:
         warn(f"{opened.refused().message}; it steps on the live engine", stacklevel=3)
     return EnvgraphLiveEnv(opened.simulator(place), **shown), "live"
@@ -369,13 +368,15 @@ def make_vector_environment(
     if observation in OF_MODEL:
         options["observation"] = opened.view(observation)
     environment: EnvgraphVectorEnv | CompiledVectorEnv
-    if isinstance(found, Program):
-        environment = CompiledVectorEnv(found, num_envs, **options, **own)
-    else:
+    if isinstance(found, list):
         pictures = [one.pictures for one in found]
         environment = EnvgraphVectorEnv(
             [one.tabular for one in found], num_envs, pictures=pictures, **options
         )
+    else:
+        from envgraph.env.compiled import CompiledVectorEnv
+
+        environment = CompiledVectorEnv(found, num_envs, **options, **own)
     if family is not None:
         environment.of_family(Variants(OpenedMembers(domain, family, "table", pictures=False), places))
     return environment

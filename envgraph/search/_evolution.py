@@ -20,10 +20,9 @@ from numpy.random import Generator, SeedSequence, default_rng
 
 from envgraph.code import dataclass
 from envgraph.graph import Version, model_to_json
-from envgraph.lang import Strength
 from envgraph.search._families import Candidate, FamilyMeasure, Pool
 from envgraph.search._problem import Problem
-from envgraph.search._selection import ParentSelection, SurvivorSelection
+from envgraph.search._settings import Settings
 from envgraph.search._store import Generation, Individual, RunStore, Trace, dump_json
 from envgraph.search._variation import Variation
 from envgraph.search.curricula import Level, Levels
@@ -33,37 +32,6 @@ _SELECTION = 1 << 32
 
 _SAME = 1e-12
 """Diversities closer than this are the same: they are sums of floating-point terms."""
-
-
-@dataclass(frozen=True, slots=True)
-class Settings:
-    """Parameters of the genetic algorithm.
-
-    Attributes:
-        population: number of members, at least 2.
-        rate: probability that a child is a mutated parent, and not a mere copy.
-        initial_applications: lowest and highest number of rule applications that make an initial member.
-        max_attempts: mutations tried for one child before it is given up.
-        strength: how many applications of rules a mutation takes.
-        keep_initial: the initial model is a fixed member of the family.
-        generations: stop after so many, or None.
-        seconds: stop when this much time has passed since the start (or resumption), or None.
-        target: stop when the diversity is at least this, or, for None, at its maximum; infinity is never.
-        stagnation: stop after so many generations without a higher diversity, or None.
-    """
-
-    population: int
-    parents: ParentSelection
-    survivors: SurvivorSelection
-    rate: float = 0.85
-    initial_applications: tuple[int, int] = (1, 5)
-    max_attempts: int = 50
-    strength: Strength = "single"
-    keep_initial: bool = True
-    generations: int | None = 1000
-    seconds: float | None = None
-    target: float | None = None
-    stagnation: int | None = None
 
 
 @dataclass(slots=True)

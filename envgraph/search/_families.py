@@ -9,12 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from math import inf
-from typing import Final, Protocol, TypeVar, runtime_checkable
+from typing import TYPE_CHECKING, Final, Protocol, TypeVar, runtime_checkable
 
 from envgraph.code import dataclass
-from envgraph.env import Tabular
 from envgraph.graph import Model
 from envgraph.search._diversity import Bounded, Statistic, Swaps, Variance
+
+if TYPE_CHECKING:
+    from envgraph.env import Tabular
 
 T = TypeVar("T")
 

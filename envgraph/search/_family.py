@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import field, replace
 from functools import cached_property, partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from envgraph.behaviour import paying
 from envgraph.code import dataclass
 from envgraph.env import Behaviour, Explored, KeyIndex, Scene, scene_of
-from envgraph.env.compiled import Borrowed, Program, program_of
 from envgraph.errors import (
     EvaluationError,
     InvalidArgument,
@@ -29,14 +28,17 @@ from envgraph.graph import Model, model_from_json
 from envgraph.lang import Bundle
 from envgraph.rewrite import Engine
 from envgraph.search._components import Components
+from envgraph.search._distances import described, differing
 from envgraph.search._domain import Domain
-from envgraph.search._object_facts import described, differing
 from envgraph.search._problem import number
 from envgraph.search._replayed import Derived, Replay
 from envgraph.search._shown import family_html, member_html, member_svg, member_text
 from envgraph.search._split import split
 from envgraph.search._store import Individual, RunStore
 from envgraph.search._tables import Record, Tables, table_name
+
+if TYPE_CHECKING:
+    from envgraph.env.compiled import Program
 
 
 @dataclass(frozen=True, slots=True)
@@ -177,6 +179,8 @@ class Family:
             InvalidArgument: the family has no environment.
             NotCompiled: something in its behaviour only the live engine has.
         """
+        from envgraph.env.compiled import Borrowed, program_of
+
         homes = [
             self.domain.engine(self.model(one))
             if isinstance(one.source, str)

@@ -2,21 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from itertools import pairwise
 from math import fsum, inf, isfinite, log, log10
 from typing import Final
 
-import numpy as np
-from numpy.typing import NDArray
-
 from envgraph.code import dataclass
-from envgraph.env import TooManyStates
 from envgraph.graph import Shapes
-from envgraph.search._diversity import BinnedEntropy, Swaps
-from envgraph.search._families import Candidate, Pool
-from envgraph.search._object_facts import Describer, differing
-from envgraph.solve import hit_probability, softened_policy
+from envgraph.search._diversity import BinnedEntropy
+from envgraph.search._families import Candidate
 
 LEAST: Final = -1e9
 """Stands for minus infinity: sums and differences of scores stay numbers."""
@@ -119,83 +113,6 @@ class Rising:
         return 1.0
 
 
-class Distance:
-    """How far the members are from each other: in how many objects two of them differ, see `Family.distances`.
-
-    Whatever the order; 0 for fewer than two members. Either the mean over all pairs, or the distance of the nearest.
-
-    Args:
-        least: whether that of the nearest counts, and not the mean.
-    """
-
-    def __init__(self, least: bool) -> None:
-        self._least, self._describe = least, Describer()
-
-    def score(self, members: Sequence[Candidate]) -> float:
-        """The mean or least distance."""
-        return self._of(self._between(members), np.arange(len(members)))
-
-    def swaps(self, pool: Pool, members: Sequence[int]) -> Swaps:
-        """Swaps by the distances between all candidates, which are computed once."""
-        between = self._between(pool.candidates)
-        return _LeastSwaps(self._of, between, members) if self._least else _MeanSwaps(between, members)
-
-    def _between(self, members: Sequence[Candidate]) -> NDArray[np.int64]:
-        """The distances [members, members]."""
-        rows = [self._row(member) for member in members]
-        objects = np.zeros((len(rows), max(map(len, rows), default=0)), np.int32)
-        for place, row in enumerate(rows):
-            objects[place, : len(row)] = row
-        return differing(objects, objects)
-
-    def _row(self, member: Candidate) -> NDArray[np.int32]:
-        return member.once(self, lambda: self._describe(member.model))
-
-    def _of(self, between: NDArray[np.int64], members: NDArray[np.int64]) -> float:
-        pairs = between[members[:, None], members][np.triu_indices(len(members), 1)]
-        if not len(pairs):
-            return 0.0
-        return float(pairs.min() if self._least else pairs.sum() / len(pairs))
-
-
-class _MeanSwaps:
-    """Invariant: `_sums[c]` is the sum of the distances between candidate c and the members."""
-
-    def __init__(self, between: NDArray[np.int64], members: Sequence[int]) -> None:
-        self._between, self._pairs = between, max(1, len(members) * (len(members) - 1) // 2)
-        self._sums = between[:, [*members]].sum(axis=1)
-
-    def delta(self, leaving: int, entering: int) -> float:
-        gained = self._sums[entering] - self._between[entering, leaving] - self._sums[leaving]
-        return float(gained) / self._pairs
-
-    def swap(self, leaving: int, entering: int) -> None:
-        self._sums += self._between[entering] - self._between[leaving]
-
-
-class _LeastSwaps:
-    """Invariant: `_least` is the distance of the nearest of `_members`."""
-
-    def __init__(
-        self,
-        of: Callable[[NDArray[np.int64], NDArray[np.int64]], float],
-        between: NDArray[np.int64],
-        members: Sequence[int],
-    ) -> None:
-        self._of, self._between, self._members = of, between, np.array([*members])
-        self._least = of(between, self._members)
-
-    def delta(self, leaving: int, entering: int) -> float:
-        return self._of(self._between, self._exchanged(leaving, entering)) - self._least
-
-    def swap(self, leaving: int, entering: int) -> None:
-        self._members = self._exchanged(leaving, entering)
-        self._least = self._of(self._between, self._members)
-
-    def _exchanged(self, leaving: int, entering: int) -> NDArray[np.int64]:
-        return np.where(self._members == leaving, entering, self._members)
-
-
 class Distinct:
     """Share of the members that is left where of isomorphic ones one counts, from 0 to 1; whatever the order."""
 
@@ -222,6 +139,8 @@ class ChainTransfer:
 
     def score(self, members: Sequence[Candidate]) -> float:
         """The sum."""
+        from envgraph.env import TooManyStates
+
         try:
             found = fsum(
                 self._transfer(before, member) for before, member in pairwise((None, *members)) if member
@@ -233,6 +152,7 @@ class ChainTransfer:
     @staticmethod
     def _transfer(before: Candidate | None, member: Candidate) -> float:
         """Log10 of the chance of success in a member with what is best in the one before it."""
+        from envgraph.solve import hit_probability, softened_policy
 
         def found() -> float:
             policy = None

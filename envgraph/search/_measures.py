@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import field
 from math import inf
-from typing import ClassVar, Final
+from typing import TYPE_CHECKING, ClassVar, Final
 
+from envgraph.behaviour import Behaviour, KeyIndex, indexed_classes
 from envgraph.code import dataclass
-from envgraph.env import REACH_LIMIT, Behaviour, KeyIndex, TooManyStates, explore, indexed_classes
-from envgraph.env.compiled import NotCompiled, Plan, Plans, Tables
 from envgraph.files import counting
 from envgraph.graph import Model
 from envgraph.lang import ComponentSpec
@@ -17,7 +16,11 @@ from envgraph.match import Row
 from envgraph.metamodel import Metamodel
 from envgraph.rewrite import Engine
 from envgraph.search._object_facts import object_facts
-from envgraph.solve import Certificates, certify, shortest_plan
+
+if TYPE_CHECKING:
+    from envgraph.env import TooManyStates
+    from envgraph.env.compiled import Plan, Plans, Tables
+    from envgraph.solve import Certificates
 
 LIMIT: Final = 200
 """Steps of an episode where neither family nor environment have a limit."""
@@ -160,6 +163,10 @@ class ShortestPlan:
         Raises:
             EvaluationError: the behaviour is not compiled, and has too many states to visit all of them.
         """
+        from envgraph.env import explore
+        from envgraph.env.compiled import NotCompiled
+        from envgraph.solve import shortest_plan
+
         try:
             return self.plan(engine).steps
         except NotCompiled:
@@ -173,6 +180,8 @@ class ShortestPlan:
         Raises:
             NotCompiled: something in the behaviour only the live engine has.
         """
+        from envgraph.env.compiled import Plans
+
         state = engine.model.state_hash()
         if self._last[0] != state:
             self._last = state, {}
@@ -185,6 +194,9 @@ class ShortestPlan:
 
     def why_none(self, engine: Engine, outcome: int = 1) -> tuple[str, str | None]:
         """How far the search went that found no plan in the present model, and a hint if it may have missed one."""
+        from envgraph.env import REACH_LIMIT
+        from envgraph.env.compiled import NotCompiled
+
         try:
             plan = self.plan(engine, outcome)
         except NotCompiled:
@@ -235,7 +247,7 @@ class Certifier:
 
     def __init__(self, behaviour: Behaviour, limit: int) -> None:
         self._behaviour, self._limit = behaviour, limit
-        self._tables = Tables(behaviour)
+        self._tables: Tables | None = None
         self._last: tuple[int, Certificates] | None = None
 
     def of(self, engine: Engine, asked: ComponentSpec | None = None) -> Certificates:
@@ -248,10 +260,15 @@ class Certifier:
         Raises:
             TooManyStates: there are too many to visit.
         """
+        from envgraph.env import TooManyStates
+        from envgraph.env.compiled import Tables
+        from envgraph.solve import certify
+
         state = engine.model.state_hash()
         if self._last is None or self._last[0] != state:
             keys = KeyIndex.of(engine.model, indexed_classes(self._behaviour, engine.model.metamodel))
             with counting(f"states of {self._behaviour.name}") as progress:
+                self._tables = self._tables or Tables(self._behaviour)
                 try:
                     tabular = self._tables.table(engine, keys, progress)
                 except TooManyStates as error:
@@ -268,7 +285,7 @@ class Certifier:
             f"write a measure that needs none in place of `{asked.kind}`, such as `count`, `value` or "
             "`shortest_plan`, or let `[constraints]` keep members smaller"
         )
-        return TooManyStates.again(self._behaviour, message, hint, asked.span())
+        return error.again(self._behaviour, message, hint, asked.span())
 
 
 @dataclass(frozen=True, slots=True)

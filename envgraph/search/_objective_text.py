@@ -26,7 +26,6 @@ from envgraph.search._families import FamilyMeasure, Over
 from envgraph.search._family_measures import (
     ChainTransfer,
     Coverage,
-    Distance,
     Distinct,
     Evenness,
     Fewest,
@@ -127,6 +126,12 @@ def _transfer(call: FamilyCall, context: Context) -> FamilyMeasure:
     return _whole(ChainTransfer)(call, context)
 
 
+def _distance(least: bool) -> FamilyMeasure:
+    from envgraph.search._distances import Distance
+
+    return Distance(least)
+
+
 FAMILY_MEASURES: Final[Mapping[str, FamilyFactory]] = {
     "entropy": _binned(lambda bins: bins),
     "coverage": _binned(Coverage),
@@ -136,8 +141,8 @@ FAMILY_MEASURES: Final[Mapping[str, FamilyFactory]] = {
     "variance": _of_values(Variance()),
     "evenness": _of_values(Evenness()),
     "rising": _of_values(Rising()),
-    "mean_distance": _whole(lambda: Distance(least=False)),
-    "least_distance": _whole(lambda: Distance(least=True)),
+    "mean_distance": _whole(lambda: _distance(least=False)),
+    "least_distance": _whole(lambda: _distance(least=True)),
     "distinct": _whole(Distinct),
     "chain_transfer": _transfer,
 }

@@ -7,11 +7,11 @@ from contextlib import suppress
 from functools import cached_property
 from os import PathLike
 from pathlib import Path
-from typing import Any, Final, Literal, get_args
+from typing import TYPE_CHECKING, Any, Final, Literal, get_args
 
 from envgraph.code import dataclass
 from envgraph.env import About, Explored, ModelView, ObservationKind, Simulator, TooManyStates, model_view
-from envgraph.env.compiled import NotCompiled, Program, has_numba
+from envgraph.env.compiled import NotCompiled, has_numba
 from envgraph.errors import EvaluationError, InvalidArgument
 from envgraph.files import telling
 from envgraph.graph import model_to_json
@@ -20,6 +20,9 @@ from envgraph.search._family import Family, Member, place_of
 from envgraph.search._family_file import kept, open_family
 from envgraph.search._store import dump_json
 from envgraph.search._tables import Record, Tables
+
+if TYPE_CHECKING:
+    from envgraph.env.compiled import Program
 
 Location = str | PathLike[str]
 

@@ -9,7 +9,6 @@ from numbers import Real
 from typing import TYPE_CHECKING, Any, Final, Protocol
 
 from envgraph.code import dataclass
-from envgraph.env.compiled import unaffected
 from envgraph.errors import EvaluationError, with_article
 from envgraph.pattern import (
     Aggregate,
@@ -200,15 +199,13 @@ class Problem:
     order: str | None = None
     target_last: bool = True
     _checks: Sequence[Constraint] = field(init=False, repr=False, compare=False)
-    _open: Sequence[Constraint] = field(init=False, repr=False, compare=False)
+    _open: list[Sequence[Constraint]] = field(default_factory=list, init=False, repr=False, compare=False)
     _judged: dict[int, dict[str, float] | str] = field(
         default_factory=dict, init=False, repr=False, compare=False
     )
 
     def __post_init__(self) -> None:
-        fixed = () if self.engine.events.active else unaffected(self.engine, self.mutations)
         object.__setattr__(self, "_checks", self._joined(()))
-        object.__setattr__(self, "_open", self._joined(fixed))
         if not isinstance(self.diversity, BinnedEntropy | Gini | Variance | _Checked):
             object.__setattr__(self, "diversity", _Checked(self.diversity))
 
@@ -221,6 +218,15 @@ class Problem:
             elif _named(self.engine.library, one.pattern).qualified_name not in fixed:
                 queries.append(one)
         return (*([_Queries.of(self.engine.library, queries)] if queries else ()), *others)
+
+    def _mutable(self) -> Sequence[Constraint]:
+        """Return the constraints that a mutation of a valid model can violate, found once."""
+        if not self._open:
+            from envgraph.env.compiled import unaffected
+
+            fixed = () if self.engine.events.active else unaffected(self.engine, self.mutations)
+            self._open.append(self._joined(fixed))
+        return self._open[0]
 
     def valid(self) -> bool:
         """Whether the model at which the engine stands satisfies every constraint."""
@@ -235,7 +241,7 @@ class Problem:
         if state not in self._judged:
             if len(self._judged) >= MOST_JUDGED:
                 del self._judged[next(iter(self._judged))]
-            self._judged[state] = self._judge(self._open if mutated else self._checks)
+            self._judged[state] = self._judge(self._mutable() if mutated else self._checks)
         return self._judged[state]
 
     def _judge(self, checks: Sequence[Constraint]) -> dict[str, float] | str:

@@ -8,7 +8,7 @@ the initial model, and what leads to them is kept as for any individual.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Final
 
@@ -17,9 +17,8 @@ from numpy.random import Generator, SeedSequence, default_rng
 from envgraph.code import dataclass
 from envgraph.graph import Version
 from envgraph.search._archive import Archive
-from envgraph.search._diversity import BinnedEntropy
-from envgraph.search._evolution import Settings
 from envgraph.search._problem import Problem
+from envgraph.search._settings import SampleSettings, Settings
 from envgraph.search._store import Generation, Individual, RunStore, Trace
 from envgraph.search._variation import Variation
 
@@ -32,25 +31,6 @@ _REPORTED: Final = 256
 
 REPEATED: Final = "the model was met before"
 """Why a model is turned down that is not worth another look."""
-
-
-@dataclass(frozen=True, slots=True)
-class SampleSettings:
-    """What is to be drawn.
-
-    Attributes:
-        count: members, at least 2, the initial model among them.
-        cover: measures and their bins, which are to have as many members each.
-        best: the measures by which one member is better than another in the same bins; the first counts most.
-        sense: 1 where more of it is better, else -1.
-        attempts: how many models are tried.
-    """
-
-    count: int
-    cover: Sequence[tuple[str, BinnedEntropy]]
-    best: Sequence[str]
-    sense: int
-    attempts: int
 
 
 @dataclass(frozen=True, slots=True)

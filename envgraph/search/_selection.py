@@ -9,16 +9,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import chain, combinations, product
 from math import comb, exp, fsum
-from typing import Protocol
-
-import numpy as np
-from numpy.random import Generator
+from typing import TYPE_CHECKING, Protocol
 
 from envgraph.code import dataclass
 from envgraph.errors import MOST_STEPS, InvalidArgument
 from envgraph.lang import Options, key
 from envgraph.search._diversity import BinnedEntropy, Swaps
 from envgraph.search._families import DIGITS, TIE, Over, Pool
+
+if TYPE_CHECKING:
+    from numpy.random import Generator
 
 
 class ParentSelection(Protocol):
@@ -149,6 +149,8 @@ class SimulatedAnnealing:
 
         `luck < acceptance(-delta, temperature)` solved for delta: all logarithms together take no time.
         """
+        import numpy as np
+
         temperatures = self.initial_temperature * self.cooling_rate ** np.arange(self.rounds)
         with np.errstate(divide="ignore"):  # luck may be 0: then everything is accepted
             lowest: list[float] = (temperatures * np.log(rng.random(self.rounds))).tolist()

@@ -9,7 +9,7 @@ from numpy.random import default_rng
 
 from envgraph.errors import InvalidArgument
 from envgraph.graph import Model
-from envgraph.search._object_facts import described, differing
+from envgraph.search._distances import described, differing
 
 if TYPE_CHECKING:
     from envgraph.search._family import Member

@@ -20,7 +20,6 @@ from typing import TYPE_CHECKING
 from envgraph import __version__
 from envgraph.code import dataclass
 from envgraph.env import Behaviour, Explored, KeyIndex, TooManyStates, read_explored, write_explored
-from envgraph.env.compiled import explored
 from envgraph.errors import InvalidArgument
 from envgraph.files import CACHE_VARIABLE, cache_directory, counting, is_own, replace_file, replacing
 from envgraph.graph import Model, model_to_json
@@ -102,6 +101,8 @@ class Tables:
         Raises:
             TooManyStates: there are too many for a table; that is kept as well, and found out once.
         """
+        from envgraph.env.compiled import explored
+
         name = table_name(domain, behaviour, model, keys)
         drawn = pictures and behaviour.draw is not None
         lasting = not domain.components.function

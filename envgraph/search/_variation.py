@@ -10,13 +10,15 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Sequence
-
-from numpy.random import Generator
+from typing import TYPE_CHECKING
 
 from envgraph.errors import RuleError
 from envgraph.lang import Strength
 from envgraph.search._problem import Problem
 from envgraph.search._store import Trace
+
+if TYPE_CHECKING:
+    from numpy.random import Generator
 
 Step = tuple[str, tuple[int | float | bool | str, ...]]
 

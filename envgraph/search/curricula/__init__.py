@@ -12,7 +12,6 @@ if TYPE_CHECKING:
     from envgraph.search.curricula._climb import (
         CurriculumProgress as CurriculumProgress,
         CurriculumSearch as CurriculumSearch,
-        CurriculumSettings as CurriculumSettings,
     )
     from envgraph.search.curricula._levels import MOST_STATES as MOST_STATES, Level as Level, Levels as Levels
     from envgraph.search.curricula._moves import Moves as Moves
@@ -22,6 +21,7 @@ if TYPE_CHECKING:
         Measured as Measured,
         value_of as value_of,
     )
-    from envgraph.search.curricula._starts import Begin as Begin, Starts as Starts
+    from envgraph.search.curricula._settings import Begin as Begin, CurriculumSettings as CurriculumSettings
+    from envgraph.search.curricula._starts import Starts as Starts
 
 later(globals())

@@ -22,7 +22,8 @@ from envgraph.search.curricula._levels import Level, Levels
 from envgraph.search.curricula._moves import Family, Moves
 from envgraph.search.curricula._objectives import Judged, Learning, value_of
 from envgraph.search.curricula._reverse import GOOD, SIZES, TrainedFamily, reverse_curriculum
-from envgraph.search.curricula._starts import Begin, Origin, Starts
+from envgraph.search.curricula._settings import CurriculumSettings
+from envgraph.search.curricula._starts import Origin, Starts
 
 Scores = NDArray[np.float64]
 Screened = tuple[tuple[tuple[float, ...], float], Family, Origin]
@@ -54,33 +55,6 @@ ENOUGH: Final = 0.99
 """The search for a family that teaches ends at this value by default."""
 NEW_LEARNERS: Final = 500
 """Learners that are trained on the final family, on seeds that the search has not used."""
-
-
-@dataclass(frozen=True, slots=True)
-class CurriculumSettings:
-    """How a family is searched for.
-
-    Attributes:
-        population: members of a family, the target included; at least 2. None: the search chooses if it tries a reverse
-            curriculum, else 6.
-        effort: how long: steps that learners make, where a table that is made counts as 50,000, and so does what an
-            objective that needs fewer makes of some seeds.
-        lanes: families that are improved side by side, until the better half of them goes on.
-        enough: the search ends at this value; None: at the most that the objective can be.
-        demanded: the least diversity of a family; infinity: the largest there is; or None.
-        begin: what the members of the first families are made from, see `Starts`.
-    """
-
-    population: int | None
-    effort: int
-    lanes: int = 4
-    enough: float | None = None
-    demanded: float | None = None
-    begin: Begin = "auto"
-
-    def __post_init__(self) -> None:
-        if (self.population or 2) < 2 or self.effort < 1 or self.lanes < 1:
-            raise InvalidArgument("a search needs two members, a lane, and some effort")
 
 
 @dataclass(slots=True, eq=False)

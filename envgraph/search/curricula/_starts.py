@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterator, Sequence
 from itertools import accumulate
-from typing import Literal
 
 import numpy as np
 from numpy.random import Generator
@@ -23,9 +22,7 @@ from envgraph.search._store import Trace
 from envgraph.search.curricula._episodes import Episode, optimal_episodes
 from envgraph.search.curricula._levels import Level, Levels
 from envgraph.search.curricula._moves import Family, Moves
-
-Begin = Literal["auto", "easing", "episode"]
-"""Names what members of first families are made from: the eased target, an optimal episode, or both ("auto")."""
+from envgraph.search.curricula._settings import Begin
 
 _Step = tuple[Trace, float]
 """The trace from the target to a state, and the value of the state for the diversity; 0 if none is demanded."""

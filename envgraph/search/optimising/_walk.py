@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from time import monotonic
-from typing import Protocol
-
-from numpy.random import Generator
+from typing import TYPE_CHECKING, Protocol
 
 from envgraph.errors import RuleError
 from envgraph.graph import Savepoint
 from envgraph.rewrite import Choice, Engine, Firing, Row
 from envgraph.search.optimising._archive import Archive, Found, Path
 from envgraph.search.optimising._goals import Standing
+
+if TYPE_CHECKING:
+    from numpy.random import Generator
 
 Progress = Callable[[int, str], None]
 """Called with how many moves have been tried, and what is best."""

@@ -42,3 +42,11 @@ def test_files_are_read_and_matched_without_what_is_slow_to_import(code: str) ->
     program = f"import sys; {code}; print(*[name for name in {LATE!r} if name in sys.modules])"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert done.stdout.splitlines()[-1] == ""
+
+
+def test_a_family_is_checked_without_environments_if_no_constraint_plays_them() -> None:
+    late = (*HEAVY, "envgraph.env", "sqlite3")
+    code = "import envgraph.cli as cli; sys.argv = ['envgraph', 'check', 'burning_forest']; assert cli.main() == 0"
+    program = f"import sys; {code}; print(*[name for name in {late!r} if name in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == ""

@@ -137,7 +137,7 @@ def test_live_environments_of_what_is_not_there_are_refused() -> None:
 
 
 def test_too_many_states_for_a_table_are_told_with_a_way_out(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("envgraph.search._tables.explored", limited)
+    monkeypatch.setattr("envgraph.env.compiled.explored", limited)
     with pytest.raises(EvaluationError, match=r"more than 500 states[\s\S]*hint: .*`engine=\"compiled\"`"):
         make_environment("network/diverse.toml", engine="table")
     assert isinstance(make_environment("network/diverse.toml"), CompiledEnv)
@@ -182,7 +182,7 @@ def test_what_is_not_compiled_is_told_or_steps_on_the_live_engine(
         match=r"is not compiled: it has `alap` in a unit \(`grab`\)[\s\S]*unit grab",
     ):
         make_environment(str(tmp_path), engine="compiled")
-    monkeypatch.setattr("envgraph.search._tables.explored", partial(limited, limit=5))
+    monkeypatch.setattr("envgraph.env.compiled.explored", partial(limited, limit=5))
     with pytest.warns(
         UserWarning,
         match=r"it has `alap` in a unit \(`grab`\); it steps on the live engine",

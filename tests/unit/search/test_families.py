@@ -36,10 +36,10 @@ from envgraph.search import (
     resume,
     why_low,
 )
+from envgraph.search._distances import Distance
 from envgraph.search._family_measures import (
     ChainTransfer,
     Coverage,
-    Distance,
     Distinct,
     Evenness,
     Fewest,

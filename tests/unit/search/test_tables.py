@@ -46,7 +46,7 @@ def visited(monkeypatch: pytest.MonkeyPatch) -> list[bool]:
         found.append(pictures)
         return envgraph.env.explore(*arguments, pictures=pictures, **options)  # type: ignore[arg-type]
 
-    monkeypatch.setattr("envgraph.search._tables.explored", explore)
+    monkeypatch.setattr("envgraph.env.compiled.explored", explore)
     return found
 
 
@@ -239,7 +239,7 @@ def test_too_many_states_are_found_out_once(
         visited.append(False)
         raise TooManyStates(behaviour, 7)
 
-    monkeypatch.setattr("envgraph.search._tables.explored", explore)
+    monkeypatch.setattr("envgraph.env.compiled.explored", explore)
     for _ in range(2):
         with pytest.raises(TooManyStates, match="more than 7 states") as refused:
             family.explored(family.members[0])
