@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
+from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from re import sub
 from typing import Any
 
 import numpy as np
 
-from envgraph.env import Behaviour, KeyIndex, Simulator, indexed_classes
+from envgraph.env import Behaviour, KeyIndex, Simulator, Tabular, indexed_classes
 from envgraph.env.compiled import Batch, Program, program_of
 from envgraph.env.compiled._changes import calls_of
 from envgraph.env.compiled._layout import ERROR
@@ -68,6 +70,58 @@ def family_keys(engines: Sequence[Engine], behaviour: Behaviour) -> KeyIndex:
     return keys
 
 
+@dataclass(frozen=True)
+class Corner:
+    """An environment that is run in several ways.
+
+    Attributes:
+        opened: returns a new engine of its model, and its behaviour.
+        members: how many models its family has: this one, and mutants of it.
+        spare: how many new objects a state of its program has space for.
+    """
+
+    opened: Callable[[], tuple[Engine, Behaviour]]
+    members: int = 3
+    spare: int = 12
+
+
+class Family:
+    """Engines of a behaviour, and the programs that are made of them, each when it is first asked for.
+
+    Args:
+        engines: of the members. A program keeps them: nothing else may change their models.
+        spare: how many new objects a state has space for.
+    """
+
+    def __init__(self, engines: Sequence[Engine], behaviour: Behaviour, spare: int = 12) -> None:
+        self.engines = engines
+        self.behaviour = behaviour
+        self.keys = family_keys(engines, behaviour)
+        self._spare = spare
+
+    @cached_property
+    def program(self) -> Program:
+        """The program, run by Python."""
+        return program_of(
+            self.engines[0], self.behaviour, self.engines, self.keys, native=False, spare=self._spare
+        )
+
+    @cached_property
+    def native(self) -> Program:
+        """The same program, compiled by numba."""
+        return replace(self.program, native=True)
+
+    def copies(self) -> list[Engine]:
+        """Return copies of the engines, whose models may change."""
+        return [engine.copy() for engine in self.engines]
+
+
+def family_of(corner: Corner) -> Family:
+    """Return the family of a corner."""
+    engine, behaviour = corner.opened()
+    return Family(mutants(engine, behaviour, corner.members), behaviour, corner.spare)
+
+
 def step_side_by_side(
     engines: Sequence[Engine],
     behaviour: Behaviour,
@@ -77,6 +131,12 @@ def step_side_by_side(
     seed: int = 0,
     spare: int = 12,
 ) -> Program:
+    """Do `step_beside` for engines that have no family yet; return the program."""
+    family = Family([engine.copy() for engine in engines], behaviour, spare)
+    return step_beside(family, steps, native=native, seed=seed)
+
+
+def step_beside(family: Family, steps: int, *, native: bool, seed: int = 0) -> Program:
     """Step all members on both, with random actions; anything that differs is an error of the test.
 
     What each step gives is compared, and whether states that are one are one on both sides; of the states those that
@@ -84,9 +144,8 @@ def step_side_by_side(
 
     Where an episode cannot begin, or something has no space in a state, that is all.
     """
-    keys = family_keys(engines, behaviour)
-    members = [engine.copy() for engine in engines]
-    program = program_of(engines[0], behaviour, members, keys, native=native, spare=spare)
+    engines, behaviour, keys = family.copies(), family.behaviour, family.keys
+    program = family.native if native else family.program
     batch = Batch(program, range(len(engines)))
     live = [Remembered(Simulator(engine, behaviour, keys)) for engine in engines]
     same = [SameStates(batch, number, one) for number, one in enumerate(live)]
@@ -184,12 +243,17 @@ def _agree(batch: Batch, error: Exception | None, expected: Iterable[Transition]
         return False
     errors = [one.error for one in expected if one.error]
     assert (error is not None) == bool(errors), f"{said}: {error}, but live {errors}"
-    if errors:  # links have no order, but are listed in the one in which they came
-        found, wanted = (sorted(str(one).splitlines()) for one in (error, errors[-1]))
-        if batch.program.layout.renumbered:  # ids are what the message has of them
-            found, wanted = (sorted(sub("#[0-9]+", "#", line) for line in lines) for lines in (found, wanted))
-        assert found == wanted, said
+    if errors:
+        assert lines_of(error, batch.program) == lines_of(errors[-1], batch.program), said
     return True
+
+
+def lines_of(error: object, program: Program) -> list[str]:
+    """Return the lines of an error, sorted: links have no order, but are listed in the one in which they came."""
+    text = str(error)
+    if program.layout.renumbered:  # ids are what the message has of them
+        text = sub("#[0-9]+", "#", text)
+    return sorted(text.splitlines())
 
 
 def assert_same_state(batch: Batch, number: int, simulator: Simulator) -> None:
@@ -203,6 +267,18 @@ def assert_same_state(batch: Batch, number: int, simulator: Simulator) -> None:
         else:
             assert facts_of(twin.engine.model) ^ facts == set()
             assert twin.turn == simulator.turn
+
+
+def assert_equal_tables(found: Tabular, wanted: Tabular) -> None:
+    """Check a table, and that it is the other one, number by number."""
+    found.check()
+    for name in Tabular.__slots__:
+        one, other = getattr(found, name), getattr(wanted, name)
+        if isinstance(other, np.ndarray):
+            assert one.dtype == other.dtype, name
+            assert np.array_equal(one, other), name
+        else:
+            assert one == other, name
 
 
 def facts_of(model: Model) -> set[tuple[object, ...]]:

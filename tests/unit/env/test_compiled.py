@@ -1,8 +1,9 @@
-"""A compiled environment does what the live one does, bit by bit."""
+"""Compiled environments with Gymnasium's interface: they do what tables and live ones do, bit by bit."""
 
 from __future__ import annotations
 
 from copy import deepcopy
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -12,62 +13,12 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
-from envgraph.env import EnvgraphLiveEnv, EnvgraphVectorEnv, Simulator, explore
-from envgraph.env.compiled import CompiledEnv, CompiledVectorEnv, program_of
+from envgraph.env import EnvgraphLiveEnv, EnvgraphVectorEnv, Simulator, Tabular, explore
+from envgraph.env.compiled import CompiledEnv, CompiledVectorEnv, has_numba, program_of
 from envgraph.env.compiled._native import _native
 from tests.profile import NIGHTLY
-from tests.unit.env.side_by_side import (
-    BUNDLED,
-    EXTRA,
-    family_keys,
-    mutants,
-    opened,
-    step_side_by_side,
-)
-
-STEPS = 20_000 if NIGHTLY else 5_000
-"""Of each of six members."""
-
-MODELS = {
-    "keydoor": BUNDLED / "keydoor/two_rooms.model",
-    "burning_forest": BUNDLED / "burning_forest/target_8x8.model",
-    "network": BUNDLED / "network/backbone.model",
-    "warehouse": BUNDLED / "warehouse/small_hall.model",
-    "sokoban": EXTRA / "sokoban/small.model",
-    "sokoban2": EXTRA / "sokoban2/small.model",
-    "wildfire": EXTRA / "wildfire/wild.model",
-}
-
-OTHERS = {
-    "jobshop": BUNDLED / "jobshop/three_jobs.model",
-    "lava": BUNDLED / "lava/vault.model",
-    "pushing": BUNDLED / "sokoban/small.model",
-    "taxi": BUNDLED / "taxi/town.model",
-    "triage": BUNDLED / "triage/friday.model",
-}
-ALL = MODELS | OTHERS
-
-VARIED = ("warehouse", "wildfire")
-"""Hardly a state comes again, so each step is one of the live engine: by day there are fewer."""
-
-
-def domain(model: Path) -> list[Path]:
-    """A model with the behaviour beside it."""
-    return [model, *model.parent.glob("*.environment")]
-
-
-@pytest.mark.parametrize("name", ALL)
-def test_it_steps_as_the_live_engine_does(name: str) -> None:
-    pytest.importorskip("numba")
-    engine, behaviour = opened(*domain(ALL[name]))
-    steps = STEPS // 10 if name in VARIED and not NIGHTLY else STEPS
-    step_side_by_side(mutants(engine, behaviour, 6), behaviour, steps, native=True)
-
-
-@pytest.mark.parametrize("name", ALL if NIGHTLY else ("burning_forest", *VARIED))
-def test_without_numba_it_steps_the_same(name: str) -> None:
-    engine, behaviour = opened(*domain(ALL[name]))
-    step_side_by_side(mutants(engine, behaviour, 6), behaviour, 200, native=False)
+from tests.unit.env.corners.domains import CORNERS, MODELS, files
+from tests.unit.env.side_by_side import Family, family_of, opened
 
 
 def same(one: Any, other: Any) -> bool:
@@ -80,17 +31,21 @@ def same(one: Any, other: Any) -> bool:
     return bool(np.array_equal(one, other))
 
 
+@cache
+def fires() -> tuple[Family, list[Tabular]]:
+    """Return a family of forests, and their tables."""
+    family = family_of(CORNERS["burning_forest"])
+    copies = family.copies()
+    return family, [explore(one, family.behaviour, family.keys).tabular for one in copies]
+
+
 @pytest.mark.parametrize("observation", ["index", "multi"])
 @pytest.mark.parametrize("mode", list(AutoresetMode))
 def test_many_at_once_do_what_tables_do(mode: AutoresetMode, observation: Any) -> None:
-    engine, behaviour = opened(*domain(MODELS["burning_forest"]))
-    engines = mutants(engine, behaviour, 3)
-    keys = family_keys(engines, behaviour)
+    family, tables = fires()
     options: dict[str, Any] = {"max_episode_steps": 9, "autoreset_mode": mode, "observation": observation}
-    tables = [explore(each, behaviour, keys).tabular for each in engines]
     table = EnvgraphVectorEnv(tables, 7, **options)
-    program = program_of(engine, behaviour, engines, keys, native=False)
-    compiled = CompiledVectorEnv(program, 7, **options)
+    compiled = CompiledVectorEnv(family.program, 7, **options)
     assert compiled.action_space == table.action_space
     assert compiled.observation_space == table.observation_space
     actions = np.random.default_rng(0)
@@ -106,7 +61,7 @@ def test_many_at_once_do_what_tables_do(mode: AutoresetMode, observation: Any) -
 
 
 def test_many_with_streams_of_their_own_do_what_single_live_environments_do() -> None:
-    engine, behaviour = opened(*domain(MODELS["warehouse"]))
+    engine, behaviour = opened(*files(MODELS["warehouse"]))
     program = program_of(engine.copy(), behaviour, native=False)
     make = lambda: gymnasium.wrappers.TimeLimit(EnvgraphLiveEnv(Simulator(engine.copy(), behaviour)), 20)  # noqa: E731
     live = SyncVectorEnv([make] * 3)
@@ -120,7 +75,7 @@ def test_many_with_streams_of_their_own_do_what_single_live_environments_do() ->
 
 @pytest.mark.parametrize("observation", ["index", "multi"])
 def test_one_does_what_a_live_environment_does(observation: Any) -> None:
-    engine, behaviour = opened(*domain(MODELS["network"]))
+    engine, behaviour = opened(*files(MODELS["network"]))
     live = EnvgraphLiveEnv(Simulator(engine.copy(), behaviour), observation=observation, render_mode="ansi")
     program = program_of(engine, behaviour, native=False)
     compiled = CompiledEnv(program, observation=observation, render_mode="ansi")
@@ -137,16 +92,13 @@ def test_one_does_what_a_live_environment_does(observation: Any) -> None:
 
 
 def test_it_passes_the_checks_of_gymnasium() -> None:
-    engine, behaviour = opened(*domain(MODELS["keydoor"]))
+    engine, behaviour = opened(*files(MODELS["keydoor"]))
     check_env(CompiledEnv(program_of(engine, behaviour, native=False)), skip_render_check=True)
 
 
-@pytest.mark.parametrize("native", [False, True], ids=["python", "numba"])
-def test_copies_go_on_alike_and_by_themselves(native: bool) -> None:
-    if native:
-        pytest.importorskip("numba")
-    engine, behaviour = opened(*domain(MODELS["warehouse"]))
-    program = program_of(engine, behaviour, native=native)
+def test_copies_go_on_alike_and_by_themselves() -> None:
+    family = family_of(CORNERS["warehouse"])
+    program = family.native if NIGHTLY and has_numba() else family.program
     many = CompiledVectorEnv(program, 3, max_episode_steps=15)
     one = CompiledEnv(program)
     actions = np.random.default_rng(0).integers(len(program.action_names), size=(60, 3))

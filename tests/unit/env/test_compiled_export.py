@@ -5,17 +5,18 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from envgraph.env.compiled import CompiledVectorEnv, Program, export, program_of
+from envgraph.env.compiled import CompiledVectorEnv, Program, export
 from envgraph.errors import InvalidArgument
-from tests.unit.env.side_by_side import BUNDLED, family_keys, mutants, opened
+from tests.unit.env.corners.yard import Yard
+from tests.unit.env.side_by_side import family_of
 
-FOLDER = BUNDLED / "warehouse"
 STEPPING = """
 import sys
 sys.modules["envgraph"] = None  # type: ignore[assignment]
@@ -67,10 +68,27 @@ np.savez("found.npz", *found)
 """
 
 
-def program(native: bool) -> Program:
-    engine, behaviour = opened(FOLDER / "small_hall.model", *FOLDER.glob("*.environment"))
-    engines = mutants(engine, behaviour, 3)
-    return program_of(engine, behaviour, engines, family_keys(engines, behaviour), native=native)
+RULES = """
+rule go(m : Man, way : Way) { lhs { m -at-> s : Spot; find step(s, way, t); } modify { set m.at = t; } }
+rule tire(m : Man) { lhs { check m.hunger > 0; } modify { set m.hunger -= 1; set m.power = m.power * 0.7; } }
+"""
+TURNS = """
+agent m : Man {
+    action go(way : Way) = 0.8: go(m, way) reward m.power
+    action rest = nothing() reward 0.1
+    each step apply 0.4: tire(m)
+    observe m.at among Spot or none
+    observe m.hunger in 0..3
+}
+on find hungry(_) terminate failure
+"""
+MEN = Yard(RULES, TURNS, "pattern hungry(m : Man) { Man.hunger(m, 0); }", head="")
+
+
+@cache
+def program() -> Program:
+    """Return a program of three members, in which men take turns: numba compiles it in a second."""
+    return family_of(MEN).program
 
 
 def wanted(made: Program) -> list[Any]:
@@ -98,8 +116,8 @@ def wanted(made: Program) -> list[Any]:
 def test_a_package_steps_where_there_is_no_envgraph(tmp_path: Path, runs: str) -> None:
     if runs == "numba":
         pytest.importorskip("numba")
-    made = program(native=False)
-    export(made, tmp_path / "halls", name="Warehouse", members=["E1", "E2", "E3"], limit=100)
+    made = program()
+    export(made, tmp_path / "halls", name="Men", members=["E1", "E2", "E3"], limit=100)
     ran = subprocess.run(
         [sys.executable, "-c", STEPPING, runs], cwd=tmp_path, capture_output=True, text=True, check=False
     )
@@ -119,7 +137,7 @@ def test_package_runs_without_a_place_for_machine_code(
 ) -> None:
     """A package that cannot be written, of a user who has no home, and with numba switched off."""
     pytest.importorskip("numba")
-    export(program(native=False), tmp_path / "halls", name="W", members=["E1", "E2", "E3"], limit=100)
+    export(program(), tmp_path / "halls", name="W", members=["E1", "E2", "E3"], limit=100)
     (tmp_path / "file").write_text("")
     (tmp_path / "halls").chmod(0o500)
     script = "import halls; halls.Environments(2).reset(seed=0); print(halls._program().NATIVE)"
@@ -137,8 +155,8 @@ def test_package_runs_without_a_place_for_machine_code(
 
 
 def test_what_cannot_be_a_package_is_refused(tmp_path: Path) -> None:
-    made = program(native=False)
-    given: dict[str, Any] = {"name": "Warehouse", "members": ["E1", "E2", "E3"], "limit": None}
+    made = program()
+    given: dict[str, Any] = {"name": "Men", "members": ["E1", "E2", "E3"], "limit": None}
     with pytest.raises(InvalidArgument, match="`my-halls` cannot be imported"):
         export(made, tmp_path / "my-halls", **given)
     export(made, tmp_path / "halls", **given)

@@ -9,7 +9,7 @@ from unittest.mock import Mock
 import numpy as np
 import pytest
 
-from envgraph.env import Behaviour, KeyIndex, Tabular, TooManyStates, explore, indexed_classes
+from envgraph.env import Behaviour, KeyIndex, TooManyStates, explore, indexed_classes
 from envgraph.env.compiled import (
     Batch,
     NotCompiled,
@@ -18,13 +18,15 @@ from envgraph.env.compiled import (
     Tables,
     enumerated,
     explored,
+    has_numba,
     program_of,
 )
 from envgraph.errors import EvaluationError
 from envgraph.rewrite import Engine
 from tests.profile import NIGHTLY
-from tests.unit.env.side_by_side import BUNDLED, family_keys, mutants, opened
-from tests.unit.env.test_compiled_corners import Corner, written
+from tests.unit.env.corners.domains import files
+from tests.unit.env.corners.yard import Yard
+from tests.unit.env.side_by_side import BUNDLED, Corner, assert_equal_tables, family_of, opened
 
 MODELS = {
     "keydoor": BUNDLED / "keydoor/two_rooms.model",
@@ -32,36 +34,14 @@ MODELS = {
 }
 
 
-def assert_equal_tables(found: Tabular, wanted: Tabular) -> None:
-    found.check()
-    for name in Tabular.__slots__:
-        one, other = getattr(found, name), getattr(wanted, name)
-        if isinstance(other, np.ndarray):
-            assert one.dtype == other.dtype, name
-            assert np.array_equal(one, other), name
-        else:
-            assert one == other, name
-
-
-def domain(model: Path) -> list[Path]:
-    return [model, *model.parent.glob("*.environment")]
-
-
-CASES = [(name, False) for name in MODELS] + [(name, True) for name in (MODELS if NIGHTLY else ["keydoor"])]
-"""By numba, too: that takes seconds for each domain."""
-
-
-@pytest.mark.parametrize(("name", "native"), CASES)
-def test_the_table_is_that_of_the_live_engine(name: str, native: bool) -> None:
-    if native:
-        pytest.importorskip("numba")
-    engine, behaviour = opened(*domain(MODELS[name]))
-    engines = mutants(engine, behaviour, 3)
-    keys = family_keys(engines, behaviour)
-    wanted = [explore(each, behaviour, keys).tabular for each in engines]
-    program = program_of(engine, behaviour, engines, keys, native=native)
-    for number, table in enumerate(wanted):
-        assert_equal_tables(enumerated(program, number), table)
+@pytest.mark.parametrize("name", MODELS)
+def test_the_table_is_that_of_the_live_engine(name: str) -> None:
+    family = family_of(Corner(partial(opened, *files(MODELS[name]))))
+    for number, engine in enumerate(family.copies()):
+        wanted = explore(engine, family.behaviour, family.keys).tabular
+        assert_equal_tables(enumerated(family.program, number), wanted)
+        if NIGHTLY and has_numba():
+            assert_equal_tables(enumerated(family.native, number), wanted)
 
 
 def die(directory: Path) -> tuple[Engine, Behaviour]:
@@ -159,7 +139,7 @@ def test_pictures_of_states_that_a_program_visits_are_those_of_the_live_engine(
     name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("numba")
-    engine, behaviour = opened(*domain(MODELS[name]))
+    engine, behaviour = opened(*files(MODELS[name]))
     wanted = explore(engine, behaviour, pictures=True)
     monkeypatch.setattr("envgraph.env.compiled._enumeration.FEW_OUTCOMES", 1)
     in_python = Mock(side_effect=partial(program_of, native=False))
@@ -180,7 +160,7 @@ def test_tables_of_many_models_of_one_engine_are_made_by_one_program(monkeypatch
         return program_of(*arguments, **options, native=False)  # type: ignore[arg-type]
 
     monkeypatch.setattr("envgraph.env.compiled._enumeration.program_of", counted)
-    engine, behaviour = opened(*domain(MODELS["burning_forest"]))
+    engine, behaviour = opened(*files(MODELS["burning_forest"]))
     tables, rng = Tables(behaviour), np.random.default_rng(0)
     rules = [name for name in engine.rules if "retypings" in name]
     for number in range(12):
@@ -263,11 +243,11 @@ def test_an_object_without_an_index_that_a_step_leads_to_is_named(tmp_path: Path
         enumerated(program_of(engine, behaviour, keys=keys, native=False))
 
 
-def test_zero_is_one_value_whatever_its_sign(tmp_path: Path) -> None:
+def test_zero_is_one_value_whatever_its_sign() -> None:
     turn = "rule turn { lhs { i : Item; check i.id == 1; } modify { set i.weight = i.weight * -1.0; } }"
     zero = "rule zero { lhs { i : Item; check i.id == 1; } modify { set i.weight = 0.0; } }"
     actions = "action turn = turn()\naction zero = zero()\nobserve adam.kind"
-    engine, behaviour = written(tmp_path, Corner(f"{turn}\n{zero}", actions))
+    engine, behaviour = Yard(f"{turn}\n{zero}", actions).opened()
     table = enumerated(program_of(engine, behaviour, native=False))
     assert_equal_tables(table, explore(engine, behaviour).tabular)
     assert table.n_states == 3

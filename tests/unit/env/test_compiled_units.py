@@ -1,16 +1,16 @@
-"""Units that have nothing to undo: compiled, in tables and live they do the same."""
+"""Units that have nothing to undo, as the one action of Sokoban and in tables; others are among the corners."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 import numpy as np
-import pytest
 
 from envgraph.env import explore
 from envgraph.env.compiled import enumerated, program_of
+from tests.unit.env.corners.units import QUERY, RULES
+from tests.unit.env.corners.yard import Yard
 from tests.unit.env.side_by_side import EXTRA, mutants, opened, step_side_by_side
-from tests.unit.env.test_compiled_corners import STEPS, Corner, refusal, written
 
 SOKOBAN = EXTRA / "sokoban2"
 GO = "unit go(worker : Worker, way : Way) { walk(worker, way) | push(worker, way); }\n"
@@ -31,216 +31,11 @@ def sokoban(folder: Path) -> tuple[Path, Path]:
 
 def test_sokoban_of_one_unit_does_what_the_live_one_does(tmp_path: Path) -> None:
     engine, behaviour = opened(*sokoban(tmp_path))
-    program = step_side_by_side(mutants(engine, behaviour, 3), behaviour, STEPS, native=False)
+    program = step_side_by_side(mutants(engine, behaviour, 3), behaviour, 100, native=False)
     assert program.action_names == ("go(west)", "go(south)", "go(east)", "go(north)")
 
 
-RULES = """
-@weight(3.0) rule up(s : Spot) { lhs { s : Spot; check s.n < 2; } modify { set s.n += 1; } }
-rule down(s : Spot) { lhs { s : Spot; check s.n > 0; } modify { set s.n -= 1; } }
-@weight(0.3) rule light { lhs { s : Spot; check s.lit == false; } modify { set s.lit = true; } }
-@weight(0.1) rule dark { lhs { s : Spot; check s.lit; check s.x > 0; } modify { set s.lit = false; } }
-@priority(2) rule urgent { lhs { s : Spot; check s.lit; check s.n > 1; } modify { set s.n = 0; } }
-rule go(i : Item, s : Spot) { lhs { i : Item; s : Spot; i -at-> t : Spot; t != s; } modify { set i.at = s; } }
-rule eat(m : Man, by : int) { lhs { m : Man; check m.hunger >= by; } modify { set m.hunger = m.hunger - by; } }
-rule fast(m : Man, by : float) { lhs { m : Man; check m.power < by; } modify { set m.power = by; } }
-rule read(m : Man, out tag : string, out s : Spot) {
-    lhs { m -at-> s : Spot; Spot.tag(s, tag); } modify { set m.hunger = 5; }
-}
-@semantics(spo) rule dig { lhs { s : Spot; check s.x > 1; } modify { delete s; } }
-rule sink(s : Spot) { lhs { s : Spot; neg Pit(s); } modify { retype s : Pit; } }
-rule flat(s : Pit) { lhs { s : Pit; } modify { retype s : Spot; } }
-"""
-QUERY = """
-pattern at(i : Item, s : Spot) { Item.at(i, s); }
-pattern low(s : Spot) { Spot.n(s, 0); }
-"""
-SEEN = (
-    "observe count find low(_) up to 5\nobserve adam.at among Spot or none\nobserve count find lit(_) up to 5"
-)
-LIT = "pattern lit(s : Spot) { Spot.lit(s, true); }"
-
-CORNERS = {
-    "alternatives by weight and by priority": Corner(
-        RULES
-        + """
-        unit any { light | dark | urgent; }
-        unit all3(s : Spot) { up(s) | down(s) | { light; } | { dark; }; }
-        unit one(s : Spot) { down(s); }
-        unit nested(s : Spot) { one(s) | any; }
-        """,
-        f"""
-        action any = any() reward 1 else reward -1
-        action three(s : Spot) = all3(s) reward 2
-        action nested(s : Spot) = 0.7: nested(s) | 0.2: any() reward 3
-        each step apply 0.3: any()
-        on find lit(s) reward s.x apply 0.2: nested(s)
-        on find at(i1, s) apply one(s)
-        on reset apply any()
-        {SEEN}
-        """,
-        QUERY + LIT,
-        head="adam : Man, i1 : Item",
-    ),
-    "attempts and conditions": Corner(
-        RULES
-        + """
-        unit attempt(i : Item, s : Spot) { try { go(i, s); } else { up(s); } }
-        unit gently(s : Spot) { try { down(s); } }
-        unit asked(i : Item, s : Spot) {
-            if find at(i, s) { light; }
-            else { if neg find low(s) { down(s); } else { if check s.n == 0 { go(i, s); } } }
-        }
-        unit checked(m : Man, s : Spot) {
-            if check 6 / m.hunger > s.n || s.n > 5 { eat(m, s.n); }
-            else { if check s.maybe > 3 { up(s); } else { dark; } }
-        }
-        unit whole(i : Item, s : Spot) { atomic { go(i, s); } }
-        unit then(i : Item, s : Spot) { go(i, s); try { up(s); } if find low(s) { try { light; } } try { dark; } }
-        unit nothing { }
-        """,
-        f"""
-        action attempt(i : Item, s : Spot) = attempt(i, s) reward 1 else reward -1
-        action gently(s : Spot) = gently(s) reward 2 else reward -2
-        action asked(i : Item, s : Spot) = asked(i, s) reward 3 else reward -3
-        action checked(m : Man, s : Spot) = checked(m, s) reward 4 else reward -4
-        action whole(s : Spot) = whole(i1, s) reward 5 else reward -5
-        action then(s : Spot) = then(i1, s) reward 6 else reward -6
-        action nothing = nothing() reward 7 else reward -7
-        {SEEN}
-        """,
-        QUERY + LIT,
-        head="adam : Man, i1 : Item",
-    ),
-    "arguments and outputs": Corner(
-        RULES
-        + """
-        unit read1(m : Man, out tag : string) { read(m, tag, _); }
-        unit read2(m : Man, out t : string, out s : Spot) { read(m, t, s); try { up(s); } }
-        unit read3(m : Man, out t : string) { read1(m, t); try { light; } }
-        unit same(m : Man, s : Spot) { read(m, _, s); }
-        unit there(i : Item) { go(i, i.at.east); }
-        unit eats(m : Man, s : Spot) { eat(m, 6 / s.n) | eat(m, s.maybe); }
-        unit hurry(m : Man, s : Spot, by : int) { fast(m, by + s.f); }
-        unit free(i : Item) { go(i, _); }
-        """,
-        f"""
-        action read1(m : Man) = read1(m, t) reward t == "a" ? 1 : 2
-        action read2(m : Man) = read2(m, t, s) reward t == "a" ? s.x + 0.5 : -1.0
-        action read3(m : Man) = read3(m, t) reward t == "b" ? 1 : 2 else reward -1
-        action same(s : Spot) = same(adam, s) reward 1
-        action there(i : Item) = there(i) reward 1
-        action eats(s : Spot) = 0.1: eats(adam, s) reward 1
-        action hurry(s : Spot, by : 0..3) = hurry(adam, s, by) reward 1
-        action free(i : Item) = free(i) reward 1
-        each step apply 0.3: light() | 0.3: dark()
-        {SEEN}
-        """,
-        QUERY + LIT,
-        head="adam : Man, i1 : Item",
-    ),
-    "rules that are refused at some matches": Corner(
-        RULES
-        + """
-        rule enter(s : Spot, out who : Man) { lhs { who : Man; s : Spot; }
-            modify { set who.hunger = s.x; set who.at = s; } }
-        rule stuff(m : Man) { lhs { m : Man; i : Item; } modify { move i to m.bag; set m.hunger += 1; } }
-        rule box { lhs { y : Yard -items-> i : Item; b : Box; } modify { move i to b.item; } }
-        rule unbox { lhs { y : Yard; b : Box -item-> i : Item; } modify { move i to y.items; } }
-        rule empty { lhs { y : Yard; m : Man -bag-> i : Item; } modify { move i to y.items; } }
-        rule lose { lhs { i : Item; check i.id > 2; } modify { delete i; } }
-        rule find1 { lhs { y : Yard; most == max Item.id(_, #); n == count Item(_); check n < 6; }
-            modify { create y -items-> i : Item { id = most + 1 }; } }
-        unit come(s : Spot, out who : Man) { enter(s, who); }
-        unit visit(s : Spot) { come(s, m); try { up(s); }
-            if find at(_, s) { try { light; } } else { try { stuff(m) | dark; } } }
-        rule grab(m : Man) { lhs { m : Man; y : Yard -items-> i : Item; }
-            modify { set m.hunger += 1; move i to m.bag; } }
-        unit grasp(m : Man) { grab(m); }
-        unit reach(m : Man, s : Spot) { grasp(m) | down(s); }
-        unit pack { box | unbox; }
-        unit fill(m : Man) { try { stuff(m); } else { empty; } }
-        unit either(m : Man, s : Spot) { stuff(m) | { box; } | down(s); }
-        unit late(m : Man) { stuff(m) | light; }
-        unit gone { try { lose; } else { find1; } }
-        unit more(m : Man, s : Spot) { either(m, s) | fill(m); }
-        """,
-        f"""
-        action visit(s : Spot) = visit(s) reward 1 else reward -1
-        action reach(m : Man) = 0.9: reach(m, m.at) | 0.1: grasp(m) reward 9 else reward -9
-        action pack = pack() reward 2 else reward -2
-        action fill(m : Man) = fill(m) reward 3 else reward -3
-        action either(s : Spot) = either(adam, s) reward 4 else reward -4
-        action late(m : Man) = late(m) reward 5 else reward -5
-        action gone = 0.5: gone() reward 6
-        action more(m : Man) = 0.5: more(m, m.at) reward 7
-        action come(s : Spot) = come(s, who) reward who.hunger
-        observe m.at among Spot or none for m : Man
-        observe count find inside(_) up to 5
-        {SEEN}
-        """,
-        QUERY + LIT + "\npattern inside(i : Item) { Box.item(_, i); } or { Man.bag(_, i); }",
-        head="adam : Man, i1 : Item",
-    ),
-    "objects that come and go": Corner(
-        RULES
-        + """
-        unit change(s : Spot) { sink(s) | { try { down(s); } } }
-        unit deep(s : Pit) { flat(s); try { up(s); } }
-        unit gone(s : Spot) { dig; try { up(s); } if find low(s) { try { light; } } else { try { dark; } } }
-        unit later(s : Spot) { try { sink(s); } if neg find low(s) { try { down(s); } } }
-        """,
-        """
-        action change(s : Spot) = change(s) reward 1 else reward -1
-        action deep(s : Pit) = deep(s) reward 2 else reward -2
-        action gone(s : Spot) = 0.2: gone(s) reward 3
-        action later(s : Spot) = later(s) reward 4 else reward -4
-        action up(s : Spot) = up(s)
-        on find pit(s) reward 0.1 apply 0.3: deep(s)
-        observe count find pit(_) up to 4
-        observe count find low(_) up to 5
-        """,
-        QUERY + "pattern pit(s : Pit) { Pit(s); }",
-        head="",
-    ),
-}
-
-
-@pytest.mark.parametrize("name", CORNERS)
-def test_units_without_anything_to_undo_do_what_they_do_live(name: str, tmp_path: Path) -> None:
-    engine, behaviour = written(tmp_path, CORNERS[name])
-    step_side_by_side(mutants(engine, behaviour, 4), behaviour, STEPS, native=False)
-
-
-REFUSED = {
-    "up(s); [[down(s)]];": "a step of a unit that may fail after others (`wrong`)",
-    "[[alap { up(s); }]]": "`alap` in a unit (`wrong`)",
-    "[[repeat 2 { up(s); }]]": "`repeat` in a unit (`wrong`)",
-    "[[all up]];": "`all` in a unit (`wrong`)",
-    "up(s) | { [[light where check s.x > 1]]; }": "`where` in a unit (`wrong`)",
-    "[[if up(s) { down(s); }]]": "an `if` in a unit that asks whether a rule can be applied (`wrong`)",
-    "[[climb]];": "the group `climb` in a unit",
-    "try { [[wrong(s)]]; } else { up(s); }": "the unit `wrong`, which calls itself",
-    "[[meet]] | up(s);": "matches in a unit that may contradict each other (`yard.meet`)",
-    "[[flatten(s)]];": "an object that a unit takes as one of another class (`flatten`)",
-}
-OTHERS = """
-derive climb = retype among { Spot, Pit };
-rule meet { lhs { y : Yard; } forall { lhs { m : Man; s : Spot; } modify { set m.at = s; } } modify { } }
-unit flatten(s : Pit) { flat(s); }
-"""
-
-
-@pytest.mark.parametrize("body", REFUSED)
-def test_what_units_have_and_is_not_compiled_is_named_with_its_place(body: str, tmp_path: Path) -> None:
-    unit = f"unit wrong(s : Spot) {{ {body.replace('[[', '').replace(']]', '')} }}"
-    found = refusal(tmp_path, Corner(RULES + OTHERS + unit, "action wrong(s : Spot) = wrong(s)", QUERY))
-    assert found.construct == REFUSED[body]
-    assert found.span is not None
-    assert found.span.text.rstrip(";").strip() == body.partition("[[")[2].partition("]]")[0]
-
-
-def test_a_table_of_a_program_with_units_is_that_of_the_live_engine(tmp_path: Path) -> None:
+def test_a_table_of_a_program_with_units_is_that_of_the_live_engine() -> None:
     behaviour = """
     action any = any() reward 1 else reward -1
     action go(s : Spot) = 0.5: attempt(i1, s)
@@ -248,7 +43,7 @@ def test_a_table_of_a_program_with_units_is_that_of_the_live_engine(tmp_path: Pa
     observe i1.at among Spot or none
     """
     units = "unit any { light | dark; } unit attempt(i : Item, s : Spot) { try { go(i, s); } else { any; } }"
-    engine, found = written(tmp_path, Corner(RULES + units, behaviour, QUERY, head="i1 : Item"))
+    engine, found = Yard(RULES + units, behaviour, QUERY, head="i1 : Item").opened()
     mine, other = enumerated(program_of(engine, found, native=False)), explore(engine, found).tabular
     for name in ("probability", "next_state", "reward", "allowed"):
         np.testing.assert_array_equal(getattr(mine, name), getattr(other, name))

@@ -11,7 +11,7 @@ from envgraph.env.compiled import enumerated, program_of
 from envgraph.errors import InvalidArgument
 from envgraph.rewrite import Engine
 from tests.unit.env.coins import QUERY, RULES, loaded
-from tests.unit.env.side_by_side import family_keys, step_side_by_side
+from tests.unit.env.side_by_side import Corner, family_keys, step_side_by_side
 
 ACTIONS = """
 action take(coin : Coin) = grab(hand, coin, _)
@@ -73,7 +73,9 @@ def test_tables_and_compiled_programs_see_the_same() -> None:
     assert len(set(table.observation.tolist())) < table.n_states / 4, "many states look alike"
     compiled = enumerated(program_of(engine, behaviour, native=False))
     assert compiled.observation.tolist() == table.observation.tolist()
-    step_side_by_side([engine], behaviour, 80, native=False)
+
+
+CORNERS = {"what is seen now and then": Corner(hands, members=1)}
 
 
 def test_an_object_that_a_member_lacks_is_not_out_of_sight() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from itertools import product
 
 import numpy as np
@@ -10,8 +11,8 @@ import pytest
 from envgraph.env import EnvgraphEnv, EnvgraphLiveEnv, EnvgraphVectorEnv, KeyIndex, Simulator, explore
 from envgraph.env.compiled import CompiledVectorEnv, PlanSearch, enumerated, guided, program_of
 from envgraph.errors import EvaluationError, LoadError, ResolutionError
-from tests.unit.env.coins import PARAMETERS, loaded, sides, simulator
-from tests.unit.env.side_by_side import mutants, step_side_by_side
+from tests.unit.env.coins import loaded, sides, simulator
+from tests.unit.env.side_by_side import Corner
 from tests.unit.env.test_agents import HALLS, Hall, State, opened
 
 
@@ -253,25 +254,23 @@ BUSY = """
 SAFE = BUSY.replace("action lose = lose(coin)", "")
 
 
-@pytest.mark.parametrize(
-    "text", [BUSY, SAFE, COINS + "each step reward 7.0"], ids=["going", "staying", "coins"]
-)
-def test_it_steps_as_the_live_engine_does(text: str) -> None:
-    parameters = "hand : Hand, a : Coin" if "stack" in text else PARAMETERS
-    engine, behaviour = loaded(text, parameters)
-    step_side_by_side([engine, engine.copy()], behaviour, 120, native=False)
-
-
-@pytest.mark.parametrize("hall", HALLS, ids=lambda hall: "/".join(hall.rows))
-def test_robots_of_several_members_step_as_on_the_live_engine(hall: Hall) -> None:
-    engine, behaviour = opened(hall.text(), together=True)
-    step_side_by_side(mutants(engine, behaviour, 2), behaviour, 150, native=False)
-
-
-def test_agents_that_go_are_passed_over_by_turns() -> None:
-    text = BUSY.replace("agents together", "")
-    engine, behaviour = loaded(text, "hand : Hand, a : Coin")
-    step_side_by_side([engine, engine.copy()], behaviour, 120, native=False)
+A_COIN = "hand : Hand, a : Coin"
+CORNERS = {
+    "agents together, some of which go": Corner(partial(loaded, BUSY, A_COIN), members=1),
+    "agents together": Corner(partial(loaded, SAFE, A_COIN), members=1),
+    "agents together, and a reward of all": Corner(
+        partial(loaded, COINS + "each step reward 7.0"), members=1
+    ),
+    "agents by turns, some of which go": Corner(
+        partial(loaded, BUSY.replace("agents together", ""), A_COIN), members=1
+    ),
+    **{
+        f"robots together in {'/'.join(hall.rows)}": Corner(
+            partial(opened, hall.text(), together=True), members=2
+        )
+        for hall in HALLS
+    },
+}
 
 
 def test_a_program_names_actions_and_components_and_lists_all_states() -> None:

@@ -16,7 +16,7 @@ from envgraph.rewrite import Engine
 from envgraph.solve import certify, value_iteration
 from envgraph.solve.learning import Backend, TrainingSettings, train_curriculum
 from tests.unit.env.coins import QUERY, loaded
-from tests.unit.env.side_by_side import step_side_by_side
+from tests.unit.env.side_by_side import Corner
 
 LATE = "pattern late(hand : Hand) { Hand.moves(hand, moves); check(moves >= 3); }\n"
 CLOCK = """
@@ -70,9 +70,7 @@ def test_tables_say_what_is_truncated_and_go_no_further() -> None:
     assert compiled.terminated.tolist() == table.terminated.tolist()
 
 
-def test_steps_of_compiled_environments_are_those_of_the_live_one() -> None:
-    engine, behaviour = clock()
-    step_side_by_side([engine], behaviour, 60, native=False)
+CORNERS = {"episodes that a behaviour truncates": Corner(clock)}
 
 
 @pytest.mark.parametrize("mode", AutoresetMode)

@@ -1,14 +1,8 @@
-"""Rules with blocks, and those whose match does not tell what they change: compiled beside the live engine."""
+"""Rules with blocks, and those whose match does not tell what they change."""
 
 from __future__ import annotations
 
-from pathlib import Path
-
-import pytest
-
-from tests.profile import AT_NIGHT
-from tests.unit.env.side_by_side import mutants, step_side_by_side
-from tests.unit.env.test_compiled_corners import STEPS, Corner, refusal, written
+from tests.unit.env.corners.yard import Yard
 
 SEEN = """
 pattern any(i : Item) { Item(i); }
@@ -25,8 +19,10 @@ GO = "rule go(m : Man, way : Way) { lhs { m -at-> s : Spot; find step(s, way, t)
 FORGET = "rule forget { lhs { m : Man -wants-> i : Item; } modify { set m.wants = none; } }\n"
 
 
-def corner(rules: str, actions: str) -> Corner:
-    return Corner(GO + FORGET + rules, "action go(way : Way) = go(adam, way)\n" + actions + LOOK, SEEN)
+def corner(rules: str, actions: str) -> Yard:
+    """A corner with some rules that leave their matches to blocks, among others."""
+    head = "action go(way : Way) = go(adam, way)\n"
+    return Yard(GO + FORGET + rules, head + actions + LOOK, SEEN, spare=40)
 
 
 CORNERS = {
@@ -150,25 +146,12 @@ CORNERS = {
     ),
 }
 
-
-@pytest.mark.parametrize("name", CORNERS)
-def test_it_steps_as_the_live_engine_does(name: str, tmp_path: Path) -> None:
-    engine, behaviour = written(tmp_path, CORNERS[name])
-    step_side_by_side(mutants(engine, behaviour, 3), behaviour, STEPS, native=False, spare=40)
-
-
-@AT_NIGHT
-def test_compiled_by_numba_too(tmp_path: Path) -> None:
-    pytest.importorskip("numba")
-    engine, behaviour = written(tmp_path, CORNERS["each makes one"])
-    step_side_by_side(mutants(engine, behaviour, 4), behaviour, 4 * STEPS, native=True, spare=40)
-
-
-def test_sums_of_floats_whose_order_shows_are_refused(tmp_path: Path) -> None:
-    rule = """
-        rule add { lhs { y : Yard; } forall { lhs { i : Item; } modify { set i.weight += 0.1; } }
-            forall { lhs { i : Item; } modify { set i.weight += 0.7; } } modify { } }
+REFUSED = {
+    "`Item.weight` in several blocks of a rule": Yard(
         """
-    refused = refusal(tmp_path, Corner(rule, "action add = add()\nobserve adam.kind"))
-    assert refused.construct == "`Item.weight` in several blocks of a rule"
-    assert "yard.rules" in str(refused.span)
+        rule add { lhs { y : Yard; } forall { lhs { i : Item; } modify { set i.weight += 0.1; } }
+            forall { [[lhs]] { i : Item; } modify { set i.weight += 0.7; } } modify { } }
+        """,
+        "action add = add()\nobserve adam.kind",
+    ),
+}

@@ -1,0 +1,136 @@
+"""Containers: what is put into them, and goes with them."""
+
+from __future__ import annotations
+
+from tests.unit.env.corners.yard import Yard, wrong
+
+CORNERS = {
+    "things that are in one container, and in another": Yard(
+        """
+        rule put { lhs { b : Box; i : Item; } modify { create b -item-> i; } }
+        rule keep(m : Man) { lhs { m : Man; i : Item; } modify { create m -bag-> i; } }
+        rule lose { lhs { m : Man -bag-> i : Item; } modify { delete m -bag-> i; } }
+        """,
+        """
+        action put = put() reward 1
+        action keep(m : Man) = keep(m) reward 2
+        action lose = lose() reward 4
+        observe count find kept(_, _) up to 9
+        """,
+        "pattern kept(m : Man, i : Item) { Man.bag(m, i); }",
+    ),
+    "containers that are set": Yard(
+        """
+        rule put(i : Item) { lhs { b : Box; i : Item; check b.size < 5; } modify { set b.item = i; } }
+        rule empty { lhs { b : Box; } modify { set b.item = none; set b.size += 1; } }
+        rule take { lhs { b : Box; m : Man; } modify { set b.item = m.wants; } }
+        rule bag { lhs { m : Man; i : Item; } modify { create m -bag-> i; } }
+        rule inside { lhs { b : Box; c : Box; } modify { set c.outer = b; } }
+        rule out { lhs { b : Box; } modify { set b.outer = none; } }
+        rule crate { lhs { b : Box; c : Box; check b.size > 1; } modify { set c.lid = b; } }
+        rule lid { lhs { b : Box; c : Box; } modify { set c.under = b.outer; } }
+        rule want(m : Man) { lhs { m : Man; i : Item; } modify { set m.wants = i; } }
+        """,
+        """
+        action put(i : Item) = put(i) reward 1
+        action empty = empty() reward 2
+        action take = take() reward 3
+        action bag = 0.2: bag() reward 4
+        action inside = inside() reward 5
+        action out = out() reward 6
+        action crate = crate() reward 7
+        action lid = lid() reward 8
+        action want(m : Man) = want(m)
+        on find within(_, c) reward c.size * 0.1
+        on find packed(i) reward i.weight
+        on find over(_, c) reward c.size
+        observe count find within(_, _) up to 9
+        observe count find packed(_) up to 5
+        """,
+        """
+        pattern within(b : Box, c : Box) { Box.inner(b, c); }
+        pattern packed(i : Item) { Box.item(_, i); }
+        pattern over(b : Box, c : Box) { Box.lid(b, c); }
+        """,
+        head="",
+    ),
+    "containers that go with what they contain": Yard(
+        """
+        rule smash { lhs { b : Box; } modify { delete b; } }
+        @semantics(spo) rule burn { lhs { b : Box; check b.size > 1; } modify { delete b; } }
+        rule pack { lhs { b : Box; i : Item; neg Box.item(b, _); } modify { move i to b.item; } }
+        rule nest { lhs { b : Box; c : Box; } modify { move c to b.inner; } }
+        rule inside { lhs { b : Box -item-> i : Item; c : Box; } modify { delete b; set c.size += 1; } }
+        @semantics(spo) rule rob { lhs { b : Box -item-> i : Item; } modify { delete b; set i.weight = 2.0; } }
+        rule out { lhs { b : Box -inner-> c : Box; y : Yard; } modify { move c to y.boxes; } }
+        rule like { lhs { b : Box; s : Spot; neg Box.likes(b, s); } modify { create b -likes-> s; } }
+        @semantics(spo) rule sweep { lhs { y : Yard; }
+            forall { lhs { b : Box; check b.size > 2; } modify { delete b; } } modify { } }
+        @semantics(spo) rule kill(m : Man) { lhs { m : Man; check m.hunger < 3; } modify { delete m; } }
+        rule both { lhs { b : Box; i : Item; } modify { delete i; delete b; } }
+        rule two { lhs { b : Box; c : Box; } modify { delete b; delete c; } }
+        rule wrap { lhs { y : Yard; b : Box; }
+            modify { create y -boxes-> c : Box { size = 1 }; move b to c.inner; } }
+        """,
+        """
+        action smash = 0.3: smash() reward 1
+        action burn = 0.3: burn() reward 2
+        action pack = pack() reward 3
+        action nest = nest() reward 4
+        action inside = 0.3: inside() reward 5
+        action rob = 0.3: rob() reward 6
+        action out = out() reward 7
+        action like = 0.3: like() reward 8
+        action sweep = 0.2: sweep() reward 9
+        action kill(m : Man) = 0.1: kill(m)
+        action wrap = wrap() reward 0.5
+        action both = 0.1: both() | 0.1: two() reward 11
+        on find within(_, c) reward c.size * 0.1
+        on find packed(i) reward i.weight
+        observe count find within(_, _) up to 9
+        observe count find packed(_) up to 5
+        """,
+        """
+        pattern within(b : Box, c : Box) { Box.inner(b, c); }
+        pattern packed(i : Item) { Box.item(_, i); }
+        """,
+        head="",
+    ),
+    "moves between containers": Yard(
+        """
+        rule grab(m : Man) { lhs { m -at-> s : Spot <-at- i : Item; } modify { set i.at = none; move i to m.bag; } }
+        rule drop(m : Man) {
+            lhs { y : Yard; m -at-> s : Spot; m -bag-> i : Item; }
+            modify { move i to y.items; set i.at = s; }
+        }
+        rule pack(m : Man) { lhs { m -bag-> i : Item; b : Box; neg Box.item(b, _); } modify { move i to b.item; } }
+        rule swap { lhs { b : Box -item-> i : Item; m : Man -bag-> j : Item; }
+            modify { move i to m.bag; move j to b.item; } }
+        rule again(m : Man) { lhs { m -bag-> i : Item; } modify { move i to m.bag; } }
+        """,
+        """
+        action grab(m : Man) = grab(m) reward 1 else reward -1
+        action drop(m : Man) = drop(m) reward 1 else reward -1
+        action pack(m : Man) = pack(m) reward 1 else reward -1
+        action swap = swap() reward 3
+        action again(m : Man) = again(m) reward 3
+        on find loaded(m, n) reward n * 0.1 + m.hunger
+        on find boxed(b, i) reward i.weight * b.size
+        observe count find held(_) up to 5
+        """,
+        """
+        pattern loaded(m : Man, n : int) { Man(m); n == count Man.bag(m, _); }
+        pattern boxed(b : Box, i : Item) { Box.item(b, i); }
+        pattern held(i : Item) { Man.bag(_, i); }
+        """,
+    ),
+}
+
+REFUSED = {
+    "containers that blocks delete beside their contents": wrong(
+        "lhs { y : Yard; } forall { lhs { b : Box; i : Item; } modify { delete [[b]]; delete i; } } modify { }"
+    ),
+    "containers that are set among others (`Box.item`)": wrong(
+        "lhs { b : Box; i : Item; } modify { [[set b.item = i;]] set i.pair = i; }"
+    ),
+}
