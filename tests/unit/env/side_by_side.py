@@ -22,11 +22,12 @@ from envgraph.graph import Model
 from envgraph.lang import load_workspace
 from envgraph.metamodel import Reference
 from envgraph.rewrite import Engine
+from tests.profile import NIGHTLY
 from tests.unit.env.remembered import Remembered, State, Transition
 
 REPOSITORY = Path(__file__).parents[3]
 BUNDLED = REPOSITORY / "rules"
-CLOSELY = 40
+CLOSELY = 40 if NIGHTLY else 20
 """States of which all are compared cell by cell."""
 MASKED = 500
 """Actions of which all masks are compared: of many agents that act together there may be some ten thousand."""

@@ -52,7 +52,7 @@ CORNERS = (
 
 STEPS = 6_000 if NIGHTLY else 300
 """Of all members together; by numba there are four times as many."""
-LIMIT = 2_000 if NIGHTLY else 100
+LIMIT = 2_000 if NIGHTLY else 60
 """States of a table, and outcomes of an action; of more, all that is compared is that there are more."""
 
 
@@ -83,7 +83,7 @@ def table(family: Family, *, native: bool = False) -> None:
             few.setattr(f"envgraph.env.{name}", LIMIT)
         for name in ("TOLD", "OUTCOMES"):
             few.setattr(f"envgraph.env.compiled._enumeration.{name}", 20 * LIMIT)
-        for number, engine in enumerate(family.copies()):
+        for number, engine in enumerate(family.engines):
             found = tried(partial(enumerated, program, number, limit=LIMIT))
             known = partial(explore, engine, family.behaviour, family.keys, limit=LIMIT, outcomes=20 * LIMIT)
             wanted = tried(lambda: known().tabular)  # noqa: B023
