@@ -9,7 +9,7 @@ from tests.profile import examples
 from tests.unit.env.side_by_side import step_side_by_side
 
 
-@settings(max_examples=examples(8))
+@settings(max_examples=examples(5))
 @given(st.integers(0, 2**48))
 @example(72)  # a reward reads a feature that a parameter has lost with its class, in the same step
 def test_a_compiled_environment_does_what_the_live_one_does(seed: int) -> None:

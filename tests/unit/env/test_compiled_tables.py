@@ -159,7 +159,7 @@ def test_tables_of_many_models_of_one_engine_are_made_by_one_program(monkeypatch
         written.append(arguments)
         return program_of(*arguments, **options, native=False)  # type: ignore[arg-type]
 
-    monkeypatch.setattr("envgraph.env.compiled._enumeration.program_of", counted)
+    monkeypatch.setattr("envgraph.env.compiled._program.program_of", counted)
     engine, behaviour = opened(*files(MODELS["burning_forest"]))
     tables, rng = Tables(behaviour), np.random.default_rng(0)
     rules = [name for name in engine.rules if "retypings" in name]
@@ -172,7 +172,7 @@ def test_tables_of_many_models_of_one_engine_are_made_by_one_program(monkeypatch
             if engine.exists(name):
                 engine.apply(name)
         assert len(written) <= number + 1
-    assert len(written) < 4
+    assert 1 <= len(written) < 4
 
 
 def test_what_a_program_has_no_space_for_is_visited_by_the_live_engine(
@@ -202,7 +202,10 @@ def test_what_a_program_has_no_space_for_is_visited_by_the_live_engine(
     with pytest.raises(NotCompiled, match="32 bits"):
         Plans(behaviour).plan(engine)
     monkeypatch.setattr("envgraph.env.compiled._enumeration.FEW", 3)
+    in_python = Mock(side_effect=partial(program_of, native=False))
+    monkeypatch.setattr("envgraph.env.compiled._enumeration.program_of", in_python)
     assert_equal_tables(explored(engine, behaviour).tabular, wanted)
+    in_python.assert_called_once()
     batch = Batch(program_of(engine, behaviour, native=False), [0])
     batch.reset(np.ones(1, dtype=np.bool_))
     with pytest.raises(

@@ -64,11 +64,14 @@ def ends_after(engine: Engine, behaviour: Behaviour, plan: Plan) -> int:
     return 0
 
 
-@pytest.mark.parametrize("name", ["keydoor/two_rooms", "warehouse/small_hall", "network/backbone"])
+@pytest.mark.parametrize(
+    "name", ["keydoor/two_rooms", "hall", "network/backbone", *(["warehouse/small_hall"] if NIGHTLY else [])]
+)
 def test_a_plan_is_gone_along_on_the_engine(name: str) -> None:
-    folder, model = name.split("/")
+    folder, _, model = name.partition("/")
     files = BUNDLED / folder / f"{model}.model", BUNDLED / folder / f"{folder}.environment"
-    engine, behaviour = opened(*files)
+    small = test_agents.Hall(["..d."], [(0, 0), (3, 0)], 9, [(0, 0)])
+    engine, behaviour = opened(*files) if model else test_agents.opened(small.text())
     before, plans = engine.model.state_hash(), Plans(behaviour)
     plan, states = plans.plan(engine), list[int]()
     following: set[int] = set()
@@ -217,7 +220,7 @@ def test_plans_of_many_models_of_one_engine_are_found_by_one_program(monkeypatch
 
     def counted(*arguments: Any, **options: Any) -> Program:
         written.append(arguments)
-        return program_of(*arguments, **options)
+        return program_of(*arguments, **options, native=NIGHTLY and has_numba())
 
     monkeypatch.setattr(_program, "program_of", counted)
     monkeypatch.setattr(_planning, "SEARCHES_OF_PYTHON", 6)

@@ -15,6 +15,7 @@ from envgraph.env.compiled import CompiledEnv, CompiledVectorEnv, enumerated, pr
 from envgraph.rewrite import Engine
 from envgraph.solve import certify, value_iteration
 from envgraph.solve.learning import Backend, TrainingSettings, train_curriculum
+from tests.profile import NIGHTLY
 from tests.unit.env.coins import QUERY, loaded
 from tests.unit.env.side_by_side import Corner
 
@@ -104,6 +105,7 @@ def test_a_truncated_episode_has_its_return_and_no_success() -> None:
     assert known.optimal_return == 8.0, "the last coin is turned in the third step, and termination wins"
 
 
+AGENTS = "q_learning", "sarsa", "expected_sarsa"
 LOOP = """
 action wait = nothing()
 each step reward 1.0
@@ -112,8 +114,13 @@ observe hand.moves in 0..3
 """
 
 
-@pytest.mark.parametrize("agent", ["q_learning", "sarsa", "expected_sarsa"])
-@pytest.mark.parametrize("backend", ["python", "numba"])
+@pytest.mark.parametrize(
+    ("backend", "agent"),
+    [
+        *(("python", agent) for agent in AGENTS),
+        *(("numba", agent) for agent in (AGENTS if NIGHTLY else AGENTS[:1])),
+    ],
+)
 def test_learners_bootstrap_where_an_episode_is_truncated(
     agent: Literal["q_learning", "sarsa", "expected_sarsa"], backend: Backend
 ) -> None:
