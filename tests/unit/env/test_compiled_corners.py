@@ -158,10 +158,10 @@ def vector(program: Program, **options: Any) -> CompiledVectorEnv:
 
 def stepped(many: Any, program: Program, rounds: int) -> tuple[list[Any], Exception | None]:
     """Return all results of a reset and some rounds of random actions, and the error that ended them."""
-    actions = np.random.default_rng(0)
-    seen, infos = many.reset(seed=4)
-    found = [seen]
+    actions, found = np.random.default_rng(0), list[Any]()
     try:
+        seen, infos = many.reset(seed=4)
+        found.append(seen)
         for _ in range(rounds):
             found += [
                 infos["step"],
