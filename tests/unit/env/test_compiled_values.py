@@ -6,12 +6,11 @@ from math import fsum
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from envgraph.env import KeyIndex, Simulator
 from envgraph.env.compiled import Batch, program_of
-from envgraph.env.compiled._kernels import add_exactly, sum_exactly
+from envgraph.env.compiled.kernels import add_exactly, sum_exactly
 from envgraph.errors import EvaluationError
 from tests.unit.env.corners.classes import GO, GONE
 from tests.unit.env.corners.yard import MODEL, Yard
