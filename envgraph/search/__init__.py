@@ -106,10 +106,7 @@ if TYPE_CHECKING:
         random_families as random_families,
     )
     from envgraph.search._rewards import reward_schedule as reward_schedule
-    from envgraph.search._samples import (
-        SampleProgress as SampleProgress,
-        Sampler as Sampler,
-    )
+    from envgraph.search._samples import SampleProgress as SampleProgress, Sampler as Sampler
     from envgraph.search._sampling import Sampling as Sampling
     from envgraph.search._selection import (
         BeamSearch as BeamSearch,

@@ -9,13 +9,7 @@ from typing import TYPE_CHECKING, TypeVar, cast, get_args
 
 from envgraph.behaviour import Behaviour, KeyIndex, indexed_classes
 from envgraph.code import dataclass
-from envgraph.errors import (
-    Diagnostic,
-    LoadError,
-    Source,
-    has_errors,
-    sort_diagnostics,
-)
+from envgraph.errors import Diagnostic, LoadError, Source, has_errors, sort_diagnostics
 from envgraph.graph import Model, model_from_json, model_to_json
 from envgraph.lang import (
     EXPRESSIONS,
@@ -42,10 +36,7 @@ from envgraph.search._diversity import BinnedEntropy, Statistic
 from envgraph.search._initial import check_initial
 from envgraph.search._objective import Objective
 from envgraph.search._objective_text import read_objective
-from envgraph.search._problem import (
-    IndividualMeasure,
-    Problem,
-)
+from envgraph.search._problem import IndividualMeasure, Problem
 from envgraph.search._selection import ExactSelection, SurvivorSelection
 from envgraph.search._settings import SampleSettings, Settings
 from envgraph.search.curricula import Begin, CurriculumSettings

@@ -30,14 +30,7 @@ from envgraph.env.registration import MAKE_VECTOR_ENVIRONMENT
 from envgraph.env.schedules import Schedule, named_schedule
 from envgraph.errors import InvalidArgument, check_known
 from envgraph.search._family import Family, run_file
-from envgraph.search._opened import (
-    ENGINES,
-    EngineKind,
-    Location,
-    Opened,
-    OpenedMembers,
-    open_member_family,
-)
+from envgraph.search._opened import ENGINES, EngineKind, Location, Opened, OpenedMembers, open_member_family
 from envgraph.search._tables import Record
 
 if TYPE_CHECKING:

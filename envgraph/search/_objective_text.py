@@ -23,15 +23,7 @@ from envgraph.pattern import (
 from envgraph.search._diversity import BinnedEntropy, Gini, Statistic, Variance
 from envgraph.search._expressed import checked_expression, parsed_expression, within
 from envgraph.search._families import FamilyMeasure, Over
-from envgraph.search._family_measures import (
-    ChainTransfer,
-    Coverage,
-    Distinct,
-    Evenness,
-    Fewest,
-    Most,
-    Rising,
-)
+from envgraph.search._family_measures import ChainTransfer, Coverage, Distinct, Evenness, Fewest, Most, Rising
 from envgraph.search._objective import Condition, Objective, Term
 
 if TYPE_CHECKING:

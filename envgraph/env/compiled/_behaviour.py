@@ -6,25 +6,14 @@ from collections.abc import Sequence
 from typing import Final
 
 from envgraph import code
-from envgraph.behaviour import (
-    Behaviour,
-    KeyIndex,
-    indexed_classes,
-    key_attributes,
-)
+from envgraph.behaviour import Behaviour, KeyIndex, indexed_classes, key_attributes
 from envgraph.code import dataclass
 from envgraph.env.compiled._changes import Changes, StaticPatterns, plans_of
 from envgraph.env.compiled._clauses import ACTION, Clauses
 from envgraph.env.compiled._facts import Facts, Module
 from envgraph.env.compiled._inlining import inlined
 from envgraph.env.compiled._joint import Joint
-from envgraph.env.compiled._layout import (
-    STATE,
-    ZERO,
-    L,
-    Layout,
-    call,
-)
+from envgraph.env.compiled._layout import STATE, ZERO, L, Layout, call
 from envgraph.env.compiled._matching import Matching
 from envgraph.env.compiled._observations import SEEN
 from envgraph.env.compiled._refused import NotCompiled

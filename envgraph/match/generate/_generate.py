@@ -29,26 +29,13 @@ from envgraph.match.generate._sinks import (
     folding,
     row,
 )
-from envgraph.match.generate._symbols import (
-    Bounded,
-    Builtin,
-    ClosureQuestion,
-    Column,
-    Mode,
-    Valued,
-    closed,
-)
+from envgraph.match.generate._symbols import Bounded, Builtin, ClosureQuestion, Column, Mode, Valued, closed
 from envgraph.match.generate._value_joins import Side, ValueJoin, value_join
 from envgraph.match.generate._write import Module, local
 from envgraph.match.plan._distinct import Distinct, distinct_places
 from envgraph.match.plan._plan import Kind, Plan, Step
 from envgraph.match.plan._planner import Planner, determined
-from envgraph.match.plan._sharing import (
-    alike_by,
-    join_of,
-    mentioned,
-    shared_searches,
-)
+from envgraph.match.plan._sharing import alike_by, join_of, mentioned, shared_searches
 from envgraph.pattern import (
     Absence,
     AggregateAtom,

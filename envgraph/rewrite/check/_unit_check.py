@@ -54,12 +54,7 @@ from envgraph.pattern import (
     value_hint,
 )
 from envgraph.rewrite._names import Directory, Signature, Taken
-from envgraph.rewrite.check._header import (
-    check_annotations,
-    check_weight,
-    duplicate_parameters,
-    plain,
-)
+from envgraph.rewrite.check._header import check_annotations, check_weight, duplicate_parameters, plain
 from envgraph.rewrite.check._variables import is_named, mentioned, parameter_for
 
 UNIT_ANNOTATIONS = ("priority", "weight")
