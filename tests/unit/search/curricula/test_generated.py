@@ -32,7 +32,7 @@ from envgraph.solve.learning import TrainingSettings, train_curriculum
 from tests.profile import AT_NIGHT
 
 FILE = str(data_path("rules", "burning_forest", "teaching.toml"))
-SHORT = ["objective.effort=8_000_000", "objective.steps=300", "objective.lanes=2"]
+SHORT = ["objective.effort=3_000_000", "objective.steps=300", "objective.lanes=2"]
 needs_numba = pytest.mark.skipif(
     find_spec("numba") is None, reason="numba, the extra `fast`, is not installed"
 )
@@ -258,7 +258,7 @@ def test_a_diversity_that_no_family_has_is_not_demanded(
 @needs_numba
 def test_a_family_is_stored_whole_or_not_at_all(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A run that ends at any commit of its store is gone on with, and comes to the same."""
-    overrides = [*SHORT, "objective.effort=3_000_000", "search.population=3"]
+    overrides = [*SHORT, "search.population=3"]
     whole = generate(FILE, tmp_path / "whole.sqlite", overrides=overrides)
     kept: dict[str, Callable[..., None]] = {
         "set": RunStore.set,
@@ -290,7 +290,7 @@ def test_a_family_is_stored_whole_or_not_at_all(tmp_path: Path, monkeypatch: pyt
 @needs_numba
 def test_a_family_that_was_searched_for_has_no_more_generations(tmp_path: Path) -> None:
     path = tmp_path / "run.sqlite"
-    generate(FILE, path, overrides=[*SHORT, "objective.effort=3_000_000", "search.population=3"])
+    generate(FILE, path, overrides=[*SHORT, "search.population=3"])
     with pytest.raises(InvalidArgument, match="has an objective, and no generations"):
         resume(path, generations=7)
     with RunStore.open(path) as store:

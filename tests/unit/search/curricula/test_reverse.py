@@ -20,21 +20,21 @@ pytestmark = pytest.mark.skipif(
 )
 
 
-def small(tmp_path: Path, *more: str) -> str:
+def small(tmp_path: Path, *more: str, effort: int = 50_000_000) -> str:
     """Write the family file of the small forest."""
     folder = tmp_path / "domain"
     folder.mkdir()
     for file in data_path("rules", "burning_forest").iterdir():
         if file.is_file():
             (folder / file.name).write_bytes(file.read_bytes())
-    text = """
+    text = f"""
     name = "Small"
     model = "running_4x4.model"
     environment = "burning_forest.environment"
     constraints.require = ["solvable", "truckOnStart"]
-    measures.fires = { kind = "count", of = "burningTile" }
-    diversity = { kind = "binned_entropy", of = "fires", range = [0, 8] }
-    objective = { kind = "learning", effort = 50_000_000 }
+    measures.fires = {{ kind = "count", of = "burningTile" }}
+    diversity = {{ kind = "binned_entropy", of = "fires", range = [0, 8] }}
+    objective = {{ kind = "learning", effort = {effort} }}
     mutation.rules = ["retypings"]
     """
     file = folder / "small.toml"
@@ -54,7 +54,7 @@ def test_steps_and_members_that_no_file_names_are_chosen(tmp_path: Path) -> None
     tables = [family.explored(member).tabular for member in family.members]
     settings = TrainingSettings.from_spec(training, limit=family.limit)
     steps = [training.steps_per_environment] * len(tables)
-    rngs = [np.random.default_rng(seed) for seed in range(60)]
+    rngs = [np.random.default_rng(seed) for seed in range(30)]
     trained = [train_curriculum(tables, settings, rng, steps=steps).q for rng in rngs]
     solved = [evaluate(q, tables[-1], 1, settings.limit, rngs[0]).success_rate for q in trained]
     assert np.mean(solved) > 0.9
@@ -104,7 +104,8 @@ def test_fewer_members_are_tried_first_and_states_lie_equally_far_apart(tmp_path
 def test_a_family_that_teaches_little_is_told(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    file = small(tmp_path, "training.steps_per_environment = 2", "search.population = 3")
+    few = ("training.steps_per_environment = 2", "search.population = 3")
+    file = small(tmp_path, *few, effort=3_000_000)
     place = ("--name", "little", "--directory", str(tmp_path))
     monkeypatch.setattr("sys.argv", ["envgraph", "generate", file, *place, "--require", "0.9"])
     assert main() == 1
@@ -135,7 +136,7 @@ def test_a_family_that_is_not_good_has_the_success_of_new_learners(
     """The success by which it was chosen is that of the luckiest of many families on few seeds."""
     monkeypatch.setattr(Learning, "success", lambda self, family, seeds: 0.5 if len(seeds) == 8 else 0.25)
     few = ("training.steps_per_environment = 2", "search.population = 3")
-    family = generate(small(tmp_path, *few), tmp_path / "run.sqlite")
+    family = generate(small(tmp_path, *few, effort=3_000_000), tmp_path / "run.sqlite")
     assert family.value == 0.25
 
 
@@ -146,7 +147,7 @@ def test_constraints_of_the_target_are_named_whatever_the_members_are_made_from(
     monkeypatch.setattr(Starts, "reversed_episodes", lambda self, size: iter(()))
     monkeypatch.setattr(Starts, "origin", lambda self, rng: eased)
     steps = ("training.steps_per_environment = 300", "search.population = 3")
-    family = generate(small(tmp_path, *steps), tmp_path / "run.sqlite")
+    family = generate(small(tmp_path, *steps, effort=3_000_000), tmp_path / "run.sqlite")
     with RunStore.open(tmp_path / "run.sqlite") as store:
         sentences = describe_search(family, store)
     assert sentences[0].startswith("environments before E3 are the target, eased by mutations")
