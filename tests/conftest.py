@@ -6,6 +6,8 @@ import shutil
 import signal
 import tempfile
 from datetime import timedelta
+from hashlib import sha256
+from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, settings
@@ -30,11 +32,14 @@ settings.load_profile("default")
 def pytest_configure(config: pytest.Config) -> None:
     """Ctrl-C can be tested in a job of the background too, where shells have it ignored.
 
-    Tables of states and compiled programs are kept for this run of the tests alone, the next one may be of another
-    version; the processes of a run share them.
+    Tables of states and of grammars are kept for this run of the tests alone, the next one may be of another version;
+    the processes of a run share them.
     """
     if _is_first(config):
         os.environ["ENVGRAPH_CACHE"] = tempfile.mkdtemp(prefix="envgraph-cache-")
+        by_day = not config.getoption("--hypothesis-profile")  # the programs of a night are new ones
+        if by_day and hasattr(config, "cache"):  # else `-p no:cacheprovider`
+            _keep_machine_code(config.cache.mkdir("machine-code"))
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
 
@@ -49,6 +54,21 @@ def pytest_unconfigure(config: pytest.Config) -> None:
     """Nothing is left behind."""
     if _is_first(config):
         shutil.rmtree(os.environ["ENVGRAPH_CACHE"], ignore_errors=True)
+
+
+def _keep_machine_code(folder: Path) -> None:
+    """Let the next run load what this one compiles, unless what compiles is changed; `--cache-clear` deletes it.
+
+    Machine code is found by the text that it was compiled from, and by the version of numba. What is found by less than
+    that, such as the options for numba, is in the files whose checksum names the directory.
+    """
+    compiling = sorted((Path(__file__).parents[1] / "envgraph" / "env" / "compiled").glob("*.py"))
+    version = folder / sha256(b"".join(file.read_bytes() for file in compiling)).hexdigest()[:32]
+    for other in folder.iterdir():
+        if other != version:
+            shutil.rmtree(other, ignore_errors=True)
+    version.mkdir(exist_ok=True)
+    Path(os.environ["ENVGRAPH_CACHE"], "programs").symlink_to(version)
 
 
 def _is_first(config: pytest.Config) -> bool:
