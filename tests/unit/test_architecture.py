@@ -6,6 +6,7 @@ import ast
 import re
 import runpy
 from collections.abc import Iterator
+from functools import cache
 from importlib import import_module
 from pathlib import Path
 
@@ -23,6 +24,12 @@ def test_the_picture_of_the_rooms_is_that_of_the_import_contract() -> None:
     assert drawn == (ROOT / "docs" / "rooms.svg").read_text("utf-8"), "run python docs/rooms.py"
 
 
+@cache
+def syntax_tree(path: Path) -> ast.Module:
+    """Return the syntax tree of a module."""
+    return ast.parse(path.read_text("utf-8"))
+
+
 def imports(tree: ast.AST) -> Iterator[ast.ImportFrom]:
     """Those anywhere in a module, but for what annotations alone need."""
     for child in ast.iter_child_nodes(tree):
@@ -35,9 +42,7 @@ def imports(tree: ast.AST) -> Iterator[ast.ImportFrom]:
 def test_no_module_imports_one_that_imports_it() -> None:
     """A name of a package counts as an import of the module that has it, which is loaded when the name is used."""
     trees = {
-        ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): ast.parse(
-            path.read_text("utf-8")
-        )
+        ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): syntax_tree(path)
         for path in sorted((ROOT / "envgraph").rglob("*.py"))
     }
     homes = {
@@ -68,7 +73,7 @@ def test_what_packages_export_is_imported_somewhere_or_told_of_in_the_docs() -> 
     for path in (
         path for room in ("envgraph", "tests", "benchmarks") for path in sorted((ROOT / room).rglob("*.py"))
     ):
-        for each in ast.walk(ast.parse(path.read_text("utf-8"))):
+        for each in ast.walk(syntax_tree(path)):
             if isinstance(each, ast.ImportFrom):
                 used.update(f"{each.module}.{alias.name}" for alias in each.names)
             elif isinstance(each, ast.Attribute) and isinstance(each.value, ast.Name):
@@ -112,7 +117,7 @@ def test_classes_have_few_methods() -> None:
     """Properties and private ones included; what a class takes from a module or a part counts where it is written."""
     found = {}
     for path in sorted((ROOT / "envgraph").rglob("*.py")):
-        for each in ast.walk(ast.parse(path.read_text("utf-8"))):
+        for each in ast.walk(syntax_tree(path)):
             if isinstance(each, ast.ClassDef):
                 methods = {inner.name for inner in each.body if isinstance(inner, ast.FunctionDef)}
                 if len(methods) > MOST_METHODS:

@@ -11,9 +11,10 @@ from tests.profile import NIGHTLY
 
 
 @pytest.fixture(autouse=True)
-def _frozen() -> None:
-    """Freeze what is alive again, as `tests/conftest.py` does: benchmarks unfreeze it, and collect garbage often."""
+def _frozen(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Freeze what is alive, and let no benchmark unfreeze it: they collect garbage often."""
     gc.freeze()
+    monkeypatch.setattr(gc, "unfreeze", lambda: None)
 
 
 @pytest.mark.parametrize("name", available())

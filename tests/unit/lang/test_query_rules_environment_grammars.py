@@ -16,7 +16,7 @@ from envgraph.lang.read._query import read_query
 from envgraph.lang.read._rules import read_rules
 from envgraph.lang.syntax._grammar import grammar
 from envgraph.lang.syntax._parsing import Parsed, parse
-from tests.profile import AT_NIGHT, examples
+from tests.profile import AT_NIGHT, NIGHTLY, examples
 
 SHARED = Path(__file__).parents[2] / "golden" / "shared"
 READERS: dict[str, Callable[[Parsed], "File"]] = {
@@ -140,7 +140,7 @@ def test_random_mistakes_give_diagnostics_and_nothing_else(name: str, data: st.D
         assert str(problem)
 
 
-EVERY = 7
+EVERY = 7 if NIGHTLY else 14
 
 
 @pytest.mark.parametrize("name", TEXTS)

@@ -19,13 +19,14 @@ from envgraph.learn import (
 from envgraph.solve.learning import _q_learning, _training
 from envgraph.solve.learning._settings import Agent, Ties
 from envgraph.solve.learning._training import COMPILING_PAYS, Backend, choose_backend
+from tests.profile import NIGHTLY
 from tests.unit.learn.forest_tables import published_family
 from tests.unit.learn.small_tables import random_table
 
 needs_numba = pytest.mark.skipif(
     find_spec("numba") is None, reason="numba, the extra `fast`, is not installed"
 )
-SETTINGS = TrainingSettings(steps_per_environment=3_000, checkpoint=700, limit=30)
+SETTINGS = TrainingSettings(steps_per_environment=3_000 if NIGHTLY else 1_000, checkpoint=300, limit=30)
 
 
 def trained(tables: list[Tabular], settings: TrainingSettings, backend: Backend, seed: int = 5) -> Training:
