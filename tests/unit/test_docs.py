@@ -297,7 +297,7 @@ def run_shell(block: Block) -> str:
 def shortened(block: Block, words: list[str]) -> list[str]:
     """Return a command with less effort for a search, if its block is a `shorter` one."""
     quick = "shorter" in block.words and words[:2] == ["envgraph", "generate"]
-    return [*words, "--set", "objective.effort=10_000_000"] if quick else words
+    return [*words, "--set", "objective.effort=3_000_000"] if quick else words
 
 
 def run_command(block: Block, words: list[str]) -> str:

@@ -35,7 +35,7 @@ queries = sys.argv[1:]
 for words in [
     ["check", *queries],
     *(
-        ["generate", name, "--generations", "5", "--population", "3", "--seed", "1", "--name", name.partition("/")[0]]
+        ["generate", name, "--generations", "2", "--population", "3", "--seed", "1", "--name", name.partition("/")[0]]
         for name in {FAMILIES}
     ),
 ]:
