@@ -24,8 +24,8 @@ from time import perf_counter, process_time
 from typing import Any, NamedTuple
 from unittest.mock import patch
 
-from envgraph.graph._history import History
-from envgraph.graph._versions import VersionTree
+from envgraph.graph.history._history import History
+from envgraph.graph.history._versions import VersionTree
 from envgraph.lang import bundled_domain
 from envgraph.rewrite import Engine
 from envgraph.search import (

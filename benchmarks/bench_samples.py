@@ -58,7 +58,7 @@ def print_walks(sizes: Sizes) -> None:
     """What the length of walks costs, and how far members are from each other."""
     print(f"\n{'models on a walk':>16}{'microseconds a member':>24}{'tiles that two members differ in':>36}")
     for length in sizes.walks:
-        with patch("envgraph.search._samples.WALK", length):
+        with patch("envgraph.search.evolution._samples.WALK", length):
             seconds, distance = _walked(sizes.forests)
         print(f"{length:16}{seconds / sizes.forests * 1e6:24.0f}{distance:36.1f}", flush=True)
 

@@ -17,35 +17,13 @@
 from typing import TYPE_CHECKING
 
 from envgraph.code import later
-from envgraph.graph import _copying  # noqa: F401, how models are copied
+from envgraph.graph.interchange import _copying  # noqa: F401, how models are copied
 
 if TYPE_CHECKING:
-    from envgraph.graph._conformance import Violation as Violation, check_conformance as check_conformance
-    from envgraph.graph._facts import (
-        ClassFact as ClassFact,
-        Fact as Fact,
-        LinkFact as LinkFact,
-        Listener as Listener,
-        ValueFact as ValueFact,
-    )
-    from envgraph.graph._graph import Graph as Graph
-    from envgraph.graph._history import Savepoint as Savepoint, Shelf as Shelf
-    from envgraph.graph._interrupts import deferred as deferred, guarded as guarded
-    from envgraph.graph._isomorphism import Shapes as Shapes
-    from envgraph.graph._journal import (
-        EXCHANGE as EXCHANGE,
-        IN as IN,
-        OUT as OUT,
-        SET as SET,
-        IndexedSet as IndexedSet,
-    )
-    from envgraph.graph._model import Model as Model
-    from envgraph.graph._node import Node as Node, Targets as Targets, ValueList as ValueList
-    from envgraph.graph._picture import PictureOptions as PictureOptions
-    from envgraph.graph._query_features import Defined as Defined, first_with as first_with
-    from envgraph.graph._relation import Relation as Relation
-    from envgraph.graph._store import Store as Store
-    from envgraph.graph._versions import Version as Version
+    from envgraph.graph.compare._isomorphism import Shapes as Shapes
+    from envgraph.graph.history._history import Savepoint as Savepoint, Shelf as Shelf
+    from envgraph.graph.history._interrupts import deferred as deferred, guarded as guarded
+    from envgraph.graph.history._versions import Version as Version
     from envgraph.graph.interchange._json import (
         JsonPath as JsonPath,
         json_place as json_place,
@@ -62,5 +40,30 @@ if TYPE_CHECKING:
         model_to_xmi as model_to_xmi,
         usual_value as usual_value,
     )
+    from envgraph.graph.model._conformance import (
+        Violation as Violation,
+        check_conformance as check_conformance,
+    )
+    from envgraph.graph.model._graph import Graph as Graph
+    from envgraph.graph.model._model import Model as Model
+    from envgraph.graph.model._node import Node as Node, Targets as Targets, ValueList as ValueList
+    from envgraph.graph.model._picture import PictureOptions as PictureOptions
+    from envgraph.graph.model._query_features import Defined as Defined, first_with as first_with
+    from envgraph.graph.store._facts import (
+        ClassFact as ClassFact,
+        Fact as Fact,
+        LinkFact as LinkFact,
+        Listener as Listener,
+        ValueFact as ValueFact,
+    )
+    from envgraph.graph.store._journal import (
+        EXCHANGE as EXCHANGE,
+        IN as IN,
+        OUT as OUT,
+        SET as SET,
+        IndexedSet as IndexedSet,
+    )
+    from envgraph.graph.store._relation import Relation as Relation
+    from envgraph.graph.store._store import Store as Store
 
 later(globals())

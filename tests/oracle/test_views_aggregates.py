@@ -11,8 +11,8 @@ from envgraph.graph import Model, Store
 from envgraph.lang import from_text
 from envgraph.match import FREE, CompiledMatcher, ViewMatcher
 from envgraph.match._aggregates import aggregate
-from envgraph.match.views import _group_aggregates as _folds
-from envgraph.match.views._running_aggregates import Totals
+from envgraph.match.views.operators import _group_aggregates as _folds
+from envgraph.match.views.operators._running_aggregates import Totals
 from envgraph.metamodel import Attribute, Class, Metamodel, Reference, Scalar
 from envgraph.pattern import Library, Pattern
 from tests.oracle.worlds import Dice

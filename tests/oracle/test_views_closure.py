@@ -12,7 +12,7 @@ from hypothesis import HealthCheck, given, settings, strategies as st
 
 from envgraph.graph import Model
 from envgraph.match import FREE, ViewMatcher
-from envgraph.match.views._closure_operator import ClosureOperator
+from envgraph.match.views.operators._closure import ClosureOperator
 from envgraph.metamodel import Attribute, Class, Metamodel, Reference, Scalar
 from envgraph.pattern import Constant, Library, Pattern
 from tests.oracle.worlds import Dice

@@ -22,16 +22,10 @@ from types import ModuleType
 from envgraph.errors import TransactionError
 from envgraph.graph import Savepoint, Store, Version
 from envgraph.match import FREE, CompiledMatcher, Matcher, ViewMatcher
-from envgraph.match.views import (
-    Subscription,
-    _closure_operator as _reach,
-    _delta,
-    _group_aggregates as _folds,
-    _joins,
-    _kept,
-    _partial_lookup as _agreeing,
-    _sets,
-)
+from envgraph.match.views import Subscription
+from envgraph.match.views.delta import _delta, _joins
+from envgraph.match.views.operators import _closure as _reach, _group_aggregates as _folds, _sets
+from envgraph.match.views.watch import _kept, _partial_lookup as _agreeing
 from tests.oracle.naive._naive import NaiveMatcher
 from tests.oracle.worlds import Dice, World, edit, random_world
 

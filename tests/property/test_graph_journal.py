@@ -5,7 +5,7 @@ from __future__ import annotations
 from hypothesis import given, strategies as st
 
 from envgraph.graph import EXCHANGE, IN, OUT, SET, IndexedSet
-from envgraph.graph._journal import Extent, Journal, invert as _invert, net_changes, take_back
+from envgraph.graph.store._journal import Extent, Journal, invert as _invert, net_changes, take_back
 
 
 class Register:

@@ -7,7 +7,8 @@ from hypothesis import settings, strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
 from envgraph.errors import TransactionError
-from envgraph.graph import Model, Savepoint, Store, Version, _versions
+from envgraph.graph import Model, Savepoint, Store, Version
+from envgraph.graph.history import _versions
 from tests.profile import examples
 from tests.property.snapshots import Shadow, snapshot
 from tests.property.strategies import EDITS, edit, metamodels

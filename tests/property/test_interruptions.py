@@ -11,9 +11,10 @@ from itertools import count
 import pytest
 from hypothesis import settings
 
-from envgraph.graph import Model, Savepoint, Shelf, Store, Version, _versions, model_to_json
+from envgraph.graph import Model, Savepoint, Shelf, Store, Version, model_to_json
+from envgraph.graph.history import _versions
 from envgraph.match import FREE
-from envgraph.match.views import _group_aggregates as _folds
+from envgraph.match.views.operators import _group_aggregates as _folds
 from envgraph.metamodel import Attribute, Metamodel, Scalar
 from envgraph.pattern import Library
 from tests.oracle.naive._naive import NaiveMatcher

@@ -8,9 +8,9 @@ from contextlib import suppress
 from typing import Any
 
 from envgraph.errors import MOST_ERRORS, Diagnostic, EnvgraphError, LoadError, RuleError, Source, name_hint
-from envgraph.graph._model import Model
-from envgraph.graph._refusals import wrong_value
-from envgraph.graph._relation import Ends, Relation
+from envgraph.graph.model._model import Model
+from envgraph.graph.store._relation import Ends, Relation
+from envgraph.graph.write._refusals import wrong_value
 from envgraph.metamodel import (
     LARGEST_INT,
     Attribute,

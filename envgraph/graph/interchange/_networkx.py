@@ -6,8 +6,8 @@ from collections.abc import Hashable
 from typing import TYPE_CHECKING
 
 from envgraph.errors import EnvgraphError, InvalidArgument, RuleError, TypeMismatch, did_you_mean
-from envgraph.graph._model import Model
-from envgraph.graph._refusals import wrong_value
+from envgraph.graph.model._model import Model
+from envgraph.graph.write._refusals import wrong_value
 from envgraph.metamodel import Attribute, Metamodel, Reference, accepts
 
 if TYPE_CHECKING:

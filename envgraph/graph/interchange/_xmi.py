@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 
 from envgraph.errors import InvalidArgument
-from envgraph.graph._model import Model
+from envgraph.graph.model._model import Model
 from envgraph.metamodel import (
     Attribute,
     Class,

@@ -124,7 +124,7 @@ class Program:
         From bound values only what they lead to is computed, call by call. Without any the whole pattern is: then
         rows are derived from what is new, as views do it.
         """
-        from envgraph.match.views._demand import whole_pattern
+        from envgraph.match.views.network._demand import whole_pattern
 
         rows = None if bound else whole_pattern(self, pattern)
         return rows or self._recursion.solver(pattern, bound)

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from envgraph.code import later
 
 if TYPE_CHECKING:
-    from envgraph.match.views._listeners import Subscription as Subscription
-    from envgraph.match.views._matcher import ViewMatcher as ViewMatcher
+    from envgraph.match.views.watch._listeners import Subscription as Subscription
+    from envgraph.match.views.watch._matcher import ViewMatcher as ViewMatcher
 
 later(globals())

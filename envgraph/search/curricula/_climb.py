@@ -15,15 +15,15 @@ from envgraph.code import dataclass
 from envgraph.env import TooManyStates
 from envgraph.env.compiled import NotCompiled
 from envgraph.errors import InvalidArgument
-from envgraph.search._diversity import Bounded
-from envgraph.search._families import DIGITS, FamilyMeasure
-from envgraph.search._family_measures import LEAST
 from envgraph.search.curricula._levels import Level, Levels
 from envgraph.search.curricula._moves import Family, Moves
 from envgraph.search.curricula._objectives import Judged, Learning, value_of
 from envgraph.search.curricula._reverse import GOOD, SIZES, TrainedFamily, reverse_curriculum
 from envgraph.search.curricula._settings import CurriculumSettings
 from envgraph.search.curricula._starts import Origin, Starts
+from envgraph.search.problem._diversity import Bounded
+from envgraph.search.problem._family_measures import LEAST
+from envgraph.search.problem._pool import DIGITS, FamilyMeasure
 
 Scores = NDArray[np.float64]
 Screened = tuple[tuple[tuple[float, ...], float], Family, Origin]

@@ -14,8 +14,8 @@ from envgraph.env.compiled import Program, Tables, program_over
 from envgraph.errors import EvaluationError, InvalidArgument, RuleError
 from envgraph.graph import Model, Version
 from envgraph.rewrite import Row
-from envgraph.search._problem import CountWithin, Forbid, Problem, Require
 from envgraph.search._store import Trace
+from envgraph.search.problem._problem import CountWithin, Forbid, Problem, Require
 from envgraph.solve.learning import InProgram, Table, flatten
 
 MOST_STATES: Final = 50_000

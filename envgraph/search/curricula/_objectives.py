@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from envgraph.env import TooManyStates
 from envgraph.env.compiled import streams
-from envgraph.search._diversity import Bounded
-from envgraph.search._families import FamilyMeasure
 from envgraph.search.curricula._levels import Level
+from envgraph.search.problem._diversity import Bounded
+from envgraph.search.problem._pool import FamilyMeasure
 from envgraph.solve.learning import Judgement, Learners, ProgramLearners, TrainingSettings
 
 SEARCHING: Final = 2

@@ -16,11 +16,11 @@ from envgraph.env.compiled import CompiledEnv, NotCompiled, Program, check_packa
 from envgraph.errors import EvaluationError, InvalidArgument
 from envgraph.files import check_free, replace_file
 from envgraph.graph import Model
-from envgraph.search._certified import certificate_texts
-from envgraph.search._family import Family, Member
-from envgraph.search._shown import caption
 from envgraph.search.export._tables import write_tables
 from envgraph.search.export._templates import Templates
+from envgraph.search.families._family import Family, Member
+from envgraph.search.families._shown import caption
+from envgraph.search.runs._certified import certificate_texts
 
 TEMPLATES: Final = Path(__file__).parent / "templates"
 """Those that come with envgraph."""

@@ -11,7 +11,7 @@ import numpy as np
 
 from envgraph.env import Tabular, frozen_lake
 from envgraph.errors import InvalidArgument, visible
-from envgraph.search._family import Family
+from envgraph.search.families._family import Family
 
 _ARRAYS = (
     "next_state",

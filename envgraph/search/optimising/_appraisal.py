@@ -6,9 +6,9 @@ from collections.abc import Callable, Sequence
 
 from envgraph.match import Questions, Row
 from envgraph.rewrite import Engine
-from envgraph.search._measures import MatchCount, PatternValue
-from envgraph.search._problem import Constraint, CountWithin, Forbid, Require
 from envgraph.search.optimising._goals import Goal, Standing
+from envgraph.search.problem._measures import MatchCount, PatternValue
+from envgraph.search.problem._problem import Constraint, CountWithin, Forbid, Require
 
 _FIRST = 64
 """States that are judged until plans are made for the model. They are made anew after four times as many, and so on: by

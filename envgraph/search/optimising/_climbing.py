@@ -13,7 +13,7 @@ from math import inf
 from envgraph.code import dataclass
 from envgraph.errors import MOST_STEPS, InvalidArgument
 from envgraph.lang import Options, key
-from envgraph.search._selection import acceptance
+from envgraph.search.evolution._selection import acceptance
 from envgraph.search.optimising._goals import Standing
 from envgraph.search.optimising._walk import Walk
 

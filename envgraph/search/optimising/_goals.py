@@ -10,8 +10,8 @@ from envgraph.errors import InvalidArgument
 from envgraph.lang import numeric_parameters
 from envgraph.metamodel import Scalar
 from envgraph.rewrite import Engine
-from envgraph.search._measures import MatchCount, PatternValue
-from envgraph.search._problem import IndividualMeasure, number
+from envgraph.search.problem._measures import MatchCount, PatternValue
+from envgraph.search.problem._problem import IndividualMeasure, number
 
 Sense = Literal["maximise", "minimise"]
 

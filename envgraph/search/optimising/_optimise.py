@@ -13,12 +13,12 @@ from envgraph.code import dataclass
 from envgraph.errors import InvalidArgument, TransactionError
 from envgraph.graph import Version
 from envgraph.rewrite import Engine, Trace
-from envgraph.search._problem import Constraint, CountWithin, Forbid, Require
 from envgraph.search.optimising._appraisal import Appraisal, watchable
 from envgraph.search.optimising._archive import Archive, Found, steps_of
 from envgraph.search.optimising._climbing import Annealing
 from envgraph.search.optimising._goals import Goal, Sense
 from envgraph.search.optimising._walk import Progress, Strategy, Walk
+from envgraph.search.problem._problem import Constraint, CountWithin, Forbid, Require
 
 _LARGE = 256
 """Objects from which on patterns are watched: the domain of `benchmarks/bench_assignment.py` is faster then."""

@@ -134,7 +134,7 @@ def test_a_run_stays_as_it_was_where_its_replacement_is_interrupted(
     envgraph("train", "a", "--steps", 50, "--seeds", 1, "--curricula", "full")
     files = {path: path.read_bytes() for path in Path("runs/a").rglob("*") if path.is_file()}
     with monkeypatch.context() as patched:
-        patched.setattr("envgraph.search._evolution.Evolution._initialise", interrupt)
+        patched.setattr("envgraph.search.evolution._evolution.Evolution._initialise", interrupt)
         said = envgraph(*FOREST, "--name", "a", "--force", code=130)
     assert "the old run in runs/a is unchanged" in said and "--resume" not in said
     assert {path: path.read_bytes() for path in Path("runs/a").rglob("*") if path.is_file()} == files

@@ -29,9 +29,10 @@ def test_every_public_name_is_imported_listed_and_copied_by_a_star(package: str)
 
 def test_a_name_is_loaded_with_its_module_alone() -> None:
     program = (
-        "import sys, envgraph.search; print('envgraph.search._selection' in sys.modules)\n"
+        "import sys, envgraph.search; print('envgraph.search.evolution._selection' in sys.modules)\n"
         "from envgraph.search import ElitistParents\n"
-        "print('envgraph.search._selection' in sys.modules, 'envgraph.search._family' in sys.modules)\n"
+        "print('envgraph.search.evolution._selection' in sys.modules)\n"
+        "print('envgraph.search.families._family' in sys.modules)\n"
         "print(vars(envgraph.search)['ElitistParents'] is ElitistParents)"
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)

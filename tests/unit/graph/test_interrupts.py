@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import pytest
 
 from envgraph.graph import guarded
-from envgraph.graph._journal import Extent
+from envgraph.graph.store._journal import Extent
 from tests.unit.graph.domain import forest
 
 

@@ -4,7 +4,7 @@ import pytest
 
 from envgraph.errors import RuleError, TransactionError
 from envgraph.graph import Model
-from envgraph.graph._history import History
+from envgraph.graph.history._history import History
 from tests.property.snapshots import snapshot
 from tests.unit.graph.domain import FOREST, feature, forest, people
 

@@ -4,7 +4,7 @@ import pytest
 
 from envgraph.errors import RuleError
 from envgraph.graph import EXCHANGE, IN, OUT, SET, IndexedSet
-from envgraph.graph._journal import MOVE, Journal, invert, take_back
+from envgraph.graph.store._journal import MOVE, Journal, invert, take_back
 from tests.unit.graph.domain import forest
 
 

@@ -6,7 +6,7 @@ import pytest
 
 from envgraph.errors import InvalidArgument, TransactionError
 from envgraph.graph import Version
-from envgraph.graph._versions import Vertex
+from envgraph.graph.history._versions import Vertex
 from tests.property.snapshots import snapshot
 from tests.unit.graph.domain import forest
 

@@ -12,7 +12,7 @@ from envgraph.errors import MOST_NESTED, EvaluationError
 from envgraph.graph import Model
 from envgraph.match import FREE, CompiledMatcher, ViewMatcher
 from envgraph.match.demand import _closures as closures, _program as compiled, _recursion as recursion
-from envgraph.match.views import _recursive as recursive_views
+from envgraph.match.views.operators import _recursive as recursive_views
 from envgraph.metamodel import Attribute, Class, Metamodel, Reference, Scalar
 from envgraph.pattern import Aggregate, Check, Constraint, Library, Pattern
 from tests.unit.match.kinds import Kind, assert_sound, every_kind

@@ -10,7 +10,7 @@ from envgraph.errors import EvaluationError
 from envgraph.graph import Model
 from envgraph.match import FREE, CompiledMatcher
 from envgraph.match.demand import _recursion
-from envgraph.match.views import _recursive
+from envgraph.match.views.operators import _recursive
 from envgraph.metamodel import Attribute, Class, Metamodel, Reference, Scalar
 from envgraph.pattern import Binary, Comparison, Constant, Constraint, Evaluation, Library
 from tests.oracle.naive._naive import NaiveMatcher

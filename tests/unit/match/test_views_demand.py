@@ -6,7 +6,7 @@ import pytest
 
 from envgraph.graph import Model
 from envgraph.match import FREE, CompiledMatcher, ViewMatcher
-from envgraph.match.views._closure_operator import CircleOperator, ClosureOperator
+from envgraph.match.views.operators._closure import CircleOperator, ClosureOperator
 from envgraph.metamodel import Class, Metamodel, Reference
 from envgraph.pattern import Aggregate, Comparison, Library
 from tests.unit.match.writing import find, path, pattern, v

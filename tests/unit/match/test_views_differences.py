@@ -9,7 +9,7 @@ import pytest
 from envgraph import Engine, Model, Node, Pattern, Rule
 from envgraph.errors import EvaluationError
 from envgraph.match import _limits as limits
-from envgraph.match.views import _operators as operators
+from envgraph.match.views.operators import _operators as operators
 from envgraph.metamodel import Attribute, Class, Metamodel, Reference, Scalar
 
 NODES = Metamodel(

@@ -11,7 +11,7 @@ import pytest
 from envgraph.graph import Model
 from envgraph.match import FREE, ViewMatcher
 from envgraph.match._matcher import Row
-from envgraph.match.views._sets import Log
+from envgraph.match.views.operators._sets import Log
 from envgraph.pattern import Library
 from tests.oracle.naive._naive import NaiveMatcher
 from tests.unit.match.kinds import watched

@@ -7,7 +7,7 @@ from itertools import chain, pairwise
 from envgraph import code
 from envgraph.graph import Model
 from envgraph.match import FREE
-from envgraph.match.views._fusion import Group, fused_source, insert, merged
+from envgraph.match.views.delta._fusion import Group, fused_source, insert, merged
 from envgraph.metamodel import Attribute, Class, Metamodel, Reference, Scalar
 from envgraph.pattern import Library, LinkAtom
 from tests.unit.match.kinds import watched

@@ -8,7 +8,7 @@ import pytest
 
 from envgraph.graph import Model
 from envgraph.match import FREE, CompiledMatcher, ViewMatcher
-from envgraph.match.views._operators import Evaluated, View
+from envgraph.match.views.operators._operators import Evaluated, View
 from envgraph.metamodel import Attribute, Class, Metamodel, Reference, Scalar
 from envgraph.pattern import Library
 from tests.unit.match.writing import path, pattern

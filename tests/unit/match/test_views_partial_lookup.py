@@ -10,7 +10,8 @@ import pytest
 from envgraph.graph import Model
 from envgraph.match import FREE, CompiledMatcher, ViewMatcher
 from envgraph.match._matcher import Row
-from envgraph.match.views import _partial_lookup as _agreeing, _sets
+from envgraph.match.views.operators import _sets
+from envgraph.match.views.watch import _partial_lookup as _agreeing
 from envgraph.metamodel import Reference
 from envgraph.pattern import Library
 from tests.oracle.naive._naive import NaiveMatcher

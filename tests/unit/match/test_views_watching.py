@@ -11,7 +11,7 @@ from envgraph.errors import InvalidArgument, TransactionError, TypeMismatch
 from envgraph.graph import Model
 from envgraph.match import FREE, ViewMatcher
 from envgraph.match._matcher import Row
-from envgraph.match.views import _kept
+from envgraph.match.views.watch import _kept
 from envgraph.pattern import Library
 from tests.oracle.naive._naive import NaiveMatcher
 from tests.unit.match.kinds import watched

@@ -10,10 +10,10 @@ import pytest
 from envgraph.errors import EvaluationError, TransactionError
 from envgraph.graph import Model
 from envgraph.match import ViewMatcher
-from envgraph.match.views import _loops
-from envgraph.match.views._kept import KeptViews
-from envgraph.match.views._loops import Loops
-from envgraph.match.views._operators import Rows
+from envgraph.match.views.operators._operators import Rows
+from envgraph.match.views.watch import _loops
+from envgraph.match.views.watch._kept import KeptViews
+from envgraph.match.views.watch._loops import Loops
 from envgraph.rewrite import Engine
 from tests.unit.rewrite.graphs import chain, definitions, engine, snapshot
 

@@ -36,8 +36,9 @@ from envgraph.search import (
     resume,
     why_low,
 )
-from envgraph.search._distances import Distance
-from envgraph.search._family_measures import (
+from envgraph.search._store import RunStore
+from envgraph.search.problem._distances import Distance
+from envgraph.search.problem._family_measures import (
     ChainTransfer,
     Coverage,
     Distinct,
@@ -46,7 +47,6 @@ from envgraph.search._family_measures import (
     Most,
     Rising,
 )
-from envgraph.search._store import RunStore
 from envgraph.solve import chain_transfer
 
 T = TypeVar("T")

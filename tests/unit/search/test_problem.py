@@ -151,7 +151,7 @@ def test_a_constraint_and_a_measure_search_the_states_of_a_model_once(
 
 @pytest.mark.parametrize("kept", [1, 20])
 def test_a_state_is_judged_once(monkeypatch: pytest.MonkeyPatch, kept: int) -> None:
-    monkeypatch.setattr("envgraph.search._problem.MOST_JUDGED", kept)
+    monkeypatch.setattr("envgraph.search.problem._problem.MOST_JUDGED", kept)
     searches: list[float] = []
     monkeypatch.setattr(
         Plans, "plan", lambda plans, engine, progress: Plan(searches.append(1) or 9.0, (), 1, 1, None)

@@ -109,8 +109,8 @@ def test_an_engine_that_members_share_fills_the_same_program(family: Family, tmp
 
 def test_many_environments_are_stepped_by_a_program(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with monkeypatch.context() as context:
-        context.setattr("envgraph.search._opened.MANY", 3)
-        context.setattr("envgraph.search._opened.has_numba", lambda: True)
+        context.setattr("envgraph.search.families._opened.MANY", 3)
+        context.setattr("envgraph.search.families._opened.has_numba", lambda: True)
         context.setattr("envgraph.env.compiled._program.has_numba", lambda: False)  # in Python
         many = envgraph.make_vec(run, num_envs=6, variant=["E1", "E9", "E17", "E60"])
     few = envgraph.make_vec(run, num_envs=6, variant=["E1", "E9", "E17", "E60"])

@@ -127,7 +127,7 @@ def test_texts_are_read_for_the_first_environment_alone(
     run: Path, exported: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     limits = [make(stored, 1).spec.max_episode_steps for stored in (run, exported)]  # type: ignore[union-attr]
-    monkeypatch.setattr("envgraph.search._opened.open_family", None)  # what would read them
+    monkeypatch.setattr("envgraph.search.families._opened.open_family", None)  # what would read them
     for stored in run, exported:
         assert make(stored, "E1").spec.max_episode_steps == limits.pop(0) == 200  # type: ignore[union-attr]
         make_vec(stored, 2, variant=[1, 1]).close()
@@ -142,7 +142,7 @@ def test_a_changed_run_is_read_again(run: Path, monkeypatch: pytest.MonkeyPatch,
         store.execute(f"UPDATE {changed} || ' '")
         store.execute("DROP TABLE content")  # as in a store of an older version
         store.commit()
-    monkeypatch.setattr("envgraph.search._opened.open_family", None)
+    monkeypatch.setattr("envgraph.search.families._opened.open_family", None)
     with pytest.raises(TypeError):
         make(run)
 
@@ -313,7 +313,7 @@ def test_what_nobody_has_used_for_longest_makes_room(
     for name, age in (("old.npz", 600), ("used.npz", 0), ("notes.txt", 9000)):
         (cache / name).write_bytes(b"x" * 1_000_000)
         os.utime(cache / name, (time.time() - age,) * 2)
-    monkeypatch.setattr("envgraph.search._tables.MOST_BYTES", 1_500_000)
+    monkeypatch.setattr("envgraph.search.families._tables.MOST_BYTES", 1_500_000)
     make_environment(family=exported, variant=1)
     assert [path.name for path in kept(cache)][1:] == ["used.npz"]
     assert (cache / "notes.txt").exists()

@@ -15,7 +15,6 @@ from envgraph.env.compiled import Plans, explored, program_of
 from envgraph.errors import InvalidArgument
 from envgraph.graph import model_to_json
 from envgraph.search import Domain
-from envgraph.search._family_measures import ChainTransfer
 from envgraph.search.curricula import (
     CurriculumSearch,
     CurriculumSettings,
@@ -29,6 +28,7 @@ from envgraph.search.curricula import (
     _levels,
     value_of,
 )
+from envgraph.search.problem._family_measures import ChainTransfer
 from envgraph.solve import chain_transfer, evaluate
 from envgraph.solve.learning import TrainingSettings, train_curriculum, train_program
 from tests.profile import NIGHTLY

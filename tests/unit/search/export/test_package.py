@@ -17,8 +17,8 @@ from envgraph.env import EnvgraphEnv, Explored, TooManyStates
 from envgraph.env.compiled import CompiledEnv, NotCompiled, program_of
 from envgraph.errors import EvaluationError, InvalidArgument
 from envgraph.search import Family, generate
-from envgraph.search._opened import of_model
 from envgraph.search.export import copy_templates, write_package, write_tables
+from envgraph.search.families._opened import of_model
 from tests.unit.learn.small_tables import random_table
 
 SMALL = ("search.generations=1", "search.population=2")

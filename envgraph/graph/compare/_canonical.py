@@ -1,0 +1,64 @@
+"""A hash that does not tell isomorphic models apart."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from hashlib import blake2b
+from typing import TYPE_CHECKING
+
+from envgraph.graph.store._hashing import value_code
+from envgraph.graph.store._relation import Ends, Relation
+from envgraph.graph.store._store import Store
+
+if TYPE_CHECKING:
+    from envgraph.graph.model._model import Model
+
+
+def canonical_hash(model: Model) -> int:
+    """A 64-bit hash that isomorphic models share, whatever their ids and orders; computed anew on each call.
+
+    By colour refinement (Weisfeiler and Leman 1968): models that differ may share it too if they are so regular that it
+    cannot tell them apart. Names of objects do not count.
+
+    A node's first colour is its class and values; each round adds the colours of its neighbours, by reference and
+    direction, until a round tells no more nodes apart. The hash is that of all colours, sorted.
+    """
+    store = model.graph.store
+    relations = [relation for relation in store.relations if not relation.flipped]
+    colours = {node: _digest(_own(store, node)) for node in store.nodes()}
+    while True:
+        refined = {
+            node: _digest([colour, *_around(node, relations, colours)]) for node, colour in colours.items()
+        }
+        if len(set(refined.values())) == len(set(colours.values())):
+            # This round counts as well: it holds the links among the final colours.
+            return int.from_bytes(_digest(sorted(refined.values()))[:8], "little")
+        colours = refined
+
+
+def _own(store: Store, node: int) -> Iterator[bytes]:
+    yield store.metamodel.class_list[store.classes[node]].name.encode()
+    for attribute, column in zip(store.metamodel.attributes, store.values, strict=True):
+        value = column[node]
+        if value is not None:
+            yield (value_code(attribute, value) % 2**64).to_bytes(8, "little")
+
+
+def _around(node: int, relations: Iterable[Relation], colours: dict[int, bytes]) -> Iterator[bytes]:
+    for relation in relations:
+        yield from _side(f"{relation.fact}>", relation.forward, node, colours)
+        yield from _side(f"{relation.fact}<", relation.backward, node, colours)
+
+
+def _side(name: str, column: Ends, node: int, colours: dict[int, bytes]) -> Iterator[bytes]:
+    if column[node]:
+        yield name.encode()
+        yield from sorted(colours[other] for other in column[node])
+
+
+def _digest(parts: Iterable[bytes]) -> bytes:
+    digest = blake2b(digest_size=16)
+    for part in parts:
+        digest.update(len(part).to_bytes(4, "little"))
+        digest.update(part)
+    return digest.digest()

@@ -1,0 +1,163 @@
+"""Whether models are isomorphic: by colour refinement, and by search where that cannot decide."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from envgraph.code import dataclass
+from envgraph.graph.store._store import Store
+from envgraph.metamodel import Value, Values
+
+Colours = dict[int, int]
+"""A number for each node; nodes of different colours are distinguished."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Shape:
+    """What a model is without its ids and orders.
+
+    Attributes:
+        colours: stable: nodes of one colour have neighbours of the same colours.
+        around: for each node its links, by side of a relation, without the sides that have none.
+    """
+
+    colours: Colours
+    around: dict[int, list[tuple[int, tuple[int, ...]]]]
+
+
+class Shapes:
+    """Gives isomorphic models the same number, and others another one.
+
+    An isomorphism maps the objects of one model to those of the other and keeps classes, values and links; ids, names
+    and orders do not count. Colours (Weisfeiler and Leman 1968) are numbers of what they stand for, the same for all
+    models that are shown to one instance, so nothing rests on a hash. Where equal colours do not say how to map two
+    models to each other, nodes are mapped by trial, and the colours refined again (McKay 1981).
+
+    >>> from envgraph.graph import Model
+    >>> from envgraph.metamodel import Class, Metamodel, Reference
+    >>> rooms = Metamodel("rooms", [Class("Room", features=(Reference("door", "Room", 0, 1),))])
+    >>> ring, pairs = Model(rooms), Model(rooms)
+    >>> for model, size in ((ring, 4), (pairs, 2)):
+    ...     nodes = [model.create("Room") for _ in range(4)]
+    ...     for place, node in enumerate(nodes):
+    ...         node.door = nodes[place - place % size + (place + 1) % size]
+    >>> ring.canonical_hash() == pairs.canonical_hash()
+    True
+    >>> shapes = Shapes()
+    >>> shapes.number(ring.store), shapes.number(pairs.store), shapes.number(ring.store)
+    (0, 1, 0)
+    """
+
+    def __init__(self) -> None:
+        self._numbers: dict[tuple[object, ...], int] = {}
+        self._known: dict[tuple[int, ...], list[tuple[int, _Shape]]] = {}
+        self._count = 0
+
+    def number(self, store: Store) -> int:
+        """The number of the present state, from 0."""
+        shape = self._shape(store)
+        key = tuple(sorted(shape.colours.values()))
+        found = self._known.setdefault(key, [])
+        for number, other in found:
+            if self._isomorphic(other, shape):
+                return number
+        # One that all others with these colours are isomorphic to need not be kept whole.
+        found.append((self._count, _Shape({}, {}) if _decided(shape) else shape))
+        self._count += 1
+        return self._count - 1
+
+    def _intern(self, what: tuple[object, ...]) -> int:
+        return self._numbers.setdefault(what, len(self._numbers))
+
+    def _shape(self, store: Store) -> _Shape:
+        sides = [
+            column
+            for relation in store.relations
+            if not relation.flipped
+            for column in (
+                (relation.forward,) if relation.symmetric else (relation.forward, relation.backward)
+            )
+        ]
+        around = {
+            node: [(-side, tuple(column[node])) for side, column in enumerate(sides, 1) if column[node]]
+            for node in store.nodes()
+        }
+        columns = store.values
+        first = {
+            node: self._intern(
+                ("object", store.classes[node], *(_unordered(column[node]) for column in columns))
+            )
+            for node in around
+        }
+        return _Shape(self._refined(first, around), around)
+
+    def _refined(self, colours: Colours, around: dict[int, list[tuple[int, tuple[int, ...]]]]) -> Colours:
+        """Stable colours; those of the last round hold the links among them."""
+        intern, distinct = self._intern, len(set(colours.values()))
+        while True:
+            found: Colours = {}
+            for node, sides in around.items():
+                parts = [colours[node]]
+                for side, others in sides:
+                    parts.append(side)
+                    parts += sorted([colours[other] for other in others])
+                found[node] = intern(tuple(parts))
+            now = len(set(found.values()))
+            if now == distinct:
+                return found
+            colours, distinct = found, now
+
+    def _isomorphic(self, left: _Shape, right: _Shape) -> bool:
+        """Return whether two shapes of equal colours are isomorphic."""
+        if not left.colours or _decided(right):
+            return True
+        trials = [self._trials(left, right)]
+        while trials:
+            pair = next(trials[-1], None)
+            if pair is None:
+                trials.pop()
+            elif _decided(pair[0]):
+                return True
+            else:
+                trials.append(self._trials(*pair))
+        return False
+
+    def _trials(self, left: _Shape, right: _Shape) -> Iterator[tuple[_Shape, _Shape]]:
+        """Map a node of the smallest ambiguous colour to each of that colour, and refine."""
+        classes = _classes(left.colours)
+        colour = min(
+            (c for c, nodes in classes.items() if len(nodes) > 1), key=lambda c: (len(classes[c]), c)
+        )
+        mark = self._intern(("mapped", colour))
+        fixed = self._refined({**left.colours, classes[colour][0]: mark}, left.around)
+        wanted = sorted(fixed.values())
+        for node in _classes(right.colours)[colour]:
+            tried = self._refined({**right.colours, node: mark}, right.around)
+            if sorted(tried.values()) == wanted:
+                yield _Shape(fixed, left.around), _Shape(tried, right.around)
+
+
+def _unordered(value: Value | Values | None) -> object:
+    """A value; many without their order."""
+    return tuple(sorted(value)) if isinstance(value, tuple | list) else value
+
+
+def _classes(colours: Colours) -> dict[int, list[int]]:
+    found: dict[int, list[int]] = {}
+    for node, colour in colours.items():
+        found.setdefault(colour, []).append(node)
+    return found
+
+
+def _decided(shape: _Shape) -> bool:
+    """Whether models of these colours are isomorphic: links lead only to objects that are alone of their colour."""
+    alone = {nodes[0] for nodes in _classes(shape.colours).values() if len(nodes) == 1}
+    if len(alone) == len(shape.colours):
+        return True
+    return all(
+        other in alone
+        for node, sides in shape.around.items()
+        if node not in alone
+        for _, others in sides
+        for other in others
+    )

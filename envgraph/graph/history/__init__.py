@@ -1,0 +1,1 @@
+"""Transactions, savepoints and versions, and repair after exceptions."""

@@ -1,0 +1,438 @@
+"""Savepoints, loads, ways between versions, and what makes good what exceptions leave half done."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from operator import length_hint
+from typing import TYPE_CHECKING, Any, Final
+
+from envgraph.errors import InvalidArgument, TransactionError
+from envgraph.graph.history._interrupts import guard, guarded, unguard
+from envgraph.graph.history._versions import Version, VersionTree, Vertex
+from envgraph.graph.store._derived import derive
+from envgraph.graph.store._journal import Journal, invert, settle, take_back, undo
+from envgraph.graph.store._store import Store
+
+if TYPE_CHECKING:
+    from envgraph.graph.model._model import Model
+
+
+class Savepoint:
+    """A place in the journal to roll back to; made by `History.savepoint`."""
+
+    __slots__ = ("_mark", "_next_id", "_total")
+
+    def __init__(self, mark: int, next_id: int, total: int) -> None:
+        self._mark = mark
+        self._next_id = next_id
+        self._total = total
+
+
+class Shelf:
+    """Changes that were undone and can be made again, as often as wanted; made by `History.shelve`."""
+
+    __slots__ = ("_entries", "_next_id", "_total")
+
+    def __init__(self, entries: Journal, next_id: int, total: int) -> None:
+        self._entries = entries
+        self._next_id = next_id
+        self._total = total
+
+
+_TRANSACTIONS: Final = {Savepoint, int}
+_WRITES: Final = {type(None), tuple, Vertex}
+
+
+class History:
+    """Owner of a model's journal: open savepoints, ways between versions, and what may be forgotten.
+
+    Invariants: the store records exactly while a savepoint is open or a version was held at the last look; the
+    journal holds the changes since `versions.current`, or since the outermost savepoint if no version describes the
+    state.
+
+    Attributes:
+        versions: the states that somebody may go to.
+    """
+
+    def __init__(self, model: Model, store: Store) -> None:
+        self._store = store
+        self.versions = VersionTree(model, store)
+        self._stack: list[Savepoint] = []
+        self._reverting: tuple[int, Iterator[Any]] | None = None
+        self._inverse: Journal | None = None
+        self._repairing = False
+        store.interrupted.repair = self.repair
+
+    def _mended(self) -> Store:
+        """Return the store, after what was interrupted is made good."""
+        if self._store.interrupted:
+            self.repair()
+        return self._store
+
+    # --- savepoints
+
+    def savepoint(self) -> Savepoint:
+        """Open a savepoint; they nest. Close it with `rollback` or `release`, innermost first.
+
+        Raises:
+            TransactionError: the model is loading.
+        """
+        store = self._mended()
+        if self._store.loading:
+            raise TransactionError("a model that is loading has no journal to roll back")
+        for follower in store.followers:
+            follower.settle()
+        savepoint = Savepoint(len(store.journal), store.next_id, store.total)
+        try:
+            store.recording = True  # from now on there is a state to go back to
+            store.epoch += 1
+            self._stack.append(savepoint)
+        except BaseException:
+            store.interrupted.append(savepoint)
+            self.repair()
+            raise
+        return savepoint
+
+    def rollback(self, savepoint: Savepoint) -> None:
+        """Restore the state at the innermost savepoint exactly (ids, order, hash), and close it.
+
+        Raises:
+            TransactionError: it is not the innermost open one.
+        """
+        store = self._mended()
+        self._check_innermost(savepoint)
+        try:
+            changed = self._roll_back(savepoint)
+        except BaseException:
+            store.interrupted.extend((None, savepoint))
+            self.repair()
+            raise
+        if changed:
+            store.restored()
+
+    def _roll_back(self, savepoint: Savepoint) -> bool:
+        """Roll back to a savepoint, whatever is open inside it; whether anything had changed."""
+        store, stack = self._store, self._stack
+        changed = len(store.journal) > savepoint._mark
+        if changed:
+            self._revert(savepoint._mark)
+        while stack.pop() is not savepoint:  # after an interruption, those inside it are open too
+            pass
+        if changed:
+            self._replayed(savepoint._next_id, savepoint._total)
+        if not stack:
+            self._settle()
+        return changed
+
+    def _revert(self, mark: int) -> None:
+        """Undo and drop the entries of the journal from `mark` on."""
+        journal = self._store.journal
+        entries = journal[mark:]
+        backwards = reversed(entries)
+        self._reverting = mark, backwards
+        undo(backwards)
+        journal[mark:], self._reverting = (), None
+
+    def unwind(self, depth: int) -> None:
+        """Roll back until only so many savepoints are open."""
+        self._mended()
+        if len(self._stack) > depth:
+            del self._stack[depth + 1 :]
+            self.rollback(self._stack[depth])
+
+    def shelve(self, savepoint: Savepoint) -> Shelf:
+        """As `rollback`, and return what was undone, for `resume`."""
+        store = self._mended()
+        for follower in store.followers:
+            follower.settle()
+        self._check_innermost(savepoint)
+        try:
+            inverse: Journal = []
+            self._inverse = inverse
+            invert(reversed(store.journal[savepoint._mark :]), inverse)
+            shelf = Shelf(inverse, store.next_id, store.total)
+            store.journal[savepoint._mark :], self._inverse = (), None
+            self._stack.pop()
+            self._replayed(savepoint._next_id, savepoint._total)
+            if not self._stack:
+                self._settle()
+        except BaseException:
+            store.interrupted.extend((None, savepoint))
+            self.repair()
+            raise
+        store.restored()
+        return shelf
+
+    def resume(self, shelf: Shelf) -> Savepoint:
+        """Open a savepoint and make the changes of a shelf again, exactly (ids, order, hash).
+
+        The state must be the one at the savepoint that was shelved: that is not checked.
+        """
+        savepoint, store = self.savepoint(), self._store
+        try:
+            invert(reversed(shelf._entries), store.journal)
+            self._replayed(shelf._next_id, shelf._total)
+        except BaseException:
+            store.interrupted.extend((None, savepoint))
+            self.repair()
+            raise
+        store.restored()
+        return savepoint
+
+    def _replayed(self, next_id: int, total: int) -> None:
+        store = self._store
+        store.next_id = next_id
+        store.total = total
+        store.epoch += 1
+        store.replaced()
+        for follower in store.followers[:]:
+            follower.rolled_back()
+
+    def release(self, savepoint: Savepoint) -> None:
+        """Close the innermost savepoint and keep what was changed since.
+
+        Raises:
+            TransactionError: it is not the innermost open one.
+        """
+        self._mended()
+        self._check_innermost(savepoint)
+        self._stack.pop()
+        if not self._stack:
+            self._settle()
+            self._notify_released()
+
+    def _notify_released(self) -> None:
+        for follower in self._store.followers[:]:
+            follower.released()
+
+    def _check_innermost(self, savepoint: Savepoint) -> None:
+        if not self._stack or self._stack[-1] is not savepoint:
+            raise TransactionError(
+                "a savepoint inside this one is still open: close it first"
+                if savepoint in self._stack
+                else "the savepoint is closed already, or belongs to another model"
+            )
+
+    @contextmanager
+    def transaction(self) -> Iterator[Savepoint]:
+        """Keep what is done inside, or, if an exception leaves the block, undo it."""
+        depth, savepoint = self.depth, None
+        outermost = not depth and guard()  # as `guarded` does, written out because transactions are many
+        try:
+            savepoint = self.savepoint()
+            yield savepoint
+            self.release(savepoint)
+        except BaseException:
+            # Nothing to do if a listener raises: the transaction has ended by then.
+            self._store.interrupted.append(depth if savepoint is None else savepoint)
+            self._store.interrupted.repair()
+            raise
+        finally:
+            if outermost:
+                unguard()
+
+    @guarded
+    def all_or_nothing(self) -> Iterator[None]:
+        """Open a transaction, but not while loading."""
+        if self._store.loading:
+            yield
+        else:
+            with self.transaction():
+                yield
+
+    @property
+    def depth(self) -> int:
+        """How many savepoints are open."""
+        self._mended()
+        return len(self._stack)
+
+    # --- loading
+
+    @guarded
+    def load(self) -> Iterator[None]:
+        """Build the model without a journal: nothing that is done inside can be undone, and listeners hear its end."""
+        self._mended()
+        self._settle()
+        self._refuse_inside("load")
+        if self.versions.held:
+            raise TransactionError(
+                "a model with versions cannot load without its journal: load before the first commit"
+            )
+        store = self._store
+        listeners = store.listeners[:]
+
+        def end() -> None:
+            store.loading = False
+            for follower in store.followers:
+                follower.loaded()
+            store.listeners[:] = [*listeners, *(each for each in store.listeners if each not in listeners)]
+            store.restored()
+
+        try:
+            for follower in store.followers:
+                follower.suspend()
+            store.loading = True
+            store.listeners.clear()
+            yield
+            end()
+        except BaseException:
+            end()
+            raise
+
+    # --- versions
+
+    def version(self) -> Version | None:
+        """The version that the model is in, or None after uncommitted changes."""
+        self._mended()
+        if self._stack:
+            return None
+        self._settle()
+        return self.versions.present
+
+    def commit(self) -> Version:
+        """Name the present state; without changes since the last version, that one."""
+        store = self._mended()
+        self._refuse_inside("commit")
+        self._settle()
+        for follower in store.followers:
+            follower.settle()
+        version = self.versions.commit()
+        self._notify_released()
+        return version
+
+    def checkout(self, version: Version, discard: bool) -> None:
+        """Go to another version along the tree."""
+        if not isinstance(version, Version):
+            raise InvalidArgument(f"a version is what `commit` gives, not {version!r}")
+        if version.model is not self.versions.model():
+            raise TransactionError(f"{version!r} is a version of another model")
+        store = self._mended()
+        self._refuse_inside("check out")
+        self._settle()
+        assert self.versions.current is not None, (
+            "a version is held, so the present state has a place in the tree"
+        )
+        if store.journal and not discard:
+            raise TransactionError(
+                "the model has uncommitted changes: commit them, or check out with discard=True to lose them"
+            )
+        if not store.journal and self.versions.current is version._vertex:
+            return
+        try:
+            self._check_out(version._vertex)
+        except BaseException:
+            store.interrupted.extend((None, version._vertex))
+            self.repair()
+            raise
+        store.restored()
+
+    def _check_out(self, goal: Vertex) -> None:
+        store, start = self._store, self.versions.current
+        assert start is not None
+        if store.journal:
+            self._revert(0)
+        self.versions.walk(goal)
+        store.next_id = goal.next_id
+        store.total = goal.total
+        store.epoch += 1
+        store.replaced()
+        self.versions.prune(start)
+        for follower in store.followers[:]:
+            follower.checked_out()
+
+    @property
+    def idle(self) -> bool:
+        """Whether nothing is under way: no savepoint is open, nobody holds a version, and it is not loading."""
+        self._mended()
+        self._settle()
+        return not self._stack and not self.versions.held and not self._store.loading
+
+    def _refuse_inside(self, action: str) -> None:
+        if self._stack:
+            raise TransactionError(
+                f"cannot {action} inside a transaction: {len(self._stack)} savepoints are open"
+            )
+        if self._store.loading:
+            raise TransactionError(f"cannot {action} while the model is loading")
+
+    def _settle(self) -> None:
+        """Free what nobody holds any more, and stop recording when nobody can go anywhere."""
+        try:
+            versions = self.versions
+            if versions.released:
+                versions.free()
+            if not versions.held and not self._stack and self._store.recording:
+                versions.current = None
+                self._store.recording = False
+                self._store.journal.clear()
+        except BaseException:
+            self._store.interrupted.append(None)
+            raise
+
+    # --- after an exception
+
+    def repair(self) -> None:
+        """Make good what exceptions have left half done; see `Interrupted`.
+
+        What is in doubt in the journal is settled, what follows from other data is made anew, and then writes are
+        finished, transactions rolled back, and checkouts finished.
+        """
+        if self._repairing:
+            return
+        store = self._store
+        revision = store.revision
+        try:
+            self._repairing = True
+            self._repair()
+            self._repairing = False
+        except BaseException:
+            self._repairing = False
+            store.interrupted.append(None)
+            raise
+        if store.revision != revision:
+            store.restored()
+
+    def _repair(self) -> None:
+        store, goals = self._store, self._store.interrupted
+        kinds = {type(goal) for goal in goals}
+        if kinds - _TRANSACTIONS:
+            self._settle_journal()
+            for follower in store.followers[:]:
+                follower.interrupted()
+        writes = kinds & _WRITES
+        if writes:
+            derive(store)
+        for goal in goals:
+            if isinstance(goal, tuple):
+                write, arguments = goal
+                write(*arguments)
+        for goal in goals:
+            if isinstance(goal, Savepoint) and goal in self._stack:
+                self._roll_back(goal)
+            elif isinstance(goal, int) and len(self._stack) > goal:
+                self._roll_back(self._stack[goal])
+            elif isinstance(goal, Vertex):
+                self._check_out(goal)
+        if writes:
+            store.recording = True  # until it turns out that nobody can go back
+            self.versions.tidy()
+            self._settle()
+        goals.clear()
+
+    def _settle_journal(self) -> None:
+        """Nothing is in doubt: an interrupted replay is undone, an interrupted rollback has just so much left to do."""
+        journal = self._store.journal
+        take_back(self._inverse or [], 0)
+        self.versions.take_back()
+        if self._reverting is not None:
+            mark, backwards = self._reverting
+            del journal[mark + length_hint(backwards) + 4 :]
+            self._reverting = None
+        settle(journal)
+
+    def check_integrity(self) -> None:
+        """Assert that nothing is kept that nobody can go back to, and that the versions are connected."""
+        assert self._store.recording or not (self._store.journal or self.versions.held or self._stack)
+        assert len(self._store.journal) % 4 == 0
+        self.versions.check_integrity()

@@ -1,0 +1,29 @@
+"""Copies of models, and models on the way to a worker process: made from their JSON, without versions and listeners."""
+
+from __future__ import annotations
+
+import copyreg
+from collections.abc import Callable
+
+from envgraph.graph.model._model import Model
+from envgraph.metamodel import Metamodel, Value
+
+
+def reduced(model: Model) -> tuple[Callable[..., Model], tuple[object, ...]]:
+    """Return what `copy` and `pickle` make a model from."""
+    from envgraph.graph.interchange._json import model_to_json  # few programs need it
+
+    return _made, (model_to_json(model), model.metamodel, model.graph.places, model.graph.digits)
+
+
+def _made(
+    text: str, metamodel: Metamodel, places: dict[str, int], digits: dict[tuple[int, int, Value], str]
+) -> Model:
+    from envgraph.graph.interchange._json import model_from_json
+
+    model = model_from_json(text, metamodel)
+    model.graph.places, model.graph.digits = places, digits
+    return model
+
+
+copyreg.pickle(Model, reduced)

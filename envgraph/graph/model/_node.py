@@ -1,0 +1,339 @@
+"""Handles: objects and their many-references, for people."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, MutableSequence, Sequence
+from typing import TYPE_CHECKING, Any, Literal, TypeVar, overload
+
+from envgraph.code import short_repr
+from envgraph.errors import InvalidArgument, TypeMismatch, did_you_mean
+from envgraph.graph.write import _refusals as refusals
+from envgraph.metamodel import LARGEST_INT, Attribute, Feature, Reference, Value
+
+if TYPE_CHECKING:
+    from envgraph.graph.model._model import Model
+
+_SHOWN = 10
+"""Of a longer list, so many are in its repr."""
+
+
+@short_repr
+class Node:
+    """An object of a model: light, compared by model and id.
+
+    Features are attributes of the handle: `tile.x`, `tile.x = 3`, `tile.right = other`, `forest.states.append(tile)`. A
+    reference with more than one target reads as `Targets`, an attribute with many values as `ValueList`. None is an
+    attribute without a value or an empty single reference. `node["id"]` reaches a feature whose name the handle itself
+    uses (`id`, `model`, `cls`, ...).
+    """
+
+    __slots__ = ("id", "model")
+
+    id: int
+    model: Model
+
+    def __init__(self, model: Model, id: int) -> None:
+        object.__setattr__(self, "model", model)
+        object.__setattr__(self, "id", id)
+
+    @property
+    def cls(self) -> str:
+        """Name of the object's class."""
+        return self.model.graph.class_of(self.id)
+
+    @property
+    def object_name(self) -> str | None:
+        """Name of the object, or None; assign to rename it."""
+        self.model.graph.class_of(self.id)
+        return self.model.graph.object_name(self.id)
+
+    @object_name.setter
+    def object_name(self, name: str | None) -> None:
+        self.model.graph.set_object_name(self.id, name)
+
+    @property
+    def container(self) -> Node | None:
+        """The object that contains this one, or None."""
+        self.model.graph.class_of(self.id)
+        found = self.model.graph.container(self.id)
+        return Node(self.model, found[0]) if found else None
+
+    def is_a(self, cls: str) -> bool:
+        """Return whether the object is an instance of a class or of one of its subclasses."""
+        return self.model.metamodel.is_a(self.cls, cls)
+
+    def delete(self, semantics: Literal["dpo", "spo"] = "dpo") -> None:
+        """Delete the object and what it contains; see `Graph.delete`."""
+        self.model.graph.delete(self.id, semantics)
+
+    def retype(self, cls: str, lossy: bool = False) -> None:
+        """Make the object an instance of another class; see `Graph.retype`."""
+        self.model.graph.retype(self.id, cls, lossy)
+
+    def __getattr__(self, name: str) -> Any:
+        # Special names are never features: looking them up must not depend on a model (copying, pickling).
+        if name.startswith("__"):
+            raise AttributeError(name)
+        return _read(self, _feature(self, name))
+
+    def __setattr__(self, name: str, value: object) -> None:
+        if name in _OWN_NAMES:
+            if name == "object_name":
+                object.__setattr__(self, name, value)
+                return
+            raise AttributeError(
+                f'`{name}` belongs to the handle; write `node["{name}"] = ...` for a feature of that name'
+            )
+        _write(self, _feature(self, name), value)
+
+    def __getitem__(self, name: str) -> Any:
+        """A feature by name."""
+        return _read(self, _feature(self, name))
+
+    def __setitem__(self, name: str, value: object) -> None:
+        """Set a feature by name."""
+        _write(self, _feature(self, name), value)
+
+    def __dir__(self) -> list[str]:
+        names = set(object.__dir__(self))
+        if self.model.graph.alive(self.id):
+            names.update(self.model.metamodel.features(self.cls))
+        return sorted(names)
+
+    def __copy__(self) -> Node:
+        return self
+
+    def __deepcopy__(self, _: object) -> Node:
+        """The same handle: it stands for an object, which has no copy in its model."""
+        return self
+
+    def __reduce__(self) -> tuple[type[Node], tuple[Model, int]]:
+        """With its model, which is copied once for all handles that are pickled together."""
+        return Node, (self.model, self.id)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Node) and self.model is other.model and self.id == other.id
+
+    def __hash__(self) -> int:
+        return hash((id(self.model), self.id))
+
+    def __repr__(self) -> str:
+        if not self.model.graph.alive(self.id):
+            return f"<no object {self.id}>"
+        name = self.model.graph.object_name(self.id)
+        key = (f"{key}={self[key]!r}" for key in self.model.metamodel.key(self.cls))
+        return f"<{' '.join([f'{self.cls}#{self.id}', *([name] if name else []), *key])}>"
+
+
+_OWN_NAMES = frozenset(name for name in dir(Node) if not name.startswith("_"))
+
+
+_Item = TypeVar("_Item")
+
+
+class _HeldList(Sequence[_Item]):
+    """What an object holds of a feature with many, live: reading it reads the model."""
+
+    __slots__ = ("_feature", "_node")
+
+    def __init__(self, node: Node, feature: Any) -> None:
+        self._node = node
+        self._feature = feature
+
+    def _made(self, held: Any) -> _Item:
+        """Return what stands for a value, or for the id of a target."""
+        return held  # type: ignore[no-any-return]
+
+    def __len__(self) -> int:
+        return len(_held(self._node, self._feature))
+
+    @overload
+    def __getitem__(self, index: int) -> _Item: ...
+    @overload
+    def __getitem__(self, index: slice) -> list[_Item]: ...
+    def __getitem__(self, index: int | slice) -> _Item | list[_Item]:
+        held = _held(self._node, self._feature)
+        return [*map(self._made, held[index])] if isinstance(index, slice) else self._made(held[index])
+
+    def __eq__(self, other: object) -> bool:
+        """Equal to a list, tuple or other view of the same items in the same order."""
+        if isinstance(other, list | tuple | type(self)):
+            return list(self) == list(other)
+        return NotImplemented
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def __repr__(self) -> str:
+        """A list of the first ones, and how many there are."""
+        if len(self) <= _SHOWN:
+            return repr(list(self))
+        return f"[{', '.join(map(repr, self[:_SHOWN]))}, ... {len(self):,} in all]"
+
+
+@short_repr
+class Targets(_HeldList[Node]):
+    """The targets of a many-reference, live: reading and writing it reads and writes the model.
+
+    Iterating goes over the targets as they were at the start. They are in the order in which they were added; of more
+    than 32, the last one takes the place of one that is removed.
+    """
+
+    __slots__ = ()
+
+    def _made(self, held: int) -> Node:
+        return Node(self._node.model, held)
+
+    def append(self, target: Node) -> None:
+        """Add a target; nothing happens if it is one already.
+
+        As an assignment does, it takes the object out of its container, and from what has it by a single opposite.
+        """
+        model = self._node.model
+        model.graph.add_target(self._node.id, self._feature, _target(model, self._feature, target))
+
+    def insert(self, index: int, target: Node) -> None:
+        """Add a target at a position, as a list does; one that is there already moves.
+
+        Raises:
+            InvalidArgument: the position is no number.
+        """
+        if type(index) is not int:
+            raise InvalidArgument(f"a position is a whole number, not {index!r}")
+        model = self._node.model
+        model.graph.insert_target(self._node.id, self._feature, index, _target(model, self._feature, target))
+
+    def extend(self, targets: Iterable[Node]) -> None:
+        """Add several targets."""
+        for target in list(targets):
+            self.append(target)
+
+    def remove(self, target: Node) -> None:
+        """Remove a target.
+
+        Raises:
+            InvalidArgument: it is none.
+        """
+        model = self._node.model
+        if model.graph.defined and self._feature in model.graph.defined:
+            raise refusals.lacks(model.graph, self._node.id, self._feature)
+        if not model.graph.unlink(self._node.id, self._feature, _target(model, self._feature, target)):
+            raise InvalidArgument(f"{target!r} is not among the targets of `{self._feature.name}`")
+
+    def clear(self) -> None:
+        """Remove all targets."""
+        self._node.model.graph.set_targets(self._node.id, self._feature, ())
+
+    def __iter__(self) -> Iterator[Node]:
+        model = self._node.model
+        return (Node(model, id) for id in tuple(_held(self._node, self._feature)))
+
+    def __contains__(self, item: object) -> bool:
+        if not isinstance(item, Node) or item.model is not self._node.model:
+            return False
+        return item.id in _held(self._node, self._feature)
+
+
+@short_repr
+class ValueList(_HeldList[Value], MutableSequence[Value]):
+    """The values of an attribute with many, live: a list that reads and writes the model.
+
+    Iterating goes over the values as they were at the start. Where each value stands once, inserting one that is there
+    changes nothing. Errors are those of `Graph.set_value`.
+    """
+
+    __slots__ = ()
+
+    def _set(self, values: list[Value]) -> None:
+        self._node.model.graph.set_value(self._node.id, self._feature, values)
+
+    def insert(self, index: int, value: Value) -> None:
+        """Put a value before the one at an index."""
+        self._node.model.graph.insert_value(self._node.id, self._feature, index, value)
+
+    def __setitem__(self, index: Any, value: Any) -> None:
+        values = list(self)
+        values[index] = value
+        self._set(values)
+
+    def __delitem__(self, index: int | slice) -> None:
+        if isinstance(index, slice):
+            values = list(self)
+            del values[index]
+            self._set(values)
+        else:
+            self._node.model.graph.remove_value_at(self._node.id, self._feature, index)
+
+    def reverse(self) -> None:
+        """Reverse the order in one write: swapping values one by one would repeat a unique value."""
+        self._set(list(self)[::-1])
+
+    def __iter__(self) -> Iterator[Value]:
+        return iter(tuple(_held(self._node, self._feature)))
+
+    def __contains__(self, item: object) -> bool:
+        return item in _held(self._node, self._feature)
+
+
+def assign_features(node: Node, features: Mapping[str, object]) -> None:
+    """Set several features."""
+    for name, value in features.items():
+        _write(node, _feature(node, name, TypeMismatch), value)
+
+
+def _feature(node: Node, name: str, error: type[Exception] = AttributeError) -> Feature:
+    features = node.model.metamodel.features(node.cls)
+    found = features.get(name)
+    if found is None:
+        hint = did_you_mean(name, features)
+        raise error(f"`{node.cls}` has no feature `{name}`" + (f"; {hint}" if hint else ""))
+    return found
+
+
+def _read(node: Node, feature: Feature) -> Value | ValueList | Node | Targets | None:
+    graph = node.model.graph
+    if feature.many:
+        return ValueList(node, feature) if isinstance(feature, Attribute) else Targets(node, feature)
+    if graph.defined and feature in graph.defined:
+        found = _held(node, feature)
+        if len(found) > 1:
+            query = graph.defined[feature].query
+            raise InvalidArgument(
+                f"`{feature}` has one value, and query `{query}` gives {node!r} {len(found)}"
+            )
+        return next((one if isinstance(feature, Attribute) else Node(node.model, one) for one in found), None)
+    if isinstance(feature, Attribute):
+        return graph.value(node.id, feature)
+    target = graph.target(node.id, feature)
+    return None if target is None else Node(node.model, target)
+
+
+def _held(node: Node, feature: Feature) -> Sequence[Any]:
+    """Return the values of a feature, or the ids of its targets."""
+    node.cls  # noqa: B018 - raises for an object that is gone
+    return node.model.graph.read(node.id, feature)
+
+
+def _write(node: Node, feature: Feature, value: object) -> None:
+    model = node.model
+    if isinstance(feature, Attribute):
+        if type(value) is int and not -LARGEST_INT - 1 <= value <= LARGEST_INT:
+            raise refusals.wrong_value(feature, value)
+        if feature.many and isinstance(value, Iterable) and not isinstance(value, str):
+            value = list(value)
+        model.graph.set_value(node.id, feature, value)  # type: ignore[arg-type]  # checked there
+    elif feature.many:
+        if isinstance(value, str) or not isinstance(value, Iterable):
+            raise TypeMismatch(f"`{feature}` takes several objects: write a list of them, not {value!r}")
+        model.graph.set_targets(node.id, feature, [_target(model, feature, target) for target in value])
+    else:
+        model.graph.set_target(node.id, feature, None if value is None else _target(model, feature, value))
+
+
+def _target(model: Model, reference: Reference, target: object) -> int:
+    if not isinstance(target, Node):
+        raise TypeMismatch(
+            f"`{reference}` leads to `{reference.target}`, not to {target!r} ({type(target).__name__})"
+        )
+    if target.model is not model:
+        raise TypeMismatch(f"{target!r} is an object of another model")
+    return target.id

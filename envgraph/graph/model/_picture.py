@@ -1,0 +1,357 @@
+"""Models as pictures: boxes for objects, lines for links."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, TypedDict, Unpack
+
+from envgraph.draw import (
+    LAYOUTS,
+    End,
+    Picture,
+    PictureEdge,
+    PictureNode,
+    shortened,
+    shown_value,
+)
+from envgraph.errors import InvalidArgument, did_you_mean, visible
+from envgraph.graph.model._node import Node
+from envgraph.graph.store._relation import Relation
+from envgraph.metamodel import Attribute, EnumType, Feature, Metamodel, Reference, Scalar, class_colours
+
+if TYPE_CHECKING:
+    from envgraph.graph.model._model import Model
+
+LIMIT = 100
+"""How many objects a picture has at most, unless something else is asked for."""
+
+_FAN = 16
+"""With more lines than this at one object a picture in layers is far wider than high."""
+
+Marked = Node | Mapping[str, object] | Iterable["Node | Mapping[str, object]"]
+"""Nodes to highlight: one, those among the values of a match, or several of either."""
+
+
+class PictureOptions(TypedDict, total=False):
+    """What a picture of a model shows.
+
+    Names of features may be qualified (`Tile.right`).
+
+    Attributes:
+        classes: only instances of these, subclasses included; else everything.
+        references: only links of these; else all. `()` for none.
+        attributes: only these; else all that have a value. `()` for none.
+        labels: write the names of references at the lines; True if nothing is said.
+        highlight: a match, a node, or several of them: drawn with a red border and the names of the variables.
+        around: as `highlight`: only these objects and those at most `distance` links away from them.
+        distance: 1 if nothing is said.
+        limit: at most so many objects, `LIMIT` if nothing is said: what is highlighted and what is near to it first,
+            else the first object and what is near to it. A note says how many there are.
+        layout: one of Graphviz; if nothing is said "dot" (layers, containers on top), or "neato" where some object has
+            many links.
+        position: two attributes with numbers for where an object stands, x to the right and y down, in units that fit a
+            box; the layout is "neato" then.
+    """
+
+    classes: Iterable[str] | None
+    references: Iterable[str] | None
+    attributes: Iterable[str] | None
+    labels: bool
+    highlight: Marked
+    around: Marked
+    distance: int
+    limit: int
+    layout: str
+    position: tuple[str, str]
+
+
+def picture(
+    model: Model,
+    *,
+    classes: Iterable[str] | None = None,
+    references: Iterable[str] | None = None,
+    attributes: Iterable[str] | None = None,
+    labels: bool = True,
+    highlight: Marked = (),
+    around: Marked | None = None,
+    distance: int = 1,
+    limit: int = LIMIT,
+    layout: str | None = None,
+    position: tuple[str, str] | None = None,
+) -> Picture:
+    """A picture of the present state; `PictureOptions` says what can be asked for.
+
+    Raises:
+        InvalidArgument: an unknown name or layout, a limit or distance below 0, a node of another model.
+    """
+    for name, number in (("limit", limit), ("distance", distance)):
+        if number < 0:
+            raise InvalidArgument(f"`{name}` is a number from 0, not {number}")
+    if layout is not None and layout not in LAYOUTS:
+        hint = did_you_mean(layout, LAYOUTS) or f"the layouts are {', '.join(LAYOUTS)}"
+        raise InvalidArgument(f"there is no layout {layout!r}: {hint}")
+    metamodel = model.metamodel
+    marks = _marks(model, highlight)
+    centre = None if around is None else _marks(model, around)
+    view = _View(
+        model,
+        _classes(metamodel, classes),
+        set(_named(metamodel, metamodel.references, references, "reference")),
+    )
+    shown, total = view.choose([*marks, *(centre or ())], None if centre is None else distance, limit)
+    drawing = _Objects(
+        metamodel, set(_named(metamodel, metamodel.attributes, attributes, "attribute")), marks, position
+    )
+    edges = tuple(view.edges(shown, labels))
+    if layout is None:
+        layout = "dot" if position is None and _widest_fan(edges) <= _FAN else "neato"
+    return Picture(
+        visible(model.name),
+        tuple(drawing.node(model, id) for id in shown),
+        edges,
+        f"{len(shown):,} of {total:,} objects are drawn"
+        if len(shown) < total
+        else ""
+        if total
+        else "no objects",
+        layout,
+    )
+
+
+def to_dot(model: Model, **options: Unpack[PictureOptions]) -> str:
+    """The picture as DOT, the text that Graphviz draws: the same state gives the same text."""
+    return model.picture(**options).to_dot()
+
+
+def to_svg(model: Model, **options: Unpack[PictureOptions]) -> str:
+    """The picture as an `<svg>` element: drawn by Graphviz, without it by us; see `Picture.to_svg`."""
+    return model.picture(**options).to_svg()
+
+
+def as_svg(model: Model) -> str | None:
+    """The picture, for notebooks."""
+    return model.picture()._repr_svg_()
+
+
+def _widest_fan(edges: Iterable[PictureEdge]) -> int:
+    """The most lines at one object."""
+    return max(Counter(end for edge in edges for end in (edge.source, edge.target)).values(), default=0)
+
+
+def _marks(model: Model, marked: Marked) -> dict[int, list[str]]:
+    """The objects among what is highlighted, and what they are called there."""
+    found: dict[int, list[str]] = {}
+
+    def add(item: object, name: str | None) -> None:
+        if not isinstance(item, Node):
+            return
+        if item.model is not model:
+            raise InvalidArgument(f"{item!r} is an object of another model")
+        names = found.setdefault(model.node(item.id).id, [])
+        if name is not None and name not in names:
+            names.append(name)
+
+    several: Iterable[object] = (
+        marked if isinstance(marked, Iterable) and not isinstance(marked, Mapping) else [marked]
+    )
+    for item in several:
+        if isinstance(item, Mapping):
+            for name, value in item.items():
+                add(value, visible(name))
+        elif isinstance(item, Node):
+            add(item, None)
+        else:
+            raise InvalidArgument(f"a node or a match can be highlighted, not {item!r}")
+    return found
+
+
+def _classes(metamodel: Metamodel, names: Iterable[str] | None) -> tuple[bool, ...]:
+    """For each class by its index, whether its objects are drawn; one more entry is for no object."""
+    if names is None:
+        return (*(True for _ in metamodel.class_list), False)
+    wanted = _texts(names, "classes")
+    for name in wanted:
+        if name not in metamodel.classes:
+            raise InvalidArgument(_unknown("class", name, metamodel.classes))
+    return (*(any(metamodel.is_a(cls.name, name) for name in wanted) for cls in metamodel.class_list), False)
+
+
+def _named(
+    metamodel: Metamodel, features: Sequence[Feature], names: Iterable[str] | None, kind: str
+) -> Iterator[int]:
+    """Indexes of the features with these names, simple or qualified by a class that has them."""
+    if names is None:
+        yield from (feature.index for feature in features)
+        return
+    for name in _texts(names, f"{kind}s"):
+        cls, _, simple = name.rpartition(".")
+        found = [
+            feature.index
+            for feature in features
+            if feature.name == simple
+            and (not cls or (cls in metamodel.classes and metamodel.is_a(cls, feature.owner)))
+        ]
+        if not found:
+            raise InvalidArgument(_unknown(kind, name, [text for f in features for text in (f.name, str(f))]))
+        yield from found
+
+
+def _texts(names: Iterable[str], option: str) -> list[str]:
+    if isinstance(names, str):
+        raise InvalidArgument(f"`{option}` takes several names: write [{names!r}]")
+    return list(names)
+
+
+def _unknown(kind: str, name: str, known: Iterable[str]) -> str:
+    hint = did_you_mean(name, known)
+    return f"the metamodel has no {kind} `{name}`" + (f"; {hint}" if hint else "")
+
+
+class _View:
+    """The part of a model that is asked for: some classes and some references."""
+
+    def __init__(self, model: Model, classes: Sequence[bool], references: set[int]) -> None:
+        self.store = model.graph.store
+        self.classes = classes
+        self.relations = [
+            relation for relation in self.store.relations if relation.reference.index in references
+        ]
+        self.references = references
+
+    def _visible(self, node: int) -> bool:
+        return self.classes[self.store.classes[node]]
+
+    def choose(self, first: Sequence[int], distance: int | None, limit: int) -> tuple[list[int], int]:
+        """The objects to draw, by id, and how many there would be without a limit.
+
+        Args:
+            first: where to begin.
+            distance: how far to go from there; None for everywhere.
+            limit: how many objects at most.
+        """
+        near = self._nearest(first, distance)
+        if distance is not None:
+            found = list(near)
+            return sorted(found[:limit]), len(found)
+        total = sum(
+            len(extent) for extent, drawn in zip(self.store.extents, self.classes, strict=False) if drawn
+        )
+        return sorted(node for node, _ in zip(near, range(limit), strict=False)), total
+
+    def _nearest(self, first: Sequence[int], distance: int | None) -> Iterator[int]:
+        """Objects breadth first from those given; then, if any distance will do, from the others in order."""
+        seen = dict.fromkeys(node for node in first if self._visible(node))
+        level = list(seen)
+        depth = 0
+        others = iter(self.store.nodes() if distance is None else ())
+        while True:
+            yield from level
+            if distance is not None and depth == distance:
+                return
+            following: list[int] = []
+            for node in level:
+                for other in self._neighbours(node):
+                    if other not in seen and self._visible(other):
+                        seen[other] = None
+                        following.append(other)
+            if not following:
+                alone = next((node for node in others if node not in seen and self._visible(node)), None)
+                if alone is None:
+                    return
+                seen[alone] = None
+                following = [alone]
+            level, depth = following, depth + 1
+
+    def _neighbours(self, node: int) -> Iterator[int]:
+        for relation in self.relations:
+            yield from relation.forward[node]
+            yield from relation.backward[node]
+
+    def edges(self, shown: Sequence[int], labels: bool) -> Iterator[PictureEdge]:
+        """The links between the objects that are drawn, a link and its opposite once."""
+        inside = set(shown)
+        for relation in self.relations:
+            opposite = relation.opposite
+            if opposite is not None and opposite.index not in self.references:
+                opposite = None
+            if opposite is not None and not _leads(relation, opposite):
+                continue
+            label = visible(relation.reference.name) if labels else ""
+            if labels and opposite is not None and not relation.symmetric:
+                label += f" / {visible(opposite.name)}"
+            tail: End = "diamond" if relation.containment else "arrow" if opposite else "none"
+            head: End = "diamond" if relation.contained else "arrow"
+            for source in shown:
+                for target in relation.forward[source]:
+                    if target in inside and not (relation.symmetric and source > target):
+                        yield PictureEdge(f"n{source}", f"n{target}", label, tail, head)
+
+
+def _leads(relation: Relation, opposite: Reference) -> bool:
+    """Return whether this one of a pair is drawn: the containment, else the one declared first."""
+    if relation.containment or relation.contained:
+        return relation.containment
+    return relation.reference.index <= opposite.index
+
+
+class _Objects:
+    """How objects look."""
+
+    def __init__(
+        self,
+        metamodel: Metamodel,
+        attributes: set[int],
+        marks: Mapping[int, Sequence[str]],
+        position: tuple[str, str] | None,
+    ) -> None:
+        self.metamodel = metamodel
+        self.attributes = attributes
+        self.marks = marks
+        self.position = position
+        self.colours = class_colours(metamodel.class_list)
+        if position is not None:
+            for name in position:
+                if not any(_is_number(feature) for feature in metamodel.attributes if feature.name == name):
+                    numbers = [feature.name for feature in metamodel.attributes if _is_number(feature)]
+                    raise InvalidArgument(_unknown("attribute with numbers", name, numbers))
+
+    def node(self, model: Model, id: int) -> PictureNode:
+        """The box of an object."""
+        cls = model.graph.class_of(id)
+        name = model.graph.object_name(id)
+        features = self.metamodel.features(cls)
+        return PictureNode(
+            f"n{id}",
+            f"{cls}#{id}" if name is None else f"{shortened(visible(name))} : {cls}",
+            tuple(
+                f"{visible(feature.name)} = {_value(feature, model.graph.value(id, feature))}"
+                for feature in features.values()
+                if isinstance(feature, Attribute) and feature.index in self.attributes
+                if model.graph.values(id, feature)
+            ),
+            self.colours[cls],
+            tuple(self.marks[id]) if id in self.marks else None,
+            place=self._place(model, id, features),
+        )
+
+    def _place(self, model: Model, id: int, features: Mapping[str, Feature]) -> tuple[float, float] | None:
+        if self.position is None:
+            return None
+        found: list[float] = []
+        for name in self.position:
+            feature = features.get(name)
+            value = model.graph.value(id, feature) if isinstance(feature, Attribute) else None
+            if isinstance(value, int | float):
+                found.append(float(value))
+        return (found[0], found[1]) if len(found) == 2 else None
+
+
+def _is_number(attribute: Attribute) -> bool:
+    return attribute.type in (Scalar.INT, Scalar.FLOAT) and not attribute.many
+
+
+def _value(attribute: Attribute, value: object) -> str:
+    if isinstance(value, tuple):
+        return f"[{', '.join(_value(attribute, one) for one in value)}]"
+    return visible(str(value)) if isinstance(attribute.type, EnumType) else shown_value(value)

@@ -1,0 +1,60 @@
+"""What follows from the primary columns of a store: computed from scratch, and made right after an exception."""
+
+from __future__ import annotations
+
+from envgraph.graph.store._hashing import recomputed_total
+from envgraph.graph.store._journal import IndexedSet
+from envgraph.graph.store._relation import Ends
+from envgraph.graph.store._store import Store
+
+
+def derive(store: Store) -> None:
+    """Make right what follows from names, values, targets and members of extents; for `History.repair`."""
+    store.lengthen(max(len(store.classes), len(store.place), len(store.salts[0])))
+    _classes(store)
+    for name, node in list(store.by_name.items()):
+        if node is not None and store.names[node] != name:
+            store.map_name(name, None)
+    for node, named in enumerate(store.names):
+        if named is not None and store.by_name.get(named) != node:
+            store.map_name(named, node)
+    for attribute, values, distinct in zip(
+        store.metamodel.attributes, store.values, store.distinct, strict=True
+    ):
+        for node, kept in enumerate(distinct) if attribute.many else ():
+            if isinstance(kept, IndexedSet):
+                kept.mend()
+            store.keep_distinct(distinct, node, tuple(dict.fromkeys(values[node] or ())))
+    for relation in store.relations:
+        if not relation.flipped:
+            _sources(store, relation.forward, relation.backward)
+    store.total = recomputed_total(store)
+    store.replaced()
+
+
+def _classes(store: Store) -> None:
+    """Objects are in the extents of their classes, once."""
+    members = [set(extent) for extent in store.extents]
+    for extent, inside in zip(store.extents, members, strict=True):
+        if len(inside) < len(extent):  # `put` has copied what makes room
+            extent.pop()
+    for node, cls in enumerate(store.classes):
+        if cls >= 0 and node not in members[cls]:
+            store.extents[cls].append(node)
+    for extent in store.extents:
+        for place, node in enumerate(extent):
+            store.classes[node], store.place[node] = extent.number, place
+
+
+def _sources(store: Store, forward: Ends, backward: Ends) -> None:
+    """Links that are known at one end only are those of the target's column; a symmetric one stays."""
+    for ends in (*forward, *backward):
+        if isinstance(ends, IndexedSet):
+            ends.mend()
+    for source, targets in enumerate(forward):
+        for target in targets:
+            if source not in backward[target]:
+                store.add_end(backward, target, source)
+    for target, sources in enumerate(backward):
+        for source in [source for source in sources if target not in forward[source]]:
+            store.drop_end(backward, target, source)

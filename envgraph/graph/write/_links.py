@@ -1,0 +1,203 @@
+"""Links of a model are written, and containers change with them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from envgraph.errors import InvalidArgument
+from envgraph.graph.store._relation import Relation
+from envgraph.graph.write import _refusals as refusals
+from envgraph.metamodel import Reference
+
+if TYPE_CHECKING:
+    from envgraph.graph.model._graph import Graph
+
+
+def link(graph: Graph, source: int, reference: Reference, target: int) -> bool:
+    """Add a link, and so its opposite; False if it was there already.
+
+    An object moves out of its old container when it is linked into another.
+
+    Raises:
+        TypeMismatch: an end is not of the class that the reference demands.
+        RuleError: the reference, or its opposite at the target, is "full"; the link would be a cycle of
+            "containment".
+    """
+    relation = graph.store.relations[reference.index]
+    classes = graph.store.classes
+    if not (relation.source_ok[classes[source]] and relation.target_ok[classes[target]]):
+        raise refusals.wrong_link(graph, source, reference, target)
+    if relation.contained:
+        assert relation.opposite is not None
+        return graph.link(target, relation.opposite, source)
+    ends = relation.forward[source]
+    if target in ends:
+        return False
+    if len(ends) >= relation.upper:
+        raise refusals.full(graph, source, reference)
+    if relation.containment:
+        return _house(graph, relation, source, target)
+    if len(relation.backward[target]) >= relation.opposite_upper:
+        assert relation.opposite is not None
+        raise refusals.full(graph, target, relation.opposite)
+    relation.connect(source, target)
+    return True
+
+
+def add_target(graph: Graph, source: int, reference: Reference, target: int) -> bool:
+    """As `link`, but where the opposite of a single target is taken, the object that holds it lets go.
+
+    Raises:
+        TypeMismatch, RuleError: as `link`.
+    """
+    relation = graph.store.relations[reference.index]
+    if relation.opposite is None or relation.opposite_upper != 1 or target in relation.forward[source]:
+        return graph.link(source, reference, target)
+    graph.set_target(target, relation.opposite, source)
+    return True
+
+
+def insert_target(graph: Graph, source: int, reference: Reference, index: int, target: int) -> None:
+    """Link a target and place it at `index`, as `list.insert` counts. If it is linked already, only move it.
+
+    Raises:
+        TypeMismatch, RuleError: as `link`.
+    """
+    relation = graph.store.relations[reference.index]
+    with graph.history.all_or_nothing():
+        graph.add_target(source, reference, target)
+        others = len(relation.forward[source]) - 1
+        place = max(0, others + index) if index < 0 else min(index, others)
+        graph.store.move_target(relation, source, target, place)
+
+
+def _house(graph: Graph, relation: Relation, container: int, node: int) -> bool:
+    """Put an object into a container that is not inside it, after taking it out of another."""
+    above: int | None = container
+    while above is not None:
+        if above == node:
+            raise refusals.inside(graph, node, container)
+        found = graph.container(above)
+        above = found and found[0]
+    old = graph.container(node)
+    try:
+        if old:
+            graph.store.relations[old[1].index].disconnect(old[0], node)
+        relation.connect(container, node)
+    except BaseException:
+        graph.store.interrupted.append((link, (graph, container, relation.reference, node)))
+        graph.store.interrupted.repair()
+        raise
+    return True
+
+
+def unlink(graph: Graph, source: int, reference: Reference, target: int) -> bool:
+    """Remove a link, and so its opposite; False if there is none."""
+    relation = graph.store.relations[reference.index]
+    if target not in relation.forward[source]:
+        return False
+    relation.disconnect(source, target)
+    return True
+
+
+def set_target(graph: Graph, source: int, reference: Reference, target: int | None) -> None:
+    """Make `target` the only target; None clears the reference.
+
+    Unlike `link` this replaces: the old target goes, and where the opposite of a single reference is taken,
+    the object that holds it lets go.
+
+    Raises:
+        TypeMismatch: an end is not of the class that the reference demands.
+        RuleError: a cycle of "containment", or a full many-valued opposite; then nothing has changed.
+    """
+    relation = graph.store.relations[reference.index]
+    if not relation.plain:
+        graph.set_targets(source, reference, () if target is None else (target,))
+        return
+    classes = graph.store.classes
+    if not (relation.source_ok[classes[source]] and (target is None or relation.target_ok[classes[target]])):
+        raise refusals.wrong_link(graph, source, reference, target)
+    old = relation.forward[source]
+    if old and old[0] == target:
+        return
+    try:
+        if old:
+            relation.disconnect(source, old[0])
+        if target is not None:
+            if relation.opposite_upper == 1:
+                holders = relation.backward[target]
+                if holders:
+                    relation.disconnect(holders[0], target)
+            relation.connect(source, target)
+    except BaseException:
+        graph.store.interrupted.append((set_target, (graph, source, reference, target)))
+        graph.store.interrupted.repair()
+        raise
+
+
+def set_targets(graph: Graph, source: int, reference: Reference, targets: Sequence[int]) -> None:
+    """Make these the targets, in this order, as `set_target` does for one.
+
+    Raises:
+        InvalidArgument: a target is named twice.
+    """
+    relation = graph.store.relations[reference.index]
+    classes = graph.store.classes
+    if not relation.source_ok[classes[source]]:
+        raise refusals.wrong_link(graph, source, reference, None)
+    for target in targets:
+        if not relation.target_ok[classes[target]]:
+            raise refusals.wrong_link(graph, source, reference, target)
+    old = relation.forward[source]
+    if len(old) == len(targets) and tuple(old) == tuple(targets):
+        return
+    if not targets:  # nothing can be refused, so nothing has to be undone
+        try:
+            _clear(graph, relation, source)
+        except BaseException:
+            graph.store.interrupted.append((_clear, (graph, relation, source)))
+            graph.store.interrupted.repair()
+            raise
+        return
+    if len(targets) > relation.upper:
+        raise refusals.full(graph, source, reference)
+    if len(targets) > 1 and len(set(targets)) < len(targets):
+        raise InvalidArgument(f"the targets of `{reference}` are different objects")
+    with graph.history.all_or_nothing():
+        _replace(graph, relation, source, targets)
+
+
+def _clear(graph: Graph, relation: Relation, source: int) -> None:
+    for target in tuple(relation.forward[source]):
+        relation.disconnect(source, target)
+
+
+def _replace(graph: Graph, relation: Relation, source: int, targets: Sequence[int]) -> None:
+    old = tuple(relation.forward[source])
+    wanted = set(targets)
+    kept = [target for target in old if target in wanted]
+    # Fewer changes if those that stay come first in the new order; else the order needs all of them anew.
+    in_place = kept == list(targets[: len(kept)])
+    for target in old:
+        if not in_place or target not in wanted:
+            relation.disconnect(source, target)
+    if relation.opposite_upper == 1:
+        for target in targets:
+            holders = relation.backward[target]
+            if holders and holders[0] != source:
+                relation.disconnect(holders[0], target)
+    for target in targets:
+        graph.link(source, relation.reference, target)
+    # Among more than 32 targets, the last one takes the place of a removed one.
+    graph.store.keep_distinct(relation.forward, source, tuple(targets))
+    graph.store.revision += 1
+
+
+def container(graph: Graph, node: int) -> tuple[int, Reference] | None:
+    """The object that contains this one, and by which reference; None for a root."""
+    for relation in graph.layout.containers[graph.store.classes[node]]:
+        holders = relation.backward[node]
+        if holders:
+            return holders[0], relation.reference
+    return None

@@ -1,0 +1,63 @@
+"""Names of objects of a model, and the places of those in grids."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from envgraph.errors import InvalidArgument, visible
+from envgraph.graph.write import _refusals as refusals
+
+if TYPE_CHECKING:
+    from envgraph.graph.model._graph import Graph
+
+
+def find_object(graph: Graph, object_name: str) -> int | None:
+    """The object with this name, or None; one of a grid has that of its place, such as `tile[3, 1]`."""
+    found = graph.store.by_name.get(object_name)
+    if found is None and graph.places:
+        place = graph.places.get(object_name.replace(" ", ""), -1)
+        return place if graph.alive(place) else None
+    return found
+
+
+def set_object_name(graph: Graph, node: int, object_name: str | None) -> None:
+    """Give an object another name, or none.
+
+    Raises:
+        InvalidArgument: the name is taken by another object.
+    """
+    check_alive(graph, node)
+    if object_name == graph.store.names[node]:
+        return
+    if object_name is not None:
+        check_free(graph, object_name)
+    graph.store.rename(node, object_name)
+
+
+def title(graph: Graph, node: int) -> str | None:
+    """Return the name of an object in files, for `find_object`, else its place in a grid, `tile[3, 1]`; or None."""
+    if len(graph.titles) != len(graph.places):
+        graph.titles = {there: place.replace(",", ", ") for place, there in graph.places.items()}
+    return graph.store.names[node] or graph.titles.get(node)
+
+
+def describe(graph: Graph, node: int) -> str:
+    """An object for messages: what a file calls it, else its class with its key, `Box {label = a}`, or its id."""
+    if not graph.alive(node):
+        return f"object {node!r}"
+    cls = graph.class_of(node)
+    features = graph.metamodel.features(cls)
+    values = {name: next(iter(graph.read(node, features[name])), None) for name in graph.metamodel.key(cls)}
+    key = ", ".join(f"{name} = {value}" for name, value in values.items())
+    known = f" {{{visible(key)}}}" if key else f"#{node}"
+    return f"`{graph.title(node) or cls + known}`"
+
+
+def check_free(graph: Graph, object_name: str) -> None:
+    if graph.find_object(object_name) is not None:
+        raise InvalidArgument(f"`{graph.name}` has an object `{object_name}` already")
+
+
+def check_alive(graph: Graph, node: int) -> None:
+    if not graph.alive(node):
+        raise refusals.missing(graph, node)

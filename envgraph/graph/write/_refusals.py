@@ -1,0 +1,153 @@
+"""Messages of refused writes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+from envgraph.errors import EnvgraphError, InvalidArgument, RuleError, TypeMismatch, did_you_mean
+from envgraph.metamodel import (
+    LARGEST_INT,
+    Attribute,
+    EnumType,
+    Feature,
+    Metamodel,
+    Reference,
+    Scalar,
+    Values,
+    type_name,
+)
+
+if TYPE_CHECKING:
+    from envgraph.graph.model._graph import Graph
+    from envgraph.graph.store._incidence import Link
+
+
+def missing(graph: Graph, node: object) -> InvalidArgument:
+    """There is no such object."""
+    return InvalidArgument(
+        f"`{graph.name}` has no object {node!r}: it was never created, was deleted, or was undone"
+    )
+
+
+def unknown_object(graph: Graph, object_name: object) -> InvalidArgument:
+    """No object has this name."""
+    if not isinstance(object_name, str):
+        return InvalidArgument(
+            f"objects are found by name, not by {object_name!r}; for an id write `model.node(id)`"
+        )
+    used = [
+        *(name for name, node in graph.store.by_name.items() if node is not None),
+        *(place for place, node in graph.places.items() if graph.alive(node)),
+    ]
+    return InvalidArgument(f"`{graph.name}` has no object `{object_name}`", did_you_mean(object_name, used))
+
+
+def not_instantiable(metamodel: Metamodel, cls: str) -> TypeMismatch:
+    """The class is unknown or abstract."""
+    if cls not in metamodel.classes:
+        return unknown_class(metamodel, cls)
+    below = ", ".join(f"`{name}`" for name in metamodel.concrete(cls)) or "none"
+    return TypeMismatch(f"`{cls}` is abstract", f"its concrete subclasses: {below}")
+
+
+def unknown_class(metamodel: Metamodel, cls: str) -> TypeMismatch:
+    """The class is unknown."""
+    return TypeMismatch(f"unknown class `{cls}`", metamodel.likely(cls))
+
+
+def lacks(graph: Graph, node: int, feature: Feature) -> EnvgraphError:
+    """The object's class does not have the feature, or there is no such object."""
+    if not graph.alive(node):
+        return missing(graph, node)
+    if feature in graph.defined:
+        text = f"`{feature}` is read-only: query `{graph.defined[feature].query}` defines its values"
+        return TypeMismatch(text, "change what the query reads")
+    return TypeMismatch(f"`{graph.class_of(node)}` has no feature `{feature.name}`; `{feature.owner}` has")
+
+
+def no_list(attribute: Attribute, value: object) -> TypeMismatch:
+    """One value where the attribute takes many."""
+    return TypeMismatch(f"`{attribute}` takes several values: write a list of them, not {value!r}")
+
+
+def wrong_value(attribute: Attribute, value: object) -> TypeMismatch:
+    """The attribute does not take the value."""
+    hint = None
+    if isinstance(attribute.type, EnumType) and isinstance(value, str):
+        hint = did_you_mean(value, attribute.type.literals)
+        hint = hint or "its literals: " + ", ".join(f"`{literal}`" for literal in attribute.type.literals)
+    kind = type_name(attribute.type)
+    if attribute.type is Scalar.INT and type(value) is int:
+        hint = f"an int has 64 bits: it is {LARGEST_INT} at most, and {-LARGEST_INT - 1} at least"
+    try:
+        shown = repr(value)
+    except ValueError:  # Python does not show ints of thousands of digits
+        shown = "one of thousands of digits"
+    shown = shown if len(shown) <= 80 else f"{shown[:77]}..."
+    return TypeMismatch(f"`{attribute}` takes {kind}, not {shown} ({type(value).__name__})", hint)
+
+
+def repeated(attribute: Attribute, values: Values) -> InvalidArgument:
+    """A value is given twice."""
+    twice = next(value for place, value in enumerate(values) if value in values[:place])
+    message = f"`{attribute}` has each value once, and {twice!r} is given twice"
+    return InvalidArgument(message, "`@nonunique` allows that")
+
+
+def too_many(graph: Graph, node: int, attribute: Attribute, values: Values) -> RuleError:
+    """More values than the attribute may have."""
+    text = f"{graph.describe(node)} would have {len(values)} of at most {attribute.upper} values of `{attribute.name}`"
+    return RuleError(text, reason="full", details=[repr(value) for value in values])
+
+
+def wrong_link(graph: Graph, source: int, reference: Reference, target: int | None) -> EnvgraphError:
+    """An end of the link does not exist or is of the wrong class; target None stands for one that is right."""
+    for end in (source, target):
+        if end is not None and not graph.alive(end):
+            return missing(graph, end)
+    known = reference in graph.defined or not graph.metamodel.is_a(graph.class_of(source), reference.owner)
+    if target is None or known:
+        return lacks(graph, source, reference)
+    found = f"{graph.describe(target)} is of class `{graph.class_of(target)}`"
+    return TypeMismatch(f"`{reference}` leads to `{reference.target}`, but {found}")
+
+
+def full(graph: Graph, node: int, reference: Reference) -> RuleError:
+    """The reference of the object has as many targets as it may have."""
+    ends = graph.targets(node, reference)
+    limit = f"{len(ends)} of at most {reference.upper} targets of `{reference.name}` already"
+    relation = graph.store.relations[reference.index]
+    links = describe_links(graph, ((relation, node, other) for other in ends))
+    return RuleError(f"{graph.describe(node)} has {limit}", reason="full", details=links)
+
+
+def inside(graph: Graph, node: int, container: int) -> RuleError:
+    """The object cannot be put into the container, being the container or around it."""
+    text = f"{graph.describe(node)} cannot be put into {graph.describe(container)}, "
+    text += "itself" if node == container else "which is inside it"
+    return RuleError(text, reason="containment")
+
+
+def dangling(graph: Graph, node: int, links: list[Link]) -> RuleError:
+    """Deleting the object would leave links without an end."""
+    text = f"{graph.describe(node)} cannot be deleted: {_number(links)} would be left dangling"
+    return RuleError(text, reason="dangling", details=describe_links(graph, links))
+
+
+def lost(graph: Graph, node: int, cls: str, links: list[Link]) -> RuleError:
+    """The object cannot become an instance of the class and keep these links."""
+    text = f"{graph.describe(node)} cannot become `{cls}`: {_number(links)} would be lost"
+    return RuleError(text, reason="lost-link", details=describe_links(graph, links))
+
+
+def describe_links(graph: Graph, links: Iterable[Link]) -> list[str]:
+    """Links, for messages."""
+    return [
+        f"{graph.describe(source)} -{relation.reference.name}-> {graph.describe(target)}"
+        for relation, source, target in links
+    ]
+
+
+def _number(links: list[Link]) -> str:
+    return "1 link" if len(links) == 1 else f"{len(links)} links"

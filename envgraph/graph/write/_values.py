@@ -1,0 +1,89 @@
+"""Values of attributes are written."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from envgraph.graph.store._journal import Ordered
+from envgraph.graph.write import _refusals as refusals
+from envgraph.metamodel import Attribute, Value, Values, accepts
+
+if TYPE_CHECKING:
+    from envgraph.graph.model._graph import Graph
+
+
+def set_value(graph: Graph, node: int, attribute: Attribute, value: Value | Sequence[Value] | None) -> None:
+    """Set or (None) clear an attribute; an int for a float attribute becomes a float.
+
+    An attribute with many values takes a list or tuple of them.
+
+    Raises:
+        TypeMismatch: the value is not of the attribute's type, or the object's class lacks the attribute.
+        InvalidArgument: a value is given twice that the attribute has once.
+        RuleError: more values than the attribute may have ("full").
+    """
+    index = attribute.index
+    layout = graph.layout
+    if not layout.attribute_ok[index][graph.store.classes[node]]:
+        raise refusals.lacks(graph, node, attribute)
+    kind = layout.kinds[index]
+    if type(value) is not kind or layout.checked[index]:
+        if attribute.many:
+            value = _all_coerced(graph, node, attribute, () if value is None else value)
+        elif value is not None:
+            value = _coerced(graph, attribute, value)
+    held = graph.store.values[index][node]
+    if held != value and not (type(held) is Ordered and tuple(held) == value):
+        graph.store.put(node, index, value)
+
+
+def insert_value(graph: Graph, node: int, attribute: Attribute, index: int, value: Value) -> bool:
+    """Insert a value before the one at an index, as a list does; False if each stands once, and it is there.
+
+    Raises:
+        TypeMismatch: as for `set_value`.
+        RuleError: the attribute has as many values as it may have ("full").
+    """
+    held, value = _held(graph, node, attribute), _coerced(graph, attribute, value)
+    if attribute.unique and value in graph.store.distinct[attribute.index][node]:
+        return False
+    if attribute.upper is not None and len(held) >= attribute.upper:
+        raise refusals.too_many(graph, node, attribute, (*held, value))
+    index = max(0, len(held) + index) if index < 0 else min(index, len(held))
+    graph.store.splice(node, attribute.index, index, value, True)
+    return True
+
+
+def remove_value_at(graph: Graph, node: int, attribute: Attribute, index: int) -> None:
+    """Remove the value at an index, from 0, from an attribute with many.
+
+    Raises:
+        IndexError: there is none.
+    """
+    held = _held(graph, node, attribute)
+    place = range(len(held))[index]
+    graph.store.splice(node, attribute.index, place, held[place], False)
+
+
+def _held(graph: Graph, node: int, attribute: Attribute) -> Sequence[Value]:
+    if not graph.layout.attribute_ok[attribute.index][graph.store.classes[node]]:
+        raise refusals.lacks(graph, node, attribute)
+    return graph.store.values[attribute.index][node] or ()
+
+
+def _coerced(graph: Graph, attribute: Attribute, value: object) -> Value:
+    if not accepts(attribute.type, value):
+        raise refusals.wrong_value(attribute, value)
+    return graph.layout.kinds[attribute.index](value)  # type: ignore[no-any-return]
+
+
+def _all_coerced(graph: Graph, node: int, attribute: Attribute, values: object) -> Values:
+    if not isinstance(values, list | tuple):
+        raise refusals.no_list(attribute, values)
+    found = tuple(_coerced(graph, attribute, value) for value in values)
+    if attribute.unique and len(dict.fromkeys(found)) < len(found):
+        raise refusals.repeated(attribute, found)
+    if attribute.upper is not None and len(found) > attribute.upper:
+        raise refusals.too_many(graph, node, attribute, found)
+    return found

@@ -1,0 +1,133 @@
+"""Joins by value: where a search would look through many objects for a value there is a view of the values."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Final
+
+from envgraph.graph import Store
+from envgraph.match.plan._options import Unplannable
+from envgraph.match.plan._plan import Kind, Plan, held_value
+from envgraph.match.views.delta._occurrences import Role, occurrences
+from envgraph.match.views.delta._planning import ViewPlanner
+from envgraph.metamodel import Attribute, Metamodel, Value, Values
+from envgraph.pattern import (
+    AggregateAtom,
+    AttributeAtom,
+    CallAtom,
+    Condition,
+    Conjunction,
+    Goal,
+    LinkAtom,
+    ObjectType,
+    UnequalAtom,
+    renumbered_relation,
+    variables,
+)
+
+MANY: Final = 100.0
+"""Objects that are looked through, from which on their values are worth a view."""
+SAMPLE: Final = 512
+"""Objects of a class whose values tell how many different ones there are."""
+DIFFERENT: Final = 8
+"""Different values from which on it helps to know one of them."""
+
+
+def joined_by_value(store: Store, planner: ViewPlanner, body: Conjunction) -> frozenset[int]:
+    """Attributes of a body, by index, by whose values many objects would be told apart one by one.
+
+    Args:
+        store: for a look at the values.
+        planner: orders goals.
+        body: goals over relations of the network.
+    """
+    possible = {
+        held[0].index
+        for goal in body.goals
+        if (held := held_value(goal))
+        and _met_elsewhere(body, goal)
+        and planner.sizes.extent(held[0].owner) > MANY
+        and _telling(store, planner.library.metamodel, held[0])
+    }
+    if not possible:
+        return frozenset()
+    fixed = {number for number, _ in body.constants}
+    found: set[int] = set()  # for membership alone
+    for known, others in _searches(body):
+        try:
+            plan = planner.plan(body, [body.goals[number] for number in others], frozenset(known))
+        except Unplannable:
+            continue
+        found.update(_told_apart(plan, known | fixed))
+    return frozenset(found & possible)
+
+
+def with_values(body: Conjunction, attributes: frozenset[int]) -> Conjunction:
+    """The body with calls of the views of these attributes."""
+    goals = tuple(
+        CallAtom(values_of(held[0]), held[1:])
+        if (held := held_value(goal)) and held[0].index in attributes
+        else goal
+        for goal in body.goals
+    )
+    return Conjunction(body.types, body.constants, body.parameters, goals)
+
+
+def values_of(attribute: Attribute) -> str:
+    """Name of the view of an attribute's values."""
+    return f"{attribute}/values"
+
+
+def all_values(goal: Goal) -> Conjunction:
+    """The body of that view: objects and values."""
+    held = held_value(goal)
+    assert isinstance(goal, AttributeAtom | LinkAtom) and held
+    types = (ObjectType(held[0].owner), held[0].type)
+    return Conjunction(types, (), (0, 1), (renumbered_relation(goal, {held[1]: 0, held[2]: 1}),))
+
+
+def _met_elsewhere(body: Conjunction, goal: Goal) -> bool:
+    """Return whether another goal may give its value."""
+    held = held_value(goal)
+    return held is not None and any(
+        held[2] in variables(other)
+        for other in body.goals
+        if other is not goal and not isinstance(other, UnequalAtom | Condition)
+    )
+
+
+def _telling(store: Store, metamodel: Metamodel, attribute: Attribute) -> bool:
+    """Return whether objects differ in an attribute."""
+    column = store.values[attribute.index]
+    different: set[Value | Values] = set()  # for its size alone
+    for cls, extent in zip(metamodel.class_list, store.extents, strict=True):
+        if metamodel.is_a(cls.name, attribute.owner):
+            values = (value for node in extent[:SAMPLE] if (value := column[node]) is not None)
+            different.update(tuple(value) if isinstance(value, list) else value for value in values)
+    return len(different) >= DIFFERENT
+
+
+def _searches(body: Conjunction) -> Iterator[tuple[set[int], list[int]]]:
+    """What is known when a search begins, and the goals that it has to meet: for all matches, and for each change."""
+    everything = list(range(len(body.goals)))
+    yield set(), everything
+    for place in occurrences(body):
+        known = {v for v in place.columns if v is not None}
+        goal = body.goals[place.goal]
+        if place.role is Role.NUMBER and isinstance(goal, AggregateAtom):
+            known.add(goal.result)
+        yield known, [number for number in everything if number != place.goal]
+
+
+def _told_apart(plan: Plan, known: set[int]) -> Iterator[int]:
+    """Attributes that test objects of a long loop for a value that was known before it."""
+    rows, before = 1.0, set(known)
+    looped: dict[int, set[int]] = {}
+    for step in plan.steps:
+        if step.kind is Kind.LOOP and step.rows > MANY * rows:
+            looped.update((variable, before.copy()) for variable in step.binds)
+        held = held_value(step.goal)
+        if held and step.kind is Kind.TEST and held[2] in looped.get(held[1], ()):
+            yield held[0].index
+        rows = max(step.rows, 1e-9)
+        before.update(step.binds)

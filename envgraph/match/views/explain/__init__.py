@@ -1,0 +1,1 @@
+"""Views as text, with measured numbers of partial matches."""

@@ -1,0 +1,116 @@
+"""Measures delta functions in the model as it is: how many partial matches each step leaves, on average."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from itertools import chain
+from typing import Any, Final
+
+from envgraph.code import Block
+from envgraph.graph import Store
+from envgraph.match.explain._trace import noted
+from envgraph.match.generate._sinks import Sink
+from envgraph.match.generate._symbols import Held, Source
+from envgraph.match.generate._write import Module
+from envgraph.match.views.delta._delta import Delta, DeltaTranslation, delta_plan, tuple_names
+from envgraph.match.views.delta._occurrences import Role
+from envgraph.match.views.delta._planning import ViewPlanner
+from envgraph.match.views.operators._closure import ClosureOperator
+from envgraph.match.views.operators._group_aggregates import Fold
+from envgraph.match.views.operators._operators import Operator, Rows
+from envgraph.metamodel import Attribute
+from envgraph.pattern import (
+    AggregateAtom,
+    AttributeAtom,
+    CallAtom,
+    ClosureAtom,
+    InstanceAtom,
+    LinkAtom,
+)
+
+SAMPLE: Final = 64
+"""Tuples that are tried, evenly spread over those that there are."""
+
+Build = Callable[[Source, Callable[[Held], object]], Callable[..., Any]]
+"""Makes a function of a source; the second argument gives what is held."""
+
+
+def actual_rows(
+    planner: ViewPlanner,
+    delta: Delta,
+    tuples: Iterable[tuple[Any, ...]],
+    build: Build,
+    held: Callable[[Held], object],
+) -> list[float]:
+    """Partial matches after each step of a delta's plan, for a tuple that has just come.
+
+    Args:
+        planner: made the plan.
+        delta: whose plan it is.
+        tuples: of the relation, as they are now.
+        build: see `Build`.
+        held: what views hold.
+
+    Returns:
+        The average over a sample of the tuples; empty if there are none.
+    """
+    known = list(tuples)
+    sample = known[:: max(1, len(known) // SAMPLE)]
+    counts = [0] * len(delta_plan(planner, delta).steps)
+
+    def note(step: int, _: object) -> bool:
+        counts[step] += 1
+        return True
+
+    run = build(_source(planner, delta), lambda symbol: note if symbol.what == "note" else held(symbol))
+    for row in sample:
+        run(*row)
+    return [count / len(sample) for count in counts] if sample else []
+
+
+def _source(planner: ViewPlanner, delta: Delta) -> Source:
+    module, block = Module(), Block()
+    occurrence = delta.occurrence
+    names = tuple_names(occurrence)
+    plan = delta_plan(planner, delta)
+    translation = DeltaTranslation(planner, module, block, delta, names)
+    given = {}
+    if occurrence.role is Role.NUMBER:
+        goal = delta.conjunction.goals[occurrence.goal]
+        assert isinstance(goal, AggregateAtom)
+        given = {goal.result: translation.number(occurrence, names, 0)}
+    else:
+        translation.alone(occurrence, names)
+    translation.run(plan, Sink((), (), lambda _: (), ()), given)
+    return noted(module, names, block.body(), plan)
+
+
+def tuples_of(delta: Delta, store: Store, operators: Mapping[str, Operator]) -> Iterator[tuple[Any, ...]]:
+    """The tuples of the relation that a delta starts from."""
+    match delta.occurrence.relation:
+        case InstanceAtom(cls, _, exact):
+            names = {cls} if exact else set(store.metamodel.concrete(cls))
+            extents = (
+                store.extents[i] for i, each in enumerate(store.metamodel.class_list) if each.name in names
+            )
+            yield from ((node,) for node in chain.from_iterable(extents))
+        case AttributeAtom(attribute):
+            column = store.values[attribute.index]
+            yield from ((node, value) for node, value in enumerate(column) if value is not None)
+        case LinkAtom(feature):
+            columns: Sequence[Sequence[Iterable[Any]]] = store.forward
+            columns = store.distinct if isinstance(feature, Attribute) else columns
+            for node, ends in enumerate(columns[feature.index]):
+                yield from ((node, other) for other in ends)
+        case CallAtom(name) | ClosureAtom(name):
+            yield from _rows_of(operators[name])
+
+
+def _rows_of(operator: Operator) -> Iterator[tuple[Any, ...]]:
+    match operator:
+        case Rows() if operator.listed:
+            yield from operator.rows
+        case Fold():
+            yield from ((*key, value) for key, value in operator.values.items() if value is not None)
+        case ClosureOperator():
+            yield from operator.pairs()

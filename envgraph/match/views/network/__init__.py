@@ -1,0 +1,1 @@
+"""The network of operators: built from patterns, subscribed to the store, scheduled."""

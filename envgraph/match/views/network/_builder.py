@@ -1,0 +1,579 @@
+"""From patterns to operators: which relations there have to be so that a pattern can be kept current."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Container, Iterable, Iterator, Sequence
+from dataclasses import replace
+from math import inf
+from typing import Any, Final, TypeVar
+
+from envgraph.code import dataclass
+from envgraph.graph import Store
+from envgraph.match.generate._symbols import Source
+from envgraph.match.passes import FOR_VIEWS, Bodies
+from envgraph.match.passes._calls import CallGraph
+from envgraph.match.plan._options import Unplannable
+from envgraph.match.plan._plan import held_value
+from envgraph.match.views.delta._asked_rows import Definitions, Wanted, doubled, led_to, passed_on
+from envgraph.match.views.delta._bodies import closure_of, component, free_inside, link_of, negated
+from envgraph.match.views.delta._delta import Delta, build_source, delta_source, derivable_source
+from envgraph.match.views.delta._joins import all_values, joined_by_value, values_of, with_values
+from envgraph.match.views.delta._occurrences import Occurrence, occurrences
+from envgraph.match.views.delta._planning import ViewPlanner
+from envgraph.match.views.operators._closure import CircleOperator, ClosureOperator, Steps
+from envgraph.match.views.operators._group_aggregates import Fold, Nth
+from envgraph.match.views.operators._operators import Evaluated, Operator, Rows, View, fill_unrecorded
+from envgraph.match.views.operators._recursive import Component, Member
+from envgraph.metamodel import Reference
+from envgraph.pattern import (
+    Absence,
+    AggregateAtom,
+    CallAtom,
+    Closure,
+    ClosureAtom,
+    Condition,
+    Conjunction,
+    Goal,
+    InstanceAtom,
+    LinkAtom,
+    ObjectType,
+    RelationAtom,
+    UnequalAtom,
+    Valuation,
+    arguments,
+    is_relation,
+    variables,
+)
+
+Build = Callable[[Source], Any]
+"""Makes a function of generated source; symbols that a view holds are asked from the network."""
+Evaluate = Callable[[str], Callable[[], Sequence[Any]]]
+"""All rows of a pattern, on demand."""
+
+
+MOST_GOALS: Final = 40
+"""Goals of a body that still gets delta functions: there is one for each, and each is planned."""
+
+
+class NotIncremental(Exception):
+    """There is no delta for a body."""
+
+
+@dataclass(slots=True)
+class Definition:
+    """How a view is made: the bodies over the relations of the network."""
+
+    view: View | Member
+    bodies: tuple[Conjunction, ...]
+
+
+Entered = TypeVar("Entered", bound=Operator)
+Key = tuple[str, int | str]
+"""A relation: "value" or "link" with the index of the feature, "rows" with the name of an operator."""
+
+
+class NetworkBuilder:
+    """The operators so far, each after those that it is made of.
+
+    Attributes:
+        operators: by name. What is named like a pattern holds its matches.
+        definitions: of the views.
+        edges: for each closure the relation that it follows, and whether that is crossed.
+        spreading: the delta functions by which rows of recursive patterns derive each other.
+        most: the largest number of pairs that a new closure may have.
+
+    Args:
+        store: what the views are about.
+        calls: which patterns are recursive.
+        planner: orders goals.
+        build: see `Build`.
+        evaluate: see `Evaluate`.
+    """
+
+    def __init__(
+        self, store: Store, calls: CallGraph, planner: ViewPlanner, build: Build, evaluate: Evaluate
+    ) -> None:
+        self.store = store
+        self.library = planner.library
+        self.calls = calls
+        self.operators: dict[str, Operator] = {}
+        self.definitions: dict[str, Definition] = {}
+        self.edges: dict[str, tuple[Key, bool]] = {}
+        self.spreading: list[Delta] = []
+        self.most = inf
+        self._planner = planner
+        self._build = build
+        self._evaluate = evaluate
+        self._bodies = Bodies(self.library, calls, FOR_VIEWS)
+        self._open: set[str] = set()
+        self._products: dict[str, bool] = {}
+
+    def view(self, pattern: str) -> Rows:
+        """The operator that holds the matches of a pattern."""
+        known = self.operators.get(pattern)
+        if known is not None:
+            assert isinstance(known, Rows)
+            return known
+        before = len(self.operators)
+        under_way = set(self._open)
+        try:
+            if self.library.inputs(pattern):
+                raise NotIncremental
+            if self.calls.recursive(pattern):
+                return self._members(self._definitions(pattern))[pattern]
+            return self._define(pattern, self._bodies.of(pattern))
+        except NotIncremental:
+            self._open = under_way
+            self._discard(*list(self.operators)[before:])
+            for name in self._together(pattern):
+                self._enter(Evaluated(name, self.store, self._evaluate(name)))
+            found = self.operators[pattern]
+            assert isinstance(found, Rows)
+            return found
+
+    def recursive(self, pattern: str) -> Member | None:
+        """The operator of a recursive pattern, if it has deltas."""
+        try:
+            return self._members(self._definitions(pattern))[pattern]
+        except NotIncremental:
+            return None
+
+    def _enter(self, operator: Entered) -> Entered:
+        self.operators[operator.name] = operator
+        if isinstance(operator, ClosureOperator) and self.most < inf:
+            operator.check_pairs(self.most)
+        fill_unrecorded(operator)
+        return operator
+
+    def _define(self, name: str, bodies: Iterable[Conjunction]) -> View:
+        """A view of some bodies."""
+        prepared = [self._prepared(name, number, body) for number, body in enumerate(bodies)]
+        view = View(name, self.store, counted=self._planner.repeats(prepared))
+        try:
+            lists = [
+                self._build(build_source(self._planner, name, number, body))
+                for number, body in enumerate(prepared)
+            ]
+        except Unplannable:
+            raise NotIncremental from None
+        view.list_derivations = _together(lists)
+        self.definitions[name] = Definition(view, tuple(prepared))
+        return self._enter(view)
+
+    def _definitions(self, pattern: str) -> Definitions:
+        """Return the bodies of all patterns that call each other with this one."""
+        names = self._together(pattern)
+        if len(names) < len(self.calls.component(pattern)):
+            raise NotIncremental
+        definitions: Definitions = {name: self._bodies.of(name) for name in names}
+        if found := doubled(definitions):
+            # The last call needs only the non-recursive bodies: the rows are the same, with fewer derivations each.
+            (body, first, last), exits = found, f"{pattern}/exits"
+            if exits not in self.operators:
+                self._define(exits, [each for each in definitions[pattern] if each is not body])
+            steps = ((CallAtom(exits, body.parameters),), (first, replace(last, pattern=exits)))
+            return {pattern: [replace(body, goals=goals) for goals in steps]}
+        return definitions
+
+    def _members(self, definitions: Definitions) -> dict[str, Member]:
+        """Make the operators of patterns that call each other."""
+        component = frozenset(definitions)
+        members = {name: self._enter(Member(name, self.store, component)) for name in definitions}
+        self._open |= component
+        each = [(name, number, body) for name in members for number, body in enumerate(definitions[name])]
+        prepared = [(name, number, self._prepared(name, number, body)) for name, number, body in each]
+        for name, member in members.items():
+            self.definitions[name] = Definition(member, tuple(body for of, _, body in prepared if of == name))
+        self._open -= component
+        try:
+            for name, number, body in prepared:
+                member = members[name]
+                inside = [place for place in occurrences(body) if called(place) in component]
+                if not inside:
+                    base = self._build(build_source(self._planner, name, number, body))
+                    member.list_base = (*member.list_base, base)
+                for place in inside:
+                    target = members[called(place) or ""]
+                    delta = Delta(name, number, body, place, (), queued=True)
+                    self.spreading.append(delta)
+                    spread, retract = (delta_source(self._planner, delta, new) for new in (True, False))
+                    target.spread = (*target.spread, self._build(spread))
+                    target.retract = (*target.retract, self._build(retract))
+            self._enter(Component(f"{next(iter(members))}/component", self.store, list(members.values())))
+            for name, number, body in prepared:  # planned last, for the current sizes
+                derivable = self._build(derivable_source(self._planner, name, number, body))
+                members[name].derivable = (*members[name].derivable, derivable)
+        except Unplannable:
+            raise NotIncremental from None
+        return members
+
+    def _together(self, pattern: str) -> list[str]:
+        """The patterns that call each other with this one, or the pattern alone; those that can be enumerated."""
+        component = self.calls.component(pattern) or {pattern}
+        names = [name for name in self.library.names() if name in component] or [pattern]
+        return [name for name in names if not self.library.inputs(name)]
+
+    def _prepared(self, name: str, number: int, body: Conjunction) -> Conjunction:
+        """A body over relations of the network."""
+        if len(body.goals) > MOST_GOALS:
+            raise NotIncremental
+        body = self._with_apart(body, f"{name}/{number}/apart")
+        return self._with_values(replace(body, goals=tuple(self._goals(body, f"{name}/{number}"))))
+
+    def _with_values(self, body: Conjunction) -> Conjunction:
+        """The body with views of the values by which it joins."""
+        attributes = joined_by_value(self.store, self._planner, body)
+        for goal in body.goals:
+            held = held_value(goal)
+            if held and held[0].index in attributes:
+                name = values_of(held[0])
+                if name not in self.operators:
+                    self._define(name, [all_values(goal)])
+        return with_values(body, attributes) if attributes else body
+
+    def _with_apart(self, body: Conjunction, place: str) -> Conjunction:
+        """The body, with goals that no variable connects with a parameter in views of their own.
+
+        Of these only the existence of a solution matters; their number would multiply the derivations of every match.
+        """
+        fixed = frozenset(number for number, _ in body.constants)
+        pending = [goal for goal in body.goals if not fixed.issuperset(variables(goal))]
+        kept = [goal for goal in body.goals if fixed.issuperset(variables(goal))]
+        groups: list[list[Goal]] = []
+        while pending:
+            start = next(v for v in variables(pending[0]) if v not in fixed)
+            group = component(pending, [start], fixed)
+            pending = [goal for goal in pending if not any(goal is other for other in group)]
+            groups.append(group)
+        found: list[Goal] = list(kept)
+        for number, group in enumerate(groups):
+            named = {v for goal in group for v in variables(goal)}
+            open_ = any(isinstance(goal, CallAtom) and goal.pattern in self._open for goal in group)
+            if len(groups) + len(kept) == 1 or not named.isdisjoint(body.parameters) or open_:
+                found.extend(group)
+                continue
+            alone = replace(body, parameters=(), goals=tuple(group))
+            found.append(CallAtom(self._define(f"{place}/{number}", [alone]).name, ()))
+        return replace(body, goals=tuple(found))
+
+    def _goals(self, body: Conjunction, name: str) -> list[Goal]:
+        """Return the goals as relations of the network; make restricting relations before those they restrict."""
+
+        def turn(number: int) -> int:
+            goal = pending[number]
+            if isinstance(goal, CallAtom) and not self._is_product(goal.pattern):
+                return 0 if self._is_made(goal) or self._restricted(body, goal) else 1
+            return 2 if isinstance(goal, ClosureAtom) else 3 if isinstance(goal, CallAtom) else 4
+
+        pending = dict(enumerate(body.goals))
+        while pending:
+            number = min(pending, key=turn)
+            goal, place = pending.pop(number), f"{name}/{number}"
+            match goal:
+                case CallAtom(pattern) if pattern not in self._open:
+                    goal = self._call(body, goal, place)
+                case ClosureAtom() if not self._is_made(goal):
+                    goal = self._closure(body, goal, place)
+                case Absence():
+                    goal = self._absence(body, goal, place)
+                case AggregateAtom():
+                    goal = self._aggregate(body, goal, place)
+            body = replace(body, goals=(*body.goals[:number], goal, *body.goals[number + 1 :]))
+        return list(body.goals)
+
+    def _is_made(self, goal: RelationAtom) -> bool:
+        """Return whether a relation can be read as it is: its operator exists, or the body cannot restrict it."""
+        if isinstance(goal, CallAtom):
+            return goal.pattern in self.operators or not self.calls.recursive(goal.pattern)
+        return not isinstance(goal, ClosureAtom) or isinstance(self.operators.get(goal.step), ClosureOperator)
+
+    def _restricting(self, body: Conjunction, heads: Iterable[int]) -> list[Goal]:
+        """Return the goals that restrict some variables: existing relations connected with them, and tests."""
+        fixed = frozenset(dict(body.constants))
+        near = component([each for each in self._linked(body.goals) if self._is_made(each)], heads, fixed)
+        known = fixed.union(*map(variables, near))
+        tests = [each for each in body.goals if isinstance(each, UnequalAtom | Condition | Valuation)]
+        return [*near, *(each for each in tests if near and known.issuperset(variables(each)))]
+
+    def _restricted(self, body: Conjunction, goal: CallAtom) -> tuple[int, ...]:
+        """Return the positions of the arguments of a call that the rest of the body restricts."""
+        fixed = dict(body.constants)
+        return tuple(p for p, v in enumerate(goal.arguments) if v in fixed or self._restricting(body, [v]))
+
+    def _call(self, body: Conjunction, goal: CallAtom, place: str, local: Container[int] = ()) -> CallAtom:
+        """Return a call of the pattern's view or, if that may be large, of a view of only the rows that the body needs.
+
+        `not { y -next-> z : N; }` is a pattern over `x` and `y` if `z` must differ from an outer `x`: a product of all
+        `x` with all `y`. Its view holds only the `x` and `y` that other goals of the body allow, without columns for
+        local variables. The view of a recursive pattern holds only rows with the values allowed at one position.
+        """
+        definitions: Definitions = {}
+        places = self._restricted(body, goal)
+        choices: list[tuple[int, ...]] = [(p,) for p in places]
+        if not self._is_made(goal):
+            definitions = self._definitions(goal.pattern)
+        elif places and self._is_product(goal.pattern):
+            kept = [p for p, v in enumerate(goal.arguments) if v not in local or p in places]
+            goal = replace(goal, arguments=tuple(goal.arguments[p] for p in kept))
+            bodies: list[Conjunction] = []
+            for number, inner in enumerate(self._bodies.of(goal.pattern)):
+                inner = replace(inner, parameters=tuple(inner.parameters[p] for p in kept))
+                bodies += self._with_few(inner, f"{place}/{number}")
+            definitions, choices = {goal.pattern: bodies}, [tuple(map(kept.index, places))]
+        found: dict[View, Wanted] = {}
+        for positions in choices if definitions else ():
+            name, heads = f"{place}/{positions[0]}", tuple(goal.arguments[p] for p in positions)
+            wanted = passed_on(definitions, positions, name) or led_to(definitions, positions[0], name)
+            if wanted:
+                near = tuple(self._restricting(body, heads))
+                found[self._define(f"{name}/asked", [replace(body, parameters=heads, goals=near)])] = wanted
+        if not found:
+            self._usable(goal.pattern)
+            return goal
+        asked = min(found, key=View.size)
+        self._discard(*(other.name for other in found if other is not asked))
+        members, views = found[asked]
+        if members:
+            self._members(members)
+        for name, rows in views.items():
+            self._define(name, rows)
+        return replace(goal, pattern=asked.name.removesuffix("asked") + goal.pattern)
+
+    def _with_few(self, body: Conjunction, place: str) -> list[Conjunction]:
+        """Return bodies that together have the rows of a body, but read only a few values of one variable.
+
+        The variable is one that other goals only compare, by `!=`, with `n` other variables. These exclude at most `n`
+        of its values, so the first `n + 1` values of each group suffice.
+        """
+        fixed = frozenset(dict(body.constants))
+        unequal = [each for each in body.goals if isinstance(each, UnequalAtom)]
+        rest = [each for each in body.goals if each not in unequal]
+        for z in (v for each in unequal for v in variables(each) if v not in fixed.union(body.parameters)):
+            goals = component(rest, [z], fixed)
+            own = {z}.union(*map(variables, goals))
+            goals += (each for each in unequal if own.issuperset(variables(each)))
+            others = [each for each in body.goals if each not in goals]
+            apart = [each for each in others if not own.isdisjoint(variables(each))]
+            keys = tuple(v for v in dict.fromkeys(body.parameters) if v in own)
+            inner = replace(body, parameters=(*keys, z), goals=tuple(goals))
+            if apart and all(z in variables(each) for each in apart) and self._is_linked(inner):
+                break
+        else:
+            return [body]
+        view = self._define(f"{place}/all", [inner])
+        last, group = len(body.types), tuple(range(len(keys)))
+        rows = [self._enter(Nth(f"{place}/{n}", view, group, n)) for n in range(len(apart) + 1)]
+        calls = (CallAtom(each.name, (*keys, last)) for each in rows)
+        values = (AggregateAtom("min", each, frozenset([last]), z) for each in calls)
+        body = replace(body, types=(*body.types, body.types[z]))
+        return [replace(body, goals=(each, *others)) for each in values]
+
+    def _is_product(self, pattern: str) -> bool:
+        """Return whether relations leave some parameters of a pattern unconnected or without a value."""
+        if pattern in self.operators or self.calls.recursive(pattern):
+            return False
+        if pattern not in self._products:
+            self._products[pattern] = not all(map(self._is_linked, self._bodies.of(pattern)))
+        return self._products[pattern]
+
+    def _is_linked(self, body: Conjunction) -> bool:
+        fixed, heads = frozenset(dict(body.constants)), body.parameters
+        linked = component(self._linked(body.goals), heads[:1], fixed)
+        return fixed.union(*map(variables, linked)).issuperset(heads)
+
+    def _linked(self, goals: Iterable[Goal]) -> list[RelationAtom]:
+        """Return the relations among goals, without calls of products and of patterns under construction."""
+        calls = {each.pattern for each in goals if isinstance(each, CallAtom)}
+        apart = {name for name in calls if name in self._open or self._is_product(name)}
+        return [g for g in goals if is_relation(g) and not (isinstance(g, CallAtom) and g.pattern in apart)]
+
+    def _usable(self, pattern: str) -> Rows:
+        """Return the operator of a pattern; raise `NotIncremental` if it is under construction or needs inputs."""
+        if pattern in self._open:
+            raise NotIncremental
+        known = self.operators.get(pattern)
+        if isinstance(known, Rows):
+            return known
+        if self.library.inputs(pattern):
+            raise NotIncremental
+        return self.view(pattern)
+
+    def _absence(self, body: Conjunction, goal: Absence, place: str) -> Goal:
+        if isinstance(call := negated(goal), CallAtom):
+            if call.pattern not in self.operators and self._planner.orders(self._bodies.of(call.pattern)):
+                raise NotIncremental
+            goal = replace(goal, alternatives=((self._call(body, call, place, free_inside(goal)),),))
+        relation, local = negated(goal), set(free_inside(goal))
+        if isinstance(relation, ClosureAtom):
+            if local:
+                raise NotIncremental
+            closure = self._closure(body, relation, place)
+            return replace(goal, alternatives=((closure,),))
+        whole = {v for v in arguments(relation) if v not in local}
+        direct = not local if isinstance(relation, InstanceAtom | CallAtom) else bool(whole)
+        if held := held_value(relation):
+            direct = held[1] not in local
+        if direct:
+            return goal
+        outer = tuple(v for v in goal.outer if v not in dict(body.constants))
+        projected = self._define(place, [replace(body, parameters=outer, goals=(relation,))])
+        return replace(goal, alternatives=((CallAtom(projected.name, outer),),), outer=outer)
+
+    def _aggregate(self, body: Conjunction, goal: AggregateAtom, place: str) -> Goal:
+        relation = goal.relation
+        local = set(free_inside(goal))
+        called = arguments(relation)
+        if (
+            isinstance(relation, LinkAtom)
+            and goal.function == "count"
+            and len([v for v in called if v in local]) == 1
+            and (isinstance(relation.reference, Reference) or relation.target in local)
+        ):
+            return goal
+        if isinstance(relation, CallAtom) and isinstance(self.operators.get(relation.pattern), Fold):
+            return goal
+        if isinstance(relation, ClosureAtom):
+            raise NotIncremental
+        reached = closure_of(relation, self._bodies)
+        if reached is not None and goal.function == "count" and len(local) == 1 and len(set(called)) == 2:
+            return self._number_reached(body, goal, reached, place)
+        if isinstance(relation, CallAtom):
+            if relation.pattern not in self.operators and self._planner.orders(
+                self._bodies.of(relation.pattern)
+            ):
+                raise NotIncremental
+            relation = self._call(body, relation, place)
+        columns = tuple(dict.fromkeys(called))
+        if (
+            isinstance(relation, CallAtom)
+            and columns == called
+            and dict(body.constants).keys().isdisjoint(called)
+        ):
+            source = self._usable(relation.pattern)
+        else:
+            source = self._define(f"{place}/of", [replace(body, parameters=columns, goals=(relation,))])
+        group = tuple(dict.fromkeys(v for v in called if v not in local))
+        positions = tuple(columns.index(v) for v in group)
+        column = None if goal.column is None else columns.index(goal.column)
+        fold = Fold(f"{place}/{goal.function}", source, positions, goal.function, column)
+        self._enter(fold)
+        return replace(goal, relation=CallAtom(fold.name, columns))
+
+    def _number_reached(
+        self, body: Conjunction, goal: AggregateAtom, reached: ClosureAtom, place: str
+    ) -> Goal:
+        """Return how many a start reaches: from the starts that the rest of the body asks for, not from all."""
+        forward = reached.target in goal.local
+        closure = self._closure(body, reached, place, forward)
+        assert isinstance(closure, ClosureAtom)
+        source = self.operators[closure.step]
+        assert isinstance(source, ClosureOperator)
+        fold = Fold(f"{place}/count", source, (0 if forward else 1,), "count", None)
+        self._enter(fold)
+        ends = (reached.source, reached.target)
+        return replace(goal, relation=CallAtom(fold.name, ends))
+
+    # --- closures
+
+    def _closure(
+        self, body: Conjunction, goal: ClosureAtom, place: str, direction: bool | None = None
+    ) -> ClosureAtom | CallAtom:
+        """A closure from those starts that the rest of the body asks for, in the given direction if there is one."""
+        if link_of(self._bodies.of(goal.step)) is None:
+            self._usable(goal.step)
+        if goal.source == goal.target and goal.closure is Closure.PLUS:
+            name = f"{goal.step}/circles"  # shared by all calls, so not restricted
+            if name not in self.operators:
+                self._enter(CircleOperator(name, self.store, self._steps(name, goal.step, True)))
+            return CallAtom(name, (goal.source,))
+        reflexive = goal.closure is Closure.STAR
+        types = self.library.parameter_types(goal.step)
+        both = not reflexive or types[0] == types[1]
+        possible = (True, False) if direction is None else (direction,)
+        options = [self._starts(body, goal, forward, place) for forward in possible if forward or both]
+        asked = [option for option in options if option is not None]
+        if not asked:
+            raise NotIncremental
+        forward, starts = min(asked, key=lambda option: option[1].size())
+        self._discard(*(other.name for _, other in asked if other is not starts))
+        name = f"{place}/{goal.closure}"
+        steps = self._steps(name, goal.step, forward)
+        self._enter(ClosureOperator(name, self.store, starts, steps, forward, reflexive))
+        return replace(goal, step=name)
+
+    def _steps(self, name: str, step: str, forward: bool) -> Steps:
+        """Return the steps that a closure operator follows, and record the relation that they come from."""
+        link = link_of(self._bodies.of(step))
+        self.edges[name] = (("link", link[0]), link[1]) if link else (("rows", step), False)
+        if link:
+            sides = (self.store.forward[link[0]], self.store.backward[link[0]])
+            return Steps(*(sides if forward == (not link[1]) else sides[::-1]))
+        rows, near = self._usable(step), 0 if forward else 1
+        return Steps(rows.group((near,), 1 - near).table, rows.group((1 - near,), near).table)
+
+    def _discard(self, *names: str) -> None:
+        for name in names:
+            del self.operators[name]
+            self.definitions.pop(name, None)
+
+    def _starts(
+        self, body: Conjunction, goal: ClosureAtom, forward: bool, place: str
+    ) -> tuple[bool, View] | None:
+        """The view of what the rest of the body allows at one end."""
+        way = 1 if forward else -1
+        start = goal.source if forward else goal.target
+        others = tuple(each for each in body.goals if not isinstance(each, ClosureAtom))
+        goals = self._restricting(replace(body, goals=others), [start])
+        types, (near, far) = body.types, self.library.parameter_types(goal.step)[::way]
+        if goal.closure is Closure.STAR and isinstance(near, ObjectType):
+            goals.append(InstanceAtom(near.cls, start))
+        if not goals and start not in dict(body.constants):
+            link, ends = link_of(self._bodies.of(goal.step)), (start, len(types))[::way]
+            goals, types = [CallAtom(goal.step, ends)], (*types, far)
+            if link:
+                goals = [LinkAtom(self.library.metamodel.references[link[0]], *ends[:: -1 if link[1] else 1])]
+        try:
+            name = f"{place}/{'from' if forward else 'to'}"
+            starts = replace(body, types=types, parameters=(start,), goals=tuple(goals))
+            return forward, self._define(name, [starts])
+        except NotIncremental:
+            return None
+
+    # --- who reads whom
+
+    def read(self) -> set[str]:
+        """Names of operators that take their turn, because others read them."""
+        found = {name for name, operator in self.operators.items() if isinstance(operator, Member)}
+        for name in self.operators:
+            found.update(self.made_of(name))
+        return found
+
+    def made_of(self, name: str) -> Iterator[str]:
+        """The operators that one reads."""
+        operator = self.operators[name]
+        if name in self.definitions:
+            for body in self.definitions[name].bodies:
+                for place in occurrences(body):
+                    if isinstance(place.relation, CallAtom):
+                        yield place.relation.pattern
+                    if isinstance(place.relation, ClosureAtom):
+                        yield place.relation.step
+        if isinstance(operator, Fold):
+            yield operator.source.name
+        if isinstance(operator, ClosureOperator):
+            yield operator.starts.name
+        if name in self.edges:
+            kind, edges = self.edges[name][0]
+            if kind == "rows":
+                yield str(edges)
+
+
+def called(place: Occurrence) -> str | None:
+    """The operator that is called at a place."""
+    return place.relation.pattern if isinstance(place.relation, CallAtom) else None
+
+
+def _together(lists: Sequence[Callable[[], list[Any]]]) -> Callable[[], list[Any]]:
+    if len(lists) == 1:
+        return lists[0]
+    return lambda: [row for each in lists for row in each()]

@@ -1,0 +1,46 @@
+"""Recursive patterns as a whole, on demand: filled like views, but not kept current."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from envgraph.match._matcher import Row
+from envgraph.match.generate._symbols import Mode
+from envgraph.match.views.network._network import Network
+from envgraph.match.views.operators._operators import unrecorded
+
+if TYPE_CHECKING:
+    from envgraph.match.demand._program import Program
+
+
+def whole_pattern(program: Program, pattern: str) -> Callable[[], list[Row]] | None:
+    """A function that lists all rows of a recursive pattern in ascending order; None for one that has no deltas.
+
+    The rows are remembered for as long as the model does not change. The list must not be changed.
+    """
+    store = program.model.graph.store
+    network = Network(
+        store,
+        program.library,
+        program.calls,
+        lambda source: program.build(source, network.held),
+        lambda name: program.answering(name, (), Mode.ROWS),
+    )
+    with unrecorded(store):  # its relations are no part of any version
+        view = network.recursive(pattern)
+    if view is None:
+        return None
+    held = view.rows
+    answer: list[Row] = []
+    revision = -1
+
+    def rows() -> list[Row]:
+        nonlocal answer, revision
+        if revision != store.revision:
+            network.refill()
+            answer = sorted(held)
+            revision = store.revision
+        return answer
+
+    return rows

@@ -1,0 +1,323 @@
+"""Subscribes the delta functions of a network to the store and to each other."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import groupby, product
+
+from envgraph.code import Call, Do, Function, Local, Name, Return, define
+from envgraph.graph import Store
+from envgraph.match.plan._options import Unplannable
+from envgraph.match.views.delta._delta import Delta, own_positions
+from envgraph.match.views.delta._fusion import fused_source
+from envgraph.match.views.delta._occurrences import Occurrence, occurrences
+from envgraph.match.views.delta._planning import ViewPlanner
+from envgraph.match.views.network._builder import Build, Definition, Key, NetworkBuilder
+from envgraph.match.views.operators._closure import CircleOperator, ClosureOperator
+from envgraph.match.views.operators._group_aggregates import Fold
+from envgraph.match.views.operators._operators import Evaluated, Hook, Operator, View
+from envgraph.match.views.operators._recursive import Member
+from envgraph.metamodel import Attribute
+from envgraph.pattern import AttributeAtom, CallAtom, ClosureAtom, Conjunction, InstanceAtom, LinkAtom
+
+Consumer = tuple[Hook, Hook]
+"""What is called with a tuple that has come, and with one that is about to go."""
+Kind = frozenset[tuple[str, bool]]
+"""Classes that an object is an instance of, and whether directly, as far as anybody asks."""
+
+
+class Wiring:
+    """The functions that bring changes to the operators.
+
+    Attributes:
+        deltas: what they find.
+        turns: the operators that take turns; the others are changed in place.
+        evaluated: those of them that go by the revision of the store.
+
+    Args:
+        store: what tells of changes.
+        builder: the operators.
+        planner: orders goals.
+        build: makes functions of source.
+    """
+
+    def __init__(self, store: Store, builder: NetworkBuilder, planner: ViewPlanner, build: Build) -> None:
+        self.store = store
+        self.deltas: list[Delta] = []
+        self.turns: list[Operator] = []
+        self.evaluated: list[Evaluated] = []
+        self._builder = builder
+        self._planner = planner
+        self._build = build
+        self._consumers: dict[Key, list[Consumer | Delta]] = {}
+        self._classes: list[tuple[View | Member, int, Conjunction, tuple[Occurrence, ...]]] = []
+        self._membership: dict[tuple[str, int, frozenset[int]], Consumer] = {}
+        self._queued: set[str] = set()
+
+    def connect(self) -> None:
+        """Make the functions of all operators, and register them in the store."""
+        self.deltas.clear()
+        self._consumers.clear()
+        self._classes.clear()
+        self._membership.clear()
+        self._queued = self._builder.read()
+        deltas = self._deltas()
+        # What nobody reads is changed in place, and has all its groups by now.
+        for operator in self._builder.operators.values():
+            operator.added = operator.removing = None
+            if operator.name not in self._queued:
+                self._make(operator)
+        for operator in self._builder.operators.values():
+            self._subscribe(operator)
+        for key, delta in deltas:
+            self.deltas.append(delta)
+            self._listen(key, delta)
+        self.hang()
+        queued = [each for each in self._builder.operators.values() if each.name in self._queued]
+        for operator in queued:
+            operator.added, operator.removing = self._fan(("rows", operator.name), self._arity(operator))
+        for operator in queued:  # what they read of each other is known now
+            if isinstance(operator, View):
+                if self._only_followed(operator):
+                    operator.unlist()
+                self._make(operator)
+        self.turns = [
+            operator
+            for operator in self._builder.operators.values()
+            if not isinstance(operator, View) or operator.name in self._queued
+        ]
+        self.evaluated = [operator for operator in self.turns if isinstance(operator, Evaluated)]
+
+    def _make(self, operator: Operator) -> None:
+        if isinstance(operator, View):
+            operator.make(self._arity(operator))
+
+    def _only_followed(self, view: View) -> bool:
+        """Return whether a view has no readers but closures, which go from group to group."""
+        return bool(view.groups) and not view.asked and all(item is not None for _, item in view.groups)
+
+    def _arity(self, operator: Operator) -> int:
+        """Values in a tuple of an operator."""
+        definition = self._builder.definitions.get(operator.name)
+        match operator:
+            case Fold():
+                return len(operator.group) + 1
+            case ClosureOperator() | CircleOperator():
+                return 2 if isinstance(operator, ClosureOperator) else 1
+            case _ if definition is not None:
+                return len(definition.bodies[0].parameters) if definition.bodies else 0
+            case _:
+                return len(self._builder.library.parameter_types(operator.name))
+
+    def _subscribe(self, operator: Operator) -> None:
+        match operator:
+            case Fold():
+                self._listen(("rows", operator.source.name), operator.hooks)
+            case ClosureOperator() | CircleOperator():
+                if isinstance(operator, ClosureOperator):
+                    self._listen(("rows", operator.starts.name), (operator.ask, operator.unask))
+                gain: Hook = operator.gain
+                lose: Hook = operator.lose
+                key, crossed = self._builder.edges[operator.name]
+                if crossed:
+                    gain, lose = _crossed(gain), _crossed(lose)
+                self._listen(key, (gain, lose))
+
+    def _deltas(self) -> list[tuple[Key, Delta]]:
+        """Return what changes of which relation concern which place; for classes that is found out when they change."""
+        found: list[tuple[Key, Delta]] = []
+        for name, definition in self._builder.definitions.items():
+            for number, body in enumerate(definition.bodies):
+                places = occurrences(body)
+                members = tuple(place for place in places if isinstance(place.relation, InstanceAtom))
+                if members:
+                    self._classes.append((definition.view, number, body, members))
+                for index, place in enumerate(places):
+                    key = _key(place)
+                    if key is not None and not self._inside(definition, key):
+                        later = tuple(other for other in places[index + 1 :] if _key(other) == key)
+                        symmetric = key[0] == "link" and self.store.relations[int(key[1])].symmetric
+                        delta = Delta(
+                            name, number, body, place, later, symmetric, queued=name in self._queued
+                        )
+                        # What is looked up in the rows must not be a row of another body.
+                        if name not in self._queued and len(definition.bodies) == 1:
+                            delta = self._with_own(delta, definition.view)
+                        found.append((key, delta))
+        return found
+
+    def _inside(self, definition: Definition, key: Key) -> bool:
+        """Return whether a relation is a pattern of the same component, whose rows spread on their own."""
+        return (
+            isinstance(definition.view, Member) and key[0] == "rows" and key[1] in definition.view.component
+        )
+
+    def _with_own(self, delta: Delta, view: View | Member) -> Delta:
+        """The delta with an index of the view on its own rows, where that pays."""
+        if isinstance(view, Member) or view.counts is not None:
+            return delta
+        own = own_positions(self._planner, delta)
+        if own is not None:
+            view.group(own)
+        return replace(delta, own=own)
+
+    def _delta(self, deltas: Sequence[Delta], coming: bool) -> Hook:
+        """One function that does what several deltas of one change ask for."""
+        try:
+            hook: Hook = self._build(fused_source(self._planner, deltas, coming))
+        except Unplannable as reason:
+            raise AssertionError(f"{deltas} cannot be planned") from reason
+        return hook
+
+    def _both(self, delta: Delta) -> Consumer:
+        return self._delta([delta], True), self._delta([delta], False)
+
+    def _listen(self, key: Key, consumer: Consumer | Delta) -> None:
+        self._consumers.setdefault(key, []).append(consumer)
+
+    def _fan(self, key: Key, arity: int, symmetric: bool = False) -> Consumer | tuple[None, None]:
+        consumers = self._consumers.get(key)
+        if not consumers:
+            return None, None
+        if symmetric:  # both directions at one place, then both at the next: they change together
+            pairs = [self._both(each) if isinstance(each, Delta) else each for each in consumers]
+            consumers = [(_both_ways(added), _both_ways(removing)) for added, removing in pairs]
+        # A deletion is the mirror of an insertion.
+        return (
+            _fan(self._hooks(consumers, True), arity),
+            _fan(self._hooks(consumers[::-1], False), arity),
+        )
+
+    def _hooks(self, consumers: Sequence[Consumer | Delta], coming: bool) -> list[Hook]:
+        """The functions of consumers, one for all deltas that follow each other."""
+        found: list[Hook] = []
+        for is_delta, run in groupby(consumers, lambda each: isinstance(each, Delta)):
+            if is_delta:
+                found.append(self._delta(list(run), coming))  # type: ignore[arg-type]
+            else:
+                found.extend(each[0 if coming else 1] for each in run)  # type: ignore[index]
+        return found
+
+    def hang(self) -> None:
+        """Hang the functions into the store."""
+        store = self.store
+        for relation in store.relations:
+            key = ("link", relation.fact.index)
+            relation.added, relation.removing = self._fan(key, 2, relation.symmetric)
+        for index in range(len(store.value_added)):
+            store.value_added[index], store.value_removing[index] = self._fan(("value", index), 2)
+        self._hang_classes()
+
+    def _hang_classes(self) -> None:
+        """All functions are made now: one that is made later might ask for an index that has no history."""
+        store, metamodel = self.store, self._builder.library.metamodel
+        kinds = [self._kind(index) for index in range(len(metamodel.class_list))]
+        hooks = {kind: self._class_hooks(kind) for kind in dict.fromkeys(kinds)}
+        for index, kind in enumerate(kinds):
+            store.class_removing[index], store.class_added[index] = hooks[kind]
+        if not self._classes:
+            store.retyping = None
+            return
+        retypings = {}
+        for old, new in product(tuple(hooks), repeat=2):
+            for change in (old - new, new - old):
+                if change not in hooks:
+                    hooks[change] = self._class_hooks(change)
+            retypings[old, new] = hooks[old - new][0], hooks[new - old][1]
+        store.retyping = lambda old, new: retypings[kinds[old], kinds[new]]
+
+    def unhang(self) -> None:
+        """Hear nothing any more."""
+        store = self.store
+        for relation in store.relations:
+            relation.added = relation.removing = None
+        for hooks in (store.value_added, store.value_removing, store.class_added, store.class_removing):
+            for index in range(len(hooks)):
+                hooks[index] = None
+        store.retyping = None
+
+    # --- classes: an object that comes or goes changes the relation of every class that it is an instance of
+
+    def _kind(self, cls: int) -> Kind:
+        """The class atoms that hold for the direct instances of a class."""
+        metamodel = self._builder.library.metamodel
+        name = metamodel.class_list[cls].name
+        atoms = {
+            (atom.cls, atom.exact) for _, _, _, members in self._classes for atom in map(_class, members)
+        }
+        return frozenset(
+            (above, exact)
+            for above, exact in atoms
+            if name == above or (not exact and metamodel.is_a(name, above))
+        )
+
+    def _class_hooks(self, change: Kind) -> tuple[Hook | None, Hook | None]:
+        """Return what happens before an object ceases to be what these atoms say, and after it has begun to be that."""
+        consumers = self._affected(change)
+        if not consumers:
+            return None, None
+        return _fan([each[1] for each in reversed(consumers)], 1), _fan([each[0] for each in consumers], 1)
+
+    def _affected(self, change: Kind) -> list[Consumer]:
+        """The delta functions of all places whose class an object enters or leaves in one step."""
+        found: list[Consumer] = []
+        for view, number, body, members in self._classes:
+            places = [p for p in members if (_class(p).cls, _class(p).exact) in change]
+            group = frozenset(place.goal for place in places)
+            for index, place in enumerate(places):
+                key = (f"{view.name}/{number}", place.goal, group)
+                if key not in self._membership:
+                    later = tuple(places[index + 1 :])
+                    queued = view.name in self._queued
+                    delta = Delta(view.name, number, body, place, later, queued=queued)
+                    self.deltas.append(delta)
+                    self._membership[key] = self._both(delta)
+                found.append(self._membership[key])
+        return found
+
+
+def _key(place: Occurrence) -> Key | None:
+    """The relation of an occurrence; None for a class, which has functions of its own."""
+    match place.relation:
+        case AttributeAtom(attribute) | LinkAtom(Attribute() as attribute):
+            return "value", attribute.index
+        case LinkAtom(reference):
+            return "link", reference.index
+        case CallAtom(name):
+            return "rows", name
+        case ClosureAtom(name):
+            return "rows", name
+        case InstanceAtom():
+            return None
+
+
+def _class(place: Occurrence) -> InstanceAtom:
+    assert isinstance(place.relation, InstanceAtom)
+    return place.relation
+
+
+def _fan(hooks: Sequence[Hook], arity: int) -> Hook:
+    """One function that calls several with its values."""
+    if len(hooks) == 1:
+        return hooks[0]
+    values = tuple(Local(f"a{number}") for number in range(arity))
+    names = tuple(Name(f"h{number}") for number in range(len(hooks)))
+    fan = Function("fan", values, tuple(Do(Call(name, values)) for name in names))
+    build = define((Function("build", names, (fan, Return(Name("fan")))),), "<fan of envgraph>", {})["build"]
+    return build(*hooks)  # type: ignore[no-any-return]
+
+
+def _crossed(hook: Hook) -> Hook:
+    return lambda source, target: hook(target, source)
+
+
+def _both_ways(hook: Hook) -> Hook:
+    """A link that counts in both directions is two tuples, or one if it leads from an object to itself."""
+
+    def both(source: int, target: int) -> None:
+        hook(source, target)
+        if source != target:
+            hook(target, source)
+
+    return both

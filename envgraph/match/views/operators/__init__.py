@@ -1,0 +1,1 @@
+"""Operators: each holds one relation, journalled, and updates it."""

@@ -1,0 +1,471 @@
+"""Transitive closure by demand: what is reached from those starts that the rest of a body asks for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from itertools import filterfalse
+from typing import Any, Final
+
+from envgraph.errors import EvaluationError
+from envgraph.graph import SET, Store
+from envgraph.match._components import Reached, Tree, reachable_sets
+from envgraph.match.views.operators._operators import Operator, Rows
+from envgraph.match.views.operators._sets import MatchSet, Row, become
+from envgraph.metamodel import components
+
+FEW: Final = 12
+"""Starts that are searched one by one; more share the strongly connected components."""
+
+PART: Final = 8
+"""The search for the starts that a change affects gives up after as many nodes as starts divided by this; see
+the benchmark `closure`."""
+
+NOTHING: Final[Reached] = {}
+ABSENT: Final = object()
+
+Step = tuple[Any, Any]
+"""An edge, from near the start to further away."""
+
+Patch = tuple[Any, Reached, Reached, Reached]
+"""A start; the nodes cut from its tree, those with another parent, those added. What is cut may be added again."""
+
+Difference = tuple[list[Any], list[Any]]
+"""The nodes that are no longer reached, and the nodes that are newly reached."""
+
+
+class Steps:
+    """The edges that a closure follows, as two tables: the successors and the predecessors of each node.
+
+    Attributes:
+        next: returns the nodes that one step from a node leads to.
+        before: returns the nodes from which one step leads to a node.
+    """
+
+    def __init__(self, after: Any, before: Any) -> None:
+        self.next: Callable[[Any], Iterable[Any]] = after.__getitem__
+        self.before: Callable[[Any], Iterable[Any]] = before.__getitem__
+        self._after = after
+
+    def nodes(self) -> Sequence[Any]:
+        """Return all nodes with steps; there may be nodes without steps among them."""
+        return list(self._after) if isinstance(self._after, dict) else range(len(self._after))
+
+    def has(self, node: Any, other: Any) -> bool:
+        """Return whether a step leads from `node` to `other`."""
+        return other in self.next(node)
+
+
+class ClosureOperator(Operator):
+    """For each start what is reached by one or more steps; with `reflexive`, the start itself, too.
+
+    Args:
+        name: unique.
+        store: of the model.
+        starts: the starts that are asked for, a unary relation.
+        steps: the edges, in the direction in which they are followed.
+        forward: whether starts are sources; else they are targets.
+        reflexive: for `*`.
+    """
+
+    def __init__(
+        self, name: str, store: Store, starts: Rows, steps: Steps, forward: bool, reflexive: bool
+    ) -> None:
+        super().__init__(name, store)
+        self.starts = starts
+        self.forward = forward
+        self.reflexive = reflexive
+        self.reached: dict[Any, Reached] = {}
+        self.begun = MatchSet(store)
+        self._steps = steps
+        self._gained: list[Step] = []
+        self._lost: list[Step] = []
+        self._asked: dict[Any, int] = {}
+        self._owned: dict[
+            Any, int
+        ] = {}  # epoch of the store in which a tree was copied, to be changed in place
+
+    @property
+    def pending(self) -> bool:
+        return bool(self._gained or self._lost or self._asked)
+
+    def forget(self) -> None:
+        self._gained.clear()
+        self._lost.clear()
+        self._asked.clear()
+
+    def size(self) -> float:
+        return float(sum(len(self.reached[start]) for (start,) in self.begun))
+
+    def group_table(self, positions: tuple[int, ...]) -> Mapping[Any, Collection[Any]]:
+        """Return what each start reaches, for counting."""
+        assert positions == ((0,) if self.forward else (1,))
+        return self.reached
+
+    # --- what it hears
+
+    def ask(self, start: Any) -> None:
+        """Somebody asks what a start reaches."""
+        self._asked[start] = self._asked.get(start, 0) + 1
+
+    def unask(self, start: Any) -> None:
+        """Nobody asks any more."""
+        self._asked[start] = self._asked.get(start, 0) - 1
+
+    def gain(self, source: Any, target: Any) -> None:
+        """There is a new step."""
+        self._gained.append((source, target) if self.forward else (target, source))
+
+    def lose(self, source: Any, target: Any) -> None:
+        """A step goes."""
+        self._lost.append((source, target) if self.forward else (target, source))
+
+    # --- what it answers
+
+    def pairs(self) -> Iterator[tuple[Any, Any]]:
+        """Sources and targets."""
+        for (start,) in self.begun:
+            for other in self.reached[start]:
+                yield (start, other) if self.forward else (other, start)
+
+    def starts_to(self, other: Any) -> list[Any]:
+        """The starts that reach something."""
+        return [start for (start,) in self.begun if other in self.reached[start]]
+
+    # --- keeping it current
+
+    def process(self) -> None:
+        lost, gained, asked = self._lost[:], self._gained[:], self._asked
+        self._lost.clear()
+        self._gained.clear()
+        self._asked = {}
+        if lost and gained:  # else each step has changed once
+            has = self._steps.has
+            lost = [edge for edge in dict.fromkeys(lost) if not has(*edge)]
+            gained = [edge for edge in dict.fromkeys(gained) if has(*edge)]
+        for start, change in asked.items():
+            if change < 0:
+                old = self.reached[start]
+                self._replace(start, old, NOTHING, (list(old), []))
+                self.begun.vanish((start,))
+        if lost or gained:
+            self._follow(lost, gained)
+        fresh = [start for start, change in asked.items() if change > 0]
+        found = self._solve(fresh)
+        for start in fresh:
+            self.begun.appear((start,))
+            old, new = self.reached.get(start, NOTHING), found[start]
+            self._replace(start, old, new, _difference(old, new))
+
+    def _follow(self, lost: list[Step], gained: list[Step]) -> None:
+        """Bring all starts up to date with changed steps."""
+        anew: list[Any] = []
+        patches: list[Patch] = []
+        changes: list[tuple[Any, Reached]] = []
+        share = len(self.begun) > FEW
+        first, common = None, NOTHING
+        for start in self._concerned(lost, gained):
+            old = self.reached[start]
+            loss = self._cut(start, old, lost)
+            if loss is None:
+                anew.append(start)
+                continue
+            cut, reattached = loss
+            # Starts that reach each other reach the same, and share it: a connected graph costs no more than its
+            # nodes. Only the last that was extended is tried, which finds most.
+            if start in common and first in old and first not in cut:
+                changes.append((start, common))
+                continue
+            come = self._come(start, old, cut, gained) if gained else NOTHING
+            if share and (type(old) is not Tree or self._round(start, come)):
+                if cut or come:
+                    new = dict.fromkeys(old if not cut else filterfalse(cut.__contains__, old))
+                    new.update(dict.fromkeys(come))
+                    changes.append((start, new))
+                    if come:
+                        first, common = start, new
+            elif cut or reattached or come:
+                patches.append((start, cut, reattached, come))
+        for each in patches:
+            self._apply(*each)
+        if anew:
+            changes.extend(self._solve(anew).items())
+        if changes:
+            self._change(changes)
+
+    def _change(self, changes: list[tuple[Any, Reached]]) -> None:
+        """Put what starts reach now in the place of what they reached."""
+        differences: dict[tuple[int, int], Difference] = {}
+        for start, new in changes:
+            old = self.reached[start]
+            # What is new stays alive in `changes`, what is old until its last start's turn.
+            pair = (id(old), id(new))
+            if pair not in differences:
+                differences[pair] = _difference(old, new)
+            self._replace(start, old, new, differences[pair])
+
+    def _cut(self, start: Any, old: Reached, lost: list[Step]) -> tuple[Reached, Reached] | None:
+        """Return what is not reached any more without some steps, and what has another parent in the tree then.
+
+        None if only a new search can tell. Only what is below a lost step in the tree is looked at: it is saved by
+        any step from the rest of the tree (as in Even and Shiloach, An On-Line Edge-Deletion Problem, 1981, but
+        without their levels).
+        """
+        cut: Reached = {}
+        for node, other in lost:
+            by = old.get(other, ABSENT)
+            if by == node:
+                cut[other] = None
+            elif by is None and node in old and not (self.reflexive and other == start):
+                return None  # a step from the start itself has never been the only way to such a node
+        if not cut:
+            return NOTHING, NOTHING
+        following, before = self._steps.next, self._steps.before
+        todo = list(cut)
+        for node in todo:
+            # Children of the start are children of the root, also if a circle leads back to it.
+            if node != start:
+                for other in following(node):
+                    if other not in cut:
+                        by = old.get(other, ABSENT)
+                        if by == node:
+                            cut[other] = None
+                            todo.append(other)
+                        elif by is None and not (self.reflexive and other == start):
+                            return None
+        reattached: Reached = {}
+        saved = []
+        for node in todo:
+            for by in before(node):
+                if by == start or (by in old and by not in cut):
+                    reattached[node] = by
+                    del cut[node]
+                    saved.append(node)
+                    break
+        for node in saved:
+            for other in following(node):
+                if other in cut:
+                    reattached[other] = node
+                    del cut[other]
+                    saved.append(other)
+        return cut, reattached
+
+    def _come(self, start: Any, old: Reached, cut: Reached, gained: list[Step]) -> Reached:
+        """Return what is reached with new steps, too, and from where; of what is cut off, what is reached again."""
+        come: Reached = {}
+        following, growing = self._steps.next, True
+        while growing:
+            growing = False
+            for near, far in gained:
+                if (far in old and far not in cut) or far in come:
+                    continue
+                if near == start or (near in old and near not in cut) or near in come:
+                    growing = True
+                    come[far] = near
+                    todo = [far]
+                    for node in todo:
+                        for other in following(node):
+                            if (other not in old or other in cut) and other not in come:
+                                come[other] = node
+                                todo.append(other)
+        return come
+
+    def _round(self, start: Any, come: Reached) -> bool:
+        """Return whether one of these leads back to the start."""
+        following = self._steps.next
+        return any(start in following(node) for node in come)
+
+    def _apply(self, start: Any, cut: Reached, reattached: Reached, come: Reached) -> None:
+        """Change the tree of a start, and tell.
+
+        Since a savepoint or a version a tree is copied once; then it is changed in place, and undoing puts the old
+        one back.
+        """
+        old = self.reached[start]
+        gone: Collection[Any] = cut
+        fresh: Collection[Any] = come
+        if cut and come:
+            gone = [node for node in cut if node not in come]
+            fresh = [node for node in come if node not in cut]
+        if self.removing is not None and gone:
+            self._notify(self.removing, start, gone)
+        if self._owned.get(start) == self.store.epoch:
+            new = old
+        else:
+            new = Tree(old)
+            if self.store.recording:
+                self.store.journal.extend((self.reached, start, old, SET))
+            self.reached[start] = new
+            self._owned[start] = self.store.epoch
+        for node in cut:
+            del new[node]
+        new |= reattached
+        new |= come
+        if self.added is not None and fresh:
+            self._notify(self.added, start, fresh)
+
+    def _concerned(self, lost: list[Step], gained: list[Step]) -> Collection[Any]:
+        """Return at least the starts that reached the source of a changed step; all starts if there are too many."""
+        before, most = self._steps.before, len(self.begun) // PART
+        if len(self.begun) > FEW:
+            gone: dict[Any, list[Any]] = {}
+            for node, other in lost:
+                gone.setdefault(other, []).append(node)
+            seen = dict.fromkeys(node for node, _ in (*lost, *gained))
+            todo = list(seen)
+            for node in todo:
+                for other in (*before(node), *gone.get(node, ())):
+                    if other not in seen:
+                        seen[other] = None
+                        todo.append(other)
+                if len(seen) > most:
+                    break
+            else:
+                return [node for node in todo if (node,) in self.begun.position]
+        return [start for (start,) in self.begun]
+
+    def _solve(self, starts: Sequence[Any]) -> dict[Any, Reached]:
+        """Return what the starts reach."""
+        if len(starts) > FEW:
+            return reachable_sets(starts, self._steps.next, self.reflexive)
+        return {start: self._reach(start) for start in starts}
+
+    def _reach(self, start: Any) -> Reached:
+        seen = Tree({start: None} if self.reflexive else ())
+        following, todo = self._steps.next, [start]
+        for node in todo:
+            for other in following(node):
+                if other not in seen:
+                    seen[other] = node
+                    todo.append(other)
+        return seen
+
+    def _replace(self, start: Any, old: Reached, new: Reached, difference: Difference) -> None:
+        gone, come = difference
+        if self.removing is not None:
+            self._notify(self.removing, start, gone)
+        if self.store.recording:
+            self.store.journal.extend((self.reached, start, old, SET))
+        self.reached[start] = new
+        self._owned[start] = self.store.epoch if type(new) is Tree else -1
+        if self.added is not None:
+            self._notify(self.added, start, come)
+
+    def _notify(self, hook: Any, start: Any, others: Iterable[Any]) -> None:
+        for other in others:
+            if self.forward:
+                hook(start, other)
+            else:
+                hook(other, start)
+
+    def check_pairs(self, most: float) -> None:
+        """Raise an `EvaluationError` as soon as more than `most` pairs are found."""
+        for (start,) in self.starts.rows:
+            most -= len(self._reach(start))
+            if most < 0:
+                raise EvaluationError(f"`{self.name}` has too many pairs")
+
+    def fill(self) -> None:
+        self._owned.clear()
+        starts = list(self.starts.rows)
+        become(self.store, self.reached, self._solve([start for (start,) in starts]), NOTHING)
+        self.begun.replace(starts)
+
+    def check(self) -> None:
+        """Assert that everything is as a new search finds it."""
+        assert set(self.begun) == set(self.starts.rows), self.name
+        for (start,) in self.begun:
+            reached = self.reached[start]
+            assert reached.keys() == self._reach(start).keys(), self.name
+            assert all(self._is_connected(node, start, reached) for node in reached), self.name
+
+    def _is_connected(self, node: Any, start: Any, reached: Reached) -> bool:
+        """Return whether all steps on the recorded path from the start to a node still exist."""
+        passed = {node}
+        while True:
+            by = reached[node]
+            if by is None:
+                return True
+            if not self._steps.has(by, node):
+                return False
+            if by == start:
+                return True
+            if by in passed:
+                return False
+            passed.add(by)
+            node = by
+
+
+class CircleOperator(Rows):
+    """Holds the nodes on cycles: those of strongly connected components that have a step inside.
+
+    A node is on a cycle if one or more steps lead from it back to itself.
+    """
+
+    def __init__(self, name: str, store: Store, steps: Steps) -> None:
+        super().__init__(name, store)
+        self._steps = steps
+        self._changed: dict[Step, None] = {}
+
+    @property
+    def pending(self) -> bool:
+        return bool(self._changed)
+
+    def forget(self) -> None:
+        self._changed.clear()
+
+    def gain(self, source: Any, target: Any) -> None:
+        """Note a step that is inserted or deleted."""
+        self._changed[source, target] = None
+
+    lose = gain
+
+    def process(self) -> None:
+        changed = list(self._changed)
+        self._changed.clear()
+        # Every cycle through a changed step is reachable from the target of the step.
+        for row, is_on in list(self._classified([step[1] for step in changed if self._may_change(*step)])):
+            if is_on != (row in self.rows.position):
+                (self.appear if is_on else self.vanish)(row)
+
+    def _may_change(self, source: Any, target: Any) -> bool:
+        """Return whether an inserted or deleted step may create or break cycles."""
+        if self._steps.has(source, target):
+            return self._reaches(target, source)
+        on = self.rows.position
+        return (source,) in on and (target,) in on and (source == target or not self._reaches(source, target))
+
+    def _reaches(self, source: Any, target: Any) -> bool:
+        """Return whether zero or more steps lead from source to target; search from both ends alternately."""
+        ahead, behind = {source: None}, {target: None}
+        both = zip(
+            _nodes_from(ahead, self._steps.next), _nodes_from(behind, self._steps.before), strict=False
+        )
+        return any(one in behind or other in ahead for one, other in both)
+
+    def _classified(self, starts: Sequence[Any]) -> Iterator[tuple[Row, bool]]:
+        """Yield the row of each node that the starts reach, and whether the node is on a cycle."""
+        for nodes, exits in components(starts, self._steps.next):
+            is_on = len(nodes) > 1 or nodes[0] in exits
+            yield from (((node,), is_on) for node in nodes)
+
+    def circles(self) -> list[Row]:
+        """Return the rows that a new search of the whole graph finds."""
+        return [row for row, is_on in self._classified(self._steps.nodes()) if is_on]
+
+    def fill(self) -> None:
+        self.set_rows(self.circles())
+
+
+def _nodes_from(known: dict[Any, None], following: Callable[[Any], Iterable[Any]]) -> Iterator[Any]:
+    """Yield the known nodes, then all nodes reachable from them, nearest first; add these to `known`."""
+    todo = list(known)
+    for node in todo:
+        yield node
+        for other in following(node):
+            if other not in known:
+                known[other] = None
+                todo.append(other)
+
+
+def _difference(old: Reached, new: Reached) -> Difference:
+    return list(filterfalse(new.__contains__, old)), list(filterfalse(old.__contains__, new))

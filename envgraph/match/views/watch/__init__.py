@@ -1,0 +1,1 @@
+"""Watched patterns: kept current, asked about, and their subscribers notified."""

@@ -1,0 +1,288 @@
+"""The matcher that keeps some patterns current, and looks for the others when it is asked."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any
+
+from envgraph.errors import MOST_NESTED, InvalidArgument, TransactionError
+from envgraph.graph import Model
+from envgraph.match._matcher import FREE, Matcher, Row, check_arguments
+from envgraph.match.demand._compiled import CompiledMatcher
+from envgraph.match.explain._why import WhyNot
+from envgraph.match.passes._calls import check_nesting
+from envgraph.match.views.operators._operators import Rows
+from envgraph.match.views.operators._sets import key_of
+from envgraph.match.views.watch._kept import KeptViews
+from envgraph.match.views.watch._listeners import Change, Subscription
+from envgraph.match.views.watch._loops import Loops
+from envgraph.metamodel import Value
+from envgraph.pattern import Library
+
+
+class ViewMatcher(Matcher):
+    """A `Matcher` whose watched patterns are views: kept current with every change of the model.
+
+    The matches of a watched pattern are listed in the order of the view, which is a function of the version like every
+    other order.
+
+    Args:
+        model: what is searched.
+        library: the patterns; more may be added later.
+
+    Attributes:
+        demand: searches for what is not watched.
+        kept: the views, and what they are made of.
+        listeners: who is notified of changes.
+        loops: who runs a loop says so here.
+    """
+
+    def __init__(self, model: Model, library: Library) -> None:
+        self.model = model
+        self.library = library
+        self.demand = CompiledMatcher(model, library)
+        self.kept = KeptViews(model, library, self.demand)
+        self.listeners = self.kept.listeners
+        self.loops = Loops(self.kept, self.demand)
+        self._partly = self.kept.partly
+        self._wanted: dict[str, None] = {}
+
+    # --- watching
+
+    @property
+    def watched(self) -> tuple[str, ...]:
+        """The patterns that are kept current, in the order in which they were asked for."""
+        if self._wanted:
+            self._watch_wanted()
+        return tuple(self.kept.lasting)
+
+    def watch(self, *patterns: str) -> None:
+        """Keep patterns current from now on.
+
+        Raises:
+            InvalidArgument: an unknown pattern, a `search` pattern, one that needs values for parameters, or another
+                matcher of this model watches.
+            EvaluationError: closures and recursive patterns stand inside each other too deep.
+            TransactionError: there is a state to go back to (a savepoint is open, or a version is held), in which the
+                pattern was not watched.
+        """
+        new = [pattern for pattern in dict.fromkeys(patterns) if pattern not in self.kept.lasting]
+        for pattern in new:
+            self._check_watchable(pattern)
+        if not new:
+            return
+        if not self.model.graph.history.idle:
+            raise TransactionError(
+                f"cannot begin to watch `{new[0]}` inside a transaction or while a version is held: "
+                "watch before the first commit"
+            )
+        self.kept.up_to_date()
+        self.kept.make((*self.kept.views, *new))
+
+    def watch_later(self, *patterns: str) -> None:
+        """Watch patterns when something is next asked, there is no state to go back to, and no other matcher watches.
+
+        For patterns declared `incremental`. Those that cannot be enumerated, or are nested too deeply, are passed over.
+        """
+        calls = self.demand.calls
+        possible = (name for name in patterns if not self.library.inputs(name))
+        self._wanted.update((name, None) for name in possible if calls.of(name).nesting <= MOST_NESTED)
+
+    def _watch_wanted(self) -> None:
+        if self.model.graph.history.idle and self.kept.rival() is None:
+            wanted, self._wanted = self._wanted, {}
+            self.watch(*wanted)
+
+    def unwatch(self, *patterns: str) -> None:
+        """Keep patterns current no longer; those that are not watched are passed over.
+
+        Raises:
+            InvalidArgument: somebody listens to the pattern.
+        """
+        for pattern in patterns:
+            if pattern in self.listeners.patterns:
+                raise InvalidArgument(f"somebody listens to `{pattern}`")
+        for pattern in patterns:
+            self.kept.views.pop(pattern, None)
+            self._wanted.pop(pattern, None)
+        self._partly.forget()
+        if not self.kept.views:
+            self.kept.leave()
+
+    def listen(self, pattern: str, changed: Change, restored: Change | None = None) -> Subscription:
+        """Hear of the net changes of a pattern, which is watched from now on: see `Listeners`.
+
+        Args:
+            pattern: qualified name.
+            changed: called with the rows that have appeared and those that have disappeared since it was last called.
+            restored: called instead after a checkout; `changed` if None.
+
+        Raises:
+            InvalidArgument, TransactionError: as `watch`.
+        """
+        self.watch(pattern)
+        return self.listeners.add(Subscription(pattern, changed, restored or changed))
+
+    def _check_watchable(self, pattern: str) -> None:
+        if self.library.get(pattern).strategy == "search":
+            raise InvalidArgument(f"`{pattern}` is a `search` pattern: it is never watched")
+        inputs = self.library.inputs(pattern)
+        if inputs:
+            name = self.library.get(pattern).parameters[inputs[0]].name
+            raise InvalidArgument(f"`{pattern}` cannot be watched: nothing enumerates its parameter `{name}`")
+        check_nesting(self.demand.calls, pattern)
+
+    # --- Matcher
+
+    def _current(self, pattern: str) -> Rows | None:
+        """The view of a pattern, up to date; None if it is not watched."""
+        if self._wanted:
+            self._watch_wanted()
+        return self.kept.current(pattern)
+
+    def rows(self, pattern: str, arguments: tuple[object, ...]) -> Sequence[Row]:
+        """All matches that agree with the arguments."""
+        view = self._current(pattern)
+        if view is None:
+            return self.demand.rows(pattern, arguments)
+        positions, known = self._known(pattern, arguments)
+        if not positions:
+            return view.rows[:]
+        if not self._partly.worthwhile(pattern, view, positions):
+            return self.demand.rows(pattern, arguments)
+        return [] if known is None else list(self._partly.rows(pattern, view, positions, known))
+
+    def first(self, pattern: str, arguments: tuple[object, ...]) -> Row | None:
+        """The first of `rows`, or None."""
+        view = self._current(pattern)
+        if view is None:
+            return self.demand.first(pattern, arguments)
+        positions, known = self._known(pattern, arguments)
+        if not positions:
+            return view.rows[0] if view.rows else None
+        if not self._partly.worthwhile(pattern, view, positions):
+            return self.demand.first(pattern, arguments)
+        return None if known is None else self._partly.first(pattern, view, positions, known)
+
+    def exists(self, pattern: str, arguments: tuple[object, ...]) -> bool:
+        """Return whether there is a match that agrees with the arguments."""
+        view = self._current(pattern)
+        if view is None:
+            return self.demand.exists(pattern, arguments)
+        return self._number(pattern, view, arguments) > 0
+
+    def count(self, pattern: str, arguments: tuple[object, ...]) -> int:
+        """The number of `rows`."""
+        view = self._current(pattern)
+        if view is None:
+            return self.demand.count(pattern, arguments)
+        return self._number(pattern, view, arguments)
+
+    def _number(self, pattern: str, view: Rows, arguments: tuple[object, ...]) -> int:
+        positions, known = self._known(pattern, arguments)
+        if not positions:
+            return len(view.rows)
+        return 0 if known is None else self._partly.count(pattern, view, positions, known)
+
+    def _known(self, pattern: str, arguments: tuple[object, ...]) -> tuple[tuple[int, ...], Any]:
+        """The positions with a value, and what rows with these are filed under; None if an object is gone."""
+        types = self.library.parameter_types(pattern)
+        if arguments.count(FREE) == len(arguments) == len(types):
+            return (), None
+        checked = check_arguments(self.model, self.library, pattern, types, arguments)
+        positions = tuple([place for place, value in enumerate(arguments) if value is not FREE])
+        return positions, None if checked is None else key_of(positions)(checked)
+
+    def prepare(self, pattern: str, bound: tuple[int, ...]) -> Callable[..., list[Row]]:
+        """`rows` for one set of bound positions; arguments are not checked, see `Matcher.prepare`."""
+        search = self._search(pattern) if not bound else self.demand.prepare(pattern, bound)
+        if not bound:
+            return lambda: (
+                self._listed(pattern, search) if (view := self._current(pattern)) is None else view.rows[:]
+            )
+        if not self._partly.possible(pattern, bound):
+            return search
+
+        def rows(*values: Any) -> list[Row]:
+            view = self._current(pattern)
+            if view is None or not self._partly.worthwhile(pattern, view, bound):
+                return search(*values)
+            wanted = values if len(values) > 1 else values[0]
+            return list(self._partly.rows(pattern, view, bound, wanted))
+
+        return rows
+
+    def seeker(self, pattern: str, bound: tuple[int, ...]) -> Callable[..., Iterator[Row]]:
+        """The rows of `prepare`; those of a view are there."""
+        seek = self.demand.seeker(pattern, bound)
+        if bound and not self._partly.possible(pattern, bound):
+            return seek
+        held = self.prepare(pattern, bound) if bound else self.lister(pattern)
+
+        def rows(*values: Any) -> Iterator[Row]:
+            if self._current(pattern) is not None:
+                return iter(held(*values))
+            if self.loops.depth and not bound:
+                self.loops.sought(pattern)
+            return seek(*values)
+
+        return rows
+
+    def _listed(self, pattern: str, search: Callable[[], list[Row]]) -> list[Row]:
+        return self.loops.rows(pattern, search) if self.loops.depth else search()
+
+    def _search(self, pattern: str) -> Callable[[], list[Row]]:
+        """The search of a pattern without arguments."""
+        search = self.demand.prepare(pattern, ())
+        self.loops.orders[search] = self.demand.order(pattern)
+        return search
+
+    def lister(self, pattern: str) -> Callable[[], Sequence[Row]]:
+        """All rows, as they are held if the pattern is watched."""
+        search = self._search(pattern)
+
+        def rows() -> Sequence[Row]:
+            view = self._current(pattern)
+            return self._listed(pattern, search) if view is None else view.rows
+
+        return rows
+
+    def tester(self, pattern: str) -> Callable[[Row], bool]:
+        """Return whether a row is a match; a watched pattern only has to be looked up."""
+        search = self.demand.tester(pattern)
+
+        def test(row: Row) -> bool:
+            view = self._current(pattern)
+            return search(row) if view is None else row in view.rows.position
+
+        return test
+
+    def explain(self, pattern: str, bound: tuple[int, ...] = (), values: Sequence[Any] = ()) -> str:
+        """Explain how matches are found, as `CompiledMatcher` does, or, of a watched pattern, kept current."""
+        if not bound and self._current(pattern) is not None:
+            return self.kept.network.explain(pattern, self.demand.build)
+        return self.demand.explain(pattern, bound, values)
+
+    def why_not(self, pattern: str, given: Mapping[int, Value]) -> WhyNot:
+        """Why there is no match for values at some positions: see `WhyNot`."""
+        return self.demand.why_not(pattern, given)
+
+    def analyze(self) -> None:
+        """Measure the model, for plans that are made from now on: see `CompiledMatcher.analyze`."""
+        self.demand.analyze()
+        self._partly.forget()
+        if self.kept.views and self.model.graph.history.idle and self.kept.up_to_date():
+            self.kept.make(self.kept.views)
+
+    def forget(self) -> None:
+        """Names of patterns may mean something else from now on, but for those that are watched."""
+        self.demand.forget()
+        self._partly.forget()
+
+    def check_integrity(self) -> None:
+        """Assert that every view in use holds what a new computation finds; for tests."""
+        if not self.kept.up_to_date():
+            return
+        self.kept.network.check()
+        for pattern, view in self.kept.views.items():
+            view.check(self.demand.rows(pattern, (FREE,) * len(self.library.parameter_types(pattern))))

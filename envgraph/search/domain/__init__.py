@@ -1,0 +1,1 @@
+"""The files of a domain as a search needs them: its parts by name, constraints, the initial model."""

@@ -1,0 +1,306 @@
+"""The parts of a search by the names that a family file gives them, and how to add one's own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import field, fields, replace
+from functools import reduce
+from itertools import takewhile
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from envgraph.code import dataclass
+from envgraph.errors import Diagnostic, LoadError, Note
+from envgraph.graph import Model
+from envgraph.lang import Options, numeric_parameters
+from envgraph.metamodel import Metamodel, Scalar
+from envgraph.pattern import Constant, Library
+from envgraph.search.evolution._selection import (
+    BeamSearch,
+    ElitistParents,
+    ExactSelection,
+    HillClimbing,
+    ParentSelection,
+    RandomParents,
+    SimulatedAnnealing,
+    SurvivorSelection,
+    TournamentParents,
+)
+from envgraph.search.optimising import Annealing, Beam, HillClimb, Strategy, TreeSearch
+from envgraph.search.problem._diversity import BinnedEntropy, Gini, Statistic, Variance
+from envgraph.search.problem._expressed import Expressed, named, read_expression
+from envgraph.search.problem._family_measures import ChainTransfer
+from envgraph.search.problem._measures import (
+    LIMIT,
+    Certifier,
+    Distance,
+    MatchCount,
+    OptimalReturn,
+    PatternValue,
+    RandomSuccess,
+    ShortestPath,
+    ShortestPlan,
+)
+from envgraph.search.problem._objective_text import FAMILY_MEASURES, FamilyFactory
+from envgraph.search.problem._paths import PathComplexity
+from envgraph.search.problem._problem import IndividualMeasure
+from envgraph.solve.learning import TrainingSettings
+
+T = TypeVar("T")
+
+MOST_BINS, _MOST_STEPS = 100_000, 100_000_000
+
+if TYPE_CHECKING:
+    from envgraph.behaviour import Behaviour
+    from envgraph.lang import FamilySpec
+    from envgraph.search.curricula import Judged, Levels
+
+
+@dataclass(frozen=True, slots=True)
+class Context:
+    """What a component may want to know of its family.
+
+    Attributes:
+        metamodel: of the models.
+        spec: the family file.
+        behaviour: what the agent can do, if the family has an environment.
+        measured: the measure that the diversity reads, for the diversity.
+        library: the patterns of the family; None where they have errors.
+        initial: the initial model; None where there are errors.
+        certifier: of the environments, if the family has one; all measures share it.
+        others: the measures above, for a measure, and all of them for an objective: each with what counts where it has
+            no value, infinite for nothing.
+        diversity: how diverse a family is, for an objective.
+    """
+
+    metamodel: Metamodel
+    spec: FamilySpec
+    behaviour: Behaviour | None
+    measured: IndividualMeasure | None = None
+    library: Library | None = None
+    initial: Model | None = None
+    certifier: Certifier | None = None
+    others: Mapping[str, tuple[IndividualMeasure, float]] = field(default_factory=dict)
+    diversity: Statistic | None = None
+
+    @classmethod
+    def of(
+        cls,
+        metamodel: Metamodel,
+        spec: FamilySpec,
+        behaviour: Behaviour | None,
+        library: Library,
+        initial: Model,
+    ) -> Context:
+        """What components may know of a family without errors."""
+        limit = spec.limit or (behaviour.limit if behaviour else None) or LIMIT
+        certifier = Certifier(behaviour, limit) if behaviour else None
+        return cls(metamodel, spec, behaviour, library=library, initial=initial, certifier=certifier)
+
+
+MeasureFactory = Callable[[Options, Context], IndividualMeasure]
+DiversityFactory = Callable[[Options, Context], Statistic]
+ParentsFactory = Callable[[Options, Context], ParentSelection]
+SurvivorsFactory = Callable[[Options, Context], SurvivorSelection]
+StrategyFactory = Callable[[Options, Context], Strategy]
+ObjectiveFactory = Callable[[Options, Context], Callable[["Levels", int], "Judged"]]
+"""What it gives makes the objective, from the levels that it will see and the number of threads that it may take."""
+
+
+def _path_complexity(options: Options, context: Context) -> IndividualMeasure:
+    return PathComplexity(
+        metamodel=context.metamodel,
+        start=options.name("from"),
+        goal=options.name("to"),
+        along=options.names("along"),
+        avoid=options.name("avoid"),
+        transform="sqrt" if options.word("transform", "linear", ("sqrt", "linear")) == "sqrt" else "linear",
+    )
+
+
+def _shortest_path(options: Options, context: Context) -> IndividualMeasure:
+    return ShortestPath(
+        metamodel=context.metamodel,
+        along=options.names("along"),
+        start=options.name_or_none("from"),
+        goal=options.name_or_none("to"),
+        avoid=options.name_or_none("avoid"),
+    )
+
+
+def _shortest_plan(options: Options, context: Context) -> IndividualMeasure:
+    assert context.behaviour is not None, "check_family demands an environment for this measure"
+    return ShortestPlan(context.behaviour, options.name_or_none("guide"))
+
+
+def _expression(options: Options, context: Context) -> IndividualMeasure:
+    above = [one.name for one in takewhile(lambda one: one is not options.spec, context.spec.measures)]
+    text, place = options.name("of"), options.spec.span("of")
+    expression, problems = read_expression(text, above, context.metamodel, place) if text else (None, [])
+    options.problems += problems
+    if expression is None:
+        return Expressed(Constant(0.0), {})
+    return Expressed(expression, {name: context.others[name] for name in named(expression) if context.others})
+
+
+def _certified(measure: type[RandomSuccess | OptimalReturn]) -> MeasureFactory:
+    """Return a factory of a measure that asks the certifier of the family."""
+
+    def made(options: Options, context: Context) -> IndividualMeasure:
+        assert context.certifier is not None, "check_family demands an environment for this measure"
+        return measure(context.certifier, options.spec)
+
+    return made
+
+
+def _value(options: Options, context: Context) -> IndividualMeasure:
+    pattern = options.name("of")
+    named = options.name_or_none("parameter")
+    numbers = (numeric_parameters(context.library, pattern) if context.library else None) or {}
+    place, type_ = numbers.get(named or next(iter(numbers), ""), (0, Scalar.INT))
+    return PatternValue(pattern, place, whole=type_ is Scalar.INT)
+
+
+def _binned_entropy(options: Options, context: Context) -> Statistic:
+    low, high = options.range("range", getattr(context.measured, "range", (0.0, 1.0)))
+    bins = options.integer("bins", context.spec.search.population, 1, MOST_BINS)
+    return BinnedEntropy(bins, low, high, whole=getattr(context.measured, "whole", False))
+
+
+def _learning(options: Options, context: Context) -> Callable[[Levels, int], Judged]:
+    spec, training = context.spec, context.spec.training
+    steps = (
+        ()
+        if spec.steps_are_free
+        else options.integers("steps", [training.steps_per_environment], 1, _MOST_STEPS)
+    )
+    limit = context.spec.limit or (context.behaviour.limit if context.behaviour else None)
+    settings = TrainingSettings.from_spec(context.spec.training, limit=limit)
+    seed = context.spec.seed
+
+    def made(levels: Levels, workers: int) -> Judged:
+        from envgraph.env.compiled import NotCompiled
+        from envgraph.search.curricula import MOST_STATES, Learning
+
+        try:
+            return Learning(settings, levels.target, steps, seed, workers)
+        except NotCompiled as reason:
+            name, note = levels.behaviour.name, Note("it is here", reason.span)
+            message = (
+                f"`{name}` has too many states for tables, and is not compiled: it has {reason.construct}"
+            )
+            hint = f"do without it, or make the target smaller: up to {MOST_STATES:,} states have a table"
+            notes = (note,) if reason.span else ()
+            place = options.spec.span()
+            raise LoadError([Diagnostic("not-compiled", message, place, hint, notes=notes)]) from reason
+
+    return made
+
+
+def _chain_transfer(options: Options, context: Context) -> Callable[[Levels, int], Judged]:
+    def made(levels: Levels, workers: int) -> Judged:
+        from envgraph.env import TooManyStates
+        from envgraph.search.curricula import Measured
+
+        del workers
+        try:
+            levels.target.tabular  # noqa: B018  # so that too many states are told before there is a run
+        except TooManyStates as error:
+            hint = 'write `kind = "learning"`, whose learners need no table, or make the target smaller'
+            place = options.spec.span()
+            raise LoadError([Diagnostic("too-many-states", error.message, place, hint)]) from error
+        return Measured(ChainTransfer(), context.spec.search.population)
+
+    return made
+
+
+def _of(component: type[T]) -> Callable[[Options, Context], T]:
+    """A factory of a data class whose fields are its options."""
+    return lambda options, context: options.read(component)
+
+
+def _kinds(**factories: Callable[..., object]) -> Any:
+    """A field of a role, with the kinds that come with envgraph."""
+    usual = MappingProxyType(factories)
+    return field(default_factory=lambda: usual)
+
+
+@dataclass(frozen=True, slots=True)
+class Components:
+    """Factories by role and kind, and the code of declared functions; `with_` gives a copy with one more.
+
+    Nothing is global.
+
+    >>> from envgraph.search import Gini
+    >>> mine = Components().with_("diversity", "mine", lambda options, context: Gini())
+    >>> sorted(mine.diversity)
+    ['binned_entropy', 'gini', 'mine', 'variance']
+    """
+
+    measure: Mapping[str, MeasureFactory] = _kinds(
+        path_complexity=_path_complexity,
+        shortest_path=_shortest_path,
+        shortest_plan=_shortest_plan,
+        random_success=_certified(RandomSuccess),
+        optimal_return=_certified(OptimalReturn),
+        distance=lambda options, context: Distance(context.initial),
+        expression=_expression,
+        count=lambda options, context: MatchCount(options.name("of")),
+        value=_value,
+    )
+    diversity: Mapping[str, DiversityFactory] = _kinds(
+        binned_entropy=_binned_entropy,
+        gini=lambda options, context: Gini(),
+        variance=lambda options, context: Variance(),
+    )
+    family: Mapping[str, FamilyFactory] = _kinds(**FAMILY_MEASURES)
+    objective: Mapping[str, ObjectiveFactory] = _kinds(learning=_learning, chain_transfer=_chain_transfer)
+    parents: Mapping[str, ParentsFactory] = _kinds(
+        random=lambda options, context: RandomParents(),
+        tournament=_of(TournamentParents),
+        elitist=_of(ElitistParents),
+    )
+    survivors: Mapping[str, SurvivorsFactory] = _kinds(
+        simulated_annealing=_of(SimulatedAnnealing),
+        hill_climbing=lambda options, context: HillClimbing(),
+        beam=_of(BeamSearch),
+        exact=_of(ExactSelection),
+    )
+    strategy: Mapping[str, StrategyFactory] = _kinds(
+        simulated_annealing=_of(Annealing),
+        hill_climbing=_of(HillClimb),
+        beam=_of(Beam),
+        tree_search=_of(TreeSearch),
+    )
+    function: Mapping[str, Callable[..., object]] = _kinds()
+
+    def __reduce__(self) -> tuple[Callable[..., Components], tuple[object, ...]]:
+        """Return the data to rebuild components: what `with_` has added."""
+        usual = Components()
+        added = [
+            (role.name, kind, factory)
+            for role in fields(self)
+            for kind, factory in getattr(self, role.name).items()
+            if getattr(usual, role.name).get(kind) is not factory
+        ]
+        return _with_all, (added,)
+
+    def kinds(self) -> dict[str, tuple[str, ...]]:
+        """The known kinds by role, for the check of a family file."""
+        roles = ("measure", "diversity", "objective", "parents", "survivors", "strategy")
+        return {role: tuple(getattr(self, role)) for role in roles}
+
+    def with_(self, role: str, kind: str, factory: Callable[..., object]) -> Components:
+        """A copy in which a kind of a role is made by a factory.
+
+        The roles are "measure", "diversity", "family", "objective", "parents", "survivors" and "strategy". A factory
+        of the role "family" gets what the file has, a `FamilyCall`, and the context. With the role "function",
+        `factory` is the code of the function of that name which the domain's queries declare.
+        """
+        known = getattr(self, role)
+        return replace(self, **{role: MappingProxyType({**known, kind: factory})})
+
+
+def _with_all(added: Iterable[tuple[str, str, Callable[..., object]]]) -> Components:
+    """Make components from what `Components.__reduce__` returns."""
+    return reduce(lambda components, one: components.with_(*one), added, Components())

@@ -1,0 +1,149 @@
+"""What a domain asks of every model: what its family file says, its metamodel, and what its environment needs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from contextlib import suppress
+from math import isfinite
+from typing import TYPE_CHECKING
+
+from envgraph.behaviour import Behaviour, KeyIndex, indexed_classes, unbound
+from envgraph.code import dataclass
+from envgraph.errors import has_errors
+from envgraph.files import counting
+from envgraph.pattern import conformance_patterns, key_patterns
+from envgraph.rewrite import Engine
+from envgraph.search.problem._measures import ShortestPlan
+from envgraph.search.problem._problem import Constraint, CountWithin, Forbid, IndividualMeasure, Require
+
+if TYPE_CHECKING:
+    from envgraph.search.domain._domain import Domain
+
+
+@dataclass(frozen=True, slots=True)
+class Reachable:
+    """Some episode ends with an outcome ("success" or "failure"); what cannot be found counts as out of reach.
+
+    Attributes:
+        plan: finds a way; the measure, where the family has it, so that one search answers both.
+    """
+
+    outcome: str
+    plan: ShortestPlan
+
+    @property
+    def end(self) -> int:
+        """The number of the outcome."""
+        return {"success": 1, "failure": 2}[self.outcome]
+
+    def holds(self, engine: Engine) -> bool:
+        """Whether the outcome can be reached."""
+        from envgraph.env import can_end
+        from envgraph.env.compiled import NotCompiled
+
+        try:
+            return isfinite(self.plan.plan(engine, self.end).steps)
+        except NotCompiled:
+            behaviour = self.plan.behaviour
+            with counting(f"states of {behaviour.name}") as progress:
+                return can_end(engine, behaviour, self.end, progress=progress)
+
+    def why_not(self, engine: Engine) -> str:
+        """Return why a model is rejected: no plan to the outcome exists, or the search for a plan was given up."""
+        from envgraph.env.compiled import MOST_STATES, NotCompiled
+
+        with suppress(NotCompiled):
+            if not self.plan.plan(engine, self.end).exact:
+                return f"no plan to {self.outcome} was found within {MOST_STATES:,} states"
+        return f"`{self}` is violated"
+
+    def __str__(self) -> str:
+        return f"reachable {self.outcome}"
+
+
+@dataclass(frozen=True, slots=True)
+class DistinctKeys:
+    """No two objects of a class that the environment counts through have one key, and none lacks its key.
+
+    Attributes:
+        pattern: see `key_patterns`.
+    """
+
+    pattern: str
+
+    def holds(self, engine: Engine) -> bool:
+        """Whether the keys tell all objects apart."""
+        return not engine.matcher.exists(self.pattern, ())
+
+    def __str__(self) -> str:
+        return "each object has a key of its own"
+
+
+@dataclass(frozen=True, slots=True)
+class Bound:
+    """Each parameter of a behaviour stands for an object, and somebody can act: no environment without that."""
+
+    behaviour: Behaviour
+
+    def holds(self, engine: Engine) -> bool:
+        """Whether nothing is missing."""
+        return not has_errors(unbound(self.behaviour, engine.model))
+
+    def __str__(self) -> str:
+        return "each parameter of the environment has its object"
+
+
+@dataclass(frozen=True, slots=True)
+class SameAgents:
+    """The model has the agents of the initial one, by their keys: those that act together share their actions.
+
+    Attributes:
+        keys: of the agents' classes, in the initial model.
+    """
+
+    keys: KeyIndex
+
+    def holds(self, engine: Engine) -> bool:
+        """Whether no agent is missing, and there is no other."""
+        return KeyIndex.of(engine.model, self.keys.keys) == self.keys
+
+    def __str__(self) -> str:
+        return "agents that act together are those of the initial model"
+
+
+def constraints_of(
+    domain: Domain, engine: Engine, measures: Iterable[IndividualMeasure]
+) -> tuple[Constraint, ...]:
+    """Conformance first, then as in the file; what enumerates states comes last."""
+    spec = domain.spec.constraints
+    conformance = conformance_patterns(domain.metamodel)
+    behaviour = domain.behaviour
+    counted = indexed_classes(behaviour, domain.metamodel) if behaviour else ()
+    keys = key_patterns(domain.metamodel, counted)
+    known = set(engine.patterns)
+    engine.add(*(pattern for pattern in (*conformance, *keys) if pattern.qualified_name not in known))
+    constraints: list[Constraint] = [Forbid(pattern.qualified_name) for pattern in conformance]
+    constraints += [Require(str(name)) for name in spec.require]
+    constraints += [Forbid(str(name)) for name in spec.forbid]
+    constraints += [Forbid(name) for name in _violations(domain) if name not in set(map(str, spec.forbid))]
+    constraints += [CountWithin(str(name), *bounds) for name, bounds in spec.count]
+    constraints += [DistinctKeys(pattern.qualified_name) for pattern in keys]
+    if behaviour is not None:
+        constraints.append(Bound(behaviour))
+        if behaviour.together:
+            agents = dict.fromkeys(agent.cls for agent in behaviour.agents)
+            constraints.append(SameAgents(KeyIndex.of(domain.initial(), agents)))
+        any_plan = ShortestPlan(behaviour, shortest=False)
+        plans = [*(one for one in measures if isinstance(one, ShortestPlan)), any_plan]
+        constraints += [Reachable(str(outcome), plans[0]) for outcome in spec.reachable]
+    return tuple(constraints)
+
+
+def _violations(domain: Domain) -> list[str]:
+    """Patterns with a VIATRA `@Constraint` of severity error: a match is a violation."""
+    return [
+        pattern.qualified_name
+        for pattern in domain.workspace.patterns
+        for annotation in pattern.annotations
+        if annotation.name == "Constraint" and dict(annotation.named).get("severity") == "error"
+    ]

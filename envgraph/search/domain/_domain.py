@@ -1,0 +1,473 @@
+"""A domain: everything that the files of a family say, ready for a search and for environments."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import field, replace
+from math import comb, inf
+from typing import TYPE_CHECKING, TypeVar, cast, get_args
+
+from envgraph.behaviour import Behaviour, KeyIndex, indexed_classes
+from envgraph.code import dataclass
+from envgraph.errors import Diagnostic, LoadError, Source, has_errors, sort_diagnostics
+from envgraph.graph import Model, model_from_json, model_to_json
+from envgraph.lang import (
+    EXPRESSIONS,
+    LARGEST,
+    NEED_ENVIRONMENT,
+    Bundle,
+    ComponentSpec,
+    FamilySpec,
+    Files,
+    ModelText,
+    Name,
+    OptimiseSpec,
+    Options,
+    TextFiles,
+    Workspace,
+    find_family,
+    load_workspace,
+)
+from envgraph.metamodel import Metamodel
+from envgraph.rewrite import Engine
+from envgraph.search.curricula import Begin, CurriculumSettings
+from envgraph.search.domain._components import MOST_BINS, Components, Context
+from envgraph.search.domain._constraints import constraints_of
+from envgraph.search.domain._initial import check_initial
+from envgraph.search.evolution._selection import ExactSelection, SurvivorSelection
+from envgraph.search.evolution._settings import SampleSettings, Settings
+from envgraph.search.problem._diversity import BinnedEntropy, Statistic
+from envgraph.search.problem._objective import Objective
+from envgraph.search.problem._objective_text import read_objective
+from envgraph.search.problem._problem import IndividualMeasure, Problem
+
+if TYPE_CHECKING:
+    from envgraph.search.curricula import Judged, Levels
+    from envgraph.search.optimising import Strategy
+
+EFFORT, MOST_LANES = 1_000_000_000, 1_000
+"""Defaults of a search for a whole family: steps of learners, up to half a minute; families improved at once."""
+
+Placed = TypeVar("Placed", ModelText, Behaviour)
+
+
+@dataclass(frozen=True, slots=True)
+class Domain:
+    """The files of a family, read and checked.
+
+    Attributes:
+        spec: the family file, as data.
+        workspace: what all its files say.
+        components: what the names of measures and selections in the family file mean.
+        overrides: what holds instead of what the family file says, such as "search.population=10".
+    """
+
+    spec: FamilySpec
+    workspace: Workspace
+    components: Components = field(default_factory=Components)
+    overrides: tuple[str, ...] = ()
+
+    @classmethod
+    def load(
+        cls, location: str, components: Components | None = None, overrides: Iterable[str] = ()
+    ) -> Domain:
+        """Read a family file, a directory that holds one, or a bundled domain.
+
+        Raises:
+            LoadError: all that is wrong with the files.
+        """
+        return cls._read(find_family(location), None, components or Components(), tuple(overrides))
+
+    @classmethod
+    def from_bundle(
+        cls, bundle: Bundle, components: Components | None = None, overrides: Iterable[str] = ()
+    ) -> Domain:
+        """Read the texts that a run or a family file keeps.
+
+        Raises:
+            LoadError: all that is wrong with the texts.
+        """
+        files = TextFiles(bundle.texts)
+        return cls._read(bundle.roots[0], files, components or Components(), tuple(overrides))
+
+    @classmethod
+    def _read(
+        cls, path: str, files: Files | None, components: Components, overrides: tuple[str, ...]
+    ) -> Domain:
+        workspace = load_workspace([path], files=files, components=components.kinds(), overrides=overrides)
+        if workspace.errors:
+            wrong = [one for spec in workspace.families for one in option_problems(spec, workspace)]
+            raise LoadError([*workspace.diagnostics, *wrong])
+        if not workspace.families:
+            place = Source(path, workspace.sources.get(path, "")).span(0, 0)
+            hint = "a family file is a `family.toml`"
+            raise LoadError([Diagnostic("no-family", f"`{path}` is no family file", place, hint)])
+        domain = cls(workspace.families[0], workspace, components, overrides)
+        problems = domain.wrong_options()  # so that they are found when the files are read
+        if has_errors(problems):
+            raise LoadError(problems)
+        return domain
+
+    def wrong_options(self) -> list[Diagnostic]:
+        """All that is wrong with the options of the components."""
+        problems: list[Diagnostic] = []
+        for make in (
+            self._measures, self.settings, self.objective, self.curriculum_search, self.samples, self.strategy
+        ):  # fmt: skip
+            try:
+                make()
+            except LoadError as error:
+                problems += error.diagnostics
+        return sort_diagnostics(dict.fromkeys(problems))  # two components may read one option
+
+    def __reduce__(self) -> tuple[Callable[..., Domain], tuple[Bundle, Components, tuple[str, ...]]]:
+        """Return the data to rebuild a domain: its texts."""
+        return Domain.from_bundle, (self.workspace.bundle(), self.components, self.overrides)
+
+    def __repr__(self) -> str:
+        return f"<Domain {self.spec.name}: {self.spec.path}>"
+
+    @property
+    def metamodel(self) -> Metamodel:
+        """Of the models."""
+        metamodel = self.workspace.metamodel
+        assert metamodel is not None, "a family names a model, and a model has a metamodel"
+        return metamodel
+
+    @property
+    def behaviour(self) -> Behaviour | None:
+        """What the agent can do, if the family names an environment."""
+        return _only(self.workspace.behaviours, self.spec.environment) if self.spec.environment else None
+
+    def initial(self) -> Model:
+        """A fresh copy of the initial model, with the same ids and order."""
+        return model_from_json(model_to_json(self._model()), self.metamodel)
+
+    @property
+    def model_text(self) -> ModelText:
+        """The initial model as it is written."""
+        return _only(self.workspace.models, self.spec.model)
+
+    def _model(self) -> Model:
+        model = self.model_text.model
+        assert model is not None, "the files have no errors"
+        return model
+
+    def engine(self, model: Model | None = None) -> Engine:
+        """An engine on a model, by default a copy of the initial one, with everything that the files define."""
+        engine = self.workspace.engine_on(self.initial() if model is None else model, self.spec.seed)
+        for name, code in self.components.function.items():
+            engine.function(name, code)
+        return engine
+
+    def keys(self, models: Iterable[Model] = ()) -> KeyIndex:
+        """Indices of objects over models, one after the other; the initial model always counts."""
+        behaviour = self.behaviour
+        classes = indexed_classes(behaviour, self.metamodel) if behaviour else ()
+        index = KeyIndex.of(self._model(), classes)
+        for model in models:
+            found = KeyIndex.of(model, classes)
+            if found != index:
+                index = index.merge(found, self.metamodel)
+        return index
+
+    def problem(self, engine: Engine) -> Problem:
+        """The search problem on an engine of this domain.
+
+        Raises:
+            LoadError: options of components that make no sense; all problems at once.
+        """
+        measures, otherwise, diversity = self._measures()
+        return Problem(
+            engine=engine,
+            mutations=tuple(str(rule) for rule in self.spec.mutation.rules),
+            constraints=constraints_of(self, engine, measures.values()),
+            measures=measures,
+            diversity=diversity,
+            diversity_of=str(self.spec.diversity.options["of"]),
+            otherwise=otherwise,
+            objective=self.objective() if self.spec.evolves else None,
+            behaviour=self.behaviour,
+            order=None if self.spec.curriculum.order is None else str(self.spec.curriculum.order),
+            target_last=self.spec.curriculum.initial == "last",
+        )
+
+    def objective(self) -> Objective | None:
+        """What a family is to be, where `[objective]` has expressions.
+
+        Raises:
+            LoadError: what is wrong with it; all problems at once.
+        """
+        spec, search = self.spec.objective, self.spec.search
+        if spec is None or not has_expressions(spec):
+            return None
+        measures, otherwise, diversity = self._measures()
+        others = {name: (one, otherwise.get(name, inf)) for name, one in measures.items()}
+        context = replace(self._context(), others=others, diversity=diversity)
+        objective, problems = read_objective(spec, context, self.components.family)
+        if not self.spec.climbs:
+            problems += _finished(_expressions(spec))
+            for key, given in (("target", search.target), ("stagnation", search.stagnation)):
+                if given is not None:
+                    message = f"`{key}` is about the diversity, and the family has an objective"
+                    hint = "leave it out: the search ends after `generations`, or where nothing better is possible"
+                    problems.append(Diagnostic("bad-objective", message, spec.span(), hint))
+        if has_errors(problems):
+            raise LoadError(problems)
+        return objective
+
+    def _measures(self) -> tuple[dict[str, IndividualMeasure], dict[str, float], Statistic]:
+        """The measures of an individual, what counts without a value, and the measure of a family."""
+        spec, context, problems = self.spec, self._context(), list[Diagnostic]()
+        measures: dict[str, IndividualMeasure] = {}
+        otherwise: dict[str, float] = {}
+        for measure in spec.measures:
+            options = Options(measure)
+            if options.given("otherwise"):
+                otherwise[measure.name] = options.number("otherwise", 0.0, -LARGEST, LARGEST)
+            others = {name: (one, otherwise.get(name, inf)) for name, one in measures.items()}
+            made = self.components.measure[measure.kind](options, replace(context, others=others))
+            measures[measure.name] = made
+            problems += _finished(options)
+        # "of" says what the measure reads, and is no option of the measure itself.
+        of = str(spec.diversity.options["of"])
+        options = Options(_without(spec.diversity, "of"))
+        context = replace(context, measured=measures[of])
+        diversity = self.components.diversity[spec.diversity.kind](options, context)
+        problems += _finished(options)
+        if has_errors(problems):
+            raise LoadError(problems)
+        return measures, otherwise, diversity
+
+    def settings(self) -> Settings:
+        """Parameters of the genetic algorithm.
+
+        Raises:
+            LoadError: options of components that make no sense; all problems at once.
+        """
+        spec, context = self.spec, self._context()
+        parents, survivors = Options(spec.search.parents), Options(spec.search.survivors)
+        chosen = self.components.parents[spec.search.parents.kind](parents, context)
+        survival = self.components.survivors[spec.search.survivors.kind](survivors, context)
+        problems = _finished(parents) + _finished(survivors) + self._too_many(survival)
+        if has_errors(problems):
+            raise LoadError(problems)
+        return Settings(
+            population=spec.search.population,
+            parents=chosen,
+            survivors=survival,
+            rate=spec.mutation.rate,
+            initial_applications=spec.mutation.initial_applications,
+            max_attempts=spec.mutation.max_attempts,
+            strength=spec.mutation.strength,
+            keep_initial=spec.search.keep_initial,
+            generations=spec.search.generations,
+            seconds=spec.search.time_limit,
+            target=spec.search.target,
+            stagnation=spec.search.stagnation,
+        )
+
+    def _too_many(self, survival: SurvivorSelection) -> list[Diagnostic]:
+        """An error where a generation may have more families to choose from than are tried."""
+        search = self.spec.search
+        bins = self.spec.diversity.kind == "binned_entropy" and self.spec.objective is None
+        if bins or not isinstance(survival, ExactSelection) or not self.spec.evolves:
+            return []
+        free = search.population - search.keep_initial
+        families = comb(free + search.population, free)
+        if families <= survival.limit:
+            return []
+        message = f"there are up to {families:,} families to try in each generation, and `limit` is {survival.limit:,}"
+        hint = (
+            "write `hill_climbing`, a smaller `population`, or `binned_entropy`, of which not all are tried"
+        )
+        if self.spec.objective is not None:
+            hint = "write `hill_climbing`, or a smaller `population`"
+        return [Diagnostic("too-many-families", message, search.survivors.span(), hint)]
+
+    def curriculum_search(self) -> tuple[Callable[[Levels, int], Judged], CurriculumSettings] | None:
+        """The objective, made from levels and a number of threads, and how to search; None for the genetic algorithm.
+
+        Raises:
+            LoadError: options that make no sense; all problems at once.
+        """
+        spec, search = self.spec.objective, self.spec.search
+        if spec is None or not self.spec.climbs:
+            return None
+        options, objective = _expressions(spec), self.objective()
+        settings = _climb(options, self.spec)
+        made: Callable[[Levels, int], Judged]
+        if objective is None or not objective.terms:
+            made = self.components.objective[spec.kind](options, self._context())
+        else:
+            from envgraph.search.curricula import Measured
+
+            last = Measured(objective.terms[-1], search.population)
+            made = lambda levels, workers: last  # noqa: E731
+        problems = _finished(options)
+        if search.population < 2 or not search.keep_initial or self.spec.curriculum.initial != "last":
+            message = "an objective is of families that end in the initial model and have other members"
+            hint = "write `population = 2` or more, and leave `keep_initial` and `initial` out"
+            problems.append(Diagnostic("bad-objective", message, spec.span(), hint))
+        if has_errors(problems):
+            raise LoadError(problems)
+        return made, settings
+
+    def samples(self) -> SampleSettings | None:
+        """Which members are drawn, where the file has `[samples]`.
+
+        Raises:
+            LoadError: options that make no sense; all problems at once.
+        """
+        spec, problems = self.spec.samples, list[Diagnostic]()
+        if spec is None:
+            return None
+        measures, _, diversity = self._measures()
+        cover = []
+        for one in spec.cover:
+            options, measure = Options(one), measures[one.name]
+            known = getattr(measure, "range", None)
+            if known is None and str(self.spec.diversity.options["of"]) == one.name:
+                known = (diversity.low, diversity.high) if isinstance(diversity, BinnedEntropy) else None
+            if known is None and not options.given("range"):
+                message, hint = (
+                    f"nobody knows the range of `{one.name}`",
+                    f"{one.name} = {{ bins = 10, range = [0, 64] }}",
+                )
+                problems.append(Diagnostic("missing-key", message, one.span("bins"), f"write `{hint}`"))
+            low, high = options.range("range", known or (0.0, 1.0))
+            bins = options.integer("bins", 10, 1, MOST_BINS)
+            problems += _finished(options)
+            cover.append((one.name, BinnedEntropy(bins, low, high, whole=getattr(measure, "whole", False))))
+        if has_errors(problems):
+            raise LoadError(problems)
+        best, attempts = spec.maximise or spec.minimise, spec.attempts or 10 * spec.count
+        sense = 1 if spec.maximise else -1
+        return SampleSettings(spec.count, cover, [str(one) for one in best], sense, attempts)
+
+    def strategy(self) -> Strategy:
+        """How the best model is searched for, where the file has `[optimise]`; else the default.
+
+        Raises:
+            LoadError: options that make no sense; all problems at once.
+        """
+        spec = (self.spec.optimise or OptimiseSpec()).strategy
+        options = Options(spec)
+        made = self.components.strategy[spec.kind](options, self._context())
+        problems = _finished(options)
+        if problems:
+            raise LoadError(problems)
+        return made
+
+    def check_initial(self, problem: Problem | None = None) -> list[Diagnostic]:
+        """See that the initial model satisfies every constraint, and has a value of every measure.
+
+        Args:
+            problem: a search problem of this domain, whose engine stands at the initial model.
+
+        Returns:
+            Warnings: nobody plays one of several agents; what the diversity reads lies outside of the range that it
+            divides.
+
+        Raises:
+            LoadError: it does not; one diagnostic for each constraint, or for the measure, at its place. What visits
+                states is asked last, if nothing else is wrong. Or an objective demands a diversity that no family has.
+        """
+        return check_initial(self, problem or self.problem(self.engine()))
+
+    def _context(self) -> Context:
+        registration = self.workspace.registration
+        assert registration is not None, "there are no errors"
+        return Context.of(self.metamodel, self.spec, self.behaviour, registration.library, self._model())
+
+
+def _only(found: Sequence[Placed], file: Name) -> Placed:
+    """What the family's own file defines; other files may bring further models and behaviours."""
+    return next(one for one in found if one.span and one.span.source.name == file.text)
+
+
+def option_problems(spec: FamilySpec, workspace: Workspace) -> list[Diagnostic]:
+    """What is wrong with options of components that come with envgraph, whatever else is wrong with the family."""
+    if workspace.metamodel is None:
+        return []
+    known = Components()
+    factories: list[tuple[ComponentSpec, Mapping[str, Callable[[Options, Context], object]]]] = [
+        *((one, known.measure) for one in spec.measures if one.kind not in NEED_ENVIRONMENT),
+        (_without(spec.diversity, "of"), known.diversity),
+        (spec.search.parents, known.parents),
+        (spec.search.survivors, known.survivors),
+        *([(spec.optimise.strategy, known.strategy)] if spec.optimise else []),
+    ]
+    context, problems = Context(workspace.metamodel, spec, None), list[Diagnostic]()
+    for component, made in factories:
+        if component.kind in made:
+            options = Options(component)
+            if made is known.measure and options.given("otherwise"):
+                options.number("otherwise", 0.0, -LARGEST, LARGEST)
+            made[component.kind](options, context)
+            problems += _finished(options)
+    if spec.objective is not None:
+        options = _expressions(spec.objective)
+        if has_expressions(spec.objective):
+            problems += read_objective(spec.objective, context, known.family)[1]
+        if spec.climbs:
+            _climb(options, spec)
+        if spec.objective.kind in known.objective:
+            known.objective[spec.objective.kind](options, context)
+        if spec.objective.kind in (EXPRESSIONS, *known.objective):
+            problems += _finished(options)
+    reported = {one.span for one in workspace.diagnostics}
+    return [one for one in problems if one.span not in reported]
+
+
+def domain_problems(spec: FamilySpec, workspace: Workspace) -> list[Diagnostic]:
+    """What is wrong with a family whose files have no errors: options, and constraints that the model violates."""
+    domain = Domain(spec, workspace)
+    problems = domain.wrong_options()
+    if not problems and spec.optimise is None:  # which may begin anywhere
+        try:
+            problems += domain.check_initial()
+        except LoadError as error:
+            problems += error.diagnostics
+    return problems
+
+
+def has_expressions(spec: ComponentSpec) -> bool:
+    """Whether an objective has expressions over measures of families."""
+    return spec.kind == EXPRESSIONS or "subject_to" in spec.options
+
+
+def _expressions(spec: ComponentSpec) -> Options:
+    """The options of an objective, of which the expressions are read elsewhere."""
+    options = Options(spec)
+    for key in ("maximise", "minimise") if spec.kind == EXPRESSIONS else ():
+        options.given(key)
+    options.given("subject_to")
+    if spec.kind == EXPRESSIONS:
+        options.word("search", "evolve", ("evolve", "climb"))
+    return options
+
+
+def _climb(options: Options, spec: FamilySpec) -> CurriculumSettings:
+    """How a whole family is searched for: the options that every objective has."""
+    demanded, written = options.number_or("diversity", "maximum"), spec.has_key("search", "population")
+    return CurriculumSettings(
+        population=max(2, spec.search.population) if written or demanded is not None else None,
+        effort=int(options.number("effort", EFFORT, 1, 1e15)),
+        lanes=options.integer("lanes", 4, 1, MOST_LANES),
+        enough=options.number("enough", 1.0, -LARGEST, LARGEST) if options.given("enough") else None,
+        demanded=inf if isinstance(demanded, str) else demanded,
+        begin=cast(Begin, options.word("begin", "auto", get_args(Begin))),
+    )
+
+
+def _finished(options: Options) -> list[Diagnostic]:
+    options.finish()
+    return options.problems
+
+
+def _without(component: ComponentSpec, option: str) -> ComponentSpec:
+    options: Mapping[str, object] = {
+        name: value for name, value in component.options.items() if name != option
+    }
+    return replace(component, options=options)

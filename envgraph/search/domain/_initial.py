@@ -1,0 +1,174 @@
+"""Whether a family can begin with the initial model of a domain."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from math import inf
+from re import fullmatch
+from typing import TYPE_CHECKING
+
+from envgraph.behaviour import SameKey, key_reader, spread_classes, unbound
+from envgraph.errors import (
+    Diagnostic,
+    EvaluationError,
+    LoadError,
+    Note,
+    Severity,
+    has_errors,
+    sort_diagnostics,
+)
+from envgraph.graph import Model
+from envgraph.pattern import Derivation
+from envgraph.rewrite import Engine
+from envgraph.search.domain._constraints import Reachable
+from envgraph.search.problem._diversity import BinnedEntropy
+from envgraph.search.problem._measures import ShortestPlan
+from envgraph.search.problem._problem import Constraint, CountWithin, Forbid, NoValue, Problem
+
+if TYPE_CHECKING:
+    from envgraph.search.domain._domain import Domain
+
+
+def check_initial(domain: Domain, problem: Problem) -> list[Diagnostic]:
+    """See `Domain.check_initial`."""
+    spec, note = domain.spec, Note("the initial model is here", domain.spec.model.span)
+    spans, demanded = domain.model_text.spans, _demanded(domain, problem)
+    if demanded:
+        raise LoadError(demanded)
+    try:
+        domain.keys()
+    except EvaluationError as error:
+        hint = "the environment counts through these objects: give each of them a key of its own"
+        places = [spans.get(node) for node in error.nodes] if isinstance(error, SameKey) else []
+        if len(places) == 2 and all(places):
+            first = Note("the other object is here", places[0])
+            raise LoadError([Diagnostic("no-key", error.message, places[1], hint, notes=(first,))]) from error
+        raise LoadError([Diagnostic("no-key", error.message, spec.model.span, hint)]) from error
+    absent = unbound(domain.behaviour, problem.engine.model, spans) if domain.behaviour else []
+    if has_errors(absent):
+        raise LoadError([replace(one, notes=(*one.notes, note)) for one in absent])
+    # Whether an end can be reached is asked of a model that is otherwise as it should be.
+    known = [one for one in problem.constraints if not isinstance(one, Reachable)]
+    broken = [one for one in known if not one.holds(problem.engine)] or [*problem.violations()]
+    violated = {str(one): _evidence(problem.engine, one) for one in broken}
+    if not violated:
+        try:
+            outside = _outside(domain, problem, problem.measure())
+            return [*absent, *_named_otherwise(domain, problem.engine), *outside]
+        except NoValue as error:
+            measure = next(one for one in spec.measures if one.name == error.measure)
+            message = f"the initial model has no value of `{error.measure}`"
+            hint = "write `otherwise = 0`, or another number that counts for such models"
+            if isinstance(plan := problem.measures[error.measure], ShortestPlan):
+                evidence, missed = plan.why_none(problem.engine)
+                message, hint = f"{message}: {evidence}", "; ".join(filter(None, (missed, hint)))
+            missing = Diagnostic("no-value", message, measure.span(), hint, notes=(note,))
+            raise LoadError([missing]) from error
+    named = {
+        **{f"require {name}": name.span for name in spec.constraints.require},
+        **{f"forbid {name}": name.span for name in spec.constraints.forbid},
+        **{str(CountWithin(str(name), *bounds)): name.span for name, bounds in spec.constraints.count},
+        **{f"reachable {name}": name.span for name in spec.constraints.reachable},
+    }
+    problems = [
+        Diagnostic(
+            "initial-model-invalid",
+            f"the initial model violates `{constraint}`{evidence}",
+            named.get(constraint, spec.model.span),
+            hint or "the family is made from a model that satisfies every constraint",
+            notes=(note,) if constraint in named else (),
+        )
+        for constraint, (evidence, hint) in sorted(violated.items())
+    ]
+    raise LoadError(sort_diagnostics(problems))
+
+
+def _demanded(domain: Domain, problem: Problem) -> list[Diagnostic]:
+    """An error where an objective demands more diversity than a family can have."""
+    objective, size = domain.spec.objective, domain.spec.search.population
+    demanded = None if objective is None else objective.options.get("diversity")
+    most = problem.maximum(size)
+    if (
+        objective is None
+        or not domain.spec.climbs
+        or demanded is None
+        or (demanded == "maximum" and most < inf)
+    ):
+        return []
+    message, hint = f"a family of {size} is at most {most:g} diverse", 'write `diversity = "maximum"`'
+    if demanded == "maximum":
+        message = f"nobody knows how diverse a family can be by `{domain.spec.diversity.kind}`"
+        hint = "write a number, the least diversity that a family may have"
+    elif isinstance(demanded, int | float) and demanded <= most:
+        return []
+    return [Diagnostic("bad-range", message, objective.span("diversity"), hint)]
+
+
+def _outside(domain: Domain, problem: Problem, measured: Mapping[str, float]) -> list[Diagnostic]:
+    """A warning where the initial model lies outside of the range that is divided into bins."""
+    diversity, value = problem.diversity, measured[problem.diversity_of]
+    if not isinstance(diversity, BinnedEntropy) or diversity.low <= value <= diversity.high:
+        return []
+    end = "first" if value < diversity.low else "last"
+    message = (
+        f"`{problem.diversity_of}` of the initial model is {value:g}, outside of the range "
+        f"{diversity.low:g} to {diversity.high:g}: it counts in the {end} bin"
+    )
+    low, high = min(0.0, 2 * value), max(0.0, 2 * value)
+    span = domain.spec.diversity.span("range" if "range" in domain.spec.diversity.options else "kind")
+    hint = f"write the range in which the values may lie, such as `range = [{low:g}, {high:g}]`, in `[diversity]`"
+    return [Diagnostic("outside-range", message, span, hint, Severity.WARNING)]
+
+
+def _named_otherwise(domain: Domain, engine: Engine) -> list[Diagnostic]:
+    """Warnings where no object that is created has the name of one that was deleted: each adds to what is observed."""
+    metamodel, behaviour, found = domain.metamodel, domain.behaviour, list[Diagnostic]()
+    spread = spread_classes(behaviour, metamodel) if behaviour else ()
+    counted = dict.fromkeys(cls for top in spread for cls in metamodel.concrete(top))
+    for group in _remaking(domain, engine):
+        for cls in metamodel.concrete(group.classes[0]):
+            node, name = next(_other_names(engine.model, cls), (None, ""))
+            if cls in counted and node is not None:
+                message = (
+                    f"`{group.name}` deletes and creates objects such as `{name}`, and calls what it creates `{cls}1`, "
+                    f"`{cls}2` and so on"
+                )
+                hint = f"call it `{cls}1`: else actions and observations of the family have a place for either name"
+                place = domain.model_text.spans.get(node) or group.span
+                found.append(Diagnostic("other-names", message, place, hint, Severity.WARNING))
+    return found
+
+
+def _remaking(domain: Domain, engine: Engine) -> Iterator[Derivation]:
+    """Mutations that are operators, and both create and delete."""
+    mutations = set(map(str, domain.spec.mutation.rules))
+    for group in domain.workspace.derivations:
+        name = group.qualified_name
+        if group.kind == "operators" and mutations & {group.name, name}:
+            kinds = {one.removeprefix(f"{name}.").split(".")[0] for one in engine.group(name)}
+            if {"create", "delete"} <= kinds:
+                yield group
+
+
+def _other_names(model: Model, cls: str) -> Iterator[tuple[int, str]]:
+    """Objects of just a class whose key is a string that no operator makes, and the string."""
+    read = key_reader(model, cls)
+    for node in model.graph.extent(cls):
+        name, *more = read(node)
+        if not isinstance(name, str) or more:
+            return  # numbers go on, whatever there is
+        if model.graph.class_of(node) == cls and not fullmatch(rf"{cls}[0-9]+", name):
+            yield node, name
+
+
+def _evidence(engine: Engine, violated: Constraint) -> tuple[str, str | None]:
+    """What an engine finds that a constraint does not allow, and a hint of its own."""
+    if isinstance(violated, Forbid):
+        return f": there is {engine.first(violated.pattern)}", None
+    if isinstance(violated, CountWithin):
+        return f": there are {engine.count(violated.pattern)}", None
+    if isinstance(violated, Reachable):
+        evidence, hint = violated.plan.why_none(engine, violated.end)
+        return f": {evidence}", hint
+    return "", None

@@ -1,0 +1,59 @@
+"""Optimisation as a family file with `[optimise]` says it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from envgraph.errors import Diagnostic, LoadError, Source
+from envgraph.graph import check_conformance
+from envgraph.lang import Name
+from envgraph.rewrite import Engine
+from envgraph.search.domain._domain import Domain
+from envgraph.search.optimising import Goal, Optimum, Sense, pursue
+from envgraph.search.optimising._walk import Progress
+from envgraph.search.problem._problem import Forbid, Problem
+
+
+def optimise_domain(domain: Domain, *, progress: Progress | None = None) -> tuple[Engine, Optimum]:
+    """Find the model that a file asks for; the engine stands at the best one.
+
+    Raises:
+        LoadError: the file does not say what is best, or options make no sense.
+    """
+    spec = domain.spec.optimise
+    if spec is None:
+        source = domain.spec.source or Source(domain.spec.path, "")
+        hint = 'write `[optimise]` with `maximise = ["..."]`: names of measures'
+        message = "the file does not say what is best"
+        raise LoadError([Diagnostic("missing-key", message, source.span(0, 0), hint)])
+    engine = domain.engine()
+    problem, strategy = problem_of(domain, engine), domain.strategy()
+    senses: list[tuple[Name, Sense]] = [(one, "maximise") for one in spec.maximise]
+    senses += [(one, "minimise") for one in spec.minimise]
+    found = pursue(
+        engine,
+        problem.mutations,
+        [
+            Goal(str(name), problem.measures[str(name)], sense, problem.otherwise.get(str(name)))
+            for name, sense in senses
+        ],
+        problem.constraints,
+        strategy,
+        steps=spec.steps,
+        seconds=spec.time_limit,
+        target=None if spec.target is None else [spec.target],
+        seed=domain.spec.seed,
+        progress=progress,
+    )
+    return engine, found
+
+
+def problem_of(domain: Domain, engine: Engine) -> Problem:
+    """Return the search problem, in which a value that the initial model lacks may be missing."""
+    missing = {
+        Forbid(f"conformance.{one.feature.owner}.{one.feature.name}")
+        for one in check_conformance(domain.initial())
+        if one.kind == "missing-value"
+    }
+    problem = domain.problem(engine)
+    return replace(problem, constraints=[one for one in problem.constraints if one not in missing])

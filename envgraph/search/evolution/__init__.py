@@ -1,0 +1,1 @@
+"""The genetic algorithm: mutations, selection, generations; and archives that random walks fill."""

@@ -1,0 +1,275 @@
+"""The genetic algorithm: vary a population of models, keep what the constraints allow, select for diversity.
+
+The algorithm is the paper's (section "Generating families of environments"), each step behind a small protocol:
+initialisation (4.1), parent selection (4.2), mutation with validation, rollback and bounded re-attempts (4.3),
+survivor selection (4.4), termination (4.5).
+
+Randomness: every decision has a generator of its own, spawned from (seed, generation, child), so a result depends
+on the seed alone, and a resumed run on nothing that happened before its last stored generation.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import cached_property
+from math import inf
+from typing import overload
+
+from numpy.random import Generator, SeedSequence, default_rng
+
+from envgraph.code import dataclass
+from envgraph.graph import Version, model_to_json
+from envgraph.search._store import Generation, Individual, RunStore, Trace, dump_json
+from envgraph.search.curricula import Level, Levels
+from envgraph.search.evolution._settings import Settings
+from envgraph.search.evolution._variation import Variation
+from envgraph.search.problem._pool import Candidate, FamilyMeasure, Pool
+from envgraph.search.problem._problem import Problem
+
+_SELECTION = 1 << 32
+"""Spawn key of the survivor selection of a generation; larger than any number of a child."""
+
+_SAME = 1e-12
+"""Diversities closer than this are the same: they are sums of floating-point terms."""
+
+
+@dataclass(slots=True)
+class _Member:
+    """An individual in memory: its version is held, so that the engine can go back to it."""
+
+    individual: Individual
+    level: Level
+
+
+class _Losses(Sequence[float]):
+    """Fitness for parent selection: what the family would lose without each member. Only computed when asked for."""
+
+    def __init__(self, measure: FamilyMeasure, pool: Pool) -> None:
+        self._measure, self._pool = measure, pool
+
+    def __len__(self) -> int:
+        return len(self._pool)
+
+    @cached_property
+    def _losses(self) -> list[float]:
+        score, family, members = self._measure.score, self._pool.family, [*range(len(self._pool))]
+        whole = score(family(members))
+        return [whole - score(family([*members[:place], *members[place + 1 :]])) for place in members]
+
+    @overload
+    def __getitem__(self, place: int) -> float: ...
+    @overload
+    def __getitem__(self, place: slice) -> Sequence[float]: ...
+    def __getitem__(self, place: int | slice) -> float | Sequence[float]:
+        return self._losses[place]
+
+
+class Evolution:
+    """A run in progress. Invariant: the members are those of the last generation in the store.
+
+    Args:
+        problem: what is varied, validated and measured; its engine stands at the initial model.
+        settings: parameters of the algorithm.
+        seed: the one source of randomness.
+        store: an empty store, or one with whole generations of the same run to go on from.
+    """
+
+    def __init__(self, problem: Problem, settings: Settings, seed: int, store: RunStore) -> None:
+        self._problem = problem
+        self._settings = settings
+        self._seed = seed
+        self._store = store
+        self._levels = Levels(problem, problem.behaviour)
+        self._next_id = store.next_id()
+        self._started = time.monotonic()
+        self._members: list[_Member] = []
+        self._variation = Variation(problem, settings.max_attempts, settings.strength)
+        last = store.last_generation()
+        if last is None:
+            self.current = self._initialise()
+        else:
+            self.current = last
+            self._members = [self._restore(member) for member in last.members]
+        self._best = (-1.0, 0)
+        for number, diversity, _, _ in store.history():
+            self._note(number, diversity)
+
+    def run(self, report: Callable[[Generation], None] = lambda generation: None) -> Generation:
+        """Go on until a termination criterion holds; `report` is called after every stored generation."""
+        for generation in self:
+            report(generation)
+        self._store.write_models(self.models())
+        objective = self._problem.objective
+        if objective is not None:
+            family = self.family()
+            found = {"values": objective.values(family), "lacking": objective.lacking(family)}
+            self._store.set("objective", found)
+        return self.current
+
+    def __iter__(self) -> Iterator[Generation]:
+        while not self._finished():
+            self.current = self._step(self.current.number + 1)
+            yield self.current
+
+    def models(self) -> dict[int, str]:
+        """JSON text of the model of every current member, by id of the individual."""
+        texts = {}
+        for member in self._members:
+            self._problem.engine.checkout(member.level.version, discard=True)
+            texts[member.individual.id] = dump_json(model_to_json(self._problem.engine.model))
+        return texts
+
+    # --- the steps of the algorithm
+
+    def _initialise(self) -> Generation:
+        """Step 4.1: clones of the initial model, each varied by a small random number of applications."""
+        problem, settings, varied = self._problem, self._settings, self._variation
+        first = self._accept(0, -1, None, (), self._level(self._levels.origin, problem.measure()))
+        members = [first] if settings.keep_initial else []
+        born = [first.individual]
+        for child in range(settings.population - len(members)):
+            rng = self._generator(0, child)
+            found = self._attempts(first, rng, lambda rng: varied.several(rng, settings.initial_applications))
+            if found is not None:
+                members.append(self._accept(0, child, first, *found))
+                born.append(members[-1].individual)
+        if not members:
+            members = [first]
+        self._members = members
+        return self._write(0, born)
+
+    def _step(self, number: int) -> Generation:
+        """Steps 4.2 to 4.4: one generation."""
+        settings = self._settings
+        parents = settings.parents.select(
+            _Losses(self._problem.family_measures[0], self._pool(self._members)),
+            settings.population,
+            self._generator(number, _SELECTION + 1),
+        )
+        found = {}
+        for child in sorted(range(len(parents)), key=parents.__getitem__):  # it is not far to a sibling
+            rng = self._generator(number, child)
+            if rng.random() < settings.rate:  # else it is a copy of the parent, which is in the pool already
+                found[child] = self._attempts(self._members[parents[child]], rng, self._variation.mutation)
+        pool, born = list(self._members), []
+        known = {member.individual.state_hash for member in pool}
+        for child, made in sorted(found.items()):
+            if made is None:
+                continue
+            member = self._accept(number, child, self._members[parents[child]], *made)
+            born.append(member.individual)
+            if member.individual.state_hash not in known:
+                known.add(member.individual.state_hash)
+                pool.append(member)
+        self._members = self._survivors(pool, self._generator(number, _SELECTION))
+        return self._write(number, born)
+
+    def _survivors(self, pool: list[_Member], rng: Generator) -> list[_Member]:
+        """Step 4.4: the members of the pool that together are the most diverse family."""
+        size = min(self._settings.population, len(pool))
+        pinned = [0] if self._settings.keep_initial else []
+        chosen = self._settings.survivors.select(self._pool(pool), size, pinned, list(range(size)), rng)
+        return [pool[index] for index in chosen]
+
+    def _pool(self, members: Sequence[_Member]) -> Pool:
+        problem = self._problem
+        key = None if problem.objective is None else self._key
+        return Pool([one.level for one in members], problem.family_measures, problem.diversity_of, key)
+
+    def _key(self, member: Candidate) -> tuple[float, ...]:
+        """The place of a member in the order of the curriculum: the initial model is the last, or of its equals."""
+        problem = self._problem
+        initial = isinstance(member, Level) and member.version is self._levels.origin
+        order = member.measures[problem.order or problem.diversity_of]
+        return (problem.target_last and initial, order, initial)
+
+    def _finished(self) -> bool:
+        """Step 4.5."""
+        settings, current = self._settings, self.current
+        self._note(current.number, current.diversity)
+        return (
+            (settings.generations is not None and current.number >= settings.generations)
+            or (settings.target is not None and current.diversity >= settings.target - _SAME)
+            or (settings.target != inf and self._at_maximum())
+            or (settings.seconds is not None and time.monotonic() - self._started >= settings.seconds)
+            or (settings.stagnation is not None and current.number - self._best[1] >= settings.stagnation)
+        )
+
+    def _at_maximum(self) -> bool:
+        """Whether no family of the wanted size is more diverse."""
+        size, current, objective = self._settings.population, self.current, self._problem.objective
+        if len(current.members) < size:
+            return False
+        if objective is not None:
+            return objective.reached(self.family())
+        return current.diversity >= self._problem.maximum(size) - _SAME
+
+    def family(self) -> list[Candidate]:
+        """The members of the last generation, in the order of the curriculum."""
+        return self._pool(self._members).family(range(len(self._members)))
+
+    def _note(self, number: int, diversity: float) -> None:
+        """Keep the best diversity, and the generation that first reached it; the same after a resumption."""
+        if diversity > self._best[0] + _SAME:
+            self._best = (diversity, number)
+
+    # --- parts of them
+
+    def _attempts(
+        self, parent: _Member, rng: Generator, vary: Callable[[Generator], Trace | None]
+    ) -> tuple[Trace, Level] | None:
+        """Vary the parent until the result is valid and has its measures."""
+        engine = self._problem.engine
+        engine.checkout(parent.level.version, discard=True)
+        found = self._variation.attempts(rng, vary)
+        return None if found is None else (found[0], self._level(engine.commit(), found[1]))
+
+    def _level(self, version: Version, measures: Mapping[str, float]) -> Level:
+        """The state at which the engine stands."""
+        return Level(version, (), self._problem.engine.model.state_hash(), measures, self._levels)
+
+    def _accept(
+        self, generation: int, child: int, parent: _Member | None, trace: Trace, level: Level
+    ) -> _Member:
+        individual = Individual(
+            id=self._next_id,
+            generation=generation,
+            child=child,
+            parent=None if parent is None else parent.individual.id,
+            trace=trace,
+            measures=level.measures,
+            state_hash=f"{level.state:016x}",
+        )
+        self._next_id += 1
+        return _Member(individual, level)
+
+    def _restore(self, id_: int) -> _Member:
+        """A stored individual, by replaying its rule traces from the initial model."""
+        engine = self._problem.engine
+        engine.checkout(self._levels.origin, discard=True)
+        *_, individual = line = self._store.lineage(id_)
+        for ancestor in line:
+            engine.replay(ancestor.trace)
+        if f"{engine.model.state_hash():016x}" != individual.state_hash:
+            raise self._store.damaged(f"individual {id_} does not follow from its trace")
+        lacking = [one for one in self._problem.measures if one not in individual.measures]
+        if lacking:
+            raise self._store.damaged(f"individual {id_} has no measure `{lacking[0]}`")
+        version = engine.commit() if individual.parent is not None else self._levels.origin
+        return _Member(individual, self._level(version, individual.measures))
+
+    def _generator(self, generation: int, child: int) -> Generator:
+        return default_rng(SeedSequence(self._seed, spawn_key=(generation, child)))
+
+    def _write(self, number: int, born: Sequence[Individual]) -> Generation:
+        members = tuple(member.individual.id for member in self._members)
+        score = self._problem.diversity.score(
+            [one.individual.measures[self._problem.diversity_of] for one in self._members]
+        )
+        generation = Generation(
+            number, members, score, len(born), dict(sorted(self._variation.reasons.items()))
+        )
+        self._variation.reasons.clear()
+        self._store.write_generation(generation, born)
+        return generation

@@ -1,0 +1,1 @@
+"""Families: read, written, shown, and made into environments."""

@@ -1,0 +1,399 @@
+"""Members of families as Gymnasium environments: `envgraph.make`, and what `gymnasium.make` calls."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+from warnings import warn
+
+from envgraph.behaviour import reward_names
+from envgraph.env import (
+    OF_MODEL,
+    EnvgraphEnv,
+    EnvgraphLiveEnv,
+    EnvgraphVectorEnv,
+    Environment,
+    EnvSpec,
+    ObservationKind,
+    RewardsApart,
+    SingleEnvironment,
+    Variants,
+    VectorEnvironment,
+    check_kind,
+    check_render_mode,
+    environment_spec,
+    make_vec_spec,
+    register as register_name,
+)
+from envgraph.env.registration import MAKE_VECTOR_ENVIRONMENT
+from envgraph.env.schedules import Schedule, named_schedule
+from envgraph.errors import InvalidArgument, check_known
+from envgraph.search.families._family import Family, run_file
+from envgraph.search.families._opened import (
+    ENGINES,
+    EngineKind,
+    Location,
+    Opened,
+    OpenedMembers,
+    open_member_family,
+)
+from envgraph.search.families._tables import Record
+
+if TYPE_CHECKING:
+    from envgraph.env.compiled import CompiledEnv, CompiledVectorEnv, Streams
+
+
+def make(
+    family: Location | None = None,
+    variant: int | str | None = None,
+    *,
+    domain: Location | None = None,
+    **options: Any,
+) -> Environment:
+    """The Gymnasium environment of one member of a family, with the time limit of the family.
+
+    Like `gymnasium.make`, without a name that would have to be registered: `env.spec` makes the environment again.
+
+    Args:
+        family: a family file (`envgraph export`), a run, its name below `runs`, or its run store.
+        variant: name of a member ("E6") or its number from 1; the target, which is the last one, by default.
+        domain: instead of a family: a family.toml, its directory, or the name of a bundled domain, whose own model is
+            the environment.
+        options: of `gymnasium.make` (`max_episode_steps`, `disable_env_checker`) and of `make_environment`
+            (`render_mode`, `observation`, `engine`, `cell`).
+
+    Raises:
+        InvalidArgument: no such family or member, or both a family and a domain are given, or neither.
+        LoadError: the files have errors.
+        EvaluationError: too many states to visit for `engine="table"`, or `engine="compiled"` of what is not compiled.
+
+    >>> make(domain="keydoor").spec.max_episode_steps
+    100
+    """
+    return _spec(family, domain).make(**_given(variant=variant), **options)
+
+
+def make_vec(
+    family: Location | None = None,
+    num_envs: int = 1,
+    variant: int | str | Sequence[int | str] | None = None,
+    *,
+    domain: Location | None = None,
+    schedule: Schedule | str | None = None,
+    **options: Any,
+) -> VectorEnvironment:
+    """Many environments at once, stepped by array indexing; like `gymnasium.make_vec`, and the arguments of `make`.
+
+    Args:
+        family, domain: as for `make`.
+        num_envs: how many.
+        variant: as for `make`, or a list, whose members take turns: `num_envs=60, variant=["E1", "E2"]` gives thirty
+            of each.
+        schedule: says of which of these, or of all members without `variant`, each episode is: one of
+            `envgraph.env.schedules`, or a name in its `SCHEDULES`.
+        options: of `gymnasium.make_vec` and of `make_vector_environment`. `vectorization_mode` "sync" or "async" steps
+            single environments instead, as `engine="live"` does; `autoreset_mode` is for all of them.
+    """
+    given = _given(variant=variant, schedule=schedule)
+    return make_vec_spec(_spec(family, domain), num_envs, **given, **options)
+
+
+def make_aec(
+    family: Location | None = None,
+    variant: int | str | None = None,
+    *,
+    domain: Location | None = None,
+    max_episode_steps: int | None = -1,
+    **options: Any,
+) -> Any:
+    """One member of a family whose agents take turns, as an environment of PettingZoo's AEC interface.
+
+    Args:
+        family, variant, domain: as for `make`.
+        max_episode_steps: turns after which an episode is truncated; those of the family if -1, None for no limit.
+        options: `render_mode`, `observation`, `cell` and `action_masks`, as for `make`.
+
+    Raises:
+        InvalidArgument: as for `make`; also where there are no agents, or agents that act together, or no PettingZoo.
+    """
+    from envgraph.env.multiagent import TurnEnv  # takes PettingZoo
+
+    return _several(TurnEnv, family, variant, domain, max_episode_steps, options)
+
+
+def make_parallel(
+    family: Location | None = None,
+    variant: int | str | None = None,
+    *,
+    domain: Location | None = None,
+    max_episode_steps: int | None = -1,
+    **options: Any,
+) -> Any:
+    """One member of a family whose agents act together, as an environment of PettingZoo's parallel interface.
+
+    The arguments and errors are those of `make_aec`; agents that take turns are refused.
+    """
+    from envgraph.env.multiagent import TogetherEnv
+
+    return _several(TogetherEnv, family, variant, domain, max_episode_steps, options)
+
+
+def _several(
+    kind: Callable[..., Any],
+    family: Location | None,
+    variant: int | str | None,
+    domain: Location | None,
+    limit: int | None,
+    options: dict[str, Any],
+) -> Any:
+    """An environment of a kind on the live engine of a member."""
+    if family is not None and domain is not None:
+        raise InvalidArgument("give a `family` or a `domain`, not both")
+    place = None if domain is None else str(domain)
+    opened = open_member_family(place, family, () if variant is None else (variant,))
+    member = opened.place(variant)
+    made = kind(opened.simulator(member), limit=opened.family.limit if limit == -1 else limit, **options)
+    if family is not None:
+        made.of_family(OpenedMembers(place, family, "live", pictures=False), member)
+    return made
+
+
+def register(
+    family: Location | None = None,
+    *,
+    domain: Location | None = None,
+    name: str | None = None,
+    **options: Any,
+) -> str:
+    """Register a family, so that `gymnasium.make(id, variant="E2")` and `gymnasium.make_vec(id, 8)` make its members.
+
+    The same again changes nothing. An id holds in this process: one that Gymnasium's workers import registers it there.
+
+    Args:
+        family, domain: as for `make`.
+        name: of the environment, which becomes `envgraph/<name>-v0`: letters, digits, `_`, `.` and `-`; that of the
+            family or domain if None.
+        options: of `make_environment` and `make_vector_environment`, for all that is made so.
+
+    Returns:
+        The id.
+
+    Raises:
+        InvalidArgument: as for `make`; also a malformed name, or an id that stands for something else already.
+        LoadError: the files have errors.
+
+    >>> import gymnasium
+    >>> gymnasium.make(register(domain="keydoor", name="Doors"), observation="multi").spec.id
+    'envgraph/Doors-v0'
+    """
+    given, record = _located(family, domain)
+    return register_name(
+        name or record.family,
+        vector_entry_point=MAKE_VECTOR_ENVIRONMENT,
+        limit=record.limit,
+        **given,
+        **options,
+    )
+
+
+def _spec(family: Location | None, domain: Location | None) -> EnvSpec:
+    """What Gymnasium has to know."""
+    given, record = _located(family, domain)
+    return environment_spec(record.behaviour, limit=record.limit, **given)
+
+
+def _located(family: Location | None, domain: Location | None) -> tuple[dict[str, Any], Record]:
+    """Where a family is; places are absolute, so that other processes make the same."""
+    if family is not None and domain is not None:
+        raise InvalidArgument("give a `family` or a `domain`, not both")
+    place = None if domain is None else str(domain)
+    if family is not None:
+        path = Path(family)
+        family = str((path if path.suffix == ".json" else run_file(path)).resolve())
+    return _given(domain=place, family=family), open_member_family(place, family).record
+
+
+def _given(**values: object) -> dict[str, Any]:
+    return {name: value for name, value in values.items() if value is not None}
+
+
+def make_environment(
+    domain: str | None = None,
+    family: Location | Family | None = None,
+    variant: int | str | None = None,
+    *,
+    render_mode: str | None = None,
+    observation: ObservationKind = "index",
+    cell: int = 32,
+    engine: EngineKind | None = None,
+    live: bool = False,
+    action_masks: bool = False,
+    rewards: bool = False,
+) -> EnvgraphEnv | EnvgraphLiveEnv | CompiledEnv | RewardsApart:
+    """What `gymnasium.make` calls: one member of a family, without a time limit.
+
+    Args:
+        domain: where the behaviour and the initial model come from when there is no family: a family file, its
+            directory, or the name of a bundled domain.
+        family: a family file (`envgraph export`), a run, or its run store.
+        variant: name of a member ("E6") or its number from 1; the target, which is the last one, by default.
+        render_mode: None, "ansi", "rgb_array" or "human".
+        observation: "index" for one number, "multi" for its components, "flat" for them as one-hot vectors, "dict" for
+            them by name, "image" for planes over the grid, "graph" for the model. The last two are made of the model,
+            so the environment is compiled or live; see `ImageView` and `GraphView`.
+        cell: side of a cell in pixels.
+        engine: what steps: "table", the table of all states, of which there must not be too many; "compiled", a program
+            made of the behaviour; "live", the engine of the model. None: the first of these that can. Episodes are the
+            same.
+        live: the same as `engine="live"`.
+        action_masks: whether infos have `action_mask`, int8 [actions]; the method `action_masks` is there in any case.
+        rewards: whether the infos of steps tell each reward apart, as `rewards`; see `RewardsApart`.
+
+    Raises:
+        InvalidArgument: no such family, member or engine, or neither a domain nor a family is given, or the family is
+            of another environment than the domain.
+        LoadError: the files have errors.
+        EvaluationError: as for `make`.
+    """
+    wanted = _engine_of(engine, live)
+    _check_observation(observation, wanted)
+    if not isinstance(variant, int | str | None):
+        raise InvalidArgument("one environment is of one variant", "`envgraph.make_vec` takes a list of them")
+    opened = open_member_family(domain, family, () if variant is None else (variant,))
+    check_render_mode(render_mode, drawn=opened.record.drawn)  # before all states are visited
+    place = opened.place(variant)
+    shown = {
+        "render_mode": render_mode,
+        "observation": observation,
+        "cell": cell,
+        "action_masks": action_masks,
+    }
+    environment, steps_in = _environment(opened, place, wanted, shown)
+    if family is not None:
+        environment.of_family(OpenedMembers(domain, family, steps_in, render_mode is not None), place)
+    if not opened.record.drawn:
+        environment.metadata = {**environment.metadata, "render_modes": []}
+    if not rewards:
+        return environment
+    parts: dict[str, SingleEnvironment] = {}
+    for name in reward_names(opened.family.behaviour):
+        parts[name], _ = _environment(opened.paying(name), place, steps_in, {})
+        if family is not None:
+            parts[name].of_family(OpenedMembers(domain, family, steps_in, pictures=False, pays=name), place)
+    return RewardsApart(environment, parts)
+
+
+def _environment(
+    opened: Opened, place: int, wanted: EngineKind | None, shown: dict[str, Any]
+) -> tuple[EnvgraphEnv | EnvgraphLiveEnv | CompiledEnv, EngineKind]:
+    """The environment of a member, as it is to be shown, and what steps it."""
+    kind = shown.get("observation", "index")
+    of_model, pictures = kind in OF_MODEL, shown.get("render_mode") is not None
+    found = opened.stepping([place], wanted, pictures=pictures, of_model=of_model)
+    if of_model:
+        shown = {**shown, "observation": opened.view(kind)}
+    if isinstance(found, list):
+        return EnvgraphEnv(found[0].tabular, pictures=found[0].pictures, **shown), "table"
+    if found is not None:
+        from envgraph.env.compiled import CompiledEnv
+
+        return CompiledEnv(found, **shown), "compiled"
+    if wanted is None:
+        warn(f"{opened.refused().message}; it steps on the live engine", stacklevel=3)
+    return EnvgraphLiveEnv(opened.simulator(place), **shown), "live"
+
+
+def make_vector_environment(
+    num_envs: int = 1,
+    domain: str | None = None,
+    family: Location | Family | None = None,
+    variant: int | str | Sequence[int | str] | None = None,
+    *,
+    render_mode: str | None = None,
+    observation: ObservationKind = "index",
+    max_episode_steps: int | None = None,
+    autoreset_mode: str | None = None,
+    engine: EngineKind | None = None,
+    streams: Streams | None = None,
+    threads: int | None = None,
+    schedule: Schedule | str | None = None,
+    action_masks: bool = False,
+    rewards: bool = False,
+) -> EnvgraphVectorEnv | CompiledVectorEnv:
+    """What `gymnasium.make_vec` calls: `num_envs` environments, stepped by arrays.
+
+    The arguments are those of `make_environment`, but `variant` may be a list: its members take turns, so that
+    `num_envs=60, variant=["E1", "E2"]` gives thirty of each, unless a `schedule` says of which each episode is; and
+    `family` may be one in memory. The others are those of `CompiledVectorEnv`; with `streams` or `threads` given it is
+    that, whatever there is a table of.
+
+    Raises:
+        InvalidArgument, LoadError, EvaluationError: as for `make_environment`; also `engine="live"` and `rewards`,
+            of which there is no vector environment: `make_vec` makes single ones of them.
+    """
+    if rewards:
+        raise InvalidArgument("rewards are told apart by single ones", 'give `vectorization_mode="sync"`')
+    wanted = _engine_of(engine, live=False)
+    _check_observation(observation, wanted)
+    own = _given(streams=streams, threads=threads)
+    if own:
+        if wanted not in (None, "compiled"):
+            raise InvalidArgument(
+                f'`{next(iter(own))}=` is for `engine="compiled"`, not for `engine="{wanted}"`'
+            )
+        wanted = "compiled"
+    if wanted == "live":
+        raise InvalidArgument("the live engine steps one environment", 'give `vectorization_mode="sync"`')
+    variants = () if variant is None else (variant,) if isinstance(variant, int | str) else tuple(variant)
+    opened = open_member_family(domain, family, variants)
+    check_render_mode(render_mode, ("rgb_array",), drawn=opened.record.drawn)
+    if schedule is not None and not variants:
+        variants = tuple(opened.record.tables)
+    places = [opened.place(one) for one in variants or (None,)]
+    if isinstance(schedule, str):
+        schedule = named_schedule(schedule, len(places))
+    options: dict[str, Any] = {
+        "render_mode": render_mode,
+        "observation": observation,
+        "max_episode_steps": max_episode_steps,
+        "action_masks": action_masks,
+        **_given(autoreset_mode=autoreset_mode, schedule=schedule),
+    }
+    found = opened.stepping(
+        places, wanted, pictures=render_mode is not None, of_model=observation in OF_MODEL
+    )
+    if found is None:
+        raise opened.refused()
+    if observation in OF_MODEL:
+        options["observation"] = opened.view(observation)
+    environment: EnvgraphVectorEnv | CompiledVectorEnv
+    if isinstance(found, list):
+        pictures = [one.pictures for one in found]
+        environment = EnvgraphVectorEnv(
+            [one.tabular for one in found], num_envs, pictures=pictures, **options
+        )
+    else:
+        from envgraph.env.compiled import CompiledVectorEnv
+
+        environment = CompiledVectorEnv(found, num_envs, **options, **own)
+    if family is not None:
+        environment.of_family(Variants(OpenedMembers(domain, family, "table", pictures=False), places))
+    return environment
+
+
+def _engine_of(engine: EngineKind | None, live: bool) -> EngineKind | None:
+    """What is to step; None for the first that can."""
+    if engine is not None:
+        check_known(engine, ENGINES, f"unknown engine {engine!r}")
+    if live and engine not in (None, "live"):
+        raise InvalidArgument(f"`live=True` and `engine={engine!r}` are two engines: give one")
+    return "live" if live else engine
+
+
+def _check_observation(kind: ObservationKind, engine: EngineKind | None) -> None:
+    """See that there are such observations, before all states are visited."""
+    check_kind(kind)
+    if kind in OF_MODEL and engine == "table":
+        hint = 'leave `engine` out, or give "compiled" or "live"'
+        raise InvalidArgument(f'an observation "{kind}" is made of the model, which a table has not', hint)

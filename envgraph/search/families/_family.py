@@ -1,0 +1,498 @@
+"""Families: the environments that a run made or a file holds, and everything needed to rebuild them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import field, replace
+from functools import cached_property, partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from envgraph.behaviour import paying
+from envgraph.code import dataclass
+from envgraph.env import Behaviour, Explored, KeyIndex, Scene, scene_of
+from envgraph.errors import (
+    EvaluationError,
+    InvalidArgument,
+    LoadError,
+    Note,
+    check_known,
+    did_you_mean,
+    listed,
+    parse_int,
+)
+from envgraph.graph import Model, model_from_json
+from envgraph.lang import Bundle
+from envgraph.rewrite import Engine
+from envgraph.search._store import Individual, RunStore
+from envgraph.search.domain._components import Components
+from envgraph.search.domain._domain import Domain
+from envgraph.search.families._replayed import Derived, Replay
+from envgraph.search.families._shown import family_html, member_html, member_svg, member_text
+from envgraph.search.families._split import split
+from envgraph.search.families._tables import Record, Tables, table_name
+from envgraph.search.problem._distances import described, differing
+from envgraph.search.problem._problem import number
+
+if TYPE_CHECKING:
+    from envgraph.env.compiled import Program
+
+
+@dataclass(frozen=True, slots=True)
+class Member:
+    """One environment of a family.
+
+    Attributes:
+        name: "E1" for the first in the order of the curriculum, and so on.
+        measures: value of every measure, by name.
+        source: its model, as JSON text; or what makes that text when it is asked for.
+        individual: id in the run store, or None.
+        initial: whether it is the initial model.
+        certificates: what was verified of it: "shortest_plan" (None where there is none), "random_success",
+            "optimal_return", within "limit" steps; {} where nothing was.
+    """
+
+    name: str
+    measures: Mapping[str, float]
+    source: str | Derived = field(repr=False)
+    individual: int | None = None
+    initial: bool = False
+    certificates: Mapping[str, float | None] = field(default_factory=dict)
+    _family: Family | None = field(default=None, compare=False, repr=False)
+
+    @property
+    def model(self) -> str:
+        """Its model, as JSON text."""
+        return self.source if isinstance(self.source, str) else self.source.text()
+
+    def _repr_html_(self) -> str | None:
+        return None if self._family is None else member_html(self._family, self)
+
+
+@dataclass(frozen=True)
+class Family:
+    """Environments in the order of the curriculum, with the texts of their domain.
+
+    Attributes:
+        name: of the family.
+        bundle: the texts of the domain; the first root is the family file.
+        members: from the easiest to the hardest by the measure that orders the curriculum, then the initial model.
+        domain: what the texts say, with the overrides.
+        overrides: what held instead of what the family file says, such as "seed=5".
+        objective: values of the family by the terms of `[objective]`, and `learnt` of `CurriculumProgress`; {} for a
+            run without an objective.
+        lacking: conditions of the objective that do not hold, by what is written there, and by how much.
+        tables: where the states of the members are kept once they have been enumerated.
+    """
+
+    name: str
+    bundle: Bundle
+    members: tuple[Member, ...]
+    domain: Domain = field(compare=False, repr=False)
+    overrides: tuple[str, ...] = ()
+    objective: Mapping[str, float] = field(default_factory=dict)
+    lacking: Mapping[str, float] = field(default_factory=dict)
+    tables: Tables = field(default_factory=Tables.of_user, compare=False, repr=False)
+    _explored: dict[tuple[str, bool], Explored] = field(default_factory=dict, compare=False, repr=False)
+    _keys: KeyIndex | None = field(default=None, compare=False, repr=False)
+    _pays: str | None = field(default=None, repr=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "members", tuple(replace(one, _family=self) for one in self.members))
+
+    @property
+    def value(self) -> float | None:
+        """What counts most in the objective; None without one."""
+        return next(iter(self.objective.values()), None)
+
+    @cached_property
+    def keys(self) -> KeyIndex:
+        """Indices of objects that mean the same in every member, and in those of a family that this is a part of."""
+        if self._keys is not None:
+            return self._keys
+        near = sorted(
+            self.members, key=lambda one: one.individual or 0
+        )  # the way from one to the next is short
+        return self.domain.keys(self._models(near))
+
+    def _models(self, members: Iterable[Member]) -> Iterator[Model]:
+        """The models of members, each to be read before the next one is asked for."""
+        for one in members:
+            yield self.model(one) if isinstance(one.source, str) else one.source.engine().model
+
+    @property
+    def behaviour(self) -> Behaviour:
+        """What the agent can do.
+
+        Raises:
+            InvalidArgument: the family has no environment.
+        """
+        behaviour = self.domain.behaviour
+        if behaviour is None:
+            raise InvalidArgument(f"family `{self.name}` has no environment: its family file names none")
+        return behaviour if self._pays is None else paying(behaviour, self._pays)
+
+    @property
+    def limit(self) -> int | None:
+        """Steps after which an episode is truncated, or None."""
+        return self.domain.spec.limit or self.behaviour.limit
+
+    def member(self, variant: int | str | None = None) -> Member:
+        """A member by its name, or by its number from 1; the last one, the target, for None.
+
+        Raises:
+            InvalidArgument: there is no such member.
+        """
+        return self.members[place_of(variant, [member.name for member in self.members], self.name)]
+
+    def model(self, member: Member) -> Model:
+        """A fresh copy of a member's model."""
+        return model_from_json(member.model, self.domain.metamodel, file=f"{self.name}/{member.name}")
+
+    def explored(self, member: Member, *, pictures: bool = False) -> Explored:
+        """The table of a member's reachable states, enumerated when it is first asked for and then kept in `tables`.
+
+        Args:
+            member: of this family.
+            pictures: whether there is to be a scene of every state, if the behaviour says how to draw it.
+
+        Raises:
+            InvalidArgument: the family has no environment.
+            EvaluationError: there are too many states.
+        """
+        name, kept = member.name, self._explored
+        known = kept.get((name, True)) or kept.get((name, pictures))
+        if known is None:
+            behaviour = self.behaviour  # raises where there is none
+            known = self._explored[name, pictures] = self.tables.explored(
+                self.domain, behaviour, self.model(member), self.keys, pictures=pictures
+            )
+        return known
+
+    def program(self, members: Sequence[Member]) -> Program:
+        """The compiled behaviour, over some members.
+
+        Raises:
+            InvalidArgument: the family has no environment.
+            NotCompiled: something in its behaviour only the live engine has.
+        """
+        from envgraph.env.compiled import Borrowed, program_of
+
+        homes = [
+            self.domain.engine(self.model(one))
+            if isinstance(one.source, str)
+            else Borrowed(one.source.engine, partial(self._own_engine, one))
+            for one in members
+        ]
+        return program_of(self.domain.engine(), self.behaviour, homes, self.keys)
+
+    def _own_engine(self, member: Member) -> Engine:
+        return self.domain.engine(self.model(member))
+
+    def table_name(self, member: Member) -> str:
+        """The file in which the table of a member is kept."""
+        return table_name(self.domain, self.behaviour, self.model(member), self.keys)
+
+    def record(self) -> Record:
+        """What making environments takes beside the tables; raises as `behaviour`."""
+        behaviour = self.behaviour
+        tables = {
+            one.name: self.table_name(one) if isinstance(one.source, str) else "" for one in self.members
+        }
+        certificates = {one.name: one.certificates for one in self.members}
+        drawn = behaviour.draw is not None
+        return Record(self.name, behaviour.name, self.limit, drawn, tables, certificates)
+
+    def scene(self, member: Member) -> Scene | None:
+        """The picture of a member, or None where the behaviour says nothing about drawing."""
+        behaviour = self.domain.behaviour
+        if behaviour is None or behaviour.draw is None:
+            return None
+        return scene_of(self.model(member), behaviour.draw, behaviour.parameters)
+
+    def svg(self, member: Member) -> str:
+        """A picture of a member: as its behaviour says how to draw, else as boxes and lines."""
+        return member_svg(self, member)
+
+    def text(self, member: Member) -> str:
+        """The same in letters."""
+        return member_text(self, member)
+
+    def subset(self, members: Iterable[Member | int | str]) -> Family:
+        """The family of some members, in their order here and with their names.
+
+        Args:
+            members: of this family, or their names or numbers from 1.
+
+        Raises:
+            InvalidArgument: there is no such member, or none is named.
+        """
+        chosen = {one.name if isinstance(one, Member) else self.member(one).name for one in members}
+        return self._of([place for place, one in enumerate(self.members) if one.name in chosen])
+
+    def between(self, measure: str, low: float, high: float) -> Family:
+        """The family of the members whose measure is from `low` to `high`, such as a band of difficulty.
+
+        Raises:
+            InvalidArgument: there is no such measure, or no such member.
+        """
+        check_known(measure, self.members[0].measures, f"family `{self.name}` has no measure `{measure}`")
+        return self._of(
+            [place for place, one in enumerate(self.members) if low <= one.measures[measure] <= high]
+        )
+
+    def spaced(self, count: int) -> Family:
+        """The family of the last member, the target, and of others at even steps of what orders the curriculum.
+
+        Of each of as many evenly spaced values, from the least to the greatest, it is the nearest member that is not
+        chosen yet.
+
+        Args:
+            count: members in all.
+
+        Raises:
+            InvalidArgument: it is not from 2 up to the members that there are.
+        """
+        if not 2 <= count <= len(self.members):
+            raise InvalidArgument(
+                f"family `{self.name}` has {len(self.members)} members: choose 2 of them or more"
+            )
+        measure = order_of(self.domain)
+        values = np.array([one.measures[measure] for one in self.members[:-1]])
+        chosen = list[int]()
+        for wanted in np.linspace(values.min(), values.max(), count - 1):
+            distance = np.abs(values - wanted)
+            distance[chosen] = np.inf
+            chosen.append(int(distance.argmin()))
+        return self._of([*sorted(chosen), len(self.members) - 1])
+
+    def split(
+        self, test: float | int | Callable[[Member], bool] = 0.2, *, apart: int = 1, seed: int = 0
+    ) -> tuple[Family, Family]:
+        """A family to train on, and one to test what was learnt: no member is in both, or like one in the other.
+
+        Args:
+            test: which members are tested: a share of them or a number, drawn by lot; or what says so of a member.
+            apart: in how many objects, at least, each member that is trained on differs from each that is tested;
+                those that are nearer are left out of both.
+            seed: of the lot.
+
+        Raises:
+            InvalidArgument: nothing is left to train on, or to test.
+        """
+        trained, tested = split(self.members, self._models(self.members), test, apart, seed)
+        return self._of(trained), self._of(tested)
+
+    def distances(self) -> NDArray[np.int64]:
+        """In how many objects each member differs from each other one [members, members]: class, values or links.
+
+        An object is what has the same id: the members of a run share the objects of the initial model. A link belongs
+        to the object whose reference is declared first.
+        """
+        objects = described(self._models(self.members))
+        return differing(objects, objects)
+
+    def columns(self) -> dict[str, NDArray[Any]]:
+        """The members as columns of a table: `name`, `initial`, and each measure and certificate.
+
+        `pandas.DataFrame(family.columns())` makes a data frame of them, and `polars.DataFrame` does.
+        """
+        members = self.members
+        certain = dict.fromkeys(name for one in members for name in one.certificates)
+        known = [
+            {name: np.nan if value is None else value for name, value in one.certificates.items()}
+            for one in members
+        ]
+        return {
+            "name": np.array([one.name for one in members]),
+            "initial": np.array([one.initial for one in members]),
+            **{name: np.array([one.measures[name] for one in members]) for name in members[0].measures},
+            **{name: np.array([one.get(name, np.nan) for one in known]) for name in certain},
+        }
+
+    def _of(self, places: Sequence[int]) -> Family:
+        if not places:
+            raise InvalidArgument(f"family `{self.name}` has no such members")
+        members = tuple(self.members[place] for place in places)
+        return replace(self, members=members, _explored={}, _keys=self.keys)
+
+    def __repr__(self) -> str:
+        return f"<Family {self.name}: {len(self.members)} environments>"
+
+    def _repr_html_(self) -> str:
+        return family_html(self)
+
+    def paying(self, name: str) -> Family:
+        """The family whose environments pay the rewards of one name alone, of `envgraph.behaviour.reward_names`.
+
+        Episodes are the same; tables and what is computed of them are about this reward. Nothing is verified of it.
+
+        Raises:
+            InvalidArgument: nothing of this name pays a reward, or there is no environment.
+        """
+        members = tuple(replace(one, certificates={}) for one in self.members)
+        found = replace(self, members=members, _explored={}, _keys=self.keys, _pays=name)
+        assert found.behaviour, "or it raises"
+        return found
+
+    def class_counts(self) -> dict[str, tuple[int, ...]]:
+        """Number of objects of each class in every member, where the members differ and no measure says the same."""
+        classes = [cls.name for cls in self.domain.metamodel.class_list if not cls.abstract]
+        found = [
+            [len(model.graph.exact_extent(cls)) for cls in classes] for model in self._models(self.members)
+        ]
+        counts = dict(zip(classes, zip(*found, strict=True), strict=True))
+        measured = [[member.measures[name] for member in self.members] for name in self.members[0].measures]
+        return {
+            cls: numbers
+            for cls, numbers in counts.items()
+            if len(set(numbers)) > 1 and [*numbers] not in measured
+        }
+
+    def diversity(self) -> float:
+        """The family measure over the members."""
+        problem = self.domain.problem(self.domain.engine())
+        return problem.diversity.score([member.measures[problem.diversity_of] for member in self.members])
+
+
+def place_of(variant: int | str | None, names: Sequence[str], family: str) -> int:
+    """The place of a member in a family, from 0, by its name or its number from 1; the last one for None.
+
+    Raises:
+        InvalidArgument: there is no such member.
+    """
+    if variant is None:
+        return len(names) - 1
+    text = str(variant)
+    if text not in names and (number := parse_int(text)) is not None and 1 <= number <= len(names):
+        return number - 1
+    check_known(text, names, f"family `{family}` has no environment `{variant}`")
+    return names.index(text)
+
+
+def ordered(
+    domain: Domain, found: Sequence[tuple[Mapping[str, float], str | Derived, int | None, bool]]
+) -> tuple[Member, ...]:
+    """Members from measures, model, individual and initial flag, in the order of the curriculum.
+
+    The initial model comes last, as the target, or last among its equals where the family file wants it `ordered`.
+    Equal values keep the given order; so do the members of a family that was searched for as a whole, unless the file
+    names a measure.
+    """
+    curriculum = domain.spec.curriculum
+    if domain.spec.climbs and curriculum.order is None:
+        return tuple(Member(f"E{place}", *one) for place, one in enumerate(found, start=1))
+    measure = order_of(domain)
+    last = curriculum.initial == "last"
+    ranked = sorted(found, key=lambda one: (last and one[3], one[0][measure], one[3]))
+    return tuple(Member(f"E{place}", *one) for place, one in enumerate(ranked, start=1))
+
+
+def order_of(domain: Domain) -> str:
+    """The measure that orders the curriculum, or would if the file named none."""
+    return str(domain.spec.curriculum.order or domain.spec.diversity.options["of"])
+
+
+def run_file(location: str | Path, directory: Path = Path("runs")) -> Path:
+    """Where a run store is: `location` may be the file, its directory, or the name of a run below `directory`.
+
+    Raises:
+        InvalidArgument: there is no such run.
+    """
+    path = Path(location)
+    for candidate in (path, path / "run.sqlite", directory / path / "run.sqlite"):
+        if candidate.is_file():
+            return candidate
+    known = sorted(file.parent.name for file in directory.glob("*/run.sqlite") if file.is_file())
+    there_are = f"there are {', '.join(known)}" if known else "`envgraph generate` makes one"
+    hint = did_you_mean(str(location), known) or there_are
+    raise InvalidArgument(f"there is no run `{location}` in {directory}", hint)
+
+
+def domain_of(
+    bundle: Bundle, overrides: Sequence[str], file: str, components: Components | None = None
+) -> Domain:
+    """The domain of the texts that a run or a family file keeps; what is wrong with them is said to be in it.
+
+    Raises:
+        LoadError: all that is wrong with the texts.
+    """
+    try:
+        return Domain.from_bundle(bundle, components, overrides)
+    except LoadError as error:
+        note = Note(f"the text is in {file}")
+        raise LoadError([replace(one, notes=(*one.notes, note)) for one in error.diagnostics]) from error
+
+
+def family_of(store: RunStore, domain: Domain) -> Family:
+    """The family of the last generation of a run, of the domain whose texts it keeps.
+
+    Raises:
+        InvalidArgument: the run has no generation yet, or is damaged.
+    """
+    last = store.last_generation()
+    if last is None:
+        raise InvalidArgument(f"{store.path} has no generation yet: `envgraph generate --resume` goes on")
+    imported, sampled = store.imported is not None, domain.spec.samples is not None
+    individuals = (
+        {one.id: one for one in store.individuals()} if sampled else _with_ancestors(store, last.members)
+    )
+    replay = Replay(domain, individuals, str(store.path))
+    found = []
+    for id_ in last.members:
+        if id_ not in individuals:
+            raise store.damaged(f"individual {id_} is not there")
+        individual = individuals[id_]
+        lacking = lacking_measures(domain, individual.measures)
+        if lacking:
+            raise store.damaged(f"individual {id_} has no measure {listed(lacking)}")
+        derived = Derived(individual.state_hash, id_, replay)
+        source: str | Derived = derived
+        if individual.model is not None:
+            model = model_from_json(
+                individual.model, domain.metamodel, file=f"{store.path}: individual {id_}"
+            )
+            if f"{model.state_hash():016x}" != individual.state_hash:
+                raise store.damaged(f"individual {id_} is not the model that was measured")
+            source = individual.model
+        elif not sampled:
+            source = derived.text()  # so that what is wrong with it is found now
+        found.append((individual.measures, source, id_, individual.parent is None and not imported))
+    tables, certificates = Tables.of_run(store.path), store.certificates
+    members = tuple(
+        replace(one, certificates=certificates.get(one.individual or 0, {})) for one in ordered(domain, found)
+    )
+    values, failing = _worth(store, domain)
+    return Family(store.name, store.bundle(), members, domain, domain.overrides, values, failing, tables)
+
+
+def _worth(store: RunStore, domain: Domain) -> tuple[dict[str, float], dict[str, float]]:
+    """What a run says of its objective: values, and what is lacking."""
+    found, spec = store.objective, domain.spec.objective
+    try:
+        known = {spec.kind: found["value"]} if spec and "value" in found else found.get("values", {})
+        return _numbers(known) | _numbers(found.get("learnt", {})), _numbers(found.get("lacking", {}))
+    except (EvaluationError, TypeError, ValueError) as error:
+        raise store.damaged("setting `objective` is no table of numbers") from error
+
+
+def _numbers(found: Any) -> dict[str, float]:
+    return {str(name): number(value, f"`{name}`") for name, value in dict(found).items()}
+
+
+def lacking_measures(domain: Domain, measures: Mapping[str, float]) -> list[str]:
+    """Measures of the family file that a member has no value of."""
+    return [one.name for one in domain.spec.measures if one.name not in measures]
+
+
+def _with_ancestors(store: RunStore, members: Sequence[int]) -> dict[int, Individual]:
+    """Some individuals, and what those descend from whose models are not stored."""
+    found: dict[int, Individual] = {}
+    for id_ in members:
+        individual = store.individual(id_)
+        line = [individual] if individual.model is not None else store.lineage(id_)
+        found |= {one.id: one for one in line}
+    return found

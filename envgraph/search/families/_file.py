@@ -1,0 +1,164 @@
+"""Families as files: one JSON document with the texts of the domain and the models of the members."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+from envgraph.env import KeyIndex
+from envgraph.errors import Diagnostic, EnvgraphError, InvalidArgument, LoadError, Span, listed
+from envgraph.lang import (
+    FORMATS,
+    Bundle,
+    DiskFiles,
+    JsonPath,
+    check_json,
+    file_format,
+    model_at,
+    parse_json,
+    read_source,
+)
+from envgraph.search._store import RunStore, dump_json
+from envgraph.search.domain._components import Components
+from envgraph.search.domain._domain import Domain
+from envgraph.search.families._family import Family, Member, domain_of, family_of, lacking_measures, run_file
+from envgraph.search.families._tables import Tables, key_of
+
+FORMAT = "envgraph-family-2"
+
+
+def open_family(
+    location: str | Path, directory: Path = Path("runs"), components: Components | None = None
+) -> Family:
+    """The family of a run store or of a family file.
+
+    Args:
+        location: a run store, its directory, the name of a run below `directory`, or a family file (.json).
+        directory: where runs are kept.
+        components: what the names in the domain's family file mean; by default the ones that come with envgraph.
+
+    Raises:
+        InvalidArgument: there is no such run or file, or the run has no family yet.
+        LoadError: the file is no family file.
+    """
+    if _is_family_file(location):
+        return read_family(Path(location), components)
+    with RunStore.open(run_file(location, directory)) as store:
+        return family_of(store, domain_of(store.bundle(), store.overrides, str(store.path), components))
+
+
+def kept(location: str | Path) -> tuple[Tables, str]:
+    """Where tables of a family are kept, and a hash of all that it is made from; raises as `open_family`."""
+    if _is_family_file(location):
+        return Tables.of_user(), key_of(read_source(DiskFiles(), str(location)).text)
+    with RunStore.open(run_file(location)) as store:
+        return Tables.of_run(store.path), key_of(store.family_data())
+
+
+def _is_family_file(location: str | Path) -> bool:
+    """Whether it is no run; raises where it is a file of another format."""
+    format = file_format(DiskFiles(), str(location))
+    if format not in ("family", "json", "sqlite") and Path(location).is_file():
+        what = FORMATS[format] if format else "of no format that is known"
+        hint = (
+            f"`domain={str(Path(location).parent)!r}` makes it of its model alone"
+            if format == "toml"
+            else None
+        )
+        raise InvalidArgument(f"`{location}` is {what}, not a run (run.sqlite) or a family as JSON", hint)
+    return format in ("family", "json")
+
+
+def family_schema() -> dict[str, Any]:
+    """The JSON Schema (2020-12) of the format; it is the file `family.schema.json` in this package.
+
+    >>> family_schema()["$defs"]["member"]["required"]
+    ['name', 'initial', 'measures', 'model']
+    """
+    text = files("envgraph.search.families").joinpath("family.schema.json").read_text("utf-8")
+    schema: dict[str, Any] = json.loads(text)
+    return schema
+
+
+def write_family(family: Family) -> str:
+    """The text of a family file: texts of the domain and models of the members, one JSON document."""
+    document = {
+        "format": FORMAT,
+        "name": family.name,
+        "roots": list(family.bundle.roots),
+        "texts": dict(family.bundle.texts),
+        "overrides": list(family.overrides),
+        "keys": family.keys.to_json(),
+        "members": [
+            {
+                "name": member.name,
+                "initial": member.initial,
+                "measures": dict(member.measures),
+                **({"certificates": dict(member.certificates)} if member.certificates else {}),
+                "model": json.loads(member.model),
+            }
+            for member in family.members
+        ],
+    }
+    return json.dumps(document, ensure_ascii=False, indent=1) + "\n"
+
+
+def read_family(path: Path, components: Components | None = None) -> Family:
+    """Read what `write_family` wrote; `components` as for `open_family`.
+
+    Raises:
+        LoadError: the file is missing, or no family file; all that is wrong with it, each at its place.
+    """
+    source = read_source(DiskFiles(), str(path))
+    value, spans = parse_json(source)
+    if not isinstance(value, dict) or value.get("format") != FORMAT:
+        span = spans.get(("format",), spans[()])
+        message = f"this is no family file: its format is not `{FORMAT}`"
+        raise LoadError([Diagnostic("bad-format", message, span, _WRITTEN)])
+    problems = check_json(value, spans, family_schema())
+    if problems:
+        raise LoadError([replace(one, hint=_WRITTEN) for one in problems])
+    bundle = Bundle(tuple(value["roots"]), value["texts"])
+    domain = domain_of(bundle, value["overrides"], str(path), components)
+    members = tuple(_members(value["members"], domain, spans, str(path)))
+    family = Family(value["name"], bundle, members, domain, domain.overrides)
+    try:
+        keys = KeyIndex.from_json(value["keys"], domain.metamodel)
+        known = keys.merge(family.keys, domain.metamodel) == keys
+    except EnvgraphError as error:
+        raise LoadError([Diagnostic("bad-format", str(error), spans["keys",], _WRITTEN)]) from error
+    if not known:
+        message = "the keys are not those of the members"
+        raise LoadError([Diagnostic("bad-format", message, spans["keys",], _WRITTEN)])
+    return replace(family, _keys=keys)  # a part of a larger family counts objects that only others have, too
+
+
+_WRITTEN = "`envgraph export RUN -o family.json` writes one; `envgraph import` reads ga4cl files"
+
+
+def _members(
+    entries: Sequence[Mapping[str, Any]], domain: Domain, spans: Mapping[JsonPath, Span], file: str
+) -> Iterator[Member]:
+    problems: list[Diagnostic] = []
+    for place, entry in enumerate(entries):
+        path = ("members", place)
+        lacking = lacking_measures(domain, entry["measures"])
+        if lacking:
+            message = f"`{entry['name']}` has no measure {listed(lacking)}"
+            problems.append(Diagnostic("bad-format", message, spans[*path, "measures"]))
+        if any(entry["name"] == other["name"] for other in entries[:place]):
+            message = f"there are two members `{entry['name']}`"
+            problems.append(Diagnostic("bad-format", message, spans[*path, "name"]))
+        try:
+            model_at(entry["model"], domain.metamodel, spans, (*path, "model"), file)
+        except LoadError as error:
+            problems += error.diagnostics
+        measures = {name: float(value) for name, value in entry["measures"].items()}
+        model, certificates = dump_json(entry["model"]), entry.get("certificates", {})
+        yield Member(entry["name"], measures, model, initial=entry["initial"], certificates=certificates)
+    if problems:
+        raise LoadError(problems)

@@ -1,0 +1,111 @@
+"""How families are shown: pictures of their members with captions, as SVG, as text, and in notebooks."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from envgraph.draw import markup, shortened
+from envgraph.env import scene_svg, scene_text
+
+if TYPE_CHECKING:
+    from envgraph.search.families._family import Family, Member
+
+_SIZE = 200
+_GAP = 24
+_LINE = 17
+_COLUMNS = 3
+_LETTERS = 27
+"""Of a caption, so that it stays below its picture."""
+
+
+def member_svg(family: Family, member: Member) -> str:
+    """See `Family.svg`."""
+    scene = family.scene(member)
+    if scene is not None:
+        return scene_svg(scene)
+    return family.model(member).picture().to_svg(graphviz=False)  # the same on every machine
+
+
+def member_text(family: Family, member: Member) -> str:
+    """See `Family.text`."""
+    scene = family.scene(member)
+    return family.model(member).picture().to_text() if scene is None else scene_text(scene)
+
+
+def measure_texts(values: Sequence[float]) -> tuple[str, ...]:
+    """The values of one measure as people read them: whole numbers if all are, else three decimals or digits.
+
+    >>> measure_texts((3.0, 12.0)), measure_texts((0.5, 1.0, 0.0000228))
+    (('3', '12'), ('0.500', '1.000', '2.28e-05'))
+    """
+    whole = all(float(value).is_integer() for value in values)
+    return tuple(
+        f"{value:.0f}" if whole else f"{value:.3g}" if 0 < abs(value) < 0.0005 else f"{value:.3f}"
+        for value in values
+    )
+
+
+def caption(family: Family, member: Member) -> list[tuple[str, str]]:
+    """The measures of a member, by name, as people read them."""
+    place = family.members.index(member)
+    return [
+        (name, measure_texts([one.measures[name] for one in family.members])[place])
+        for name in member.measures
+    ]
+
+
+def family_svg(family: Family) -> str:
+    """All members side by side, three in a row, with name and measures below, as SVG text."""
+    members = family.members
+    columns = min(_COLUMNS, len(members))
+    step = _SIZE + _GAP + _LINE * (1 + len(members[0].measures)) + 6
+    width, height = columns * (_SIZE + _GAP) + _GAP, -(-len(members) // columns) * step + _GAP
+    title = markup(f"{family.name}: {len(members)} environments")
+    parts = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" width="{width}" height="{height}" '
+        f'role="img" aria-label="{title}">\n<title>{title}</title>',
+        f'<rect width="{width}" height="{height}" rx="8" fill="#ffffff"/>',
+    ]
+    for place, member in enumerate(members):
+        x, y = _GAP + place % columns * (_SIZE + _GAP), _GAP + place // columns * step
+        parts.append(_placed(member_svg(family, member), x, y))
+        parts += _caption(family, member, x + _SIZE / 2, y + _SIZE + _LINE + 2)
+    return "\n".join([*parts, "</svg>"]) + "\n"
+
+
+def _caption(family: Family, member: Member, x: float, y: float) -> list[str]:
+    lines = [member.name, *(f"{name} {value}" for name, value in caption(family, member))]
+    parts = []
+    for number, text in enumerate(lines):
+        weight = ' font-weight="bold"' if not number else ""
+        full = f"<title>{markup(text)}</title>" if len(text) > _LETTERS else ""
+        parts.append(
+            f'<text x="{x:g}" y="{y + number * _LINE:g}" text-anchor="middle" fill="#1f2933" '
+            f'font-family="system-ui, sans-serif" font-size="13"{weight}>'
+            f"{markup(shortened(text, _LETTERS))}{full}</text>"
+        )
+    return parts
+
+
+def _placed(svg: str, x: int, y: int) -> str:
+    """The SVG element at a place of another one, in the size of all."""
+    head, rest = svg.split(">", 1)
+    kept = re.sub(r'\s(width|height)="[^"]*"', "", head)
+    return f'{kept} x="{x}" y="{y}" width="{_SIZE}" height="{_SIZE}">{rest}'
+
+
+def member_html(family: Family, member: Member) -> str:
+    """A member for notebooks: its picture, with name and measures below."""
+    facts = "".join(f"<br>{markup(name)} {markup(value)}" for name, value in caption(family, member))
+    given = " (initial)" if member.initial else ""
+    text = f"<b>{markup(member.name)}</b>{given}{facts}"
+    style = "margin:0;width:15em;overflow-wrap:anywhere"
+    return f'<figure style="{style}">{member_svg(family, member)}<figcaption>{text}</figcaption></figure>'
+
+
+def family_html(family: Family) -> str:
+    """A family for notebooks: all members side by side."""
+    cards = "".join(member_html(family, member) for member in family.members)
+    return f'<b>{markup(family.name)}</b><div style="display:flex;flex-wrap:wrap;gap:1em">{cards}</div>'

@@ -1,0 +1,43 @@
+"""How far members of a family are from each other, and which of them are kept for tests."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from typing import TYPE_CHECKING
+
+from numpy.random import default_rng
+
+from envgraph.errors import InvalidArgument
+from envgraph.graph import Model
+from envgraph.search.problem._distances import described, differing
+
+if TYPE_CHECKING:
+    from envgraph.search.families._family import Member
+
+
+def split(
+    members: Sequence[Member],
+    models: Iterable[Model],
+    test: float | int | Callable[[Member], bool],
+    apart: int,
+    seed: int,
+) -> tuple[list[int], list[int]]:
+    """The places of members to train on, and of those to test; see `Family.split`."""
+    everything = range(len(members))
+    if callable(test):
+        tested = [place for place in everything if test(members[place])]
+    else:
+        count = test if isinstance(test, int) else round(test * len(members))
+        if not 0 < count < len(members):
+            raise InvalidArgument(f"{test} of {len(members)} members leaves none to train on or to test")
+        tested = sorted(default_rng(seed).permutation(len(members))[:count].tolist())
+    held = dict.fromkeys(tested)
+    trained = [place for place in everything if place not in held]
+    if apart > 1:
+        objects = described(models)
+        nearest = differing(objects[trained], objects[tested]).min(axis=1, initial=apart).tolist()
+        trained = [place for place, least in zip(trained, nearest, strict=True) if least >= apart]
+    if not trained or not tested:
+        what = "tested" if not tested else "trained on"
+        raise InvalidArgument(f"no member is left to be {what}", "ask for less, or for a smaller `apart`")
+    return trained, tested

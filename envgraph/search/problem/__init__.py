@@ -1,0 +1,1 @@
+"""Search problems: constraints, measures of models and of families, and objectives."""

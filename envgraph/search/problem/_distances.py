@@ -1,0 +1,130 @@
+"""How far models are from each other: they are compared object by object."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from envgraph.graph import Model
+from envgraph.search.problem._diversity import Swaps
+from envgraph.search.problem._object_facts import object_facts
+from envgraph.search.problem._pool import Candidate, Pool
+
+_ROWS: Final = 64
+"""Members that are compared with all others at once: with 10,000 members of 100 objects that takes 64 MB."""
+
+
+class Describer:
+    """Numbers of the objects of models, the same in all models that one instance describes."""
+
+    def __init__(self) -> None:
+        self._numbers: dict[tuple[object, ...], int] = {}
+
+    def __call__(self, model: Model) -> NDArray[np.int32]:
+        """A number for each object by its id, 0 where there is none [objects]."""
+        numbers = self._numbers
+        facts = zip(*object_facts(model), strict=True)
+        row = [numbers.setdefault(one, len(numbers) + 1) if one[0] != -1 else 0 for one in facts]
+        return np.array(row, np.int32)
+
+
+def described(models: Iterable[Model]) -> NDArray[np.int32]:
+    """A number for each object of each model [models, objects], the same where nothing of the object differs.
+
+    An object is what has the same id; see `object_facts` for what belongs to it. 0 stands for one that a model lacks.
+    Models are looked at one after the other.
+    """
+    describe = Describer()
+    rows = [describe(model) for model in models]
+    found = np.zeros((len(rows), max(map(len, rows))), np.int32)
+    for place, row in enumerate(rows):
+        found[place, : len(row)] = row
+    return found
+
+
+def differing(one: NDArray[np.int32], other: NDArray[np.int32]) -> NDArray[np.int64]:
+    """In how many objects each of some members differs from each of others [one, other]."""
+    parts = [
+        (one[start : start + _ROWS, None] != other[None]).sum(axis=2) for start in range(0, len(one), _ROWS)
+    ]
+    return np.concatenate(parts) if parts else np.zeros((0, len(other)), np.int64)
+
+
+class Distance:
+    """How far the members are from each other: in how many objects two of them differ, see `Family.distances`.
+
+    Whatever the order; 0 for fewer than two members. Either the mean over all pairs, or the distance of the nearest.
+
+    Args:
+        least: whether that of the nearest counts, and not the mean.
+    """
+
+    def __init__(self, least: bool) -> None:
+        self._least, self._describe = least, Describer()
+
+    def score(self, members: Sequence[Candidate]) -> float:
+        """The mean or least distance."""
+        return self._of(self._between(members), np.arange(len(members)))
+
+    def swaps(self, pool: Pool, members: Sequence[int]) -> Swaps:
+        """Swaps by the distances between all candidates, which are computed once."""
+        between = self._between(pool.candidates)
+        return _LeastSwaps(self._of, between, members) if self._least else _MeanSwaps(between, members)
+
+    def _between(self, members: Sequence[Candidate]) -> NDArray[np.int64]:
+        """The distances [members, members]."""
+        rows = [self._row(member) for member in members]
+        objects = np.zeros((len(rows), max(map(len, rows), default=0)), np.int32)
+        for place, row in enumerate(rows):
+            objects[place, : len(row)] = row
+        return differing(objects, objects)
+
+    def _row(self, member: Candidate) -> NDArray[np.int32]:
+        return member.once(self, lambda: self._describe(member.model))
+
+    def _of(self, between: NDArray[np.int64], members: NDArray[np.int64]) -> float:
+        pairs = between[members[:, None], members][np.triu_indices(len(members), 1)]
+        if not len(pairs):
+            return 0.0
+        return float(pairs.min() if self._least else pairs.sum() / len(pairs))
+
+
+class _MeanSwaps:
+    """Invariant: `_sums[c]` is the sum of the distances between candidate c and the members."""
+
+    def __init__(self, between: NDArray[np.int64], members: Sequence[int]) -> None:
+        self._between, self._pairs = between, max(1, len(members) * (len(members) - 1) // 2)
+        self._sums = between[:, [*members]].sum(axis=1)
+
+    def delta(self, leaving: int, entering: int) -> float:
+        gained = self._sums[entering] - self._between[entering, leaving] - self._sums[leaving]
+        return float(gained) / self._pairs
+
+    def swap(self, leaving: int, entering: int) -> None:
+        self._sums += self._between[entering] - self._between[leaving]
+
+
+class _LeastSwaps:
+    """Invariant: `_least` is the distance of the nearest of `_members`."""
+
+    def __init__(
+        self,
+        of: Callable[[NDArray[np.int64], NDArray[np.int64]], float],
+        between: NDArray[np.int64],
+        members: Sequence[int],
+    ) -> None:
+        self._of, self._between, self._members = of, between, np.array([*members])
+        self._least = of(between, self._members)
+
+    def delta(self, leaving: int, entering: int) -> float:
+        return self._of(self._between, self._exchanged(leaving, entering)) - self._least
+
+    def swap(self, leaving: int, entering: int) -> None:
+        self._members = self._exchanged(leaving, entering)
+        self._least = self._of(self._between, self._members)
+
+    def _exchanged(self, leaving: int, entering: int) -> NDArray[np.int64]:
+        return np.where(self._members == leaving, entering, self._members)

@@ -1,0 +1,308 @@
+"""Reading objectives of families: expressions over calls such as `entropy(complexity)`, each mistake at its place."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import field, replace
+from typing import TYPE_CHECKING, Final
+
+from envgraph.code import dataclass
+from envgraph.errors import Diagnostic, Span, did_you_mean, quoted
+from envgraph.lang import ComponentSpec
+from envgraph.metamodel import Scalar
+from envgraph.pattern import (
+    Binary,
+    Expression,
+    FunctionCall,
+    Variable,
+    children,
+    value_of,
+    variables_in,
+    with_children,
+)
+from envgraph.search.problem._diversity import BinnedEntropy, Gini, Statistic, Variance
+from envgraph.search.problem._expressed import checked_expression, parsed_expression, within
+from envgraph.search.problem._family_measures import (
+    ChainTransfer,
+    Coverage,
+    Distinct,
+    Evenness,
+    Fewest,
+    Most,
+    Rising,
+)
+from envgraph.search.problem._objective import Condition, Objective, Term
+from envgraph.search.problem._pool import FamilyMeasure, Over
+
+if TYPE_CHECKING:
+    from envgraph.search.domain._components import Context
+
+_COMPARISONS: Final = ("<=", ">=", "==")
+
+
+@dataclass(frozen=True, slots=True)
+class FamilyCall:
+    """A measure of families as it is written, such as `entropy(complexity, 0, 1)`.
+
+    Attributes:
+        name: of the measure of families.
+        measures: the measures of the members that it names.
+        numbers: what else is written.
+    """
+
+    name: str
+    measures: tuple[str, ...] = ()
+    numbers: tuple[float, ...] = ()
+
+    def __str__(self) -> str:
+        inside = ", ".join((*self.measures, *(f"{number:g}" for number in self.numbers)))
+        return f"{self.name}({inside})" if inside else self.name
+
+
+class WrongCall(Exception):
+    """A call that makes no sense; its arguments are a message and a hint."""
+
+
+FamilyFactory = Callable[[FamilyCall, "Context"], FamilyMeasure]
+"""Raises `WrongCall`."""
+
+
+def _only_measure(call: FamilyCall, most: int = 0) -> str:
+    if len(call.measures) == 1 and len(call.numbers) <= most:
+        return call.measures[0]
+    options = ", low, high, bins" if most else ""
+    raise WrongCall(
+        f"`{call.name}` is of one measure", f"write `{call.name}(measure{options and f'{options}'})`"
+    )
+
+
+def _of_values(statistic: Statistic) -> FamilyFactory:
+    return lambda call, context: Over(statistic, _only_measure(call))
+
+
+def _binned(make: Callable[[BinnedEntropy], Statistic]) -> FamilyFactory:
+    def made(call: FamilyCall, context: Context) -> FamilyMeasure:
+        of = _only_measure(call, most=3)
+        return Over(make(_bins(call, of, context)), of)
+
+    return made
+
+
+def _bins(call: FamilyCall, of: str, context: Context) -> BinnedEntropy:
+    """The bins that a call names; else those of the diversity, or of the range of the measure."""
+    known, measure = context.diversity, context.others[of][0] if of in context.others else None
+    span, count = getattr(measure, "range", None), context.spec.search.population
+    if context.spec.diversity.options.get("of") == of and isinstance(known, BinnedEntropy):
+        if not call.numbers:
+            return known
+        count = known.bins
+    low, high = call.numbers[:2] if len(call.numbers) > 1 else span or (0.0, 0.0)
+    if len(call.numbers) == 3:
+        count = int(call.numbers[2])
+    if not low < high or count < 1 or len(call.numbers) == 1:
+        if call.numbers or measure is not None:
+            message = (
+                "the range goes from the lower to the higher number, and then there may be a number of bins"
+            )
+            message = message if call.numbers else f"nobody knows the range of `{of}`"
+            raise WrongCall(message, f"write `{call.name}({of}, 0, 64)`")
+        low, high = 0.0, 1.0  # the options are looked at, and no measure is there
+    return BinnedEntropy(count, low, high, whole=getattr(measure, "whole", False))
+
+
+def _whole(make: Callable[[], FamilyMeasure]) -> FamilyFactory:
+    def made(call: FamilyCall, context: Context) -> FamilyMeasure:
+        if call.measures or call.numbers:
+            raise WrongCall(f"`{call.name}` is of the members themselves", f"write `{call.name}` alone")
+        return make()
+
+    return made
+
+
+def _transfer(call: FamilyCall, context: Context) -> FamilyMeasure:
+    if context.spec.environment is None:
+        hint = 'write `environment = "name.environment"` at the top'
+        raise WrongCall(f"`{call.name}` needs an environment, and the family names none", hint)
+    return _whole(ChainTransfer)(call, context)
+
+
+def _distance(least: bool) -> FamilyMeasure:
+    from envgraph.search.problem._distances import Distance
+
+    return Distance(least)
+
+
+FAMILY_MEASURES: Final[Mapping[str, FamilyFactory]] = {
+    "entropy": _binned(lambda bins: bins),
+    "coverage": _binned(Coverage),
+    "fewest": _binned(Fewest),
+    "most": _binned(Most),
+    "gini": _of_values(Gini()),
+    "variance": _of_values(Variance()),
+    "evenness": _of_values(Evenness()),
+    "rising": _of_values(Rising()),
+    "mean_distance": _whole(lambda: _distance(least=False)),
+    "least_distance": _whole(lambda: _distance(least=True)),
+    "distinct": _whole(Distinct),
+    "chain_transfer": _transfer,
+}
+"""The measures of families that come with envgraph."""
+
+
+def read_objective(
+    spec: ComponentSpec, context: Context, known: Mapping[str, FamilyFactory]
+) -> tuple[Objective, list[Diagnostic]]:
+    """Read what a family is to be.
+
+    Args:
+        spec: the table of the family file.
+        context: of the family.
+        known: the measures of families that there are.
+
+    Returns:
+        The objective, without what has mistakes; and those, each at its place.
+    """
+    reader = _Reader(spec, context, known)
+    terms = [*reader.terms("maximise", 1), *reader.terms("minimise", -1)]
+    conditions = reader.conditions("subject_to")
+    keys = [key for key in ("maximise", "minimise") if key in spec.options]
+    if len(keys) == 2:
+        message = "`maximise` and `minimise` exclude each other: what counts most is first in one list"
+        hint = 'write a minus: `maximise = ["entropy(complexity)", "-mean_distance"]`'
+        reader.problems.append(Diagnostic("bad-value", message, spec.key_span("minimise"), hint))
+    elif any(spec.options[key] == [] for key in keys):
+        message, hint = "the objective has nothing to maximise", 'write `maximise = ["entropy(complexity)"]`'
+        reader.problems.append(Diagnostic("missing-key", message, spec.span(keys[0]), hint))
+    return Objective(tuple(terms), tuple(conditions)), reader.problems
+
+
+@dataclass(slots=True)
+class _Reader:
+    spec: ComponentSpec
+    context: Context
+    known: Mapping[str, FamilyFactory]
+    problems: list[Diagnostic] = field(default_factory=list)
+
+    def terms(self, key: str, sense: int) -> list[Term]:
+        found = []
+        for text, place in self._texts(key):
+            expression = self._parsed(text, place)
+            term = expression and self._term(text, expression, place, text)
+            if term:
+                found.append(replace(term, sense=sense))
+        return found
+
+    def conditions(self, key: str) -> list[Condition]:
+        found = []
+        for text, place in self._texts(key):
+            expression = self._parsed(text, place)
+            match expression:
+                case Binary(operator=operator, left=left, right=right) if operator in _COMPARISONS:
+                    sides = [self._term(text, side, place, text) for side in (left, right)]
+                    if sides[0] and sides[1]:
+                        found.append(Condition(text, sides[0], operator, sides[1]))
+                case None:
+                    pass
+                case _:
+                    hint = "write two numbers and one of `>=`, `<=` and `==`: `entropy(complexity) >= 2.5`"
+                    self._wrong("syntax-error", "this compares nothing", place, hint)
+        return found
+
+    def _texts(self, key: str) -> list[tuple[str, Span | None]]:
+        """What a key says: a text or a list of them, each with its place."""
+        value = self.spec.options.get(key, [])
+        if isinstance(value, str):
+            return [(value, self.spec.span(key))]
+        if not isinstance(value, list):
+            hint = f'write `{key} = ["..."]`'
+            self._wrong("wrong-type", f"`{key}` is a list of expressions", self.spec.span(key), hint)
+            return []
+        found = []
+        for index, one in enumerate(value):
+            place = self.spec.span(key, index)
+            if isinstance(one, str):
+                found.append((one, place))
+            else:
+                hint = f'expressions stand between `"`: `{key} = ["..."]`'
+                self._wrong("wrong-type", f"`{key}` is a list of expressions", place, hint)
+        return found
+
+    def _parsed(self, text: str, place: Span | None) -> Expression | None:
+        expression, problems = parsed_expression(
+            text, place, "write an expression, such as `entropy(complexity)`"
+        )
+        self.problems += problems
+        return expression
+
+    def _term(self, text: str, expression: Expression, place: Span | None, whole: str) -> Term | None:
+        before = len(self.problems)
+        measures: dict[str, FamilyMeasure] = {}
+        named = self._named(expression, measures, whole, place)
+        if len(self.problems) > before:
+            return None
+        scope = dict.fromkeys(measures, Scalar.FLOAT)
+        self.problems += checked_expression(named, scope, self.context.metamodel, whole, place)
+        return None if len(self.problems) > before else Term(text, named, measures)
+
+    def _named(
+        self, node: Expression, measures: dict[str, FamilyMeasure], text: str, place: Span | None
+    ) -> Expression:
+        """An expression in which calls of measures of families are variables; notes the measures of families."""
+        if isinstance(node, Variable):
+            call, where = FamilyCall(node.name), node.span
+        elif isinstance(node, FunctionCall) and (node.function in self.known or self._names_measures(node)):
+            call, where = self._call(node), node.function_span or node.span
+        else:
+            parts = [self._named(one, measures, text, place) for one in children(node)]
+            return with_children(node, parts) if parts else node
+        where = within(where, text, place)
+        unknown = [one for one in call.measures if self.context.spec.measure(one) is None]
+        if call.name not in self.known:
+            self._wrong(
+                "unknown-measure", f"unknown measure of families `{call.name}`", where, self._hint(call.name)
+            )
+        elif "" in unknown:
+            hint = f"write `{call.name}(measure)`; numbers may come behind it"
+            self._wrong("wrong-arguments", f"`{call.name}` is of measures by their names", where, hint)
+        elif unknown:
+            names = [one.name for one in self.context.spec.measures]
+            hint = did_you_mean(unknown[0], names) or f"there are {quoted(names)}"
+            self._wrong("unknown-measure", f"unknown measure `{unknown[0]}`", where, hint)
+        else:
+            try:
+                measures.setdefault(str(call), self.known[call.name](call, self.context))
+            except WrongCall as error:
+                self._wrong("wrong-arguments", error.args[0], where, error.args[1])
+        return Variable(str(call), node.span)
+
+    def _names_measures(self, node: FunctionCall) -> bool:
+        """Whether a call of something unknown was meant as a measure of families: it is of a measure of members."""
+        return any(
+            isinstance(one, Variable) and self.context.spec.measure(one.name) for one in node.arguments
+        )
+
+    @staticmethod
+    def _call(node: FunctionCall) -> FamilyCall:
+        """The call, its other arguments as numbers; one that is neither stands for a measure without a name."""
+        measures, numbers = list[str](), list[float]()
+        for one in node.arguments:
+            if isinstance(one, Variable):
+                measures.append(one.name)
+            else:
+                value = None if any(True for _ in variables_in(one)) else value_of(one, {})
+                if isinstance(value, int | float):
+                    numbers.append(float(value))
+                else:
+                    measures.append("")
+        return FamilyCall(node.function, tuple(measures), tuple(numbers))
+
+    def _hint(self, name: str) -> str:
+        of = [one for one in ("entropy", "evenness") if one in self.known]
+        if self.context.spec.measure(name) is not None and of:
+            return (
+                f"`{name}` is of each member: write `{of[0]}({name})`, or another measure of families of it"
+            )
+        return did_you_mean(name, self.known) or f"there are {quoted(self.known)}"
+
+    def _wrong(self, code: str, message: str, span: Span | None, hint: str | None) -> None:
+        self.problems.append(Diagnostic(code, message, span, hint))

@@ -1,0 +1,1 @@
+"""Runs: evolved, sampled, resumed and imported; lineage, diversity and certificates of their families."""

@@ -1,0 +1,216 @@
+"""How diverse a family is, and why it is not more diverse."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import field
+from itertools import groupby
+from math import inf
+
+from envgraph.code import dataclass
+from envgraph.errors import Diagnostic, Severity
+from envgraph.lang import Strength
+from envgraph.search._store import RunStore, _texts
+from envgraph.search.families._family import Family
+from envgraph.search.problem._diversity import BinnedEntropy
+from envgraph.search.problem._problem import Problem
+
+_SAME = 1e-9
+
+_FEW = 0.5
+"""Warn if a smaller share of learners solves the target."""
+
+_NEEDLESS = 0.05
+"""The target needs no family if training on it alone succeeds less often by at most this share."""
+
+_MOST_REPORTED = 100
+"""Members whose bins are listed one by one."""
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """How diverse a family is.
+
+    Attributes:
+        diversity: the family measure over the members.
+        maximum: what it can be for so many members as the family should have; infinite where that is not known.
+        unit: "bits", or "" where it has none.
+        bins: number of each member's bin, from 1, in the order of the curriculum; empty where there are no bins.
+        objective: what the family was searched for by, and its value; {} without an objective. See `Family.objective`.
+        target: name of the last member.
+        wants_diversity: whether the search asked for diverse families.
+    """
+
+    diversity: float
+    maximum: float
+    unit: str = ""
+    bins: tuple[int, ...] = ()
+    objective: Mapping[str, float] = field(default_factory=dict)
+    target: str = ""
+    wants_diversity: bool = True
+
+    @classmethod
+    def of(cls, family: Family) -> Outcome:
+        """The outcome of the search that made a family."""
+        problem = family.domain.problem(family.domain.engine())
+        values, measure = _values(family, problem), problem.diversity
+        maximum = problem.maximum(family.domain.spec.size)
+        bins: tuple[int, ...] = ()
+        if isinstance(measure, BinnedEntropy):
+            bins = tuple(measure.bin(value) + 1 for value in values)
+        unit, target, spec = "bits" if bins else "", family.members[-1].name, family.domain.spec.objective
+        diverse = "steps" not in family.objective or (spec is not None and "diversity" in spec.options)
+        return cls(measure.score(values), maximum, unit, bins, family.objective, target, diverse)
+
+    def __str__(self) -> str:
+        limit = f" of {self.maximum:.3f}" if self.maximum < inf else ""
+        unit = f" {self.unit}" if self.unit else ""
+        bins = f", members in bins {','.join(map(str, self.bins))}" if self.bins else ""
+        if len(self.bins) > _MOST_REPORTED:
+            counts = [f"{number} ({count:,})" for number, count in sorted(Counter(self.bins).items())]
+            bins = f", members in bins {', '.join(counts)}"
+        parts = [f"{name} {value:.3f}" for name, value in self.objective.items()]
+        if "steps" in self.objective:
+            success, *_ = self.objective.values()
+            steps, fewest, alone = (self.objective[name] for name in ("steps", "fewest", "alone"))
+            several = f"{fewest:,.0f} to " if fewest < steps else ""
+            parts = [
+                f"{success:.1%} of new learners solve {self.target} after {several}{steps:,.0f} steps in all",
+                f"{alone:.1%} after as many steps on {self.target} alone",
+            ]
+        if self.wants_diversity:
+            parts.append(f"diversity {self.diversity:.3f}{limit}{unit}{bins}")
+        return ", ".join(parts)
+
+
+def why_low(family: Family, store: RunStore) -> Diagnostic | None:
+    """Why the family of a run is less diverse than a family can be, and what would help; None where it is not.
+
+    The first of these that holds: a condition of the objective fails, members are missing, values lie outside of the
+    range, no model came to some bins, the search ended too soon.
+    """
+    outcome = Outcome.of(family)
+    wanted, found = family.domain.spec.size, len(family.members)
+    low = family.domain.spec.samples is None and outcome.diversity < outcome.maximum - _SAME
+    if family.lacking:
+        return _lacking(family)
+    if "steps" in family.objective and (family.value or 0.0) < _FEW:
+        return _few(family)
+    if family.domain.spec.objective is not None or (found >= wanted and (not low or outcome.maximum == inf)):
+        return None  # the objective is what was to be large
+    problem, spec = family.domain.problem(family.domain.engine()), family.domain.spec
+    of, values = problem.diversity_of, _values(family, problem)
+    met = [one.measures[of] for one in store.individuals()]
+    rejected = _rejections(store.reasons(), len(met))
+    span = spec.diversity.span()
+    if found < wanted:
+        code, span = "small-family", spec.mutation.rules[0].span if spec.mutation.rules else None
+        message = f"only {found} of {wanted} environments were found that satisfy the constraints{rejected}"
+        tries = "`attempts` of `[samples]`" if spec.samples else "`max_attempts`"
+        hint = f"see whether the mutation rules match, what the constraints allow, and {tries}"
+        return Diagnostic(code, message, span, hint, Severity.WARNING)
+    hint = _go_on(store)
+    message = f"every bin was reached, but not by one family{rejected}"
+    if not isinstance(problem.diversity, BinnedEntropy):
+        message = f"values of `{of}` went from {min(met):g} to {max(met):g}{rejected}"
+    else:
+        bins = problem.diversity
+        outside = sum(not bins.low <= value <= bins.high for value in values)
+        empty = set(range(bins.bins)).difference(map(bins.bin, met))
+        if outside:
+            message = (
+                f"`{of}` of {outside} of {found} members lies outside of the range {bins.low:g} to {bins.high:g}, "
+                "and counts in the first or last bin"
+            )
+            hint = f"values went from {min(met):g} to {max(met):g}: write {_range(met)} in `[diversity]`"
+        elif empty:
+            message = f"no model came to {_bins(bins, sorted(empty))} of `{of}`{rejected}"
+            hint = (
+                f"mutations that change `{of}` more{_stronger(spec.mutation.strength)}, constraints that allow "
+                f"more, more generations; or {_range(met)} in `[diversity]`, where the values were"
+            )
+    return Diagnostic(
+        "low-diversity", f"the diversity is below its maximum: {message}", span, hint, Severity.WARNING
+    )
+
+
+def describe_search(family: Family, store: RunStore) -> list[str]:
+    """Return sentences on how the search found a family that teaches; [] for other families."""
+    found, known = store.objective, family.objective
+    if "steps" not in known:
+        return []
+    target = family.members[-1].name
+    sentences = [f"environments before {target} are {found['origin']}"]
+    exempted = ", ".join(f"`{text}`" for text in _texts(found.get("exempted", [])))
+    if exempted:
+        sentences.append(f"these constraints hold for {target} alone: {exempted}")
+    if known["alone"] > max(_FEW, (family.value or 0.0) - _NEEDLESS):
+        sentences.append(f"{target} needs no other environments: as many steps on {target} alone do as well")
+    elif "unsearched" in known:
+        sentences[0] += f", improved by search: without search {known['unsearched']:.1%} of learners succeed"
+    elif "eased" not in sentences[0]:
+        sentences[0] += ", unchanged: the search found nothing better"
+    return sentences
+
+
+def _few(family: Family) -> Diagnostic:
+    """Return the warning that less than half of the learners solve the target."""
+    spec = family.domain.spec.objective
+    message = f"the family teaches little: {family.value:.1%} of new learners solve {family.members[-1].name}"
+    hint = "raise `effort`, or let the search choose: a file without `steps_per_environment` and `population`"
+    return Diagnostic("teaches-little", message, spec.span() if spec else None, hint, Severity.WARNING)
+
+
+def _lacking(family: Family) -> Diagnostic:
+    """The condition of an objective that is farthest from being satisfied."""
+    text, excess = max(family.lacking.items(), key=lambda one: one[1])
+    spec = family.domain.spec.objective
+    texts = spec.options.get("subject_to", []) if spec else []
+    place = f"subject_to[{texts.index(text)}]" if isinstance(texts, list) and text in texts else "subject_to"
+    message = f"the family does not satisfy `{text}`: {excess:.3g} is lacking"
+    hint = "more generations or effort, mutations that change more, or a condition that is easier to satisfy"
+    return Diagnostic("unsatisfied", message, spec.span(place) if spec else None, hint, Severity.WARNING)
+
+
+def _stronger(strength: Strength) -> str:
+    return ', such as `strength = "heavy_tailed"` in `[mutation]`' if strength == "single" else ""
+
+
+def _values(family: Family, problem: Problem) -> list[float]:
+    return [member.measures[problem.diversity_of] for member in family.members]
+
+
+def _range(met: Sequence[float]) -> str:
+    """The range to write for values; a single one needs some room."""
+    low, high = min(met), max(met)
+    return f"`range = [{low:g}, {high if high > low else low + 1:g}]`"
+
+
+def _bins(measure: BinnedEntropy, empty: Sequence[int]) -> str:
+    """Numbers of bins, from 1, and the values that would fall into them."""
+    width = (measure.high - measure.low) / measure.bins
+    runs = [
+        [one for _, one in run] for _, run in groupby(enumerate(empty), key=lambda pair: pair[1] - pair[0])
+    ]
+    parts = [
+        (f"{run[0] + 1}" if len(run) == 1 else f"{run[0] + 1} to {run[-1] + 1}")
+        + f" ({measure.low + run[0] * width:.3g} to {measure.low + (run[-1] + 1) * width:.3g})"
+        for run in runs
+    ]
+    return f"bin{'s' if len(empty) > 1 else ''} {', '.join(parts)}"
+
+
+def _rejections(reasons: Mapping[str, int], accepted: int) -> str:
+    """What was wrong with most of the models that were rejected, where those are the larger part."""
+    rejected = sum(reasons.values())
+    if rejected <= accepted:
+        return ""
+    most = max(reasons, key=lambda reason: reasons[reason])
+    return f"; {rejected} of {rejected + accepted} mutations were rejected, {reasons[most]} because {most}"
+
+
+def _go_on(store: RunStore) -> str:
+    last = store.last_generation()
+    number = last.number if last else 0
+    return f"go on with `--resume --generations {2 * max(1, number)}`, or let mutations change more"

@@ -1,0 +1,85 @@
+"""The reward schedule of the ga4cl format: what it is worth to arrive on a cell of each class."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from envgraph.env import Explored, GridScene
+from envgraph.search.families._family import Family
+
+_SUCCESS = 1
+
+
+def reward_schedule(family: Family) -> tuple[float, ...]:
+    """Reward for arriving on a cell, one number for each class that the family file lists under `[ga4cl] rewards`.
+
+    Where it lists none: the classes of cells with a glyph, in the order of the metamodel, without the one on which
+    the agent starts, those that end an episode in success last. For the Burning Forest that is the published order:
+    road, vegetation, burning, water, goal.
+
+    A reward that is given once (fresh water) counts as what it is the first time: of several rewards on arrival the
+    one of the largest size. A class that no member lets the agent reach counts 0.0.
+    """
+    letters = {
+        glyph.letter: cls.name
+        for cls in family.domain.metamodel.class_list
+        if (glyph := cls.glyph) is not None
+    }
+    rewards: dict[str, float] = {}
+    winning: set[str] = set()
+    starts: set[str] = set()
+    for member in reversed(family.members):
+        found = _arrivals(family.explored(member, pictures=True))
+        starts |= {letters[letter] for letter in found.starts if letter in letters}
+        for letter, reward, outcome in found.arrivals:
+            cls = letters.get(letter, "")
+            winning |= {cls} if outcome == _SUCCESS else set()
+            if abs(reward) > abs(rewards.setdefault(cls, reward)):
+                rewards[cls] = reward
+        if set(_classes(family, starts, winning)) <= set(rewards):
+            break
+    return tuple(rewards.get(cls, 0.0) for cls in _classes(family, starts, winning))
+
+
+def _classes(family: Family, starts: set[str], winning: set[str]) -> Sequence[str]:
+    named = [str(name) for name in family.domain.spec.ga4cl]
+    if named:
+        return named
+    draw, metamodel = family.behaviour.draw, family.domain.metamodel
+    cells = [] if draw is None else metamodel.concrete(draw.cls)
+    shown = [cls for cls in cells if metamodel.classes[cls].glyph is not None and cls not in starts]
+    return [cls for cls in shown if cls not in winning] + [cls for cls in shown if cls in winning]
+
+
+class _Arrivals:
+    """Letters of the cells on which episodes start, and (letter, reward, outcome) of every possible step."""
+
+    def __init__(self) -> None:
+        self.starts: dict[str, None] = {}
+        self.arrivals: dict[tuple[str, float, int], None] = {}
+
+
+def _arrivals(explored: Explored) -> _Arrivals:
+    tabular, found = explored.tabular, _Arrivals()
+    letters = [_letter_below(scene) for scene in explored.pictures if isinstance(scene, GridScene)]
+    if len(letters) != tabular.n_states:
+        return found
+    found.starts = {letters[state]: None for state in tabular.start_states.tolist()}
+    possible = tabular.probability > 0
+    steps = zip(
+        tabular.next_state[possible].tolist(),
+        tabular.reward[possible].tolist(),
+        tabular.terminated[possible].tolist(),
+        strict=True,
+    )
+    found.arrivals = {(letters[state], reward, outcome): None for state, reward, outcome in steps}
+    return found
+
+
+def _letter_below(scene: GridScene) -> str:
+    """The letter of the cell on which the first token stands; "" where there is no token."""
+    if not scene.marks:
+        return ""
+    column, row = scene.marks[0].place
+    kind = scene.cells[row * scene.width + column]
+    return scene.glyphs[kind].letter if kind < len(scene.glyphs) else ""
