@@ -82,6 +82,7 @@ def test_runs_are_listed(envgraph: Call) -> None:
     assert "BurningForest" in lines[2] and "50 steps" in lines[2] and "seed=5" in lines[2]
     assert "is no run store" in lines[3]
     one, two = json.loads(envgraph("runs", "--format", "json"))["runs"]
+    assert f" {one['diversity']:.3f} " in lines[2]
     assert one | {"diversity": 0.0} == {
         "run": "one",
         "family": "BurningForest",

@@ -381,6 +381,12 @@ def test_an_equation_of_an_int_and_a_float_stays_a_check():
     assert isinstance(body.goals[-1], Condition)
 
 
+def test_an_int_that_a_float_equals_is_a_constant():
+    body = lowered("d : Door", check(op("d.weight", "==", 3)))
+    assert not any(isinstance(goal, Condition) for goal in body.goals)
+    assert [repr(value) for _, value in body.constants] == ["3.0"]
+
+
 def test_enum_literals_in_an_expression_become_strings():
     body = lowered(
         "k : Key, d : Door", check(op(op("k.colour", "!=", "::red"), "||", op("d.open", "==", "d.open")))
