@@ -5,6 +5,7 @@ from typing import Any
 import pytest
 
 from envgraph.errors import Severity, Source
+from envgraph.lang import TextFiles, load_workspace
 from envgraph.lang.read._imports import Import
 from envgraph.lang.read._query import read_query
 from envgraph.lang.read._query_header import DefinitionsFile
@@ -182,3 +183,13 @@ def test_a_pattern_with_an_unreadable_statement_is_left_out_and_the_others_are_r
     assert [pattern.name for pattern in file.definitions] == ["q", "r"]
     assert "p" in file.lost
     assert len(file.diagnostics) == 2
+
+
+def test_a_class_that_is_called_as_a_data_type_of_ecore_is_a_class() -> None:
+    texts = {
+        "m.metamodel": "metamodel m\nclass EDate { int day }\n",
+        "a.model": 'import "m.metamodel"\nmodel a : m { one : EDate { day = 3 } }\n',
+        "q.query": 'import "m.metamodel"\npattern days(d : EDate, n : int) { EDate.day(d, n); }\n',
+    }
+    engine = load_workspace(["q.query", "a.model"], files=TextFiles(texts)).engine()
+    assert [match["n"] for match in engine.matches("days")] == [3]

@@ -329,6 +329,9 @@ def test_work_does_not_double_with_each_level(bodies: Callable[[str], list[list[
     rows = matcher.rows(f"p{levels - 1}", (FREE, FREE))
     asked = [matcher.rows(f"p{levels - 1}", (cell, FREE)) for cell in range(3)]
     assert sorted(rows) == sorted(row for each in asked for row in each)
+    model.set_target(0, model.metamodel.feature("Cell", "east"), None)  # type: ignore[arg-type]
+    anew = CompiledMatcher(model, library(*patterns)).rows(f"p{levels - 1}", (FREE, FREE))
+    assert sorted(matcher.rows(f"p{levels - 1}", (FREE, FREE))) == sorted(anew) != sorted(rows)
 
 
 def test_unreachable_pairs_are_found_with_one_search_for_each_source() -> None:
