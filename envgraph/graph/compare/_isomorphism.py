@@ -44,7 +44,7 @@ class Shapes:
     >>> ring.canonical_hash() == pairs.canonical_hash()
     True
     >>> shapes = Shapes()
-    >>> shapes.number(ring.store), shapes.number(pairs.store), shapes.number(ring.store)
+    >>> shapes.number(ring.graph.store), shapes.number(pairs.graph.store), shapes.number(ring.graph.store)
     (0, 1, 0)
     """
 

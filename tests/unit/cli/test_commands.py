@@ -835,7 +835,10 @@ def test_apply_writes_models_as_text_and_refuses_other_suffixes(envgraph: Envgra
     ok(envgraph("check", "deep/out.model"))
     ok(envgraph("apply", "deep/out.model", *apply, "out.json"))
     refused = envgraph("apply", "maze/maze.model", *apply, "out.txt")
-    assert refused.code == 1 and "no format that can be written; there are .model, .xmi, .json" in refused.err
+    assert (
+        refused.code == 1
+        and "no format that can be written; there are `.model`, `.xmi`, `.json`" in refused.err
+    )
     assert refused.out == "" and not Path("out.txt").exists()
     ok(envgraph("convert", "maze/maze.model", "copy.model"))
     shown = [ok(envgraph("show", name)).out for name in ("copy.model", "maze/maze.model")]

@@ -329,7 +329,7 @@ def test_work_does_not_double_with_each_level(bodies: Callable[[str], list[list[
     rows = matcher.rows(f"p{levels - 1}", (FREE, FREE))
     asked = [matcher.rows(f"p{levels - 1}", (cell, FREE)) for cell in range(3)]
     assert sorted(rows) == sorted(row for each in asked for row in each)
-    model.set_target(0, model.metamodel.feature("Cell", "east"), None)  # type: ignore[arg-type]
+    model.graph.set_target(0, model.metamodel.feature("Cell", "east"), None)  # type: ignore[arg-type]
     anew = CompiledMatcher(model, library(*patterns)).rows(f"p{levels - 1}", (FREE, FREE))
     assert sorted(matcher.rows(f"p{levels - 1}", (FREE, FREE))) == sorted(anew) != sorted(rows)
 
