@@ -34,4 +34,4 @@ def later(names: dict[str, Any]) -> None:
 
     names["__all__"] = sorted(homes)
     names["__getattr__"] = __getattr__
-    names["__dir__"] = lambda: sorted({*names, *homes})
+    names["__dir__"] = lambda: sorted({*homes, *(name for name in names if name.startswith("__"))})

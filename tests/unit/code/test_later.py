@@ -24,7 +24,9 @@ def test_every_public_name_is_imported_listed_and_copied_by_a_star(package: str)
     copied: dict[str, object] = {}
     exec(f"from {package} import *", copied)
     assert {name: getattr(module, name) for name in module.__all__}.items() <= copied.items()
-    assert set(module.__all__) <= set(dir(module)) and len(module.__all__) > 1
+    assert [name for name in dir(module) if not name.startswith("__")] == module.__all__ and len(
+        module.__all__
+    ) > 1
 
 
 def test_a_name_is_loaded_with_its_module_alone() -> None:
