@@ -15,8 +15,9 @@ import numpy
 
 from benchmarks._peers import peer
 from benchmarks._railway import OWNERS, POSITIONS, Railway, reference
-from envgraph.graph import ClassFact, Fact, LinkFact, Model, ValueFact
+from envgraph.graph import Model
 from envgraph.metamodel import Metamodel
+from tests.facts import ClassFact, Fact, LinkFact, Notified, ValueFact
 
 clips, duckdb, rustworkx = map(peer, ("clips", "duckdb", "rustworkx"))
 
@@ -62,7 +63,7 @@ class Recorder:
     def __init__(self, model: Model) -> None:
         self.changes: list[Change] = []
         self._names = dict(_link_names(model.metamodel))
-        model.graph.store.listeners.append(self)
+        Notified(model, self)
 
     def inserted(self, fact: Fact) -> None:
         self._note(True, fact)

@@ -37,7 +37,7 @@ from benchmarks._social_media import (
     initial_lines,
     open_network,
 )
-from envgraph.graph import Fact
+from tests.facts import Fact, Notified
 
 TARGET = 0.5
 """Milliseconds an update with both queries may take at scale 4."""
@@ -372,7 +372,7 @@ class Counter:
 def count_facts(scale: int, sizes: Sizes) -> list[int]:
     """The number of elementary changes in each change set of a scale."""
     engine, network = open_network(initial_lines(scale))
-    engine.model.graph.store.listeners.append(counter := Counter())
+    Notified(engine.model, counter := Counter())
     totals = [0]
     for changes in sizes.changes(scale):
         network.insert(changes)

@@ -49,13 +49,6 @@ if TYPE_CHECKING:
     from envgraph.graph.model._node import Node as Node, Targets as Targets, ValueList as ValueList
     from envgraph.graph.model._picture import PictureOptions as PictureOptions
     from envgraph.graph.model._query_features import Defined as Defined, first_with as first_with
-    from envgraph.graph.store._facts import (
-        ClassFact as ClassFact,
-        Fact as Fact,
-        LinkFact as LinkFact,
-        Listener as Listener,
-        ValueFact as ValueFact,
-    )
     from envgraph.graph.store._journal import (
         EXCHANGE as EXCHANGE,
         IN as IN,

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
-from envgraph.graph import ClassFact, Fact, LinkFact, Model, ValueFact
+from envgraph.graph import Model
+from tests.facts import ClassFact, Fact, LinkFact, ValueFact
 
 
 def snapshot(model: Model) -> dict[str, object]:

@@ -9,6 +9,7 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, pr
 from envgraph.errors import TransactionError
 from envgraph.graph import Model, Savepoint, Store, Version
 from envgraph.graph.history import _versions
+from tests.facts import Notified
 from tests.profile import examples
 from tests.property.snapshots import Shadow, snapshot
 from tests.property.strategies import EDITS, edit, metamodels
@@ -21,7 +22,7 @@ class Transactions(RuleBasedStateMachine):
     def start(self, data: st.DataObject) -> None:
         self.model = Model(data.draw(metamodels()))
         self.shadow = Shadow(self.model)
-        self.model.graph.store.listeners.append(self.shadow)
+        Notified(self.model, self.shadow)
         self.savepoints: list[tuple[Savepoint, dict[str, object]]] = []
         self.versions: list[tuple[Version, dict[str, object]]] = []
 

@@ -17,6 +17,7 @@ from envgraph.match import FREE
 from envgraph.match.views.operators import _group_aggregates as _folds
 from envgraph.metamodel import Attribute, Metamodel, Scalar
 from envgraph.pattern import Library
+from tests.facts import Notified
 from tests.oracle.naive._naive import NaiveMatcher
 from tests.property.interrupting import Trip
 from tests.property.snapshots import facts, spelt
@@ -568,7 +569,7 @@ class Refusing:
         self.left = number
 
     def inserted(self, _: object) -> None:
-        """See `Listener`."""
+        """See `Hearer`."""
         self.left -= 1
         if self.left == 0:
             raise Refused
@@ -576,7 +577,7 @@ class Refusing:
     removing = inserted
 
     def restored(self) -> None:
-        """See `Listener`."""
+        """See `Hearer`."""
 
 
 class Refused(Exception):
@@ -589,7 +590,7 @@ def test_nor_does_an_exception_of_a_listener(name: str) -> None:
     states, numbered, _ = play(steps)
     for change in (*range(1, 9), 12, 17, 25, 40) if NIGHTLY else (1, 2, 4, 8, 17):
         world = World()
-        world.model.graph.store.listeners.append(Refusing(change))
+        Notified(world.model, Refusing(change))
         for number, step in enumerate(steps):
             try:
                 step(world)

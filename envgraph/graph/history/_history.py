@@ -109,7 +109,7 @@ class History:
             self.repair()
             raise
         if changed:
-            store.restored()
+            store.replaced()
 
     def _roll_back(self, savepoint: Savepoint) -> bool:
         """Roll back to a savepoint, whatever is open inside it; whether anything had changed."""
@@ -161,7 +161,7 @@ class History:
             store.interrupted.extend((None, savepoint))
             self.repair()
             raise
-        store.restored()
+        store.replaced()
         return shelf
 
     def resume(self, shelf: Shelf) -> Savepoint:
@@ -177,7 +177,7 @@ class History:
             store.interrupted.extend((None, savepoint))
             self.repair()
             raise
-        store.restored()
+        store.replaced()
         return savepoint
 
     def _replayed(self, next_id: int, total: int) -> None:
@@ -251,7 +251,7 @@ class History:
 
     @guarded
     def load(self) -> Iterator[None]:
-        """Build the model without a journal: nothing that is done inside can be undone, and listeners hear its end."""
+        """Build the model without a journal: nothing that is done inside can be undone, and followers hear its end."""
         self._mended()
         self._settle()
         self._refuse_inside("load")
@@ -260,20 +260,17 @@ class History:
                 "a model with versions cannot load without its journal: load before the first commit"
             )
         store = self._store
-        listeners = store.listeners[:]
 
         def end() -> None:
             store.loading = False
             for follower in store.followers:
                 follower.loaded()
-            store.listeners[:] = [*listeners, *(each for each in store.listeners if each not in listeners)]
-            store.restored()
+            store.replaced()
 
         try:
             for follower in store.followers:
                 follower.suspend()
             store.loading = True
-            store.listeners.clear()
             yield
             end()
         except BaseException:
@@ -325,7 +322,7 @@ class History:
             store.interrupted.extend((None, version._vertex))
             self.repair()
             raise
-        store.restored()
+        store.replaced()
 
     def _check_out(self, goal: Vertex) -> None:
         store, start = self._store, self.versions.current
@@ -391,7 +388,7 @@ class History:
             store.interrupted.append(None)
             raise
         if store.revision != revision:
-            store.restored()
+            store.replaced()
 
     def _repair(self) -> None:
         store, goals = self._store, self._store.interrupted

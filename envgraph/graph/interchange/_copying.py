@@ -1,4 +1,4 @@
-"""Copies of models, and models on the way to a worker process: made from their JSON, without versions and listeners."""
+"""Copies of models, and models on the way to a worker process: made from their JSON, without versions and views."""
 
 from __future__ import annotations
 

@@ -117,7 +117,7 @@ class Model:
         return True
 
     def copy(self) -> Model:
-        """Another model in the same state (ids, every order, hash), without versions, savepoints and listeners."""
+        """Another model in the same state (ids, every order, hash), without versions, savepoints and views."""
         return copy(self)  # `envgraph.graph.interchange._copying` says how
 
     def __deepcopy__(self, _: object) -> Model:
@@ -140,9 +140,7 @@ class Model:
         self.graph.history.unwind(0)
 
     def loading(self) -> AbstractContextManager[None]:
-        """Build a model without a journal and without notifying listeners of each change.
-
-        The listeners hear `restored` at the end.
+        """Build a model without a journal; views are made anew at the end.
 
         Raises:
             TransactionError: a savepoint is open or a version is held; or, inside the block, a savepoint is asked for.

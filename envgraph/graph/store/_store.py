@@ -1,7 +1,7 @@
 """The data of a model in id-indexed columns, and the elementary changes to it.
 
 Nothing here says what is allowed: `Graph` does. Every change is recorded in the journal (while recording), added to
-the hash, and the listeners are notified of it.
+the hash, and what follows the model is notified of it.
 """
 
 from __future__ import annotations
@@ -11,7 +11,6 @@ from functools import wraps
 from itertools import repeat
 from typing import Any, ClassVar, TypeVar
 
-from envgraph.graph.store._facts import ClassFact, Fact, LinkFact, Listener, ValueFact
 from envgraph.graph.store._followers import Follower, Interrupted, NodeHook, ValueHook
 from envgraph.graph.store._hashing import class_code, node_salts, value_code
 from envgraph.graph.store._journal import IN, MOVE, OUT, SET, Extent, IndexedSet, Item, Journal, Ordered
@@ -66,7 +65,6 @@ class Store:
         touched: the objects whose values have changed since somebody set it to {}, and inverted (`~node`) those whose
             class or place in the extent has, each with the revision of its last change, the latest last; None while
             nobody asks, and after a restoration.
-        listeners: see `Listener`.
         followers: see `Follower`.
         value_added, value_removing: for each attribute (by `index`) a function of node and value, or None.
         class_added, class_removing: for each class (by index) a function of the node, or None.
@@ -104,7 +102,6 @@ class Store:
         self.recording = False
         self.epoch = 0
         self.loading = False
-        self.listeners: list[Listener] = []
         self.followers: list[Follower] = []
         self.value_added: list[ValueHook | None] = [None] * len(metamodel.attributes)
         self.value_removing: list[ValueHook | None] = [None] * len(metamodel.attributes)
@@ -171,8 +168,6 @@ class Store:
         self.revision += 1
         if self.touched is not None:
             self._touch(~node)
-        if self.listeners:
-            self._inserted(ClassFact(self.metamodel.class_list[cls].name, node))
 
     def leave(self, node: int) -> None:
         """The object is no longer an instance of its class."""
@@ -195,8 +190,6 @@ class Store:
 
     def _leave(self, node: int) -> None:
         cls = self.classes[node]
-        if self.listeners:
-            self._removing(ClassFact(self.metamodel.class_list[cls].name, node))
         extent = self.extents[cls]
         if self.recording:
             self.journal.extend((extent, node, self.place[node], IN))
@@ -222,8 +215,6 @@ class Store:
                 hook = self.value_removing[attribute]
                 if hook is not None:
                     hook(node, old)
-                if self.listeners:
-                    self._removing(ValueFact(self.metamodel.attributes[attribute], node, old))
                 change -= codes.get(old) or self._code(attribute, old)
             if value is not None:
                 change += codes.get(value) or self._code(attribute, value)
@@ -238,8 +229,6 @@ class Store:
                 hook = self.value_added[attribute]
                 if hook is not None:
                     hook(node, value)
-                if self.listeners:
-                    self._inserted(ValueFact(self.metamodel.attributes[attribute], node, value))
         except BaseException:
             self.interrupted.append(None)
             self.interrupted.repair()
@@ -251,7 +240,7 @@ class Store:
         column, distinct = self.values[attribute], self.distinct[attribute]
         old, after = column[node], dict.fromkeys(values or ())
         before = dict.fromkeys(distinct[node])
-        heard = self.listeners or self.value_removing[attribute] or self.value_added[attribute]
+        heard = self.value_removing[attribute] or self.value_added[attribute]
         for value in reversed(before) if heard else ():
             if value not in after:
                 self._notify(node, attribute, value, False)
@@ -301,9 +290,6 @@ class Store:
         hook = (self.value_added if there else self.value_removing)[attribute]
         if hook is not None:
             hook(node, value)
-        if self.listeners:
-            fact = ValueFact(self.metamodel.attributes[attribute], node, value)
-            self._inserted(fact) if there else self._removing(fact)
 
     def keep_distinct(self, distinct: Any, node: int, values: Values) -> None:
         """Make these the distinct values, or the targets, of an object, in their order."""
@@ -350,8 +336,6 @@ class Store:
                 store.revision += 1
                 if relation.added is not None:
                     relation.added(first, second)
-                if store.listeners:
-                    store._inserted(LinkFact(relation.fact, first, second))
             except BaseException:
                 interrupted.append(None)
                 interrupted.repair()
@@ -375,8 +359,6 @@ class Store:
                     first, second = target, source
                 if relation.removing is not None:
                     relation.removing(first, second)
-                if store.listeners:
-                    store._removing(LinkFact(relation.fact, first, second))
                 ends = forward[source]
                 if len(ends) == 1:
                     if store.recording:
@@ -403,7 +385,7 @@ class Store:
 
     @_mended
     def rename(self, node: int, name: str | None) -> None:
-        """The object gets another name, or none. Names are no facts: listeners and hash ignore them."""
+        """The object gets another name, or none. Names are no facts: views and the hash ignore them."""
         old = self.names[node]
         if old is not None:
             self.map_name(old, None)
@@ -477,22 +459,6 @@ class Store:
             codes.clear()
         codes[value] = number = value_code(self.metamodel.attributes[attribute], value)
         return number
-
-    def _inserted(self, fact: Fact) -> None:
-        if not self.interrupted:  # else they are notified to forget what they know
-            for listener in self.listeners:
-                listener.inserted(fact)
-
-    def _removing(self, fact: Fact) -> None:
-        if not self.interrupted:
-            for listener in self.listeners:
-                listener.removing(fact)
-
-    def restored(self) -> None:
-        """The state was replaced by an undo or redo: a new revision, and the listeners forget what they knew."""
-        self.replaced()
-        for listener in self.listeners:
-            listener.restored()
 
     def replaced(self) -> None:
         """Begin a new revision that differs from the last one nobody knows in what."""

@@ -1,11 +1,12 @@
-"""What listeners are told."""
+"""What followers are told."""
 
 import pytest
 
 from envgraph.errors import RuleError
-from envgraph.graph import ClassFact, Fact, LinkFact, Model, ValueFact
+from envgraph.graph import Model
+from tests.facts import ClassFact, Fact, LinkFact, Notified, ValueFact
 from tests.property.snapshots import Shadow
-from tests.unit.graph.domain import FOREST, PEOPLE, feature, forest, people
+from tests.unit.graph.domain import FOREST, feature, forest, people
 
 
 class Recorder:
@@ -31,7 +32,7 @@ class Recorder:
 
 def recorded(model: Model) -> Recorder:
     recorder = Recorder()
-    model.graph.store.listeners.append(recorder)
+    Notified(model, recorder)
     return recorder
 
 
@@ -150,22 +151,12 @@ def test_loading_is_told_at_its_end():
     model = Model(FOREST)
     recorder = recorded(model)
     shadow = Shadow(model)
-    model.graph.store.listeners.append(shadow)
+    Notified(model, shadow)
     with model.loading():
         model.graph.new("RoadTile")
         assert recorder.heard == []
     assert recorder.take() == ["restored"]
     shadow.check()
-
-
-def test_every_listener_is_told_until_it_leaves():
-    model = Model(PEOPLE)
-    first, second = recorded(model), recorded(model)
-    model.graph.new("Stone")
-    model.graph.store.listeners.remove(first)
-    model.graph.new("Stone")
-    assert first.take() == [("+", ClassFact("Stone", 0))]
-    assert second.take() == [("+", ClassFact("Stone", 0)), ("+", ClassFact("Stone", 1))]
 
 
 def test_the_revision_changes_with_the_state():

@@ -11,7 +11,6 @@ from envgraph.errors import EnvgraphError, InvalidArgument, RuleError, TypeMisma
 from envgraph.graph import (
     Model,
     Shapes,
-    ValueFact,
     ValueList,
     check_conformance,
     from_networkx,
@@ -20,6 +19,7 @@ from envgraph.graph import (
     to_networkx,
 )
 from envgraph.metamodel import Attribute, Class, EnumType, Metamodel, Scalar
+from tests.facts import Notified, ValueFact
 
 GENRE = EnumType("Genre", ("novel", "poem"))
 TAGS = Attribute("tags", Scalar.STRING, lower=0, upper=None)
@@ -110,7 +110,7 @@ class _Ear:
 def test_listeners_hear_of_each_value_that_comes_or_goes(model: Model) -> None:
     book = model.create("Book", tags=["a", "b"], marks=[1.0])
     ear = _Ear()
-    model.graph.store.listeners.append(ear)
+    Notified(model, ear)
     book.tags = ["b", "c"]
     assert ear.heard == [("-", "a"), ("+", "c")]
     book.marks = [1.0, 1.0]  # no other value
@@ -180,7 +180,7 @@ def test_json_says_which_value_is_wrong(features: object, message: str) -> None:
 def test_an_edit_at_a_position_tells_of_one_value_and_journals_no_copy(model: Model) -> None:
     book = model.create("Book", tags=[f"t{n}" for n in range(100)], marks=[n % 3 for n in range(100)])
     ear = _Ear()
-    model.graph.store.listeners.append(ear)
+    Notified(model, ear)
     savepoint = model.graph.history.savepoint()
     book.tags.insert(0, "a")
     book.tags.append("z")

@@ -5,6 +5,7 @@ import pytest
 from envgraph.errors import RuleError
 from envgraph.graph import EXCHANGE, IN, OUT, SET, IndexedSet
 from envgraph.graph.store._journal import MOVE, Journal, invert, take_back
+from tests.facts import Notified
 from tests.unit.graph.domain import forest
 
 
@@ -105,7 +106,7 @@ def test_a_target_that_moves_changes_no_fact():
 
     targets = model.nodes("Forest")[0].states
     before = list(targets)
-    model.graph.store.listeners.append(Ear())
+    Notified(model, Ear())
     digest = model.state_hash()
     with model.transaction():
         targets.insert(0, targets[-1])

@@ -7,8 +7,9 @@ from random import Random
 import pytest
 
 from envgraph.errors import InvalidArgument, RuleError
-from envgraph.graph import Fact, Model, Node
+from envgraph.graph import Model, Node
 from envgraph.rewrite import Engine, Match, Row
+from tests.facts import Fact, Notified
 from tests.unit.rewrite.graphs import METAMODEL, chain, engine, patterns, snapshot
 
 RULES = """
@@ -151,7 +152,7 @@ class Ear:
 
 def test_the_model_hears_of_links_that_rules_change() -> None:
     one, ear = made(False), Ear()
-    one.model.graph.store.listeners.append(ear)
+    Notified(one.model, ear)
     one.apply("cut", a=0)
     one.apply("tie", a=0)
     assert ear.facts == ["-LinkFact", "+LinkFact"]
