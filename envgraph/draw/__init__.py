@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from envgraph.draw._diagram import (
         LAYOUTS as LAYOUTS,
         LINE_COLOUR as LINE_COLOUR,
-        MARK as MARK,
         PALE as PALE,
         End as End,
         PictureEdge as PictureEdge,

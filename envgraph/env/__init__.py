@@ -95,7 +95,7 @@ if TYPE_CHECKING:
         scene_of as scene_of,
     )
     from envgraph.env.scene._svg import scene_svg as scene_svg
-    from envgraph.env.scene._text import scene_text as scene_text, scene_title as scene_title
+    from envgraph.env.scene._text import scene_text as scene_text
 
 later(globals())
 

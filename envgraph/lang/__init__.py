@@ -13,16 +13,9 @@ if TYPE_CHECKING:
     from envgraph.lang._constructors import Pattern as Pattern, Rule as Rule, Unit as Unit
     from envgraph.lang.family._family import (
         EXPRESSIONS as EXPRESSIONS,
-        ConstraintsSpec as ConstraintsSpec,
-        CurriculumSpec as CurriculumSpec,
-        EpsilonSpec as EpsilonSpec,
         FamilySpec as FamilySpec,
-        MutationSpec as MutationSpec,
         OptimiseSpec as OptimiseSpec,
-        SamplesSpec as SamplesSpec,
-        SearchSpec as SearchSpec,
         Strength as Strength,
-        TrainingSpec as TrainingSpec,
     )
     from envgraph.lang.family._family_reader import find_family as find_family
     from envgraph.lang.family._options import LARGEST as LARGEST, Options as Options
@@ -35,11 +28,7 @@ if TYPE_CHECKING:
         parse_model as parse_model,
     )
     from envgraph.lang.interchange._level_template import LevelTemplate as LevelTemplate
-    from envgraph.lang.interchange._levels import (
-        Level as Level,
-        LevelCell as LevelCell,
-        read_levels as read_levels,
-    )
+    from envgraph.lang.interchange._levels import Level as Level, read_levels as read_levels
     from envgraph.lang.interchange._pyecore import (
         metamodel_from_pyecore as metamodel_from_pyecore,
         metamodel_to_pyecore as metamodel_to_pyecore,

@@ -40,7 +40,6 @@ if TYPE_CHECKING:
     from envgraph.learn._intervals import (
         bootstrap_interval as bootstrap_interval,
         interquartile_mean as interquartile_mean,
-        newcombe_interval as newcombe_interval,
         performance_profile as performance_profile,
         probability_of_improvement as probability_of_improvement,
         wilson_interval as wilson_interval,
@@ -57,7 +56,6 @@ if TYPE_CHECKING:
         FEWEST_UNITS as FEWEST_UNITS,
         holm as holm,
         mean_test as mean_test,
-        permutation_test as permutation_test,
     )
     from envgraph.learn._teachers import EXACT as EXACT, TEACHERS as TEACHERS
     from envgraph.solve import (

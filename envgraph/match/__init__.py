@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from envgraph.match.demand._compiled import CompiledMatcher as CompiledMatcher
     from envgraph.match.demand._sharing import Questions as Questions
     from envgraph.match.explain._explain import Explanation as Explanation
-    from envgraph.match.explain._why import Failure as Failure, WhyNot as WhyNot, Witness as Witness
+    from envgraph.match.explain._why import Failure as Failure, WhyNot as WhyNot
     from envgraph.match.views import Subscription as Subscription, ViewMatcher as ViewMatcher
 
 later(globals())

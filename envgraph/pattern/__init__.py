@@ -24,10 +24,7 @@ if TYPE_CHECKING:
         conformance_patterns as conformance_patterns,
         key_patterns as key_patterns,
     )
-    from envgraph.pattern._functions import (
-        DeclaredFunction as DeclaredFunction,
-        FunctionDeclaration as FunctionDeclaration,
-    )
+    from envgraph.pattern._functions import FunctionDeclaration as FunctionDeclaration
     from envgraph.pattern._library import PATHS as PATHS, VALUES as VALUES, Library as Library
     from envgraph.pattern._lowered import (
         Absence as Absence,
@@ -40,7 +37,6 @@ if TYPE_CHECKING:
         Goal as Goal,
         InstanceAtom as InstanceAtom,
         LinkAtom as LinkAtom,
-        LoweredPattern as LoweredPattern,
         ObjectType as ObjectType,
         RelationAtom as RelationAtom,
         StaticType as StaticType,
@@ -127,10 +123,7 @@ if TYPE_CHECKING:
         value_type as value_type,
     )
     from envgraph.pattern.check._usage import mistyped as mistyped, quantified_variable as quantified_variable
-    from envgraph.pattern.expressions._compile import (
-        CompiledExpression as CompiledExpression,
-        compile_expression as compile_expression,
-    )
+    from envgraph.pattern.expressions._compile import compile_expression as compile_expression
     from envgraph.pattern.expressions._evaluate import (
         evaluate as evaluate,
         holds as holds,
@@ -143,7 +136,6 @@ if TYPE_CHECKING:
     from envgraph.pattern.expressions._failure import explained as explained
     from envgraph.pattern.expressions._operations import (
         EXPRESSION_NAMESPACE as EXPRESSION_NAMESPACE,
-        FUNCTIONS as FUNCTIONS,
         Function as Function,
     )
     from envgraph.pattern.lowering._implied import (

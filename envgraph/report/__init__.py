@@ -10,19 +10,12 @@ from typing import TYPE_CHECKING
 from envgraph.code import later
 
 if TYPE_CHECKING:
-    from envgraph.report._audit_charts import (
-        Interval as Interval,
-        Panel as Panel,
-        interval_chart as interval_chart,
-        scatter_chart as scatter_chart,
-    )
     from envgraph.report._audit_report import audit_figures as audit_figures, audit_report as audit_report
     from envgraph.report._charts import (
         Series as Series,
         line_chart as line_chart,
         png as png,
         standalone as standalone,
-        ticks as ticks,
     )
     from envgraph.report._family_report import (
         family_report as family_report,
@@ -30,7 +23,6 @@ if TYPE_CHECKING:
         stage_table as stage_table,
     )
     from envgraph.report._page import (
-        Card as Card,
         Report as Report,
         Section as Section,
         Table as Table,

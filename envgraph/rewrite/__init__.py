@@ -39,8 +39,7 @@ if TYPE_CHECKING:
         Row as Row,
         Shape as Shape,
     )
-    from envgraph.rewrite._names import Signature as Signature, Taken as Taken
-    from envgraph.rewrite.derive._check import check_derivation as check_derivation
+    from envgraph.rewrite._names import Signature as Signature
     from envgraph.rewrite.derive._derive import derived as derived, derived_rules as derived_rules
     from envgraph.rewrite.engine._described import Steps as Steps
     from envgraph.rewrite.engine._engine import Engine as Engine
@@ -53,7 +52,7 @@ if TYPE_CHECKING:
         trace_to_text as trace_to_text,
     )
     from envgraph.rewrite.events._agenda import Agenda as Agenda
-    from envgraph.rewrite.events._event_rules import Activation as Activation, EventRule as EventRule
+    from envgraph.rewrite.events._event_rules import EventRule as EventRule
     from envgraph.rewrite.explore._exploration import (
         Exploration as Exploration,
         State as State,
@@ -65,7 +64,7 @@ if TYPE_CHECKING:
         walk_of_savepoints as walk_of_savepoints,
     )
     from envgraph.rewrite.run._choice import Choice as Choice
-    from envgraph.rewrite.run._runner import Randomness as Randomness, RuleRunner as RuleRunner
+    from envgraph.rewrite.run._runner import Randomness as Randomness
     from envgraph.rewrite.run._units import RunResult as RunResult
 
 later(globals())

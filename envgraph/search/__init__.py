@@ -57,7 +57,6 @@ if TYPE_CHECKING:
         Family as Family,
         Member as Member,
         domain_of as domain_of,
-        family_of as family_of,
         run_file as run_file,
     )
     from envgraph.search.families._file import (
@@ -88,12 +87,10 @@ if TYPE_CHECKING:
         Bounded as Bounded,
         Gini as Gini,
         Statistic as Statistic,
-        Swaps as Swaps,
         Variance as Variance,
     )
     from envgraph.search.problem._measures import (
         MatchCount as MatchCount,
-        PatternValue as PatternValue,
         ShortestPath as ShortestPath,
         ShortestPlan as ShortestPlan,
     )
@@ -103,7 +100,7 @@ if TYPE_CHECKING:
         Term as Term,
     )
     from envgraph.search.problem._objective_text import FamilyCall as FamilyCall, WrongCall as WrongCall
-    from envgraph.search.problem._paths import PathComplexity as PathComplexity, count_paths as count_paths
+    from envgraph.search.problem._paths import PathComplexity as PathComplexity
     from envgraph.search.problem._pool import (
         Candidate as Candidate,
         FamilyMeasure as FamilyMeasure,
@@ -112,10 +109,8 @@ if TYPE_CHECKING:
     )
     from envgraph.search.problem._problem import (
         Constraint as Constraint,
-        CountWithin as CountWithin,
         Forbid as Forbid,
         IndividualMeasure as IndividualMeasure,
-        NoValue as NoValue,
         Problem as Problem,
         Require as Require,
     )
@@ -128,11 +123,6 @@ if TYPE_CHECKING:
         keep_certificates as keep_certificates,
         verify as verify,
     )
-    from envgraph.search.runs._ga4cl import (
-        GridVariant as GridVariant,
-        read_ga4cl as read_ga4cl,
-        retype_grid as retype_grid,
-    )
     from envgraph.search.runs._generate import (
         evolve as evolve,
         export_ga4cl as export_ga4cl,
@@ -140,7 +130,7 @@ if TYPE_CHECKING:
         import_ga4cl as import_ga4cl,
         resume as resume,
     )
-    from envgraph.search.runs._lineage import LineageStep as LineageStep, lineage as lineage
+    from envgraph.search.runs._lineage import lineage as lineage
     from envgraph.search.runs._outcome import (
         Outcome as Outcome,
         describe_search as describe_search,

@@ -11,7 +11,14 @@ from pathlib import Path
 import pytest
 
 from envgraph.lang import load_workspace
-from envgraph.match.passes import FOR_VIEWS, ON_DEMAND, Bodies, Pass
+from envgraph.match.passes import (
+    FOR_VIEWS,
+    ON_DEMAND,
+    Bodies,
+)
+from envgraph.match.passes._bodies import (
+    Pass,
+)
 from envgraph.match.passes._calls import CallGraph
 from envgraph.pattern import (
     Absence,

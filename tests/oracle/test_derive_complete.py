@@ -11,7 +11,12 @@ from envgraph.errors import Severity
 from envgraph.graph import Model, check_conformance
 from envgraph.metamodel import Annotation, Attribute, Class, EnumType, Metamodel, Reference, Scalar
 from envgraph.pattern import Derivation
-from envgraph.rewrite import Engine, check_derivation
+from envgraph.rewrite import (
+    Engine,
+)
+from envgraph.rewrite.derive._check import (
+    check_derivation,
+)
 from tests.oracle.all_models import Form, all_models, form_of
 from tests.property.strategies import bounded_metamodels
 

@@ -10,7 +10,12 @@ from envgraph.errors import has_errors
 from envgraph.graph import Model, check_conformance
 from envgraph.metamodel import Attribute, Metamodel
 from envgraph.pattern import Derivation, Rule
-from envgraph.rewrite import Engine, check_derivation
+from envgraph.rewrite import (
+    Engine,
+)
+from envgraph.rewrite.derive._check import (
+    check_derivation,
+)
 from envgraph.rewrite.derive._derive import Derived, derived
 from tests.property.strategies import bounded_metamodels, valid_model
 

@@ -22,18 +22,11 @@ if TYPE_CHECKING:
     from envgraph.env.schedules._named import SCHEDULES as SCHEDULES, named_schedule as named_schedule
     from envgraph.env.schedules._order import InOrder as InOrder, Shuffled as Shuffled
     from envgraph.env.schedules._protocol import Batch as Batch, Outcomes as Outcomes, Schedule as Schedule
-    from envgraph.env.schedules._replay import (
-        BestSeen as BestSeen,
-        Buffer as Buffer,
-        Edit as Edit,
-        Kept as Kept,
-        Replay as Replay,
-    )
+    from envgraph.env.schedules._replay import Buffer as Buffer, Edit as Edit, Kept as Kept, Replay as Replay
     from envgraph.env.schedules._seats import Seats as Seats
     from envgraph.env.schedules._sifting import Sifter as Sifter, Sifting as Sifting
     from envgraph.env.schedules._weighted import (
         Band as Band,
-        Known as Known,
         Weighted as Weighted,
         learnability as learnability,
         learning_progress as learning_progress,

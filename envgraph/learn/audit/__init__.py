@@ -17,29 +17,16 @@ if TYPE_CHECKING:
         rank_values as rank_values,
         two_way_test as two_way_test,
     )
-    from envgraph.learn.audit._editing import Editor as Editor
-    from envgraph.learn.audit._levels import AuditLevels as AuditLevels, make_levels as make_levels
     from envgraph.learn.audit._methods import (
         CONTRASTS as CONTRASTS,
         EDITING as EDITING,
         METHODS as METHODS,
         PROBED as PROBED,
-        Contrast as Contrast,
         Method as Method,
     )
-    from envgraph.learn.audit._ranks import (
-        Ranking as Ranking,
-        rank_correlation as rank_correlation,
-        ranking as ranking,
-    )
-    from envgraph.learn.audit._run import (
-        ROLLOUTS as ROLLOUTS,
-        SHOWN_ROLLOUTS as SHOWN_ROLLOUTS,
-        Run as Run,
-        run_method as run_method,
-        schedule_of as schedule_of,
-    )
-    from envgraph.learn.audit._scores import Student as Student, score_levels as score_levels
+    from envgraph.learn.audit._ranks import ranking as ranking
+    from envgraph.learn.audit._run import ROLLOUTS as ROLLOUTS, SHOWN_ROLLOUTS as SHOWN_ROLLOUTS, Run as Run
+    from envgraph.learn.audit._scores import Student as Student
     from envgraph.learn.audit._settings import (
         AuditSettings as AuditSettings,
         audit_problems as audit_problems,

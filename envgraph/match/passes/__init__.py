@@ -6,7 +6,7 @@
 ['links_as_facts', 'closures_as_calls', 'inline_few_locals', 'drop_repeated', 'drop_implied', 'split_negations']
 """
 
-from envgraph.match.passes._bodies import Bodies as Bodies, Pass as Pass
+from envgraph.match.passes._bodies import Bodies as Bodies, Pass
 from envgraph.match.passes._closures import closures_as_calls
 from envgraph.match.passes._implied import drop_implied, drop_implied_inside
 from envgraph.match.passes._inline import expanded as expanded, inline_calls, inline_few_locals

@@ -20,12 +20,6 @@ if TYPE_CHECKING:
         reproduction_report as reproduction_report,
         write_tables as write_tables,
     )
-    from envgraph.report.reproduction._published import published_files as published_files
-    from envgraph.report.reproduction._runs import (
-        Budget as Budget,
-        Reproduction as Reproduction,
-        generation_times as generation_times,
-        reproduce as reproduce,
-    )
+    from envgraph.report.reproduction._runs import Budget as Budget, reproduce as reproduce
 
 later(globals())

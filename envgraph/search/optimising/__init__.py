@@ -12,7 +12,7 @@ from envgraph.code import later
 if TYPE_CHECKING:
     from envgraph.search.optimising._archive import Archive as Archive, Found as Found
     from envgraph.search.optimising._climbing import Annealing as Annealing, HillClimb as HillClimb
-    from envgraph.search.optimising._goals import Goal as Goal, Sense as Sense, Standing as Standing
+    from envgraph.search.optimising._goals import Goal as Goal, Sense as Sense
     from envgraph.search.optimising._optimise import (
         Optimum as Optimum,
         Solution as Solution,

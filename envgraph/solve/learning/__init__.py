@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from envgraph.solve.learning._programs import (
         InProgram as InProgram,
         ProgramTraining as ProgramTraining,
-        train_learner as train_learner,
         train_program as train_program,
         train_stage as train_stage,
     )

@@ -17,12 +17,14 @@ from numpy.typing import NDArray
 from envgraph.draw import (
     INK,
     LINE_COLOUR,
-    MARK,
     PAPER,
     colour_text,
     contrast,
     ink_on,
     parse_colour,
+)
+from envgraph.draw._diagram import (
+    MARK,
 )
 from envgraph.env import (
     Draw,
@@ -39,10 +41,12 @@ from envgraph.env import (
     scene_rgb,
     scene_svg,
     scene_text,
-    scene_title,
 )
 from envgraph.env.scene._font import write
 from envgraph.env.scene._layout import NODE_RADIUS, between, graph_layout, label_place
+from envgraph.env.scene._text import (
+    scene_title,
+)
 from envgraph.errors import InvalidArgument, ResolutionError
 from envgraph.graph import Model
 from envgraph.metamodel import Annotation, Attribute, Class, EnumType, Glyph, Metamodel, Reference, Scalar

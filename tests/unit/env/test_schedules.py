@@ -11,7 +11,6 @@ from envgraph.env.schedules import (
     Buffer,
     InOrder,
     Kept,
-    Known,
     Outcomes,
     Replay,
     Schedule,
@@ -23,6 +22,9 @@ from envgraph.env.schedules import (
     learnability,
     learning_progress,
     named_schedule,
+)
+from envgraph.env.schedules._weighted import (
+    Known,
 )
 from envgraph.errors import InvalidArgument
 

@@ -16,9 +16,11 @@ from envgraph.learn import (
     bootstrap_interval,
     compare,
     findings,
-    newcombe_interval,
 )
 from envgraph.learn._curricula import Kind
+from envgraph.learn._intervals import (
+    newcombe_interval,
+)
 
 
 def runs(

@@ -13,10 +13,12 @@ from envgraph.learn import (
     _intervals,
     bootstrap_interval,
     interquartile_mean,
-    newcombe_interval,
     performance_profile,
     probability_of_improvement,
     wilson_interval,
+)
+from envgraph.learn._intervals import (
+    newcombe_interval,
 )
 
 

@@ -20,8 +20,13 @@ from envgraph.learn import (
     train_curriculum,
     train_program,
 )
-from envgraph.solve.learning import Stage, train_learner
-from envgraph.solve.learning._programs import rates_of
+from envgraph.solve.learning import (
+    Stage,
+)
+from envgraph.solve.learning._programs import (
+    rates_of,
+    train_learner,
+)
 from envgraph.solve.learning._settings import Agent, Ties
 from tests.profile import NIGHTLY
 from tests.unit.env.side_by_side import BUNDLED, EXTRA, family_keys, mutants, opened

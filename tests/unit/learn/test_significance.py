@@ -8,7 +8,14 @@ import pytest
 from hypothesis import given, strategies as st
 
 from envgraph.errors import InvalidArgument
-from envgraph.learn import _significance, holm, mean_test, permutation_test
+from envgraph.learn import (
+    _significance,
+    holm,
+    mean_test,
+)
+from envgraph.learn._significance import (
+    permutation_test,
+)
 
 ROW = st.tuples(*[st.sampled_from([0.0, 0.25, 1.0, 1 / 3, 10.2])] * 2)
 

@@ -12,9 +12,7 @@ from envgraph.errors import EvaluationError
 from envgraph.metamodel import EnumType, Scalar, accepts
 from envgraph.pattern import (
     EXPRESSION_NAMESPACE,
-    FUNCTIONS,
     Binary,
-    CompiledExpression,
     Conditional,
     Constant,
     EnumLiteral,
@@ -24,6 +22,12 @@ from envgraph.pattern import (
     check_expression,
     compile_expression,
     evaluate,
+)
+from envgraph.pattern.expressions._compile import (
+    CompiledExpression,
+)
+from envgraph.pattern.expressions._operations import (
+    FUNCTIONS,
 )
 from tests.unit.pattern.building import COLOUR, METAMODEL
 

@@ -7,7 +7,6 @@ from envgraph.errors import EvaluationError, InvalidArgument, spelling
 from envgraph.metamodel import Scalar
 from envgraph.pattern import (
     EXPRESSION_NAMESPACE,
-    FUNCTIONS,
     Constant,
     EnumLiteral,
     FunctionCall,
@@ -20,6 +19,9 @@ from envgraph.pattern import (
     evaluate,
     holds,
     value_of,
+)
+from envgraph.pattern.expressions._operations import (
+    FUNCTIONS,
 )
 from tests.unit.pattern.building import COLOUR, METAMODEL, NONE, cond, expr, op, text
 

@@ -5,12 +5,14 @@ import pytest
 from envgraph.errors import InvalidArgument
 from envgraph.learn.audit import PROBED, findings_of
 from envgraph.report import (
-    Interval,
-    Panel,
     audit_figures,
     audit_report,
-    interval_chart,
     render_html,
+)
+from envgraph.report._audit_charts import (
+    Interval,
+    Panel,
+    interval_chart,
     scatter_chart,
 )
 from tests.unit.learn.audit.test_study import replace_name, study

@@ -27,7 +27,6 @@ from envgraph.learn import (
 )
 from envgraph.metamodel import Glyph
 from envgraph.report import (
-    Card,
     Report,
     Section,
     Series,
@@ -38,9 +37,15 @@ from envgraph.report import (
     png,
     render_html,
     standalone,
+)
+from envgraph.report._charts import (
+    COLOURS,
+    COLOURS_ON_DARK,
     ticks,
 )
-from envgraph.report._charts import COLOURS, COLOURS_ON_DARK
+from envgraph.report._page import (
+    Card,
+)
 from envgraph.search import generate
 
 SVG = '<svg viewBox="0 0 1 1"></svg>'

@@ -14,15 +14,19 @@ from envgraph.learn import Experiment, mean_test, wilson_interval
 from envgraph.report import render_html
 from envgraph.report.reproduction import (
     Claim,
-    Reproduction,
     _runs,
     claims,
     figures,
-    generation_times,
-    published_files,
     reproduce,
     reproduction_report,
     write_tables,
+)
+from envgraph.report.reproduction._published import (
+    published_files,
+)
+from envgraph.report.reproduction._runs import (
+    Reproduction,
+    generation_times,
 )
 from tests.unit.learn.forest_tables import DATA
 

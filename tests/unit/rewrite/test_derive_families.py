@@ -15,7 +15,13 @@ from envgraph.errors import has_errors
 from envgraph.graph import Model, Node, check_conformance
 from envgraph.metamodel import Annotation, Reference
 from envgraph.pattern import Derivation
-from envgraph.rewrite import Engine, check_derivation, derived_rules
+from envgraph.rewrite import (
+    Engine,
+    derived_rules,
+)
+from envgraph.rewrite.derive._check import (
+    check_derivation,
+)
 from tests.unit.rewrite.test_derive_operators import engine, metamodel, names
 
 Bounds = tuple[int, int | None]

@@ -8,7 +8,14 @@ import pytest
 
 from envgraph.errors import EvaluationError, InvalidArgument, RuleError, TransactionError
 from envgraph.graph import Model, Node
-from envgraph.rewrite import Activation, Engine, Firing, Match
+from envgraph.rewrite import (
+    Engine,
+    Firing,
+    Match,
+)
+from envgraph.rewrite.events._event_rules import (
+    Activation,
+)
 from tests.oracle.naive._naive import NaiveMatcher
 from tests.unit.rewrite.graphs import METAMODEL, chain, definitions, engine, snapshot
 

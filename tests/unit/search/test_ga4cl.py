@@ -8,7 +8,16 @@ from pathlib import Path
 import pytest
 
 from envgraph.errors import LoadError, Source
-from envgraph.search import Domain, Family, export_ga4cl, import_ga4cl, read_ga4cl, retype_grid
+from envgraph.search import (
+    Domain,
+    Family,
+    export_ga4cl,
+    import_ga4cl,
+)
+from envgraph.search.runs._ga4cl import (
+    read_ga4cl,
+    retype_grid,
+)
 
 
 def source(path: Path) -> Source:

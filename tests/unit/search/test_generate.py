@@ -21,16 +21,20 @@ from envgraph.search import (
     Domain,
     Family,
     Generation,
-    NoValue,
     RunStore,
     Variance,
     export_ga4cl,
-    family_of,
     generate,
     open_family,
     read_family,
     resume,
     write_family,
+)
+from envgraph.search.families._family import (
+    family_of,
+)
+from envgraph.search.problem._problem import (
+    NoValue,
 )
 
 SMALL = {"generations": 25, "population": 4}

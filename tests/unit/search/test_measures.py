@@ -14,7 +14,16 @@ from envgraph.env.compiled import Tables
 from envgraph.errors import LoadError
 from envgraph.graph import model_to_json
 from envgraph.lang import bundled_domain
-from envgraph.search import Domain, Family, IndividualMeasure, NoValue, certificates, generate
+from envgraph.search import (
+    Domain,
+    Family,
+    IndividualMeasure,
+    certificates,
+    generate,
+)
+from envgraph.search.problem._problem import (
+    NoValue,
+)
 
 KINDS = ("random_success", "optimal_return", "shortest_plan", "distance")
 GIVEN = [f"measures.{kind}={{ kind = '{kind}', otherwise = 0 }}" for kind in KINDS]

@@ -12,7 +12,12 @@ from envgraph.errors import EvaluationError
 from envgraph.graph import Model
 from envgraph.metamodel import Class, Metamodel, Reference
 from envgraph.rewrite import Engine
-from envgraph.search import PathComplexity, count_paths
+from envgraph.search import (
+    PathComplexity,
+)
+from envgraph.search.problem._paths import (
+    count_paths,
+)
 
 
 @pytest.fixture

@@ -15,7 +15,17 @@ from numpy.random import default_rng
 from envgraph.env.compiled import NotCompiled, Plan, Plans
 from envgraph.errors import EvaluationError, InvalidArgument, RuleError
 from envgraph.rewrite import Engine
-from envgraph.search import Constraint, CountWithin, Domain, Forbid, NoValue, Problem, Require
+from envgraph.search import (
+    Constraint,
+    Domain,
+    Forbid,
+    Problem,
+    Require,
+)
+from envgraph.search.problem._problem import (
+    CountWithin,
+    NoValue,
+)
 
 
 @pytest.fixture(scope="module")

@@ -2,7 +2,12 @@
 
 import numpy as np
 
-from envgraph.learn.audit import AuditLevels, AuditSettings
+from envgraph.learn.audit import (
+    AuditSettings,
+)
+from envgraph.learn.audit._levels import (
+    AuditLevels,
+)
 from envgraph.solve.learning import LevelTables, PolicySettings
 
 POLICY = PolicySettings(hidden=3, levels=4, minibatches=1, epochs=1, steps=8, limit=6)

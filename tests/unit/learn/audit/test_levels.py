@@ -11,9 +11,22 @@ from envgraph.env import Tabular, explore
 from envgraph.env.schedules import Buffer
 from envgraph.errors import EvaluationError, LoadError
 from envgraph.lang import data_path
-from envgraph.learn.audit import EDITING, AuditLevels, Editor, audit_settings, make_levels, run_method
+from envgraph.learn.audit import (
+    EDITING,
+    audit_settings,
+)
+from envgraph.learn.audit._editing import (
+    Editor,
+)
 from envgraph.learn.audit._features import StateFeatures, _decoded
-from envgraph.learn.audit._levels import Maker
+from envgraph.learn.audit._levels import (
+    AuditLevels,
+    Maker,
+    make_levels,
+)
+from envgraph.learn.audit._run import (
+    run_method,
+)
 from envgraph.search import Domain
 from envgraph.solve import certify
 from envgraph.solve.learning import PolicyLearner

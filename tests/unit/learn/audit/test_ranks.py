@@ -3,8 +3,14 @@
 import numpy as np
 import pytest
 
-from envgraph.learn.audit import rank_correlation, ranking, two_way_test
-from envgraph.learn.audit._ranks import level_parts
+from envgraph.learn.audit import (
+    ranking,
+    two_way_test,
+)
+from envgraph.learn.audit._ranks import (
+    level_parts,
+    rank_correlation,
+)
 
 
 def test_rank_correlation_of_ties_is_that_of_midranks() -> None:

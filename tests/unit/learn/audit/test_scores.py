@@ -3,7 +3,19 @@
 import numpy as np
 
 from envgraph.env.schedules import Replay, Shuffled, Sifter, Sifting
-from envgraph.learn.audit import METHODS, AuditLevels, Method, schedule_of, score_levels
+from envgraph.learn.audit import (
+    METHODS,
+    Method,
+)
+from envgraph.learn.audit._levels import (
+    AuditLevels,
+)
+from envgraph.learn.audit._run import (
+    schedule_of,
+)
+from envgraph.learn.audit._scores import (
+    score_levels,
+)
 from envgraph.solve.learning import Played
 from tests.unit.learn.audit.small_levels import corridors
 

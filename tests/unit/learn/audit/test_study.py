@@ -13,7 +13,6 @@ from envgraph.learn.audit import (
     METHODS,
     PROBED,
     SHOWN_ROLLOUTS,
-    AuditLevels,
     AuditSettings,
     Method,
     Run,
@@ -21,9 +20,14 @@ from envgraph.learn.audit import (
     _run as one_run,
     _study as module,
     findings_of,
-    run_method,
     summaries,
     write_audit,
+)
+from envgraph.learn.audit._levels import (
+    AuditLevels,
+)
+from envgraph.learn.audit._run import (
+    run_method,
 )
 from envgraph.learn.audit._study import audit, read_run
 from envgraph.search import Domain

@@ -20,12 +20,14 @@ from envgraph.search import (
     Outcome,
     RunStore,
     curricula,
-    family_of,
     generate,
     open_family,
     read_family,
     resume,
     write_family,
+)
+from envgraph.search.families._family import (
+    family_of,
 )
 from envgraph.solve import evaluate
 from envgraph.solve.learning import TrainingSettings, train_curriculum

@@ -5,8 +5,10 @@ from __future__ import annotations
 from math import inf
 from random import Random
 
-from envgraph.search.optimising import Standing
 from envgraph.search.optimising._archive import ranked
+from envgraph.search.optimising._goals import (
+    Standing,
+)
 
 
 def points(*costs: tuple[float, ...]) -> list[Standing]:
