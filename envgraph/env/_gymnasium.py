@@ -7,7 +7,7 @@ from bisect import bisect_right
 from collections.abc import Sequence
 from numbers import Integral
 from operator import index
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import gymnasium
 import numpy as np
@@ -27,6 +27,10 @@ from envgraph.env.scene._scene import DRAW_HINT, Scene
 from envgraph.env.scene._text import scene_text
 from envgraph.env.scene._window import Window, check_window, has_window
 from envgraph.errors import InvalidArgument, listed
+from envgraph.graph import Model
+
+if TYPE_CHECKING:
+    from envgraph.env.compiled._program import Program
 
 RENDER_MODES: Final = ("ansi", "rgb_array", "human")
 """Text, pixels, and a window."""
@@ -44,8 +48,10 @@ def view_of_table(tabular: Tabular, kind: ObservationKind) -> View:
     return View(kind, shape, tabular.observation_names or [str(place) for place in range(1, len(shape) + 1)])
 
 
-def view_of(observation: ObservationKind | ModelView, simulator: Simulator) -> View | ModelView:
-    """How observations of an engine are seen; of the model, if the view is not given, as if it were all of a family.
+def view_of(
+    observation: ObservationKind | ModelView, source: Simulator | Program, models: Sequence[Model]
+) -> View | ModelView:
+    """Return how observations are seen. A view of the model that is not given is made for all of these models.
 
     Raises:
         InvalidArgument: there is no such view, or it cannot be seen so.
@@ -54,8 +60,8 @@ def view_of(observation: ObservationKind | ModelView, simulator: Simulator) -> V
         return observation
     check_kind(observation)
     if observation in OF_MODEL:
-        return model_view(observation, simulator.behaviour, [simulator.engine.model])
-    return View(observation, simulator.observation_shape or (1,), simulator.observation_names)
+        return model_view(observation, source.behaviour, models)
+    return View(observation, source.observation_shape or (1,), source.observation_names)
 
 
 def check_render_mode(render_mode: str | None, modes: Sequence[str] = RENDER_MODES, *, drawn: bool) -> None:
@@ -382,7 +388,7 @@ class EnvgraphLiveEnv(SingleEnvironment):
         action_masks: bool = False,
     ) -> None:
         check_render_mode(render_mode, drawn=simulator.behaviour.draw is not None)
-        view = view_of(observation, simulator)
+        view = view_of(observation, simulator, [simulator.engine.model])
         super().__init__(simulator.action_names, view, render_mode, cell, action_masks)
         self._enter(simulator)
 

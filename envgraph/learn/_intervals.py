@@ -38,10 +38,8 @@ def wilson_interval(proportion: float, runs: int, confidence: float = 0.95) -> t
     return max(0.0, min(proportion, centre - spread)), min(1.0, max(proportion, centre + spread))
 
 
-def newcombe_interval(
-    proportion: float, runs: int, other: float, others: int, confidence: float = 0.95
-) -> tuple[float, float]:
-    """Hybrid score interval for `proportion` minus `other`, of independent runs. Newcombe 1998, method 10.
+def newcombe_interval(proportion: float, runs: int, other: float, others: int) -> tuple[float, float]:
+    """Hybrid score interval of 95 % for `proportion` minus `other`, of independent runs. Newcombe 1998, method 10.
 
     With the Wilson limits l and u of both, the difference d has the limits d - sqrt((p - l)^2 + (u' - p')^2) and
     d + sqrt((u - p)^2 + (p' - l')^2).
@@ -50,8 +48,8 @@ def newcombe_interval(
     >>> round(low, 4), round(high, 4)
     (0.0524, 0.3339)
     """
-    low, high = wilson_interval(proportion, runs, confidence)
-    other_low, other_high = wilson_interval(other, others, confidence)
+    low, high = wilson_interval(proportion, runs)
+    other_low, other_high = wilson_interval(other, others)
     difference = proportion - other
     return (
         difference - sqrt((proportion - low) ** 2 + (other_high - other) ** 2),

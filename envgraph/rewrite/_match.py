@@ -59,14 +59,14 @@ class Match(Mapping[str, "Node | Value"]):
     rows; a match stays what it is when the model changes.
     """
 
-    __slots__ = ("_model", "_shape", "row")
+    __slots__ = ("_shape", "model", "row")
 
-    _model: Model
     _shape: Shape
+    model: Model
     row: Row
 
     def __init__(self, model: Model, shape: Shape, row: Row) -> None:
-        object.__setattr__(self, "_model", model)
+        object.__setattr__(self, "model", model)
         object.__setattr__(self, "_shape", shape)
         object.__setattr__(self, "row", row)
 
@@ -79,11 +79,6 @@ class Match(Mapping[str, "Node | Value"]):
     def names(self) -> tuple[str, ...]:
         """Names of the variables, parameters first."""
         return self._shape.names
-
-    @property
-    def model(self) -> Model:
-        """The model that was matched."""
-        return self._model
 
     def __getitem__(self, name: str) -> Node | Value:
         if name not in self.names:
@@ -132,7 +127,7 @@ class Match(Mapping[str, "Node | Value"]):
 
     def __reduce__(self) -> tuple[type[Match], tuple[Model, Shape, Row]]:
         """With its model, as a node."""
-        return Match, (self._model, self._shape, self.row)
+        return Match, (self.model, self._shape, self.row)
 
     def picture(self, **options: Unpack[PictureOptions]) -> Picture:
         """The matched objects, highlighted, and those one link away; `options` are those of `Model.picture`."""

@@ -85,14 +85,14 @@ def optimal_return(tabular: Tabular, limit: int = 200, *, discount: float = 1.0)
     return float(tabular.start_probability @ values[tabular.start_states])
 
 
-def optimal_episode(tabular: Tabular, limit: int = 200, *, attempts: int = 100) -> list[int]:
+def optimal_episode(tabular: Tabular, limit: int = 200) -> list[int]:
     """Return the states of an episode of the best policy that ends in success, without the last state.
 
-    Chance is drawn with a fixed seed. Return [] if none of the attempts, of at most `limit` steps, ends in success.
+    Chance is drawn with a fixed seed. Return [] if none of 100 episodes, of at most `limit` steps, ends in success.
     """
     policy, rng = value_iteration(tabular).policy, np.random.default_rng(0)
     chances = accumulate(tabular.probability[np.arange(tabular.n_states), policy])
-    for _ in range(attempts):
+    for _ in range(100):
         start, states = (accumulate(tabular.start_probability) <= rng.random()).sum(), list[int]()
         state = int(tabular.start_states[start])
         while len(states) < limit:

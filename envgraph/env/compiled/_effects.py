@@ -80,40 +80,40 @@ class Effects:
 
     def _compute_all(self) -> None:
         self._identify()
-        for unlink in self._site.body.unlinks:
+        for unlink in self._site.frame.plan.unlinks:
             if unlink.required:
                 self._site.unless(self._links.linked(unlink.source, unlink.reference, unlink.target))
-        for compute in self._site.body.computed:
+        for compute in self._site.frame.plan.computed:
             self._compute(compute)
 
     def _unlink_all(self) -> None:
-        for unlink in self._site.body.unlinks:
+        for unlink in self._site.frame.plan.unlinks:
             self._links.unlink(unlink)
-        for move in self._site.body.moves:
+        for move in self._site.frame.plan.moves:
             self._links.leave_containers(move)
 
     def _delete_all(self) -> None:
-        for delete in self._site.body.deletes:
+        for delete in self._site.frame.plan.deletes:
             made = self._site.collected(lambda each=delete: self._objects.delete(each))  # type: ignore[misc]
             outside = self._objects.outside(delete)
             self._site.add(*([code.If(code.joined("and", outside, True), made)] if outside else made))
 
     def _retype_all(self) -> None:
-        for retype in self._site.body.retypes:
+        for retype in self._site.frame.plan.retypes:
             self._objects.retype(retype)
 
     def _create_all(self) -> None:
-        for new in self._site.body.creates:
+        for new in self._site.frame.plan.creates:
             self._objects.create(new)
 
     def _link_all(self) -> None:
-        for move in self._site.body.moves:
+        for move in self._site.frame.plan.moves:
             self._links.link(move)
-        for link in self._site.body.links:
+        for link in self._site.frame.plan.links:
             self._links.link(link)
 
     def _set_all(self) -> None:
-        for change in self._site.body.sets:
+        for change in self._site.frame.plan.sets:
             match change:
                 case SetValue():
                     self._set(change)
@@ -132,9 +132,9 @@ class Effects:
 
     def _identify(self) -> None:
         """The rule is refused where what is deleted is also something else that the match has."""
-        for gone, other in self._site.body.identified:
+        for gone, other in self._site.frame.plan.identified:
             self._site.unless(code.Operation("!=", (self._site.slots[gone], self._site.slots[other])))
-        for one, another in self._site.body.identified_links:
+        for one, another in self._site.frame.plan.identified_links:
             others = (another.source, another.target)
             if one.reference != another.reference:
                 others = others[::-1]
@@ -161,7 +161,7 @@ class Effects:
         self._site.add(*terms.steps)
         for test in term.valid if not compute.needed else term.tests:
             self._site.fail_if(code.inverse(test))
-        self._site.types[compute.slot] = term.type
+        self._site.frame.types[compute.slot] = term.type
         local = self._facts.local(term.type or ObjectType(""))
         value = term.number
         optional = term.present if not compute.needed else ()
@@ -180,13 +180,15 @@ class Effects:
         """The type of what gets the value of a slot."""
         values = (SetValue, Increase)
         found = (
-            one.attribute for one in self._site.body.sets if isinstance(one, values) and one.value == slot
+            one.attribute
+            for one in self._site.frame.plan.sets
+            if isinstance(one, values) and one.value == slot
         )
         return next((attribute.type for attribute in found), None)
 
     def _fitting(self, slot: int, attribute: Attribute) -> code.Expression:
         """The value of a slot as one of an attribute."""
-        return fitted(self._site.slots[slot], self._site.types.get(slot, attribute.type), attribute)
+        return fitted(self._site.slots[slot], self._site.frame.types.get(slot, attribute.type), attribute)
 
     def _cell(self, slot: int, attribute: Attribute) -> code.Index:
         node = self._site.slots[slot]

@@ -9,10 +9,10 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
-from envgraph.env._gymnasium import SUCCESS, SingleEnvironment, check_render_mode
-from envgraph.env._model_views import ModelView, model_view
+from envgraph.env._gymnasium import SUCCESS, SingleEnvironment, check_render_mode, view_of
+from envgraph.env._model_views import ModelView
 from envgraph.env._vector import Bools, Floats, Ints, VectorEnvironmentBase
-from envgraph.env._views import OF_MODEL, Memory, ObservationKind, View, check_kind
+from envgraph.env._views import Memory, ObservationKind, View
 from envgraph.env.compiled._batch import Batch
 from envgraph.env.compiled._layout import TURN
 from envgraph.env.compiled._program import Program
@@ -51,7 +51,7 @@ class CompiledEnv(SingleEnvironment):
         action_masks: bool = False,
     ) -> None:
         check_render_mode(render_mode, drawn=program.behaviour.draw is not None)
-        view = _view_of(observation, program)
+        view = view_of(observation, program, [each.model for each in program.members])
         super().__init__(program.action_names, view, render_mode, cell, action_masks)
         self._action = np.zeros(1, dtype=np.int64)
         self._source: np.random.Generator | None = None
@@ -168,7 +168,7 @@ class CompiledVectorEnv(VectorEnvironmentBase):
         super().__init__(
             count,
             len(program.action_names),
-            _view_of(observation, program),
+            view_of(observation, program, [each.model for each in program.members]),
             max_episode_steps=max_episode_steps,
             render_mode=render_mode,
             autoreset_mode=autoreset_mode,
@@ -250,20 +250,6 @@ class CompiledVectorEnv(VectorEnvironmentBase):
             with self._batch.model_of(number) as simulator:
                 pictures.append(scene_rgb(simulator.painter().scene()))
         return tuple(pictures)
-
-
-def _view_of(observation: ObservationKind | ModelView, program: Program) -> View | ModelView:
-    """How observations of a program are seen; of the model over all its members, if the view is not given.
-
-    Raises:
-        InvalidArgument: there is no such view, or it cannot be seen so.
-    """
-    if isinstance(observation, ModelView):
-        return observation
-    check_kind(observation)
-    if observation in OF_MODEL:
-        return model_view(observation, program.behaviour, [member.model for member in program.members])
-    return View(observation, program.observation_shape or (1,), program.observation_names)
 
 
 def _remembered(memory: Memory, view: ModelView, batch: Batch, row: int) -> Any:

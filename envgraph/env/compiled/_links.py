@@ -115,7 +115,7 @@ class Links:
         made = self._site.collected(write)
         there = code.Operation(">=", (self._site.slots[target], ZERO))
         missing_ = code.inverse(self.linked(source, reference, target))
-        test = code.Operation("and", (there, missing_)) if target in self._site.types else missing_
+        test = code.Operation("and", (there, missing_)) if target in self._site.frame.types else missing_
         self._site.add(code.If(test, made))
 
     def _check_contents(self, content: int, container: int, cls: str) -> None:
@@ -272,7 +272,7 @@ class Links:
                 self.link(Link(change.object, change.reference, value))
                 continue
             there = code.Operation(">=", (self._site.slots[value], ZERO))
-            self._site.add(*([code.If(there, made)] if value in self._site.types else made))
+            self._site.add(*([code.If(there, made)] if value in self._site.frame.types else made))
 
     def _hold(self, stored: LinkColumn, holder: code.Expression, other: code.Expression) -> None:
         """The cell of an object, if there is that object, has another."""

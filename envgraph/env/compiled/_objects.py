@@ -48,7 +48,7 @@ class Objects:
     def retype(self, retype: ChangeClass) -> None:
         """An object is of another class: what that has not goes, and is refused if it is links; what it adds comes."""
         facts, node, new = self._facts, self._site.slots[retype.node], retype.cls
-        cls, group = self._site.body.classes[retype.node], facts.changes.group_of(new)
+        cls, group = self._site.frame.plan.classes[retype.node], facts.changes.group_of(new)
         assert cls is not None
         assert group is not None
         for old in facts.metamodel.concrete(cls):
@@ -86,7 +86,7 @@ class Objects:
 
     def delete(self, delete: Delete) -> None:
         """An object goes, with all that it contains."""
-        cls = self._site.body.classes[delete.node]
+        cls = self._site.frame.plan.classes[delete.node]
         assert cls is not None
         facts, node = self._facts, self._site.slots[delete.node]
         metamodel = facts.metamodel
@@ -108,9 +108,9 @@ class Objects:
 
     def outside(self, delete: Delete) -> list[code.Expression]:
         """Tests that an object does not go along with another one that the rule deletes."""
-        facts, slots, classes = self._facts, self._site.slots, self._site.body.classes
+        facts, slots, classes = self._facts, self._site.slots, self._site.frame.plan.classes
         found: list[code.Expression] = []
-        for other in self._site.body.deletes:
+        for other in self._site.frame.plan.deletes:
             inner = facts.metamodel.all_contents(facts.metamodel.concrete(classes[other.node] or ""))
             if other is not delete and any(
                 facts.metamodel.overlap(one, classes[delete.node] or "") for one in inner

@@ -8,8 +8,7 @@ from envgraph import code
 from envgraph.env.compiled._blocks import Blocks, Frame, Slots
 from envgraph.env.compiled._matching import Matching
 from envgraph.env.compiled._statements import Statements
-from envgraph.pattern import StaticType
-from envgraph.rewrite.plans import BlockPlan, RulePlan
+from envgraph.rewrite.plans import RulePlan
 
 
 class Site(Statements):
@@ -40,16 +39,6 @@ class Site(Statements):
     def enter(self, frame: Frame, slots: Slots, row: code.Local | None) -> None:
         """From now on statements are about a match of a frame."""
         self.frame, self.slots, self.row = frame, slots, row
-
-    @property
-    def body(self) -> BlockPlan:
-        """The plan of the rule or block at hand."""
-        return self.frame.plan
-
-    @property
-    def types(self) -> dict[int, StaticType | None]:
-        """Types of the values in slots."""
-        return self.frame.types
 
     def unless(self, test: code.Expression) -> None:
         """The rule is refused unless something holds."""

@@ -28,7 +28,7 @@ _ID = re.compile(r"[^\W\d][\w.-]*")
 _VALUE = re.compile(r"[\w.-]+")
 
 
-def model_to_xmi(model: Model, *, schema: str | None = None) -> str:
+def model_to_xmi(model: Model) -> str:
     """The text of an `.xmi` file with the present state, the same for the same state.
 
     Objects stand where they are contained, in the order of the links. The name of an object is its `xmi:id`, by which
@@ -38,20 +38,18 @@ def model_to_xmi(model: Model, *, schema: str | None = None) -> str:
 
     Args:
         model: the model.
-        schema: where the metamodel is, relative to the file (an `.ecore` file), to be noted in it; or None.
 
     Raises:
         InvalidArgument: a string has a character that XML does not have.
     """
-    return "\n".join(_Writer(model, schema).lines()) + "\n"
+    return "\n".join(_Writer(model).lines()) + "\n"
 
 
 class _Writer:
     """One writing of one model."""
 
-    def __init__(self, model: Model, schema: str | None) -> None:
+    def __init__(self, model: Model) -> None:
         self.model = model
-        self._schema = schema
         metamodel = model.metamodel
         self._uris = {package.path: package.uri for package in metamodel.packages}
         self._prefixes = _prefixes({package.path: package.prefix for package in metamodel.packages})
@@ -71,9 +69,6 @@ class _Writer:
         head = f'xmi:version="2.0" xmlns:xmi="{_XMI}" xmlns:xsi="{_XSI}"'
         for path, uri in self._uris.items():
             head += f' xmlns:{self._prefixes[path]}="{xml_text(uri)}"'
-        if self._schema:
-            locations = " ".join(f"{uri} {self._schema}" for uri in self._uris.values())
-            head += f' xsi:schemaLocation="{xml_text(locations)}"'
         if len(self._roots) == 1:
             yield from self._tree(self._roots[0], head, 0)
             return

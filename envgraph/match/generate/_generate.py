@@ -79,6 +79,7 @@ class Translation:
         relations: what asks relations, and knows what has a value; made if None.
 
     Attributes:
+        distinct: finds the sets of values that are made outside of loops.
         around: variables whose values come from a loop around the plan.
         indexes: whether a loop may be over fewer objects than its step says, because of the tests that follow.
     """
@@ -102,7 +103,7 @@ class Translation:
         self._given = given
         self._relations = relations or Relations(planner, module, Bindings(conjunction, module))
         self._bindings = self._relations.bindings
-        self._distinct = DistinctSets(module, block, self._bindings)
+        self.distinct = DistinctSets(module, block, self._bindings)
         self._seen: dict[int, code.Local] = {}
 
     bounded: Bounded | None = None
@@ -134,11 +135,6 @@ class Translation:
             block.add(*sink.each(self._bindings.source))
         block.back_to(place)
 
-    @property
-    def outside(self) -> list[code.Local]:
-        """The sets that have to be made before the loop around the plan."""
-        return self._distinct.outside
-
     # --- steps
 
     def _steps(self, steps: Sequence[Step], sink: Sink) -> None:
@@ -149,11 +145,11 @@ class Translation:
         for number, step in enumerate(steps):
             if id(step) in found:
                 continue
-            self._distinct.test(id(step))
+            self.distinct.test(id(step))
             if self._block.full and step.kind in (Kind.LOOP, Kind.BIND):
                 self._continue(steps[number:], sink)
                 return
-            self._distinct.begin(id(step))
+            self.distinct.begin(id(step))
             following = [each for each in steps[number + 1 :] if id(each) not in found]
             types, known = self._conjunction.types, self._bindings.changing
             join = value_join(step, following, known, self._bindings.constants, types)
@@ -174,7 +170,7 @@ class Translation:
                 self._block.test(self._test(step))
             self._block.come_from(Executed(step, dict(self._bindings.names)))
             self._begin_searches(number, steps, shared)
-        self._distinct.test(END)
+        self.distinct.test(END)
         self._block.add(*sink.each(self._bindings.source))
 
     def _guard(self, step: Step, sink: Sink, join: ValueJoin | None) -> None:
@@ -192,7 +188,7 @@ class Translation:
 
     def _place_distinct(self, steps: Sequence[Step], sink: Sink) -> None:
         """Find out where partial matches may be alike, but for the rest of a plan for which that is known."""
-        if self._distinct.placed:
+        if self.distinct.placed:
             return
         found: dict[int, Distinct] = {}
         if self._shares and sink.repeatable:
@@ -200,7 +196,7 @@ class Translation:
             found = distinct_places(
                 steps, sink.variables, {*self._bindings.names, *self._bindings.constants}, of, self.around
             )
-        self._distinct.place(
+        self.distinct.place(
             steps,
             {number: each for number, each in found.items() if number < len(steps) or sink.unique},
         )
@@ -254,8 +250,8 @@ class Translation:
         head = () if shared else sink.head
         tail = () if shared and not sink.relay else sink.tail
         if continuation:
-            inner._distinct = self._distinct.rest(inner._block, inner._bindings)
-            shared += self._distinct.passed.values()
+            inner.distinct = self.distinct.rest(inner._block, inner._bindings)
+            shared += self.distinct.passed.values()
         shared += self._carried
         inner._steps(steps, sink)
         body = (*head, *inner._block.body(), *tail)

@@ -129,7 +129,7 @@ def reach_source(planner: Planner, step: str, forward: bool, question: ClosureQu
             translation = Translation(planner, module, conjunction, block, {near: node})
             translation.around = (conjunction.parameters[near],)
             translation.body(body.plan, sink)
-            outside[:0] = [code.Assign(name, empty("set")) for name in translation.outside]
+            outside[:0] = [code.Assign(name, empty("set")) for name in translation.distinct.outside]
     more = {ClosureQuestion.SPREAD: ["seen"], ClosureQuestion.HOLDS: ["goal", "todo"]}.get(question, [])
     whole = (*frame.head, *outside, *block.body(), *frame.tail)
     return module.source(module.function("search", list(map(code.Local, ["start", *more])), whole))

@@ -237,7 +237,6 @@ def import_ga4cl(
     store_path: Path,
     *,
     overwrite: bool = False,
-    components: Components | None = None,
     overrides: Sequence[str] = (),
 ) -> tuple[Family, tuple[Diagnostic, ...]]:
     """Read a family of the ga4cl format into a run store.
@@ -251,14 +250,13 @@ def import_ga4cl(
         location: the domain: a family file, its directory, or a bundled domain.
         store_path: where the run store is made.
         overwrite: whether an existing run makes room.
-        components: what the names in the family file mean.
         overrides: what holds instead of what the family file says.
 
     Raises:
         LoadError: all that is wrong with the file, or with the domain's.
         InvalidArgument: the store exists already, or the domain has no grid.
     """
-    domain = Domain.load(location, components, overrides)
+    domain = Domain.load(location, None, overrides)
     draw = domain.behaviour.draw if domain.behaviour else None
     if not isinstance(draw, DrawGrid):
         raise InvalidArgument(f"domain `{domain.spec.name}` draws no grid: there are no letters to read")

@@ -46,7 +46,7 @@ def test_what_two_functions_begin_with_alike_is_written_once() -> None:
     library.add(CHAIN, LAST)
     model = Model(POSTS)
     views = watched(model, library)
-    wiring = views.kept.network._wiring
+    wiring = views.kept.network.wiring
     links = [delta for delta in wiring.deltas if isinstance(delta.occurrence.relation, LinkAtom)]
     assert len(links) == 5
     text = fused_source(wiring._planner, links, True).text

@@ -31,6 +31,9 @@ class Network:
         calls: which of them are recursive.
         build: makes functions of source; asks `held`.
         evaluate: all rows of a pattern, on demand.
+
+    Attributes:
+        wiring: registers the functions of all operators in the store.
     """
 
     def __init__(
@@ -38,7 +41,7 @@ class Network:
     ) -> None:
         self._planner = ViewPlanner(library, calls, LiveSizes(library, store), self)
         self._builder = NetworkBuilder(store, calls, self._planner, build, evaluate)
-        self._wiring = Wiring(store, self._builder, self._planner, build)
+        self.wiring = Wiring(store, self._builder, self._planner, build)
         self._evaluate = evaluate
         self._store = store
         self._settled = -1
@@ -63,18 +66,6 @@ class Network:
     def recursive(self, pattern: str) -> Member | None:
         """The operator of a recursive pattern, if it has deltas."""
         return self._builder.recursive(pattern)
-
-    def connect(self) -> None:
-        """Make the functions of all operators, and register them in the store."""
-        self._wiring.connect()
-
-    def hang(self) -> None:
-        """Hear of changes again after `unhang`."""
-        self._wiring.hang()
-
-    def unhang(self) -> None:
-        """Hear nothing any more."""
-        self._wiring.unhang()
 
     # --- what plans ask
 
@@ -111,14 +102,14 @@ class Network:
         """Bring everything up to date: each operator once, after those that it is made of."""
         if self._settled == self._store.revision:
             return
-        for operator in self._wiring.turns:
+        for operator in self.wiring.turns:
             if operator.pending:
                 operator.process()
         self._settled = self._store.revision
 
     def forget(self) -> None:
         """The state that the operators hold is right as it is: what is pending is void."""
-        for operator in self._wiring.turns:
+        for operator in self.wiring.turns:
             operator.forget()
         self._settled = self._store.revision
 
@@ -127,9 +118,7 @@ class Network:
         if self._settled != self._store.revision - 1:
             self.forget()
             return
-        for (
-            operator
-        ) in self._wiring.evaluated:  # nothing is pending: there was no change since the last turns
+        for operator in self.wiring.evaluated:  # nothing is pending: there was no change since the last turns
             operator.forget()
         self._settled = self._store.revision
 
@@ -192,7 +181,7 @@ class Network:
             tuples = tuples_of(delta, self._store, self.operators)
             return actual_rows(self._planner, delta, tuples, build, self.held)
 
-        deltas = [*self._wiring.deltas, *self._builder.spreading]
+        deltas = [*self.wiring.deltas, *self._builder.spreading]
         return explain_views(operators, deltas, self._planner, pattern, actual)
 
     def check(self) -> None:

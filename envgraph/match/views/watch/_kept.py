@@ -139,7 +139,7 @@ class KeptViews:
         followers = self.model.graph.store.followers
         if any(follower is self for follower in followers):
             followers[:] = [follower for follower in followers if follower is not self]
-            self.network.unhang()
+            self.network.wiring.unhang()
         self.views = {}
         self._aside = {}
         self.partly.forget()
@@ -187,8 +187,8 @@ class KeptViews:
             network = self.network = self._new_network()
             network.limit_closures(most)
             views = {pattern: network.view(pattern) for pattern in patterns}
-            old.unhang()
-            network.connect()
+            old.wiring.unhang()
+            network.wiring.connect()
             for pattern, view in known.items():
                 views[pattern].rows.log = _continued(view.rows, views[pattern].rows, self._broken is not None)
             self.views = views
@@ -233,7 +233,7 @@ class KeptViews:
     def _break(self) -> None:
         depth = self.model.graph.history.depth
         self._broken = depth if self._broken is None else min(self._broken, depth)
-        self.network.unhang()
+        self.network.wiring.unhang()
 
     def interrupted(self) -> None:
         """A change or a turn has been interrupted."""
@@ -300,7 +300,7 @@ class KeptViews:
                 view.rows.log.shorten()
 
     def _hear_again(self) -> None:
-        self.network.hang()
+        self.network.wiring.hang()
         self._broken, self._countable = None, False
 
     def released(self) -> None:
@@ -323,7 +323,7 @@ class KeptViews:
     def suspend(self) -> None:
         """A load begins: until it ends, patterns are searched for."""
         self._suspended, self._aside = True, {}
-        self.network.unhang()
+        self.network.wiring.unhang()
 
     def loaded(self) -> None:
         """A load has ended."""
