@@ -31,7 +31,7 @@ def search(FOLLOWING, CHANCE, ENDED, STARTS, START_CHANCE, actions, width, outco
 
 
 def settle(FOLLOWING, CHANCE, REWARD, ENDED, actions, width, discount, enough, most, VALUES, NEW):
-    """Sweeps of value iteration until no value changes by more than `enough`: how many, and the last change."""
+    """Sweeps of value iteration until no value changes by more than `enough`: the last change."""
     new, old = NEW, VALUES
     sweeps, change = 0, enough + 1.0
     while sweeps < most and change > enough:
@@ -57,7 +57,7 @@ def settle(FOLLOWING, CHANCE, REWARD, ENDED, actions, width, discount, enough, m
         sweeps += 1
     for state in range(len(VALUES)):
         VALUES[state] = old[state]
-    return sweeps, change
+    return change
 
 
 def chain(FOLLOWING, CHANCE, REWARD, ENDED, POLICY, actions, width, FIRST, TO, MOVED, SUCCESS, GAIN):

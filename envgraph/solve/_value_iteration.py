@@ -26,13 +26,11 @@ class Optimum:
         values: float64 [states], expected discounted return.
         action_values: float64 [states, actions], the same when the next action is given.
         policy: intp [states], a best action; the lowest of equals, up to rounding.
-        iterations: how many sweeps it took.
     """
 
     values: NDArray[np.float64]
     action_values: NDArray[np.float64]
     policy: NDArray[np.intp]
-    iterations: int
 
     @property
     def best_actions(self) -> NDArray[np.bool_]:
@@ -57,12 +55,12 @@ def value_iteration(tabular: Tabular, discount: float = 0.99, tolerance: float =
         raise InvalidArgument("`discount` must be from 0 to 1, and `tolerance` positive")
     scale = max(1.0, float(np.abs(tabular.reward).max()))
     enough = scale * tolerance * ((1.0 - discount) / discount if 0.0 < discount < 1.0 else 1.0)
-    values, iterations, change = _settled(tabular, discount, enough, MOST_ITERATIONS)
+    values, change = _settled(tabular, discount, enough, MOST_ITERATIONS)
     if change > enough:
         raise EvaluationError(f"values do not settle in {MOST_ITERATIONS} sweeps at discount {discount}")
     onward = np.where(tabular.terminated == 0, discount * values[tabular.next_state], 0.0)
     action_values = (tabular.probability * (tabular.reward + onward)).sum(axis=2)
-    return Optimum(values, action_values, np.argmax(_best(action_values), axis=1), iterations)
+    return Optimum(values, action_values, np.argmax(_best(action_values), axis=1))
 
 
 def optimal_return(tabular: Tabular, limit: int = 200, *, discount: float = 1.0) -> float:
@@ -81,7 +79,7 @@ def optimal_return(tabular: Tabular, limit: int = 200, *, discount: float = 1.0)
     """
     if limit < 1 or not 0.0 <= discount <= 1.0:
         raise InvalidArgument("`limit` must be positive, and `discount` from 0 to 1")
-    values, _, _ = _settled(tabular, discount, 0.0, limit)
+    values, _ = _settled(tabular, discount, 0.0, limit)
     return float(tabular.start_probability @ values[tabular.start_states])
 
 
@@ -108,12 +106,12 @@ def optimal_episode(tabular: Tabular, limit: int = 200) -> list[int]:
 
 def _settled(
     tabular: Tabular, discount: float, enough: float, most: int
-) -> tuple[NDArray[np.float64], int, float]:
-    """Values after sweeps until none changes by more than `enough`, how many, and the change in the last one."""
+) -> tuple[NDArray[np.float64], float]:
+    """Return the values after sweeps until none changes by more than `enough`, and the change in the last one."""
     values = np.zeros(tabular.n_states)
     read = (*flat(tabular), *tabular.next_state.shape[1:], discount, enough, most)
-    sweeps, change = run("settle", read, (values, np.zeros_like(values)))
-    return values, sweeps, change
+    change = run("settle", read, (values, np.zeros_like(values)))
+    return values, change
 
 
 def _best(action_values: NDArray[np.float64]) -> NDArray[np.bool_]:

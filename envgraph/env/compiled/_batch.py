@@ -195,7 +195,11 @@ class Batch:
             before = arrays.ints[member] if begun else world.before[0][1]
             floats = arrays.floats[member] if begun else world.before[1][1]
             with twin.at(before, floats) as simulator:
-                _again(simulator, None if begun else action, float(self._drawn[row]))
+                uniform = float(self._drawn[row])
+                if action is None or begun:
+                    simulator.begin(uniform)
+                else:
+                    simulator.act(action, uniform)
         message = SHOWN.get(error, "a rule cannot be applied, or something has no value")
         raise EvaluationError(message, self.program.behaviour.span, 'step with `engine="live"`')
 
@@ -216,10 +220,3 @@ def longer(array: NDArray[Any], size: int) -> NDArray[Any]:
     found = np.zeros((size, *array.shape[1:]), dtype=array.dtype)
     found[: len(array)] = array
     return found
-
-
-def _again(simulator: Simulator, action: int | None, uniform: float) -> None:
-    if action is None:
-        simulator.begin(uniform)
-    else:
-        simulator.act(action, uniform)

@@ -54,18 +54,13 @@ class Line:
 
     Attributes:
         flat: what stands there if it does not.
-        hard: it always ends.
+        forced: it always ends.
         blank: an empty line follows, if it ends.
     """
 
     flat: str = " "
-    hard: bool = False
+    forced: bool = False
     blank: bool = False
-
-    @property
-    def forced(self) -> bool:
-        """Whether it always ends a line."""
-        return self.hard
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,8 +116,8 @@ NOTHING: Final = Text("")
 SPACE: Final = Text(" ")
 LINE: Final = Line()
 SOFT: Final = Line("")
-HARD: Final = Line(hard=True)
-BLANK: Final = Line(hard=True, blank=True)
+HARD: Final = Line(forced=True)
+BLANK: Final = Line(forced=True, blank=True)
 
 
 def joined(parts: Iterable[Document], *, broken: bool = False) -> Document:
@@ -172,8 +167,8 @@ class _Printer:
                         not forced and fits(waiting, (indent, True, inner), WIDTH - self.column)
                     )
                     waiting.append((indent, on_one, inner))
-                case Line(text, hard, blank):
-                    if flat and not hard:
+                case Line(text, forced, blank):
+                    if flat and not forced:
                         self._text(text)
                     else:
                         self._end(indent, blank)
@@ -221,8 +216,8 @@ def fits(rest: Sequence[Command], first: Command, room: int) -> bool:
                 waiting.extend((indent, flat, part) for part in reversed(parts))
             case Indent(inner) | Group(inner):
                 waiting.append((indent, flat and not (isinstance(one, Group) and one.forced), inner))
-            case Line(text, hard):
-                if hard or not flat:
+            case Line(text, forced):
+                if forced or not flat:
                     return True
                 room -= len(text)
             case Mark():

@@ -61,15 +61,11 @@ class TagReader:
 
     def check_syntax(self) -> None:
         """Only whether the file is XML."""
-        problem = self._xml.read(self._open_only, self._close_only, lambda _: None)
+        problem = self._xml.read(
+            lambda tag, _: self._xml.begin(tag), lambda _: self._xml.open.pop(), lambda _: None
+        )
         if problem:
             self._reading.diagnostics.append(problem)
-
-    def _open_only(self, tag: str, _: dict[str, str]) -> None:
-        self._xml.begin(tag)
-
-    def _close_only(self, _: str) -> None:
-        self._xml.open.pop()
 
     def read(self) -> None:
         """Creates the objects.

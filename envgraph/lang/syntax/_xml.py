@@ -214,8 +214,8 @@ class Reader:
 
     def read(
         self,
-        start: Callable[[str, dict[str, str]], None],
-        end: Callable[[str], None],
+        start: Callable[[str, dict[str, str]], object],
+        end: Callable[[str], object],
         text: Callable[[str], None],
     ) -> Diagnostic | None:
         """Reads the text; says why it is no XML, or None.
