@@ -17,6 +17,7 @@ from envgraph.report import family_report
 from envgraph.search import (
     Components,
     Domain,
+    Family,
     Outcome,
     RunStore,
     curricula,
@@ -34,16 +35,24 @@ from envgraph.solve.learning import TrainingSettings, train_curriculum
 from tests.profile import AT_NIGHT
 
 FILE = str(data_path("rules", "burning_forest", "teaching.toml"))
-SHORT = ["objective.effort=3_000_000", "objective.steps=300", "objective.lanes=2"]
+SHORT = ["objective.effort=1_000_000", "objective.steps=300", "objective.lanes=2", "search.population=3"]
 needs_numba = pytest.mark.skipif(
     find_spec("numba") is None, reason="numba, the extra `fast`, is not installed"
 )
 
 
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Family]:
+    """A run that has ended, and its family."""
+    path = tmp_path_factory.mktemp("whole") / "run.sqlite"
+    return path, generate(FILE, path, overrides=SHORT)
+
+
 @needs_numba
 def test_a_run_keeps_the_members_in_the_order_that_was_searched_for(tmp_path: Path) -> None:
     told = []
-    family = generate(FILE, tmp_path / "run.sqlite", overrides=SHORT, climbing=told.append)
+    overrides = [*SHORT, "search.population=6"]
+    family = generate(FILE, tmp_path / "run.sqlite", overrides=overrides, climbing=told.append)
     assert told
     assert [member.name for member in family.members] == ["E1", "E2", "E3", "E4", "E5", "E6"]
     assert [member.initial for member in family.members] == [False] * 5 + [True]
@@ -60,17 +69,15 @@ def test_a_run_keeps_the_members_in_the_order_that_was_searched_for(tmp_path: Pa
 
 
 @needs_numba
-def test_a_run_that_was_interrupted_is_made_anew(tmp_path: Path) -> None:
-    whole = generate(FILE, tmp_path / "whole.sqlite", overrides=SHORT)
-
+def test_a_run_that_was_interrupted_is_made_anew(tmp_path: Path, whole: tuple[Path, Family]) -> None:
     def interrupt(progress: curricula.CurriculumProgress) -> None:
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
         generate(FILE, tmp_path / "run.sqlite", overrides=SHORT, climbing=interrupt)
     with RunStore.open(tmp_path / "run.sqlite") as store, pytest.raises(InvalidArgument, match="--resume"):
-        family_of(store, whole.domain)
-    assert resume(tmp_path / "run.sqlite", workers=2).members == whole.members
+        family_of(store, whole[1].domain)
+    assert resume(tmp_path / "run.sqlite", workers=2).members == whole[1].members
 
 
 def test_an_objective_of_ones_own_is_registered(tmp_path: Path) -> None:
@@ -155,10 +162,10 @@ def test_an_objective_needs_an_environment(tmp_path: Path) -> None:
 
 
 @needs_numba
-def test_a_run_that_has_ended_is_not_made_again(tmp_path: Path) -> None:
-    family = generate(FILE, tmp_path / "run.sqlite", overrides=SHORT)
+def test_a_run_that_has_ended_is_not_made_again(whole: tuple[Path, Family]) -> None:
+    path, family = whole
     told: list[object] = []
-    assert resume(tmp_path / "run.sqlite", climbing=told.append).members == family.members
+    assert resume(path, climbing=told.append).members == family.members
     assert not told
 
 
@@ -258,10 +265,10 @@ def test_a_diversity_that_no_family_has_is_not_demanded(
 
 
 @needs_numba
-def test_a_family_is_stored_whole_or_not_at_all(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_family_is_stored_whole_or_not_at_all(
+    tmp_path: Path, whole: tuple[Path, Family], monkeypatch: pytest.MonkeyPatch
+) -> None:
     """A run that ends at any commit of its store is gone on with, and comes to the same."""
-    overrides = [*SHORT, "search.population=3"]
-    whole = generate(FILE, tmp_path / "whole.sqlite", overrides=overrides)
     kept: dict[str, Callable[..., None]] = {
         "set": RunStore.set,
         "write_generation": RunStore.write_generation,
@@ -284,15 +291,14 @@ def test_a_family_is_stored_whole_or_not_at_all(tmp_path: Path, monkeypatch: pyt
             for name in kept:
                 patched.setattr(RunStore, name, dying(name, at))
             with suppress(KeyboardInterrupt):
-                generate(FILE, path, overrides=overrides)
+                generate(FILE, path, overrides=SHORT)
         found = resume(path)
-        assert (found.members, found.value) == (whole.members, whole.value)
+        assert (found.members, found.value) == (whole[1].members, whole[1].value)
 
 
 @needs_numba
-def test_a_family_that_was_searched_for_has_no_more_generations(tmp_path: Path) -> None:
-    path = tmp_path / "run.sqlite"
-    generate(FILE, path, overrides=[*SHORT, "search.population=3"])
+def test_a_family_that_was_searched_for_has_no_more_generations(whole: tuple[Path, Family]) -> None:
+    path, _ = whole
     with pytest.raises(InvalidArgument, match="has an objective, and no generations"):
         resume(path, generations=7)
     with RunStore.open(path) as store:

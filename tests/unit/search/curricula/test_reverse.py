@@ -8,7 +8,7 @@ import pytest
 
 from envgraph.cli import main
 from envgraph.lang import data_path
-from envgraph.search import Domain, Outcome, RunStore, describe_search, generate, why_low
+from envgraph.search import Domain, Family, Outcome, RunStore, describe_search, generate, why_low
 from envgraph.search.curricula import Learning, Levels, Moves, Starts
 from envgraph.search.curricula._reverse import GOOD, reverse_curriculum
 from envgraph.search.curricula._starts import Easing, Origin
@@ -42,9 +42,15 @@ def small(tmp_path: Path, *more: str, effort: int = 50_000_000) -> str:
     return str(file)
 
 
-def test_steps_and_members_that_no_file_names_are_chosen(tmp_path: Path) -> None:
-    file = small(tmp_path)
-    family = generate(file, tmp_path / "run.sqlite")
+@pytest.fixture(scope="module")
+def found(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Family]:
+    """The directory of the small forest, and its family."""
+    folder = tmp_path_factory.mktemp("found")
+    return folder, generate(small(folder), folder / "run.sqlite")
+
+
+def test_steps_and_members_that_no_file_names_are_chosen(tmp_path: Path, found: tuple[Path, Family]) -> None:
+    _, family = found
     training, outcome = family.domain.spec.training, Outcome.of(family)
     assert family.value is not None and family.value >= GOOD
     assert training.steps_per_environment * len(family.members) == family.objective["steps"] < 5_000
@@ -58,15 +64,17 @@ def test_steps_and_members_that_no_file_names_are_chosen(tmp_path: Path) -> None
     trained = [train_curriculum(tables, settings, rng, steps=steps).q for rng in rngs]
     solved = [evaluate(q, tables[-1], 1, settings.limit, rngs[0]).success_rate for q in trained]
     assert np.mean(solved) > 0.9
-    again = generate(file, tmp_path / "again.sqlite")
+    again = generate(small(tmp_path), tmp_path / "again.sqlite")
     assert (again.members, again.objective) == (family.members, family.objective)
 
 
-def test_constraints_that_the_agent_violates_on_its_way_hold_for_the_target_alone(tmp_path: Path) -> None:
-    family = generate(small(tmp_path), tmp_path / "run.sqlite")
+def test_constraints_that_the_agent_violates_on_its_way_hold_for_the_target_alone(
+    found: tuple[Path, Family],
+) -> None:
+    folder, family = found
     trucks = [family.text(member) for member in family.members]
     assert len(set(trucks)) == len(trucks)
-    with RunStore.open(tmp_path / "run.sqlite") as store:
+    with RunStore.open(folder / "run.sqlite") as store:
         sentences = describe_search(family, store)
         assert why_low(family, store) is None
     target = family.members[-1].name
