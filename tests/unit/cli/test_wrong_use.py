@@ -107,7 +107,7 @@ def test_episodes_have_a_million_steps_at_most(refused: Call) -> None:
 
 
 def test_budgets_and_members_are_numbers_of_a_range(refused: Call) -> None:
-    refused("generate", "forest", "--name", "f", "--generations", 1, code=0)
+    refused("generate", "forest", "--name", "f", "--generations", 1, "--population", 2, code=0)
     for text in ("0", "10,0", "1_0", str(10**9 + 1), LONG, f"10,{LONG}"):
         assert "is not a whole number from 1 to 1,000,000,000" in refused("train", "f", "--steps", text)
     for text in ("0", "7", "٣", LONG):
@@ -342,15 +342,16 @@ def test_names_that_the_terminal_cannot_show_are_spelt_out(refused: Call, format
         assert r"`til\xe9`" in ended.stderr
 
 
-def test_a_search_that_finds_too_little_says_so(refused: Call) -> None:
+def test_a_search_that_finds_too_little_says_so(
+    refused: Call, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     path = Path("forest/family.toml")
     path.write_text(path.read_text().replace('rules = ["retypings"]', 'rules = ["collect"]'))
     constraint = "forbid = []\n[constraints.count]\ncollectedWater = 0"
     path.write_text(path.read_text().replace("forbid = []", constraint))
-    command = [sys.executable, "-m", "envgraph", "generate", "forest", "--generations", "1"]
-    ended = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert ended.returncode == 0
-    assert "warning: only 1 of 6 environments were found" in ended.stderr
+    monkeypatch.setattr(sys, "argv", ["envgraph", "generate", "forest", "--generations", "1"])
+    assert main() == 0
+    assert "warning: only 1 of 6 environments were found" in capsys.readouterr().err
 
 
 def test_definitions_are_not_shown_but_checked(refused: Call) -> None:
