@@ -19,7 +19,7 @@ def _frozen(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.parametrize("name", available())
 def test_each_benchmark_runs_in_its_quick_form(name: str, capfd: pytest.CaptureFixture[str]) -> None:
-    if name in ("compiled", "growth") and not NIGHTLY:
+    if name in ("compiled", "growth", "samples", "train") and not NIGHTLY:
         pytest.skip("takes long: `make nightly`")
     assert main(["--quick", name]) == 0, capfd.readouterr().err
     assert capfd.readouterr().out.count("\n") > 4

@@ -275,16 +275,20 @@ def run_python(block: Block, names: dict[str, object]) -> str:
 
 
 def run_shell(block: Block) -> str:
-    """What the commands of a block print; in this process if there is nothing but `envgraph`, which starts slowly."""
-    lines = block.text.splitlines()
-    if all(
-        line.startswith("envgraph ") and line.isprintable() and not set(line) & set("<>|&;$`")
-        for line in lines
-    ):
-        return "".join(run_command(block, shortened(block, shlex.split(line))) for line in lines)
+    """What the commands of a block print; lines of `envgraph` alone run in this process, since it starts slowly."""
+    parts = re.split(r"^(envgraph [^<>|&;$`\\\n]*)\n", block.text, flags=re.MULTILINE)
+    return "".join(
+        run_command(block, shortened(block, shlex.split(part))) if number % 2 else run_lines(block, part)
+        for number, part in enumerate(parts)
+        if part
+    )
+
+
+def run_lines(block: Block, lines: str) -> str:
+    """What a shell prints."""
     bin_ = Path(sys.executable).parent
     done = subprocess.run(
-        ["sh", "-e", "-c", block.text],
+        ["sh", "-e", "-c", lines],
         env={**os.environ, "PATH": f"{bin_}{os.pathsep}{os.environ['PATH']}"},
         capture_output=True,
         text=True,

@@ -51,7 +51,9 @@ ENVIRONMENTS: dict[str, Maker] = {
     "tables": many(engine="table", schedule="plr"),
     "programs": many(engine="compiled", schedule="learning_progress"),
     "threads": many(engine="compiled", streams="each", threads=2, autoreset_mode="SameStep"),
-    "side by side": many(vectorization_mode="sync", engine="live"),
+    "side by side": lambda family: envgraph.make_vec(
+        family, 2, ["E1", "E2"], max_episode_steps=9, vectorization_mode="sync", engine="live"
+    ),
     "side by side, of a model": lambda family: envgraph.make_vec(domain="keydoor", num_envs=2, live=True),
 }
 

@@ -25,6 +25,7 @@ from envgraph.errors import InvalidArgument, Source
 from envgraph.lang import bundled_domain
 from envgraph.learn import FamilyMember, TrainingSettings, optimal_return, run_experiment, sequences
 from envgraph.search import Family, import_ga4cl, write_family
+from tests.profile import AT_NIGHT
 from tests.unit.env.test_vector import same
 from tests.unit.learn.forest_tables import forest
 
@@ -103,7 +104,7 @@ def test_the_published_curriculum_succeeds_and_direct_training_does_not(imported
     assert found[0].mean_return == pytest.approx(10.2, abs=1e-9)
 
 
-@pytest.mark.parametrize("render_mode", [None, "ansi", "rgb_array"])
+@pytest.mark.parametrize("render_mode", [None, pytest.param("ansi", marks=AT_NIGHT), "rgb_array"])
 def test_the_environment_checker_has_nothing_to_say(family_file: Path, render_mode: str | None) -> None:
     env = gymnasium.make(ID, family=family_file, variant=3, render_mode=render_mode)
     with warnings.catch_warnings():
@@ -376,8 +377,15 @@ def test_a_vector_goes_over_to_members_that_it_was_made_with(family_file: Path) 
         many.reset(options={"variant": "E9"})
 
 
-@pytest.mark.parametrize("engine", ["table", "compiled"])
-@pytest.mark.parametrize("mode", AutoresetMode)
+@pytest.mark.parametrize(
+    ("mode", "engine"),
+    [
+        *((mode, "table") for mode in AutoresetMode),
+        (AutoresetMode.NEXT_STEP, "compiled"),
+        pytest.param(AutoresetMode.SAME_STEP, "compiled", marks=AT_NIGHT),
+        (AutoresetMode.DISABLED, "compiled"),
+    ],
+)
 def test_a_vector_of_a_family_is_gymnasiums_of_its_members(
     verified_file: Path, mode: AutoresetMode, engine: str
 ) -> None:

@@ -159,7 +159,7 @@ BOTH = ['objective.maximise=["entropy(complexity)", "mean_distance"]', "search.p
 
 
 def made(
-    path: Path, *overrides: str, generations: int = 30, components: Components | None = None
+    path: Path, *overrides: str, generations: int = 10, components: Components | None = None
 ) -> tuple[Domain, Outcome, dict[str, float]]:
     found = generate(
         FAMILY, path / "run.sqlite", overrides=overrides, generations=generations, components=components
@@ -224,11 +224,12 @@ def test_what_counts_most_comes_first() -> None:
 
 
 def test_a_family_has_the_values_of_its_objective_and_the_seed_has_one_result(tmp_path: Path) -> None:
-    _, outcome, lacking = made(tmp_path / "a", *BOTH, 'objective.subject_to=["distinct >= 1"]')
-    again = made(tmp_path / "b", *BOTH, 'objective.subject_to=["distinct >= 1"]')[1]
+    overrides = [*BOTH, 'objective.subject_to=["distinct >= 1"]']
+    _, outcome, lacking = made(tmp_path / "a", *overrides)
+    again = made(tmp_path / "b", *overrides)[1]
     assert (outcome.objective, outcome.bins) == (again.objective, again.bins)
     with RunStore.open(tmp_path / "a" / "run.sqlite") as store:
-        found = resume(store.path, generations=31)
+        found = resume(store.path, generations=11)
         assert why_low(found, store) is None or not lacking
     distances = found.distances()
     mean = sum(int(distances[a, b]) for a, b in combinations(range(4), 2)) / 6

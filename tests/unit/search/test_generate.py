@@ -11,7 +11,6 @@ from math import log2
 from pathlib import Path
 
 import pytest
-from hypothesis import settings
 
 from envgraph.errors import InvalidArgument, LoadError
 from envgraph.lang import data_path
@@ -30,14 +29,18 @@ from envgraph.search import (
     resume,
     write_family,
 )
-from envgraph.search.families._family import (
-    family_of,
-)
-from envgraph.search.problem._problem import (
-    NoValue,
-)
+from envgraph.search.families._family import family_of
+from envgraph.search.problem._problem import NoValue
+from tests.profile import NIGHTLY
 
 SMALL = {"generations": 25, "population": 4}
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Family]:
+    """A small run that nothing has interrupted, and its family."""
+    path = tmp_path_factory.mktemp("whole") / "run.sqlite"
+    return path, generate("burning_forest/paper.toml", path, **SMALL)
 
 
 def maps(family: Family) -> list[list[str]]:
@@ -81,7 +84,7 @@ def test_the_family_has_six_complexities_in_six_bins(family: Family) -> None:
 
 @pytest.mark.parametrize("transform", ["linear", "sqrt"])
 def test_either_transform_reaches_the_maximum_from_the_bundled_target(tmp_path: Path, transform: str) -> None:
-    seeds = 20 if settings().max_examples > 1_000 else 2  # all of them every night
+    seeds = 20 if NIGHTLY else 1
     for seed in range(1, 1 + seeds):
         overrides = [f"measures.complexity.transform={transform}"]
         family = generate(
@@ -131,18 +134,19 @@ class Interrupted(Exception):
 
 
 @pytest.mark.parametrize("last", [0, 1, 13, 24])
-def test_an_interrupted_run_resumes_to_the_same_store(tmp_path: Path, last: int) -> None:
+def test_an_interrupted_run_resumes_to_the_same_store(
+    tmp_path: Path, whole: tuple[Path, Family], last: int
+) -> None:
     def interrupt(generation: Generation) -> None:
         if generation.number > last:
             raise Interrupted
 
-    whole = generate("burning_forest/paper.toml", tmp_path / "whole" / "run.sqlite", **SMALL)
     path = tmp_path / "cut" / "run.sqlite"
     with pytest.raises(Interrupted):
         generate("burning_forest/paper.toml", path, progress=interrupt, **SMALL)
     asked = SMALL["generations"] if last == 13 else None
-    assert export_ga4cl(resume(path, generations=asked)) == export_ga4cl(whole)
-    with RunStore.open(path) as cut, RunStore.open(tmp_path / "whole" / "run.sqlite") as uncut:
+    assert export_ga4cl(resume(path, generations=asked)) == export_ga4cl(whole[1])
+    with RunStore.open(path) as cut, RunStore.open(whole[0]) as uncut:
         assert list(cut.individuals()) == list(uncut.individuals())
         assert cut.history() == uncut.history()
         assert cut.settings() == uncut.settings()
@@ -164,9 +168,8 @@ def test_stagnation_is_counted_on_after_an_interruption(tmp_path: Path) -> None:
         assert len(store.history()) - 1 == last < 1000
 
 
-def test_a_finished_run_resumes_to_itself(tmp_path: Path) -> None:
-    path = tmp_path / "run.sqlite"
-    first = generate("burning_forest/paper.toml", path, **SMALL)
+def test_a_finished_run_resumes_to_itself(whole: tuple[Path, Family]) -> None:
+    path, first = whole
     assert export_ga4cl(resume(path)) == export_ga4cl(first)
 
 
@@ -233,9 +236,8 @@ def test_an_override_with_a_mistake_is_shown(override: str, message: str) -> Non
     assert all(one.span and one.span.source.name == "--set" for one in caught.value.diagnostics)
 
 
-def test_every_accepted_individual_follows_from_its_trace_and_is_valid(tmp_path: Path) -> None:
-    path = tmp_path / "run.sqlite"
-    generate("burning_forest/paper.toml", path, **SMALL)
+def test_every_accepted_individual_follows_from_its_trace_and_is_valid(whole: tuple[Path, Family]) -> None:
+    path, _ = whole
     domain = Domain.load("burning_forest/paper.toml")
     with RunStore.open(path) as store:
         individuals = list(store.individuals())
@@ -444,7 +446,7 @@ GENERATE = """
 import sys
 from pathlib import Path
 from envgraph.search import export_ga4cl, generate
-family = generate("burning_forest/paper.toml", Path(sys.argv[1]), generations=25, population=4)
+family = generate("burning_forest/paper.toml", Path(sys.argv[1]), generations=8, population=4)
 sys.stdout.write(export_ga4cl(family))
 """
 
