@@ -259,12 +259,12 @@ def timed(strategy: Strategy, *, steps: int, seconds: float | None) -> tuple[Eng
 def test_a_search_ends_after_its_moves_or_its_time_and_finds_the_same(strategy: Strategy) -> None:
     """Annealing cools by whichever is used up first: with 10**9 moves it would never cool by moves alone."""
     results = [
-        timed(strategy, steps=600, seconds=None),
-        timed(strategy, steps=10**9, seconds=600.0),
-        timed(strategy, steps=600, seconds=1e9),
-        timed(strategy, steps=600, seconds=600.0),
+        timed(strategy, steps=300, seconds=None),
+        timed(strategy, steps=10**9, seconds=300.0),
+        timed(strategy, steps=300, seconds=1e9),
+        timed(strategy, steps=300, seconds=300.0),
     ]
-    assert {found.steps for _, found in results} == {600}
+    assert {found.steps for _, found in results} == {300}
     assert len({trace_to_text(engine, found.best.trace) for engine, found in results}) == 1
 
 
