@@ -32,6 +32,9 @@ DATA = Path(__file__).parents[3] / "envgraph" / "report" / "reproduction" / "dat
 
 Envgraph = Callable[..., "Result"]
 
+FIRES = ("generate", "burning_forest/paper.toml", "--name", "a", "--generations", 1, "--population", 2)
+DOORS = ("generate", "keydoor/diverse.toml", "--name", "run", "--generations", 1)
+
 
 class Result:
     """What a command gave: exit code, output, messages."""
@@ -240,23 +243,14 @@ def test_an_unknown_pattern_or_rule_has_a_hint(envgraph: Envgraph) -> None:
 
 def test_apply_tells_what_it_did_and_writes_the_model(envgraph: Envgraph, tmp_path: Path) -> None:
     ok(envgraph("new", "maze"))
-    arguments = (
-        "apply",
-        "maze/maze.model",
-        "maze/maze.rules",
-        "moveRight",
-        "--times",
-        3,
-        "-o",
-        "out/moved.json",
-    )
-    out = ok(envgraph(*arguments)).out
+    files = ("maze/maze.model", "maze/maze.rules")
+    out = ok(envgraph("apply", *files, "moveRight", "--times", 3, "-o", "out/moved.json")).out
     assert "1: maze.moveRight(robot=Robot robot" in out and "3: " in out
     model = json.loads((tmp_path / "out" / "moved.json").read_text())
     (robot,) = [one for one in model["objects"] if one["class"] == "Robot"]
     (cell,) = [one for one in model["objects"] if one["id"] == robot["features"]["at"]]
     assert (cell["features"]["x"], cell["features"].get("y", 0)) == (3, 0)
-    none = envgraph("apply", "maze/maze.model", "maze/maze.rules", "moveUp")
+    none = envgraph("apply", *files, "moveUp")
     assert none.code == 1 and "no match of moveUp" in none.out
 
 
@@ -393,8 +387,7 @@ def test_generate_show_and_export_agree(envgraph: Envgraph, tmp_path: Path) -> N
 def test_a_family_is_exported_as_a_package(
     envgraph: Envgraph, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    small = ("--generations", 2, "--population", 2, "--seed", 1)
-    ok(envgraph("generate", "burning_forest/paper.toml", *small, "--name", "a"))
+    ok(envgraph(*FIRES))
     said = ok(envgraph("export", "a", "--format", "compiled", "-o", "fires")).out.splitlines()
     assert said[0] == "wrote fires"
     monkeypatch.syspath_prepend(tmp_path)
@@ -416,11 +409,7 @@ def test_a_family_is_exported_as_a_package(
 
 
 def test_a_family_is_exported_as_code_from_templates(envgraph: Envgraph, tmp_path: Path) -> None:
-    ok(
-        envgraph(
-            "generate", "burning_forest/paper.toml", "--generations", 2, "--population", 2, "--name", "a"
-        )
-    )
+    ok(envgraph(*FIRES))
     said = ok(envgraph("export", "a", "--to", "python", "-o", "fires")).out.splitlines()
     assert said == ["wrote 7 files in fires", "pip install fires", "import fires", "env = fires.make('E2')"]
     assert "| E2 |" in (tmp_path / "fires/README.md").read_text("utf-8")
@@ -512,11 +501,7 @@ def test_wrong_words_on_the_command_line_give_exit_code_2(envgraph: Envgraph) ->
 
 
 def test_unknown_formats_and_curricula_have_hints(envgraph: Envgraph) -> None:
-    ok(
-        envgraph(
-            "generate", "burning_forest/paper.toml", "--generations", 1, "--population", 2, "--name", "a"
-        )
-    )
+    ok(envgraph(*FIRES))
     result = envgraph("export", "a", "--format", "ga4c")
     assert result.code == 1 and "did you mean `ga4cl`?" in result.err
     result = envgraph("train", "a", "--curricula", "suffix")
@@ -874,14 +859,7 @@ def test_match_takes_rules_and_literals_as_files_write_them(envgraph: Envgraph) 
 def test_a_run_tells_where_its_members_come_from_and_why_others_are_not_there(envgraph: Envgraph) -> None:
     ok(
         envgraph(
-            "generate",
-            "burning_forest/paper.toml",
-            "--name",
-            "run",
-            "--generations",
-            "3",
-            "--population",
-            "4",
+            "generate", "burning_forest/paper.toml", "--name", "run", "--generations", 3, "--population", 4
         )
     )
     family = package.search.open_family("run")
@@ -911,11 +889,7 @@ def test_a_run_tells_where_its_members_come_from_and_why_others_are_not_there(en
 
 
 def test_certificates_are_computed_twice(envgraph: Envgraph, monkeypatch: pytest.MonkeyPatch) -> None:
-    ok(
-        envgraph(
-            "generate", "keydoor/diverse.toml", "--name", "run", "--generations", "2", "--population", "2"
-        )
-    )
+    ok(envgraph(*DOORS, "--population", 2))
     shown = ok(envgraph("verify", "run")).out
     assert shown.splitlines()[0] == "KeyDoor: within 100 steps"
     found = ok(envgraph("verify", "run", "--format", "json")).json
@@ -953,11 +927,7 @@ def test_certificates_are_computed_twice(envgraph: Envgraph, monkeypatch: pytest
 
 
 def test_an_interrupted_verification_goes_on(envgraph: Envgraph, monkeypatch: pytest.MonkeyPatch) -> None:
-    ok(
-        envgraph(
-            "generate", "keydoor/diverse.toml", "--name", "run", "--generations", "2", "--population", "3"
-        )
-    )
+    ok(envgraph(*DOORS, "--population", 3))
     whole, asked = Family.explored, list[str]()
 
     def interrupted(family: Family, member: Any) -> Any:
@@ -990,11 +960,7 @@ def test_an_interrupted_verification_goes_on(envgraph: Envgraph, monkeypatch: py
 def test_what_has_too_many_states_for_a_table_has_a_plan(
     envgraph: Envgraph, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    ok(
-        envgraph(
-            "generate", "keydoor/diverse.toml", "--name", "run", "--generations", "2", "--population", "2"
-        )
-    )
+    ok(envgraph(*DOORS, "--population", 2))
 
     def too_many(family: Family, _: object) -> None:
         raise TooManyStates(family.behaviour, 3)

@@ -46,18 +46,8 @@ def test_members_of_runs_and_families_are_matched_and_changed(envgraph: Call) ->
     envgraph("export", "one", "-o", "one.json")
     counts = []
     for run, variant in (("one", "E1"), ("runs/one", 2), ("one.json", "2")):
-        found = envgraph(
-            *(
-                "match",
-                run,
-                "copy/burning_forest.query",
-                "burningTile",
-                "--variant",
-                variant,
-                "--format",
-                "json",
-            )
-        )
+        asked = ("match", run, "copy/burning_forest.query", "burningTile", "--variant", variant)
+        found = envgraph(*asked, "--format", "json")
         counts.append(len(json.loads(found)))
     family = open_family("one.json")
     burning = [len(family.model(member).graph.extent("BurningTile")) for member in family.members]

@@ -284,17 +284,8 @@ def test_agents_are_judged_on_seeds_that_were_not_looked_at(
         cells = [dict(zip(names, line.split(","), strict=True)) for line in lines[1:]]
         return {(one["label"], one["seed"]): line for one, line in zip(cells, lines[1:], strict=True)}
 
-    train = (
-        "train",
-        "forest",
-        "--steps",
-        "100",
-        "--curricula",
-        "full",
-        "--controls",
-        "random, direct",
-        "--force",
-    )
+    words = "train forest --steps 100 --curricula full --force --controls"
+    train = (*words.split(), "random, direct")
     assert command(*train, "--seeds", "3")[0] == 0
     every = rows()
     with monkeypatch.context() as patch:
