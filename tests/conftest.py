@@ -33,8 +33,9 @@ def pytest_configure(config: pytest.Config) -> None:
     """Ctrl-C can be tested in a job of the background too, where shells have it ignored.
 
     Tables of states and of grammars are kept for this run of the tests alone, the next one may be of another version;
-    the processes of a run share them.
+    the processes of a run share them. Most of what tests make is freed without the garbage collector.
     """
+    gc.set_threshold(200_000)
     if _is_first(config):
         os.environ["ENVGRAPH_CACHE"] = tempfile.mkdtemp(prefix="envgraph-cache-")
         by_day = not config.getoption("--hypothesis-profile")  # the programs of a night are new ones
@@ -77,7 +78,6 @@ def _is_first(config: pytest.Config) -> bool:
 
 
 def pytest_collection_finish() -> None:
-    """Modules and tests are here to stay: the garbage collector need not look at them, nor so often at the rest."""
+    """Modules and tests are here to stay: the garbage collector need not look at them."""
     gc.collect()
     gc.freeze()
-    gc.set_threshold(200_000)
