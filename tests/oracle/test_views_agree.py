@@ -143,9 +143,11 @@ class EagerViews(Views):
 
 # Few steps, each with much to compare: an example takes a tenth of a second, most of it for planning and source.
 TestViews = Views.TestCase
-TestViews.settings = settings(max_examples=(4 if NIGHTLY else 2) * EXAMPLES, stateful_step_count=10)
+TestViews.settings = settings(max_examples=(4 if NIGHTLY else 1) * EXAMPLES, stateful_step_count=10)
 TestEagerViews = EagerViews.TestCase
-TestEagerViews.settings = settings(max_examples=EXAMPLES, stateful_step_count=10)
+TestEagerViews.settings = settings(
+    max_examples=EXAMPLES if NIGHTLY else EXAMPLES // 2, stateful_step_count=10
+)
 
 
 @pytest.mark.parametrize("seed", [2, 3, 15, 16, 24])
