@@ -1,4 +1,4 @@
-"""The bundled domains: queries against plain Python, every rule somewhere, a thousand mutations, and back."""
+"""The bundled domains: queries against plain Python, every rule somewhere, many mutations, and back."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from envgraph.pattern import conformance_patterns
 from envgraph.rewrite import Engine
 from envgraph.search import Domain
 from tests.oracle.domains_by_hand import BY_HAND
+from tests.profile import NIGHTLY
 from tests.unit.rewrite.domains import domain as domain_engine
 from tests.unit.rewrite.graphs import snapshot
 
@@ -87,7 +88,7 @@ def test_queries_find_what_plain_python_finds_wherever_the_rules_lead(
     engine = domain_engine(name, model)
     if watched:
         engine.watch(*(f"{name}.{pattern}" for pattern in BY_HAND[name]))
-    for seed in range(3):
+    for seed in range(3 if NIGHTLY else 1):
         for _ in walk(engine, np.random.default_rng(seed), 40):
             agree(name, engine)
     engine.check_integrity()
@@ -149,7 +150,7 @@ def test_links_go_from_one_network_to_another_where_there_are_two() -> None:
 
 
 @pytest.mark.parametrize("name", BY_HAND)
-def test_a_thousand_mutations_keep_every_constraint_and_can_be_taken_back(name: str) -> None:
+def test_many_mutations_keep_every_constraint_and_can_be_taken_back(name: str) -> None:
     """As a search mutates: what does not satisfy the constraints that are queries is rolled back."""
     domain = Domain.load(f"{name}/{'paper' if name == 'burning_forest' else 'diverse'}.toml")
     engine = domain.engine()
@@ -160,7 +161,7 @@ def test_a_thousand_mutations_keep_every_constraint_and_can_be_taken_back(name: 
     versions: list[tuple[Version, tuple[object, ...]]] = [(start, before)]
     engine.rng = rng
     accepted = 0
-    for number in range(1000):
+    for number in range(1000 if NIGHTLY else 400):
         savepoint, earlier = model.graph.history.savepoint(), model.state_hash()
         chosen = engine.choose(problem.mutations, rng)
         assert chosen is not None
@@ -178,7 +179,7 @@ def test_a_thousand_mutations_keep_every_constraint_and_can_be_taken_back(name: 
         if number % 100 == 99:
             check(name, domain, engine)
             versions.append((engine.commit(), snapshot(model)))
-    assert accepted > 100
+    assert accepted > number // 10
     for version, after in reversed(versions):
         engine.checkout(version)
         assert snapshot(model) == after
