@@ -14,7 +14,7 @@ from tests.property.interrupting import Trip
 from tests.property.snapshots import facts, spelt
 from tests.unit.rewrite.graphs import chain, engine
 
-ONCE, TWICE = (1_000, 300) if settings().max_examples > 100 else (8, 2)
+ONCE, TWICE = (1_000, 300) if settings().max_examples > 100 else (4, 1)
 """Instructions at which each is interrupted, and of these how many interruptions are followed by another."""
 
 QUERIES = """

@@ -26,7 +26,7 @@ from tests.unit.match.people import METAMODEL
 from tests.unit.match.writing import equal, find, fold, is_a, neg, path, pattern
 
 NIGHTLY = settings().max_examples > 100
-ONCE, TWICE = (800, 200) if NIGHTLY else (4, 1)
+ONCE, TWICE = (800, 200) if NIGHTLY else (2, 1)
 """Instructions at which a scenario is interrupted, and of these how many interruptions are followed by another."""
 
 NAMES = Attribute("names", Scalar.STRING, lower=0, upper=None)
@@ -495,7 +495,8 @@ def test_nor_does_another_one_while_that_is_dealt_with(name: str) -> None:
     steps = SCENARIOS[name]
     states, numbered, instructions = play(steps)
     for number, instruction in enumerate(spread(name, TWICE, instructions)):
-        for call in (1 + number % 3, 7 + number % 11, 20 + number % 31):
+        calls = 1 + number % 3, 7 + number % 11, 20 + number % 31
+        for call in calls if NIGHTLY else calls[list(SCENARIOS).index(name) % 3 :][:1]:
             interrupt(steps, Trip(instruction, call), states, numbered)
 
 
@@ -588,7 +589,7 @@ class Refused(Exception):
 def test_nor_does_an_exception_of_a_listener(name: str) -> None:
     steps = SCENARIOS[name]
     states, numbered, _ = play(steps)
-    for change in (*range(1, 9), 12, 17, 25, 40) if NIGHTLY else (1, 2, 4, 8, 17):
+    for change in (*range(1, 9), 12, 17, 25, 40) if NIGHTLY else (1, 4, 17):
         world = World()
         Notified(world.model, Refusing(change))
         for number, step in enumerate(steps):

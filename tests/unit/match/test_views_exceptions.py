@@ -14,6 +14,7 @@ from envgraph.match._matcher import Row
 from envgraph.match.views.operators._sets import Log
 from envgraph.pattern import Library
 from tests.oracle.naive._naive import NaiveMatcher
+from tests.profile import NIGHTLY
 from tests.unit.match.kinds import watched
 from tests.unit.match.people import METAMODEL
 from tests.unit.match.writing import equal, find, fold, is_a, neg, path, pattern
@@ -111,7 +112,7 @@ def rows_of(views: ViewMatcher, pattern: str) -> Any:
     return views.kept.views[pattern].rows
 
 
-FUSES = list(product(["two", "reaches", "lonely", "fans"], [0, 1, 3]))
+FUSES = list(product(["two", "reaches", "lonely", "fans"], [0, 1, 3] if NIGHTLY else [1]))
 
 
 def explode(crowd: Crowd, fuse: tuple[str, int], *changes: Callable[[], object]) -> bool:
@@ -149,7 +150,7 @@ def test_the_fuses_burn() -> None:
         crowd = Crowd()
         with crowd.model.transaction():
             burnt += explode(crowd, fuse, crowd.meet, crowd.order)
-    assert burnt >= 9
+    assert burnt >= 3 * len(FUSES) // 4
 
 
 @pytest.mark.parametrize("fuse", FUSES, ids=str)
