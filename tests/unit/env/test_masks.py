@@ -9,6 +9,7 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from envgraph.env import EnvgraphEnv, EnvgraphLiveEnv, EnvgraphVectorEnv, Simulator, explore
 from envgraph.env.compiled import CompiledEnv, CompiledVectorEnv, enumerated, program_of
 from envgraph.env.compiled._native import has_numba
+from tests.profile import AT_NIGHT
 from tests.unit.env.coins import RULES, loaded
 
 MIXED = """
@@ -84,7 +85,11 @@ def test_a_compiled_program_finds_the_same_masks_in_all_states() -> None:
 
 
 @pytest.mark.parametrize(
-    ("mode", "native"), [*((mode, False) for mode in AutoresetMode), (AutoresetMode.NEXT_STEP, has_numba())]
+    ("mode", "native"),
+    [
+        *((mode, False) for mode in AutoresetMode),
+        pytest.param(AutoresetMode.NEXT_STEP, has_numba(), marks=AT_NIGHT),
+    ],
 )
 def test_vectors_have_the_masks_of_single_environments(mode: AutoresetMode, native: bool) -> None:
     engine, behaviour = loaded(MIXED)

@@ -26,7 +26,7 @@ from envgraph.env.compiled import (
 from envgraph.pattern import PatternCall, Variable
 from envgraph.rewrite import Engine
 from envgraph.solve import shortest_plan
-from tests.profile import NIGHTLY
+from tests.profile import AT_NIGHT, NIGHTLY
 from tests.unit.env import coins, test_agents, test_keydoor
 from tests.unit.env.coins import loaded
 from tests.unit.env.side_by_side import BUNDLED, opened
@@ -120,7 +120,9 @@ def test_chance_and_starts(clauses: str) -> None:
     assert_same_as_the_table(*loaded(clauses, "hand : Hand"))
 
 
-@pytest.mark.parametrize(("limit", "width"), [(20_000, 500), (50, 500), (50, 20), (1, 20)])
+@pytest.mark.parametrize(
+    ("limit", "width"), [(20_000, 500), pytest.param(50, 500, marks=AT_NIGHT), (50, 20), (1, 20)]
+)
 def test_plans_end_episodes_of_the_live_engine(limit: int, width: int) -> None:
     engine, behaviour = opened(SOKOBAN / "small.model", SOKOBAN / "sokoban.environment")
     shortest = found(engine, behaviour)

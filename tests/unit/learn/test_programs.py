@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from envgraph.env import explore
-from envgraph.env.compiled import Learner, program_of
+from envgraph.env.compiled import Learner, _learner, has_numba, program_of
 from envgraph.errors import InvalidArgument
 from envgraph.learn import (
     FamilyMember,
@@ -28,7 +28,7 @@ from envgraph.solve.learning._programs import (
     train_learner,
 )
 from envgraph.solve.learning._settings import Agent, Ties
-from tests.profile import NIGHTLY
+from tests.profile import AT_NIGHT, NIGHTLY
 from tests.unit.env.side_by_side import BUNDLED, EXTRA, family_keys, mutants, opened
 
 KEYDOOR = BUNDLED / "keydoor"
@@ -83,13 +83,23 @@ def _after(wanted: object, settings: TrainingSettings, tables: object) -> float:
     return float(rng.random())
 
 
-def test_two_boxes_are_learnt_of_states() -> None:
-    pytest.importorskip("numba")
-    engine, behaviour = opened(EXTRA / "sokoban/small.model", EXTRA / "sokoban/sokoban.environment")
-    program = program_of(engine, behaviour)
-    settings = TrainingSettings(steps_per_environment=1_500_000, limit=100, checkpoint=500_000)
+TWO_BOXES = [EXTRA / "sokoban/small.model", EXTRA / "sokoban/sokoban.environment"]
+
+
+@pytest.mark.parametrize(
+    ("files", "first", "steps"),
+    [(keydoor_files(), 16, 3_000), pytest.param(TWO_BOXES, _learner.FIRST, 1_500_000, marks=AT_NIGHT)],
+    ids=["keydoor", "two boxes"],
+)
+def test_a_goal_is_learnt_of_more_states_than_there_was_space_for(
+    files: list[object], first: int, steps: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(_learner, "FIRST", first)
+    engine, behaviour = opened(*files)  # type: ignore[arg-type]
+    program = program_of(engine, behaviour, native=NIGHTLY and has_numba())
+    settings = TrainingSettings(steps_per_environment=steps, limit=100, checkpoint=steps // 3)
     training = train_program(program, settings, np.random.default_rng(1), of="state")
-    assert training.learner.count > 4_096  # it has grown
+    assert training.learner.count > first  # it has grown
     assert training.learner.play(0, 1, 100, np.random.default_rng(2))[0] == 1.0
 
 

@@ -20,8 +20,8 @@ from tests.profile import NIGHTLY
 from tests.unit.env.side_by_side import BUNDLED, family_keys, mutants, opened
 
 NATIVE = {
-    "keydoor": [False, *([True] if has_numba() and NIGHTLY else [])],
-    "network": [False, *([True] if has_numba() else [])],
+    "keydoor": [False, *([True] if has_numba() else [])],
+    "network": [False, *([True] if has_numba() and NIGHTLY else [])],
 }
 """Compiling takes most of the time."""
 LIMIT = 30
