@@ -42,13 +42,15 @@ def opened(*paths: Path) -> tuple[Engine, Behaviour]:
     return engine, workspace.behaviour()
 
 
-def mutants(engine: Engine, behaviour: Behaviour, count: int, seed: int = 0) -> list[Engine]:
+def mutants(
+    engine: Engine, behaviour: Behaviour, count: int, seed: int = 0, *, first: int = 0
+) -> list[Engine]:
     """Members of a family: random applications of rules that the behaviour does not call, and that need no value."""
     called = {call.rule for call in calls_of(behaviour)}
     rules = [name for name in engine.rules if name not in called and name.rpartition(".")[2] not in called]
     rules = [name for name in rules if not any(one.required for one in engine.signature(name).parameters)]
     found = []
-    for number in range(count):
+    for number in range(first, count):
         other = engine.copy()
         rng = np.random.default_rng([seed, number])
         for _ in range(int(rng.integers(1, 9)) if number and rules else 0):
@@ -117,10 +119,11 @@ class Family:
         return [engine.copy() for engine in self.engines]
 
 
-def family_of(corner: Corner) -> Family:
-    """Return the family of a corner."""
+def family_of(corner: Corner, most: int = 3) -> Family:
+    """Return the family of a corner, of its last members if it has more than `most`."""
     engine, behaviour = corner.opened()
-    return Family(mutants(engine, behaviour, corner.members), behaviour, corner.spare)
+    first = max(0, corner.members - most)
+    return Family(mutants(engine, behaviour, corner.members, first=first), behaviour, corner.spare)
 
 
 def step_side_by_side(
