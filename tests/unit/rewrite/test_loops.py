@@ -316,8 +316,8 @@ def test_a_pattern_with_a_too_large_view_is_searched_for(monkeypatch: pytest.Mon
     unit u { alap { odd; } }
     """
     monkeypatch.setattr(_loops, "LONG", 100)
-    one = engine(text, model=chain(60))
+    one = engine(text, model=chain(40))
     one.model.nodes("Item")[0].done = True
-    assert one.run("u").applications == 59
+    assert one.run("u").applications == 39
     assert views(one).kept.too_large == {"odd#lhs"}
     assert_left(one)
