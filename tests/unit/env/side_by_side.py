@@ -42,9 +42,7 @@ def opened(*paths: Path) -> tuple[Engine, Behaviour]:
     return engine, workspace.behaviour()
 
 
-def mutants(
-    engine: Engine, behaviour: Behaviour, count: int, seed: int = 0, *, first: int = 0
-) -> list[Engine]:
+def mutants(engine: Engine, behaviour: Behaviour, count: int, seed: int = 0, first: int = 0) -> list[Engine]:
     """Members of a family: random applications of rules that the behaviour does not call, and that need no value."""
     called = {call.rule for call in calls_of(behaviour)}
     rules = [name for name in engine.rules if name not in called and name.rpartition(".")[2] not in called]
