@@ -125,7 +125,7 @@ def bind_parameter(model: Model, parameter: Parameter, spans: Mapping[int, Span]
 
 
 def unbound(behaviour: Behaviour, model: Model, spans: Mapping[int, Span] | None = None) -> list[Diagnostic]:
-    """What has no object in a model: errors where that leaves no environment to make of it, else warnings.
+    """Return problems with names that have no object in a model: errors if no environment can be made, else warnings.
 
     Those are the parameters, and the `agent` blocks that nobody plays. Of several objects where one is wanted, notes
     tell the places in `spans`.

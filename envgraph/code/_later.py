@@ -14,6 +14,8 @@ def later(names: dict[str, Any]) -> None:
     `if TYPE_CHECKING`. Python, type checkers and readers so have one list, as `lazy_loader.attach_stub` of Scientific
     Python (SPEC 1) has with a stub.
 
+    The source file of the package has to be installed.
+
     Args:
         names: the globals of the package. Names that are imported are added to them.
     """

@@ -6,7 +6,7 @@ from dataclasses import fields, is_dataclass
 
 
 def spelling(item: object) -> tuple[object, ...]:
-    """What tells two definitions apart that are equal but not the same: their types, and how their values are written.
+    """Return the types and the written values of a definition, which differ for 1 and 1.0 although these are equal.
 
     >>> spelling((1, "a")) == spelling((1.0, "a"))
     False

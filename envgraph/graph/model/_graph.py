@@ -1,4 +1,4 @@
-"""What a model is made of, by ids: it is read here, and written by functions of the modules beside."""
+"""Read and write a model by ids of objects; the functions that write are in the room `write`."""
 
 from __future__ import annotations
 

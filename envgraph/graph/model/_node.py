@@ -132,7 +132,7 @@ _Item = TypeVar("_Item")
 
 
 class _HeldList(Sequence[_Item]):
-    """What an object holds of a feature with many, live: reading it reads the model."""
+    """Show the values or targets of a feature with many as a sequence; each access reads the model."""
 
     __slots__ = ("_feature", "_node")
 

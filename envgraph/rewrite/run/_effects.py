@@ -205,7 +205,7 @@ def _precedence(reference: Reference) -> tuple[bool, int]:
 
 
 ON_MODEL: Final = (check_kept, house, inside, leave, release, strip, there)
-"""What generated code calls with the graph left out, by its name after `_`."""
+"""Functions that generated code calls without the graph as an argument, by the name after `_`."""
 
 ON_VALUES: Final = (less, listed, more, need, present)
 """The same for what needs no graph."""

@@ -1,4 +1,4 @@
-"""How a family is searched for as a whole."""
+"""Define the settings of the search for a whole family."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Begin = Literal["auto", "easing", "episode"]
 
 @dataclass(frozen=True, slots=True)
 class CurriculumSettings:
-    """How a family is searched for.
+    """Hold the settings of the search for a whole family.
 
     Attributes:
         population: members of a family, the target included; at least 2. None: the search chooses if it tries a reverse

@@ -1,4 +1,4 @@
-"""What the genetic algorithm and the drawing of samples are told."""
+"""Define the settings of the genetic algorithm and of drawing samples."""
 
 from __future__ import annotations
 
