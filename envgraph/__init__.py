@@ -26,4 +26,4 @@ if TYPE_CHECKING:
 
 later(globals())
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
