@@ -367,18 +367,30 @@ def test_files_that_a_page_names_exist(page: Path) -> None:
     assert missing == []
 
 
-def tour_text() -> str:
-    """The map for maintainers and the pages behind it."""
-    docs = ROOT / "docs"
-    pages = [docs / "architecture.md", *sorted((docs / "architecture").glob("*.md"))]
-    return "\n".join(page.read_text(encoding="utf-8") for page in pages)
+ROOMS = sorted((ROOT / "docs" / "architecture").glob("*.md"))
 
 
-def test_names_that_the_tour_places_in_a_module_are_there() -> None:
-    tour = " ".join(tour_text().split())
-    placed = re.findall(r"`(\w+)` (?:in|of) `(envgraph/[\w/]+\.py)`", tour)
-    assert len(placed) >= 5
-    assert [name for name, path in placed if name not in (ROOT / path).read_text(encoding="utf-8")] == []
+def test_each_package_has_an_architecture_page_that_the_index_links() -> None:
+    index = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+    packages = {path.parent.name for path in (ROOT / "envgraph").glob("*/__init__.py")}
+    layers = re.search(r"^    (code < .*)$", index, re.MULTILINE)
+    assert layers is not None
+    assert set(layers.group(1).split(" < ")) == {page.stem for page in ROOMS} == packages
+    assert [name for name in packages if f"(architecture/{name}.md)" not in index] == []
+
+
+@pytest.mark.parametrize("page", ROOMS, ids=lambda page: page.stem)
+def test_an_architecture_page_names_three_types_of_its_package(page: Path) -> None:
+    table = re.search(
+        r"^\| (?:type|name) \|.*\n\|---.*\n((?:\| .*\n)+)", page.read_text(encoding="utf-8"), re.MULTILINE
+    )
+    assert table is not None
+    names = re.findall(r"^\| `(\w+)`", table.group(1), re.MULTILINE)
+    modules = "\n".join(
+        path.read_text("utf-8") for path in sorted((ROOT / "envgraph" / page.stem).rglob("*.py"))
+    )
+    assert len(names) == 3
+    assert [name for name in names if not re.search(rf"^(?:class|def) {name}\b", modules, re.MULTILINE)] == []
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
@@ -388,11 +400,3 @@ def test_rows_of_a_table_have_as_many_cells_as_its_head(page: Path) -> None:
         cells = len(re.findall(r"(?<!\\)\|", line)) if line.startswith("|") else 0
         assert not (width and cells) or cells == width, f"{page.name}:{number}"
         width = cells
-
-
-def test_every_module_that_starts_a_layer_is_in_the_tour() -> None:
-    tour = tour_text()
-    layers = re.search(r"^    (code < .*)$", tour, re.MULTILINE)
-    assert layers is not None
-    packages = {path.parent.name for path in (ROOT / "envgraph").glob("*/__init__.py")}
-    assert set(layers.group(1).split(" < ")) == packages

@@ -47,7 +47,7 @@ def test_what_is_written_reads_back_equal(store: RunStore) -> None:
 
 
 def test_the_tables_are_documented(store: RunStore) -> None:
-    page = Path(__file__).parents[3] / "docs" / "architecture" / "families.md"
+    page = Path(__file__).parents[3] / "docs" / "architecture" / "search.md"
     told = page.read_text(encoding="utf-8").split("## The run store")[1].split("\n## ")[0]
     with closing(sqlite3.connect(store.path)) as file:
         tables = [name for (name,) in file.execute("SELECT name FROM sqlite_schema WHERE type = 'table'")]
