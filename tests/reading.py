@@ -1,12 +1,49 @@
-"""Read texts that are at hand, each as a file of its own."""
+"""Read texts that a test has at hand, each as a file of its own."""
 
 from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
 
 from envgraph.errors import LoadError, Source
 from envgraph.graph import Model
 from envgraph.lang import DiskFiles, FamilySpec, Files, TextFiles, find_family, load_workspace
 from envgraph.lang.family._family_reader import read_family
+from envgraph.lang.read._environment import read_environment
+from envgraph.lang.read._metamodel import MetamodelFile, read_metamodel
+from envgraph.lang.read._model import ModelFile, read_models
+from envgraph.lang.read._query import read_query
+from envgraph.lang.read._query_header import DefinitionsFile
+from envgraph.lang.read._rules import read_rules
+from envgraph.lang.syntax._parsing import parse
 from envgraph.metamodel import Metamodel
+
+_READERS: dict[str, Callable[[Any], DefinitionsFile[Any]]] = {
+    "query": read_query,
+    "rules": read_rules,
+    "environment": read_environment,
+}
+
+
+def read_definitions(text: str, language: str, name: str = "t") -> DefinitionsFile[Any]:
+    """Return what a text defines, and its mistakes, before any name is looked up.
+
+    Args:
+        text: the content of a file.
+        language: "query", "rules" or "environment".
+        name: the file that diagnostics name, without its suffix.
+    """
+    return _READERS[language](parse(language, Source(f"{name}.{language}", text)))
+
+
+def read_metamodel_text(text: str) -> MetamodelFile:
+    """Return the metamodel of a text, and its mistakes."""
+    return read_metamodel(parse("metamodel", Source("m.metamodel", text)))
+
+
+def read_model_text(text: str, metamodel: Metamodel | None) -> ModelFile:
+    """Return the models of a text, and their mistakes."""
+    return read_models(parse("model", Source("a.model", text)), metamodel)
 
 
 def load_family(path: str, files: Files | None = None) -> FamilySpec:

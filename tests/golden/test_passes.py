@@ -15,11 +15,9 @@ from envgraph.match.passes import (
     FOR_VIEWS,
     ON_DEMAND,
     Bodies,
-)
-from envgraph.match.passes._bodies import (
     Pass,
 )
-from envgraph.match.passes._calls import CallGraph
+from envgraph.match.plan import CallGraph
 from envgraph.pattern import (
     Absence,
     AggregateAtom,

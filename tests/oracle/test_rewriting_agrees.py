@@ -11,11 +11,9 @@ from dataclasses import dataclass
 import pytest
 from hypothesis import example, given, settings, strategies as st
 
-from envgraph.errors import EvaluationError, InvalidArgument, RuleError, Source
+from envgraph.errors import EvaluationError, InvalidArgument, RuleError
 from envgraph.graph import Model
 from envgraph.lang import format_text, to_text
-from envgraph.lang.read._rules import read_rules
-from envgraph.lang.syntax._parsing import parse
 from envgraph.pattern import (
     Alap,
     Atomic,
@@ -36,6 +34,7 @@ from tests.oracle.rewriting_smaller import mended
 from tests.oracle.rewriting_worlds import MOST, concrete, random_model, random_patterns, random_rule, state_of
 from tests.oracle.worlds import Dice, random_metamodel
 from tests.profile import examples
+from tests.reading import read_definitions
 from tests.unit.rewrite.graphs import snapshot
 
 SEEDS = st.integers(0, 2**48)
@@ -158,7 +157,7 @@ def test_a_rule_and_its_text_do_the_same(seed: int) -> None:
     for rule in found.rules:
         text = to_text(rule)
         assert format_text("rules", text) == text
-        (read,) = read_rules(parse("rules", Source("r.rules", text))).definitions
+        (read,) = read_definitions(text, "rules", "r").definitions
         assert isinstance(read, Rule)
         given = given_values(found.dice, rule, state_of(found.model))
         states = []

@@ -12,11 +12,12 @@ from envgraph.metamodel import Attribute, Metamodel
 from envgraph.pattern import Derivation, Rule
 from envgraph.rewrite import (
     Engine,
+    derived,
 )
 from envgraph.rewrite.derive._check import (
     check_derivation,
 )
-from envgraph.rewrite.derive._derive import Derived, derived
+from envgraph.rewrite.derive._derive import Derived
 from tests.property.strategies import bounded_metamodels, valid_model
 
 EXAMPLES = 3 * settings().max_examples

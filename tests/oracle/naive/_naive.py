@@ -11,8 +11,9 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from envgraph.graph import Model
+from envgraph.match import FREE, Matcher, Row
 from envgraph.match._aggregates import aggregate
-from envgraph.match._matcher import FREE, Matcher, Row, check_arguments, check_bound
+from envgraph.match._matcher import check_arguments, check_bound
 from envgraph.metamodel import Attribute, AttributeType, Value, reached
 from envgraph.pattern import (
     Closure,

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from envgraph.env import EnvgraphEnv, EnvgraphLiveEnv, Simulator, explore
-from envgraph.env._too_many import TooManyStates
+from envgraph.env import EnvgraphEnv, EnvgraphLiveEnv, Simulator, TooManyStates, explore
 from envgraph.env.compiled import Batch, CompiledVectorEnv, NotCompiled, enumerated, program_of
 from envgraph.errors import EvaluationError
 from tests.unit.env.corners.creation import BORN, DROP, LOOK, MADE, SIZES

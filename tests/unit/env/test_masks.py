@@ -7,8 +7,7 @@ import pytest
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 from envgraph.env import EnvgraphEnv, EnvgraphLiveEnv, EnvgraphVectorEnv, Simulator, explore
-from envgraph.env.compiled import CompiledEnv, CompiledVectorEnv, enumerated, program_of
-from envgraph.env.compiled._native import has_numba
+from envgraph.env.compiled import CompiledEnv, CompiledVectorEnv, enumerated, has_numba, program_of
 from tests.profile import AT_NIGHT
 from tests.unit.env.coins import RULES, loaded
 

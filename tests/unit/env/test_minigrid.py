@@ -7,8 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from envgraph.env._minigrid import MiniGridLevel
-from envgraph.env._tabular import Tabular
+from envgraph.env import MiniGridLevel, Tabular
 
 FORWARD = 2
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 import pytest
 
 from envgraph.behaviour import Behaviour
-from envgraph.env import Simulator, explore
-from envgraph.env._model_views import model_view
+from envgraph.env import Simulator, explore, model_view
 from envgraph.env.compiled import enumerated, program_of
 from envgraph.errors import InvalidArgument
 from envgraph.rewrite import Engine

@@ -24,10 +24,7 @@ from envgraph.env import (
     RuleCall,
     Token,
 )
-from envgraph.errors import Source
-from envgraph.lang.read._environment import read_environment, with_enums
-from envgraph.lang.read._query_header import DefinitionsFile
-from envgraph.lang.syntax._parsing import parse
+from envgraph.lang import TextFiles, load_workspace
 from envgraph.metamodel import Class, EnumType, Metamodel
 from envgraph.pattern import (
     Binary,
@@ -41,12 +38,13 @@ from envgraph.pattern import (
     Unary,
     Variable,
 )
+from tests.reading import read_definitions
 
 a, x = Variable("a"), Variable("x")
 
 
-def read(text: str) -> DefinitionsFile[Any]:
-    return read_environment(parse("environment", Source("t.environment", text)))
+def read(text: str) -> Any:
+    return read_definitions(text, "environment")
 
 
 def behaviour(clauses: str) -> Behaviour:
@@ -240,7 +238,8 @@ def test_words_of_other_places_are_names(name: str) -> None:
 def test_a_parameter_of_an_action_counts_through_an_enum_once_the_metamodel_is_known() -> None:
     metamodel = Metamodel("m", [Class("Cell")], [EnumType("Way", ("west",))])
     text = "action a(w : Way, c : Cell, n : 0..1) = r() agent x : Cell { action b(w : Way) = r() }"
-    found = with_enums(behaviour(text), metamodel)
+    files = TextFiles({"t.environment": f"environment E {{ {text} }}"})
+    (found,) = load_workspace(["t.environment"], files=files, metamodel=metamodel).behaviours
     assert [domain for _, domain in found.actions[0].parameters] == [
         Domain(enum="Way"), Domain(cls="Cell"), Domain(low=0, high=1)
     ]  # fmt: skip

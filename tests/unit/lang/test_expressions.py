@@ -4,10 +4,6 @@ from typing import Any
 
 import pytest
 
-from envgraph.errors import Source
-from envgraph.lang.read._query import read_query
-from envgraph.lang.read._query_header import DefinitionsFile
-from envgraph.lang.syntax._parsing import parse
 from envgraph.pattern import (
     Binary,
     Check,
@@ -21,12 +17,13 @@ from envgraph.pattern import (
     Variable,
     children,
 )
+from tests.reading import read_definitions
 
 a, b, c, d = (Variable(name) for name in "abcd")
 
 
-def read(text: str) -> DefinitionsFile[Any]:
-    return read_query(parse("query", Source("x.query", f"pattern p() {{ check({text}); }}")))
+def read(text: str) -> Any:
+    return read_definitions(f"pattern p() {{ check({text}); }}", "query", "x")
 
 
 def expression(text: str) -> Expression:

@@ -1,13 +1,13 @@
 """`.metamodel` files: what they mean. What is said about mistakes: tests/golden/metamodel."""
 
-from envgraph.errors import Source
-from envgraph.lang.read._metamodel import MetamodelFile, read_metamodel
-from envgraph.lang.syntax._parsing import parse
+from typing import Any
+
 from envgraph.metamodel import Annotation, Attribute, Class, EnumType, Glyph, Metamodel, Reference, Scalar
+from tests.reading import read_metamodel_text
 
 
-def file(text: str) -> MetamodelFile:
-    return read_metamodel(parse("metamodel", Source("m.metamodel", text)))
+def file(text: str) -> Any:
+    return read_metamodel_text(text)
 
 
 def metamodel(text: str) -> Metamodel:

@@ -1,14 +1,13 @@
 """`.model` files: what they mean. What is said about mistakes: tests/golden/model."""
 
+from typing import Any
+
 import pytest
 
-from envgraph.errors import Source
 from envgraph.graph import Model
-from envgraph.lang import bundled_domain, conformance
-from envgraph.lang.read._metamodel import read_metamodel
-from envgraph.lang.read._model import ModelFile, ModelText, imports_of, read_models
-from envgraph.lang.syntax._parsing import parse
+from envgraph.lang import ModelText, TextFiles, bundled_domain, conformance, load_workspace
 from envgraph.metamodel import Metamodel
+from tests.reading import read_metamodel_text, read_model_text
 
 METAMODEL = """
 metamodel m
@@ -35,13 +34,13 @@ abstract class Cell {
 
 @pytest.fixture(scope="module")
 def metamodel() -> Metamodel:
-    found = read_metamodel(parse("metamodel", Source("m.metamodel", METAMODEL))).metamodel
+    found = read_metamodel_text(METAMODEL).metamodel
     assert found is not None
     return found
 
 
-def file(text: str, metamodel: Metamodel | None) -> ModelFile:
-    return read_models(parse("model", Source("a.model", text)), metamodel)
+def file(text: str, metamodel: Metamodel | None) -> Any:
+    return read_model_text(text, metamodel)
 
 
 def text_of(body: str, metamodel: Metamodel) -> ModelText:
@@ -180,12 +179,15 @@ def test_without_a_metamodel_only_the_syntax_is_checked() -> None:
     assert len(file("model a : m { x : }", None).diagnostics) == 1
 
 
-def test_imports_are_listed_with_their_place() -> None:
-    found = imports_of(parse("model", Source("a.model", 'import "m.metamodel"\nimport "n.metamodel";')))
-    assert [(one.path, one.span.line, one.span.column) for one in found] == [
-        ("m.metamodel", 1, 8),
-        ("n.metamodel", 2, 8),
+def test_missing_imports_are_reported_at_their_place() -> None:
+    files = TextFiles({"a.model": 'import "m.metamodel"\nimport "n.metamodel";'})
+    found = load_workspace(["a.model"], files=files).diagnostics
+    places = [
+        (one.span.text, one.span.line, one.span.column)
+        for one in found
+        if one.span and one.code == "missing-file"
     ]
+    assert places == [('"m.metamodel"', 1, 8), ('"n.metamodel"', 2, 8)]
 
 
 def test_a_file_may_hold_several_models(metamodel: Metamodel) -> None:
@@ -202,9 +204,7 @@ def test_conformance_is_reported_at_the_objects(metamodel: Metamodel) -> None:
 
 def test_the_bundled_models_have_the_tiles_of_the_paper() -> None:
     directory = bundled_domain("burning_forest")
-    metamodel = read_metamodel(
-        parse("metamodel", Source("m", (directory / "burning_forest.metamodel").read_text()))
-    ).metamodel
+    metamodel = read_metamodel_text((directory / "burning_forest.metamodel").read_text()).metamodel
     text = (directory / "target_8x8.model").read_text()
     found = file(text, metamodel).models[0].model
     assert found is not None

@@ -4,12 +4,8 @@ from typing import Any
 
 import pytest
 
-from envgraph.errors import Severity, Source
+from envgraph.errors import Severity
 from envgraph.lang import TextFiles, load_workspace
-from envgraph.lang.read._imports import Import
-from envgraph.lang.read._query import read_query
-from envgraph.lang.read._query_header import DefinitionsFile
-from envgraph.lang.syntax._parsing import parse
 from envgraph.metamodel import Annotation
 from envgraph.pattern import (
     Aggregate,
@@ -32,16 +28,17 @@ from envgraph.pattern import (
     TypeConstraint,
     Variable,
 )
+from tests.reading import read_definitions
 
 x, y, n = Variable("x"), Variable("y"), Variable("n")
 anonymous = Variable("_")
 
 
-def read(text: str) -> DefinitionsFile[Any]:
-    return read_query(parse("query", Source("t.query", text)))
+def read(text: str) -> Any:
+    return read_definitions(text, "query")
 
 
-def sound(text: str) -> DefinitionsFile[Any]:
+def sound(text: str) -> Any:
     file = read(text)
     assert file.diagnostics == ()
     return file
@@ -126,14 +123,9 @@ def test_a_whole_file() -> None:
         incremental pattern q() { find p(_, _, _); }
     """
     file = sound(text)
-    assert (file.header.package, file.header.imports, [one.name for one in file.header.patterns]) == (
-        "a.b",
-        (
-            Import("m.metamodel", Source("", "").span(0, 0)),
-            Import("n.query", Source("", "").span(0, 0), "other"),
-        ),
-        ["c.d.helper"],
-    )
+    header = file.header
+    assert (header.package, [one.name for one in header.patterns]) == ("a.b", ["c.d.helper"])
+    assert [(one.path, one.alias) for one in header.imports] == [("m.metamodel", None), ("n.query", "other")]
     first, second = file.definitions
     assert first == Pattern(
         name="p",

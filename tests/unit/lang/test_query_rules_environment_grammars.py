@@ -1,6 +1,6 @@
 """What the grammars of queries, rules and environments have in common: positions, robustness, speed."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import fields, is_dataclass
 from pathlib import Path
 from time import process_time
@@ -11,24 +11,17 @@ from hypothesis import given, settings, strategies as st
 
 from envgraph.errors import Diagnostic, Source, Span
 from envgraph.lang import data_path
-from envgraph.lang.read._environment import read_environment
-from envgraph.lang.read._query import read_query
-from envgraph.lang.read._rules import read_rules
 from envgraph.lang.syntax._grammar import grammar
-from envgraph.lang.syntax._parsing import Parsed, parse
 from tests.profile import AT_NIGHT, NIGHTLY, examples
+from tests.reading import read_definitions
 
 SHARED = Path(__file__).parents[2] / "golden" / "shared"
-READERS: dict[str, Callable[[Parsed], "File"]] = {
-    "query": read_query,
-    "rules": read_rules,
-    "environment": read_environment,
-}
+LANGUAGES = ("query", "rules", "environment")
 TEXTS = {
     path.name: path.read_text(encoding="utf-8")
     for folder in (SHARED, data_path("rules"))
     for path in sorted(folder.rglob("*"))
-    if path.suffix.removeprefix(".") in READERS
+    if path.suffix.removeprefix(".") in LANGUAGES
 }
 
 
@@ -38,8 +31,8 @@ class File(Protocol):
 
 
 def read(name: str, text: str) -> File:
-    language = name.rpartition(".")[2]
-    return READERS[language](parse(language, Source(name, text)))
+    stem, _, language = name.rpartition(".")
+    return read_definitions(text, language, stem)
 
 
 # --- the example domains

@@ -4,11 +4,7 @@ from typing import Any
 
 import pytest
 
-from envgraph.errors import Source
 from envgraph.lang import to_text
-from envgraph.lang.read._query_header import DefinitionsFile
-from envgraph.lang.read._rules import read_rules
-from envgraph.lang.syntax._parsing import parse
 from envgraph.pattern import (
     Action,
     Alap,
@@ -50,12 +46,13 @@ from envgraph.pattern import (
     Unit,
     Variable,
 )
+from tests.reading import read_definitions
 
 a, b, c, x = (Variable(name) for name in "abcx")
 
 
-def read(text: str) -> DefinitionsFile[Any]:
-    return read_rules(parse("rules", Source("t.rules", text)))
+def read(text: str) -> Any:
+    return read_definitions(text, "rules")
 
 
 def rule(text: str) -> Rule:

@@ -7,11 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from envgraph.errors import InvalidArgument, Source
+from envgraph.errors import InvalidArgument
 from envgraph.lang import data_path, load_workspace, open as open_files, spelled_out, to_text
-from envgraph.lang.read._query import read_query
-from envgraph.lang.read._rules import read_rules
-from envgraph.lang.syntax._parsing import parse
 from envgraph.metamodel import Annotation
 from envgraph.pattern import (
     Body,
@@ -40,6 +37,7 @@ from envgraph.pattern import (
     Variable,
 )
 from envgraph.rewrite import Engine, derived
+from tests.reading import read_definitions
 
 TESTS = Path(__file__).parents[2]
 QUERIES = sorted(data_path("rules").rglob("*.query"))
@@ -47,9 +45,9 @@ RULES = sorted([*data_path("rules").rglob("*.rules"), *(TESTS / "golden" / "shar
 
 
 def read(text: str, language: str = "rules") -> tuple:
-    parsed = parse(language, Source("text", text))
-    assert not parsed.diagnostics
-    return read_rules(parsed).definitions if language == "rules" else read_query(parsed).definitions
+    found = read_definitions(text, language)
+    assert not found.diagnostics
+    return found.definitions
 
 
 @pytest.mark.parametrize("path", QUERIES, ids=lambda path: path.name)

@@ -32,7 +32,7 @@ from envgraph.learn import (
 )
 from envgraph.learn._teachers import ExactScore
 from envgraph.solve import certify, optimal_episode
-from envgraph.solve.learning._training import Backend
+from envgraph.solve.learning import Backend
 from tests.unit.learn.small_tables import random_table, table
 
 NAMES = ["E1", "E2", "E3", "E4"]

@@ -23,7 +23,7 @@ from envgraph.learn import (
     train_curriculum,
     train_run,
 )
-from envgraph.solve.learning._training import Backend
+from envgraph.solve.learning import Backend
 from tests.unit.learn.small_tables import random_table
 
 FAMILY = [FamilyMember(f"E{number}", random_table(number), number / 3) for number in (1, 2, 3)]

@@ -13,10 +13,8 @@ from envgraph.graph import Model
 from envgraph.match import FREE, CompiledMatcher
 from envgraph.match.generate._sources import view_source
 from envgraph.match.generate._symbols import Mode
-from envgraph.match.passes._calls import CallGraph
+from envgraph.match.plan import CallGraph, Planner, ViewKey
 from envgraph.match.plan._options import Options
-from envgraph.match.plan._plan import ViewKey
-from envgraph.match.plan._planner import Planner
 from envgraph.metamodel import Attribute, Class, Metamodel, Reference, Scalar
 from envgraph.pattern import Constant, Constraint, Library, Pattern
 from tests.unit.match.forest import PATTERNS, forest, library

@@ -10,8 +10,7 @@ import pytest
 import envgraph
 from envgraph.match import FREE, Questions
 from envgraph.match.demand._sharing import _Answers
-from envgraph.match.plan import CallGraph, Planner
-from envgraph.match.plan._plan import ViewKey
+from envgraph.match.plan import CallGraph, Planner, ViewKey
 from envgraph.pattern import Body, Parameter, Pattern, TypeConstraint, Variable
 
 PATTERNS = ("craIndex", "cohesion", "coupling", "unassigned", "dependency", "tied", "several")

@@ -9,8 +9,7 @@ from typing import Any
 import pytest
 
 from envgraph.graph import Model
-from envgraph.match import FREE, ViewMatcher
-from envgraph.match._matcher import Row
+from envgraph.match import FREE, Row, ViewMatcher
 from envgraph.match.views.operators._sets import Log
 from envgraph.pattern import Library
 from tests.oracle.naive._naive import NaiveMatcher

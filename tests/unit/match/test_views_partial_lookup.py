@@ -8,8 +8,7 @@ from random import Random
 import pytest
 
 from envgraph.graph import Model
-from envgraph.match import FREE, CompiledMatcher, ViewMatcher
-from envgraph.match._matcher import Row
+from envgraph.match import FREE, CompiledMatcher, Row, ViewMatcher
 from envgraph.match.views.operators import _sets
 from envgraph.match.views.watch import _partial_lookup as _agreeing
 from envgraph.metamodel import Reference

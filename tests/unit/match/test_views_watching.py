@@ -9,8 +9,7 @@ import pytest
 
 from envgraph.errors import InvalidArgument, TransactionError, TypeMismatch
 from envgraph.graph import Model
-from envgraph.match import FREE, ViewMatcher
-from envgraph.match._matcher import Row
+from envgraph.match import FREE, Row, ViewMatcher
 from envgraph.match.views.watch import _kept
 from envgraph.pattern import Library
 from tests.oracle.naive._naive import NaiveMatcher

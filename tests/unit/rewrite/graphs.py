@@ -5,15 +5,12 @@ from __future__ import annotations
 from itertools import pairwise
 from textwrap import dedent
 
-from envgraph.errors import Diagnostic, Source
+from envgraph.errors import Diagnostic
 from envgraph.graph import Model
-from envgraph.lang.read._metamodel import read_metamodel
-from envgraph.lang.read._query import read_query
-from envgraph.lang.read._rules import read_rules
-from envgraph.lang.syntax._parsing import parse
 from envgraph.metamodel import Metamodel
 from envgraph.pattern import Derivation, Pattern, Rule, Unit
 from envgraph.rewrite import Engine
+from tests.reading import read_definitions, read_metamodel_text
 
 METAMODEL_TEXT = """\
 metamodel graphs
@@ -49,7 +46,7 @@ class Box extends Thing {
 
 
 def _metamodel() -> Metamodel:
-    found = read_metamodel(parse("metamodel", Source("graphs.metamodel", METAMODEL_TEXT)))
+    found = read_metamodel_text(METAMODEL_TEXT)
     assert found.metamodel is not None, [str(diagnostic) for diagnostic in found.diagnostics]
     return found.metamodel
 
@@ -59,14 +56,14 @@ METAMODEL = _metamodel()
 
 def patterns(text: str) -> tuple[Pattern, ...]:
     """The patterns of a query text."""
-    read = read_query(parse("query", Source("test.query", dedent(text))))
+    read = read_definitions(dedent(text), "query", "test")
     assert not read.diagnostics, [str(diagnostic) for diagnostic in read.diagnostics]
     return read.definitions
 
 
 def definitions(text: str) -> tuple[Rule | Unit | Derivation, ...]:
     """The definitions of a rules text."""
-    read = read_rules(parse("rules", Source("test.rules", dedent(text))))
+    read = read_definitions(dedent(text), "rules", "test")
     assert not read.diagnostics, [str(diagnostic) for diagnostic in read.diagnostics]
     return read.definitions
 

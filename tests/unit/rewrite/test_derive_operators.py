@@ -7,14 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from envgraph.errors import Source
 from envgraph.graph import Model, check_conformance
 from envgraph.lang import TextFiles, load_workspace
-from envgraph.lang.read._metamodel import read_metamodel
-from envgraph.lang.syntax._parsing import parse
 from envgraph.metamodel import Metamodel
 from envgraph.pattern import Derivation
 from envgraph.rewrite import Engine, derived_rules
+from tests.reading import read_metamodel_text
 from tests.unit.rewrite.domains import domain
 from tests.unit.test_docs import GARDEN
 
@@ -22,7 +20,7 @@ PAGE = Path(__file__).parents[3] / "docs" / "languages" / "rules.md"
 
 
 def metamodel(text: str) -> Metamodel:
-    found = read_metamodel(parse("metamodel", Source("m.metamodel", f"metamodel m\n{text}")))
+    found = read_metamodel_text(f"metamodel m\n{text}")
     assert found.metamodel is not None, [str(diagnostic) for diagnostic in found.diagnostics]
     return found.metamodel
 

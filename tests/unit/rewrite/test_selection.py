@@ -11,8 +11,7 @@ from envgraph.errors import InvalidArgument, RuleError
 from envgraph.graph import Model
 from envgraph.lang import from_text, to_text
 from envgraph.pattern import Binary, Call, Choice, Constant, Navigation, Unary, Unit, Variable
-from envgraph.rewrite import Engine, Match
-from envgraph.rewrite._match import Row
+from envgraph.rewrite import Engine, Match, Row
 from tests.unit.rewrite.graphs import METAMODEL, chain, engine, snapshot
 
 RULES = """

@@ -30,13 +30,13 @@ from envgraph.search import (
     Outcome,
     Over,
     Pool,
+    RunStore,
     SimulatedAnnealing,
     Variance,
     generate,
     resume,
     why_low,
 )
-from envgraph.search._store import RunStore
 from envgraph.search.problem._distances import Distance
 from envgraph.search.problem._family_measures import (
     ChainTransfer,

@@ -19,6 +19,7 @@ from envgraph.learn.audit import (
     Study,
     _run as one_run,
     _study as module,
+    audit,
     findings_of,
     summaries,
     write_audit,
@@ -29,7 +30,7 @@ from envgraph.learn.audit._levels import (
 from envgraph.learn.audit._run import (
     run_method,
 )
-from envgraph.learn.audit._study import audit, read_run
+from envgraph.learn.audit._study import read_run
 from envgraph.search import Domain
 from tests.unit.learn.audit.small_levels import corridors, settings
 

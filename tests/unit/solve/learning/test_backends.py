@@ -16,9 +16,9 @@ from envgraph.learn import (
     available_backends,
     train_curriculum,
 )
-from envgraph.solve.learning import _q_learning, _training
+from envgraph.solve.learning import Backend, _q_learning, _training, choose_backend
 from envgraph.solve.learning._settings import Agent, Ties
-from envgraph.solve.learning._training import COMPILING_PAYS, Backend, choose_backend
+from envgraph.solve.learning._training import COMPILING_PAYS
 from tests.profile import AT_NIGHT, NIGHTLY
 from tests.unit.learn.forest_tables import published_family
 from tests.unit.learn.small_tables import random_table

@@ -7,9 +7,8 @@ import pytest
 
 from envgraph.errors import InvalidArgument
 from envgraph.learn import Epsilon, TrainingSettings, available_backends, train_curriculum
-from envgraph.solve.learning import occurring
+from envgraph.solve.learning import Backend, initial_values, occurring, prepare, train
 from envgraph.solve.learning._stage import accumulate
-from envgraph.solve.learning._training import Backend, initial_values, prepare, train
 from tests.unit.learn.small_tables import random_table, table
 
 HALVES = TrainingSettings(
