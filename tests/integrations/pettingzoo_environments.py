@@ -10,16 +10,17 @@ import pickle
 import warnings
 from collections.abc import Callable
 from pathlib import Path
+from shutil import copytree
 from typing import Any
 
 import numpy as np
 import pytest
 
 import envgraph
-from envgraph.cli._new import copy_domain
 from envgraph.env import EnvgraphLiveEnv, Simulator
 from envgraph.env.multiagent import TogetherEnv, TurnEnv
 from envgraph.errors import InvalidArgument
+from envgraph.lang import bundled_domain
 from tests.integrations.documented import run_section
 from tests.unit.env.coins import RULES, loaded
 from tests.unit.env.test_agents import HALLS, opened
@@ -68,7 +69,7 @@ def coins(how: str = "") -> Simulator:
 @pytest.fixture
 def together(tmp_path: Path) -> Path:
     """The warehouse, with robots that act together."""
-    copy_domain(tmp_path / "halls", "halls", "warehouse")
+    copytree(bundled_domain("warehouse"), tmp_path / "halls")
     file = tmp_path / "halls" / "warehouse.environment"
     file.write_text(file.read_text().replace("    agent robot", "    agents together\n    agent robot"))
     return tmp_path / "halls"

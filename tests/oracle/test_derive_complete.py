@@ -14,9 +14,6 @@ from envgraph.pattern import Derivation
 from envgraph.rewrite import (
     Engine,
 )
-from envgraph.rewrite.derive._check import (
-    check_derivation,
-)
 from tests.oracle.all_models import Form, all_models, form_of
 from tests.profile import NIGHTLY
 from tests.property.strategies import bounded_metamodels
@@ -189,7 +186,7 @@ def test_random_metamodels(metamodel: Metamodel) -> None:
         for cls in metamodel.class_list
         if metamodel.concrete(cls.name)
     ]
-    said = [problem for one in derivations for problem in check_derivation(one, metamodel)]
+    said = [problem for one in derivations for problem in Engine(Model(metamodel)).check(one)]
     assume(not said)
     assert wanted <= reached(metamodel, 2)
 
@@ -199,7 +196,7 @@ def test_random_metamodels(metamodel: Metamodel) -> None:
 
 def test_an_object_that_needs_too_much_at_once_is_not_created_and_this_is_said() -> None:
     many = one_class(Reference("e", "A", 7, 7, opposite="f"), Reference("f", "A", 7, 7, opposite="e"))
-    (problem,) = check_derivation(Derivation("d", "operators", ("A",)), many)
+    (problem,) = Engine(Model(many)).check(Derivation("d", "operators", ("A",)))
     assert problem.severity is Severity.WARNING
     assert problem.message == "no operator creates a `A`: what it needs is frozen, or too much at once"
     assert len(reached(many, 3)) == 1

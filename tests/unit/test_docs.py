@@ -30,7 +30,6 @@ import pytest
 
 import envgraph
 from envgraph.cli import main
-from envgraph.cli._new import write_domain
 from envgraph.env import EnvgraphEnv, EnvgraphLiveEnv, Simulator, explore
 from envgraph.env.compiled import CompiledEnv, enumerated, program_of
 from envgraph.errors import Diagnostic
@@ -334,9 +333,12 @@ def test_code_of_a_page_runs_and_prints_what_it_shows(
             assert printed == after.text, f"{after}: it prints\n{printed}"
 
 
-def test_mistake_in_a_new_domain_is_reported_as_shown(tmp_path: Path) -> None:
+def test_mistake_in_a_new_domain_is_reported_as_shown(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     shown = next(block.text for block in blocks(COMMANDS) if "maze.rules" in block.words)
-    write_domain(tmp_path, "maze")
+    monkeypatch.setattr(sys, "argv", ["envgraph", "new", "maze", "--directory", str(tmp_path)])
+    assert main() == 0
     texts = {path.name: path.read_text(encoding="utf-8") for path in tmp_path.iterdir()}
     texts["maze.rules"] = texts["maze.rules"].replace("-at->", "-att->", 1)
     found = load_workspace(["maze.rules"], files=TextFiles(texts)).diagnostics

@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 
 from envgraph.env import EnvgraphEnv, EnvgraphLiveEnv, Explored, Simulator, explore, register
 from envgraph.env.registration import register_entry_point
-from envgraph.env.scene import _window
 from envgraph.errors import InvalidArgument
 from tests.unit.env import forest
 from tests.unit.env.coins import loaded
@@ -193,7 +192,7 @@ def test_rendering_without_a_mode_gives_nothing_and_without_pictures_is_refused(
     with pytest.raises(InvalidArgument, match=r"no pictures: .*; write a clause such as `draw graph"):
         EnvgraphEnv(TARGET.tabular, render_mode="ansi")
     with monkeypatch.context() as without:
-        without.setattr(_window, "find_spec", lambda _: None)
+        without.setitem(sys.modules, "pygame", None)
         with pytest.raises(InvalidArgument, match=r"`human` needs pygame: pip install 'envgraph\[human\]'"):
             make("forest", render_mode="human")
     with pytest.raises(InvalidArgument, match="unknown render mode"):

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
+from shutil import copytree
 
 import numpy as np
 import pytest
 
-from envgraph.cli._new import copy_domain
 from envgraph.env import ImageView, Mark, Simulator, legend, scene_of, scene_text
 from envgraph.errors import LoadError
-from envgraph.lang import load_workspace
+from envgraph.lang import bundled_domain, load_workspace
 from envgraph.search import Domain
 
 
@@ -38,7 +38,7 @@ def test_the_image_of_an_agent_has_what_is_there_and_not_its_sign() -> None:
 
 
 def test_a_sign_is_one_letter(tmp_path: Path) -> None:
-    copy_domain(tmp_path / "mine", "mine", "taxi")
+    copytree(bundled_domain("taxi"), tmp_path / "mine")
     file = tmp_path / "mine" / "taxi.environment"
     file.write_text(file.read_text("utf-8").replace('as "X"', 'as "XY"'))
     with pytest.raises(LoadError, match="`passenger` is drawn as a single letter"):

@@ -6,7 +6,6 @@ import pytest
 
 from envgraph.graph import Model
 from envgraph.match import FREE, CompiledMatcher, ViewMatcher
-from envgraph.match.views.operators._closure import CircleOperator, ClosureOperator
 from envgraph.metamodel import Class, Metamodel, Reference
 from envgraph.pattern import Aggregate, Comparison, Library
 from tests.unit.match.writing import find, path, pattern, v
@@ -76,13 +75,19 @@ def test_numbers_of_what_is_reached_follow_the_links(query: str, before: object,
 def test_a_question_about_one_start_keeps_no_pairs(query: str) -> None:
     matcher = ViewMatcher(grid(), library())
     matcher.watch(query)
-    closures = [each for each in matcher.kept.network.operators.values() if isinstance(each, ClosureOperator)]
+    closures = [
+        each for each in matcher.kept.network.operators.values() if type(each).__name__ == "ClosureOperator"
+    ]
     assert [each.size() for each in closures] == [SIDE * SIDE]
 
 
 def test_a_query_for_cycles_keeps_only_nodes_on_cycles() -> None:
     matcher = ViewMatcher(grid(), library())
     matcher.watch("loop")
-    circles = [each for each in matcher.kept.network.operators.values() if isinstance(each, CircleOperator)]
+    circles = [
+        each for each in matcher.kept.network.operators.values() if type(each).__name__ == "CircleOperator"
+    ]
     assert [each.size() for each in circles] == [SIDE * SIDE]
-    assert not any(isinstance(each, ClosureOperator) for each in matcher.kept.network.operators.values())
+    assert not any(
+        type(each).__name__ == "ClosureOperator" for each in matcher.kept.network.operators.values()
+    )

@@ -8,7 +8,6 @@ import pytest
 
 from envgraph.graph import Model
 from envgraph.match import FREE, CompiledMatcher, ViewMatcher
-from envgraph.match.views.operators._operators import Evaluated, View
 from envgraph.metamodel import Attribute, Class, Metamodel, Reference, Scalar
 from envgraph.pattern import Library
 from tests.unit.match.writing import path, pattern
@@ -16,8 +15,8 @@ from tests.unit.match.writing import path, pattern
 METAMODEL = Metamodel("chain", (Class("Cell", features=(Reference("next", "Cell", 0, None),)),))
 
 
-@pytest.mark.parametrize(("length", "kind"), [(30, View), (200, Evaluated)])
-def test_a_chain_of_constraints_is_kept_current(length: int, kind: type) -> None:
+@pytest.mark.parametrize(("length", "kind"), [(30, "View"), (200, "Evaluated")])
+def test_a_chain_of_constraints_is_kept_current(length: int, kind: str) -> None:
     library = Library(METAMODEL)
     chain = [path("Cell.next", f"x{number}", f"x{number + 1}") for number in range(length)]
     library.add(pattern(f"far(x0 : Cell, x{length} : Cell)", chain))
@@ -28,7 +27,7 @@ def test_a_chain_of_constraints_is_kept_current(length: int, kind: type) -> None
         model.graph.link(one, following, other)
     matcher = ViewMatcher(model, library)
     matcher.watch("far")
-    assert type(matcher.kept.network.operators["far"]) is kind
+    assert type(matcher.kept.network.operators["far"]).__name__ == kind
     assert set(matcher.rows("far", (FREE, FREE))) == {
         (cells[0], cells[length]),
         (cells[1], cells[length + 1]),

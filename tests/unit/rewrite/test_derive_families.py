@@ -19,9 +19,6 @@ from envgraph.rewrite import (
     Engine,
     derived_rules,
 )
-from envgraph.rewrite.derive._check import (
-    check_derivation,
-)
 from tests.unit.rewrite.test_derive_operators import engine, metamodel, names
 
 Bounds = tuple[int, int | None]
@@ -553,7 +550,7 @@ def test_a_kind_has_its_weight_however_many_rules_it_has() -> None:
 def capped(text: str, *cap: object, **caps: object) -> list[str]:
     annotation = Annotation("cap", tuple(cap), tuple(caps.items()))  # type: ignore[arg-type]
     made = Derivation("d", "operators", ("Top",), annotations=(annotation,))
-    problems = check_derivation(made, metamodel(text))
+    problems = Engine(Model(metamodel(text))).check(made)
     assert not has_errors(problems), problems
     return [rule.name.removeprefix("d.") for rule in derived_rules(made, metamodel(text))]
 
@@ -599,4 +596,4 @@ def test_weights_are_shared_by_those_that_are_left() -> None:
 )
 def test_wrong_caps_are_told(cap: Annotation, message: str) -> None:
     made = Derivation("d", "operators", ("A",), annotations=(cap,))
-    assert [one.message for one in check_derivation(made, metamodel("class A { bool b }"))] == [message]
+    assert [one.message for one in Engine(Model(metamodel("class A { bool b }"))).check(made)] == [message]

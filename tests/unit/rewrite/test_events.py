@@ -13,9 +13,6 @@ from envgraph.rewrite import (
     Firing,
     Match,
 )
-from envgraph.rewrite.events._event_rules import (
-    Activation,
-)
 from tests.oracle.naive._naive import NaiveMatcher
 from tests.unit.rewrite.graphs import METAMODEL, chain, definitions, engine, snapshot
 
@@ -646,7 +643,7 @@ def test_the_agenda_shows_what_is_to_fire() -> None:
     high = made.on("number", appear="reset", update=lambda x: None, priority=3, name="high", existing=False)
     assert len(made.agenda) == 29 and bool(made.agenda)
     first = made.agenda[0]
-    assert isinstance(first, Activation) and (first.event, first.rule, first.old) == ("appear", low, None)
+    assert (first.event, first.rule, first.old) == ("appear", low, None)
     assert repr(first) == "<appear low: following(left=<Item#0>, right=<Item#1>)>"
     assert made.agenda[-1].match.row == (28, 29) and first in made.agenda
     lines = str(made.agenda).splitlines()

@@ -8,7 +8,6 @@ import pytest
 from envgraph.env import Tabular
 from envgraph.learn import Epsilon, TrainingSettings, train_curriculum
 from envgraph.solve import evaluate
-from envgraph.solve.learning._settings import Agent
 from tests.unit.learn.small_tables import random_table
 
 WIDTH, HEIGHT = 6, 3
@@ -42,7 +41,7 @@ def cliff() -> Tabular:
     )
 
 
-def learned(agent: Agent, seed: int) -> tuple[float, list[int]]:
+def learned(agent: str, seed: int) -> tuple[float, list[int]]:
     """Reward in the second half of the training, and the rows on the greedy way."""
     epsilon = Epsilon(start=0.1, minimum=0.1)
     settings = TrainingSettings(
@@ -86,7 +85,7 @@ def test_without_exploration_the_expected_value_is_the_best_one() -> None:
 
 
 @pytest.mark.parametrize("agent", ["sarsa", "expected_sarsa"])
-def test_it_learns_to_succeed(agent: Agent) -> None:
+def test_it_learns_to_succeed(agent: str) -> None:
     table = cliff()
     settings = TrainingSettings(agent=agent, steps_per_environment=20_000, limit=60)
     training = train_curriculum([table], settings, np.random.default_rng(0))
