@@ -1,4 +1,4 @@
-"""Matchers: what finds the matches of patterns in a model."""
+"""Matchers: classes that find the matches of patterns in a model."""
 
 from typing import TYPE_CHECKING
 

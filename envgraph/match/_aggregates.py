@@ -1,4 +1,4 @@
-"""Aggregates of data values."""
+"""Aggregates of numbers: count, sum, mean, minimum and maximum."""
 
 from __future__ import annotations
 
@@ -8,19 +8,19 @@ from math import fsum, isfinite
 from envgraph.metamodel import LARGEST_INT, Value
 
 EXACT_INTS = 2**53
-"""Up to here every int is a float."""
+"""The int up to which a float represents every int exactly."""
 
 _SMALLEST = 1074
-"""Every float is a multiple of 2 to the power of minus this."""
+"""The exponent of the smallest float: every float is a multiple of 2 ** -1074."""
 
 
 def fits(value: int) -> bool:
-    """Return whether it is an int of 64 bits."""
+    """Return True if an int can be stored in 64 bits, with sign."""
     return -LARGEST_INT - 1 <= value <= LARGEST_INT
 
 
 def scaled(value: float) -> int:
-    """A finite float as a multiple of the smallest one: such ints add up exactly.
+    """Return a finite float as an integer multiple of the smallest float. Sums of these integers are exact.
 
     >>> unscaled(10 * scaled(0.1)), 0.1 * 3, unscaled(3 * scaled(0.1))
     (1.0, 0.30000000000000004, 0.30000000000000004)
@@ -30,7 +30,7 @@ def scaled(value: float) -> int:
 
 
 def unscaled(multiple: int) -> float | None:
-    """The nearest float; None beyond the largest."""
+    """Return the float nearest to an integer multiple of the smallest float; None if it is beyond the largest float."""
     try:
         return multiple / (1 << _SMALLEST)
     except OverflowError:
@@ -38,9 +38,9 @@ def unscaled(multiple: int) -> float | None:
 
 
 def total(values: Collection[int | float]) -> int | float | None:
-    """Sum; 0 of nothing; None when it is no finite number or an int beyond 64 bits.
+    """Return the sum of numbers; 0 for no numbers; None if the sum is not a finite float, or is an int beyond 64 bits.
 
-    Floats are added exactly and rounded once, so that the order of the tuples does not matter.
+    Floats are added exactly and rounded once, so the result does not depend on the order of the numbers.
 
     >>> total([0.1] * 10), total([2, 3]), total([])
     (1.0, 5, 0)
@@ -53,7 +53,7 @@ def total(values: Collection[int | float]) -> int | float | None:
 
 
 def mean(values: Collection[int | float]) -> float | None:
-    """Arithmetic mean, always a float; None of nothing, or when the sum is no finite number.
+    """Return the arithmetic mean of numbers as a float; None for no numbers, or if their sum is not a finite float.
 
     >>> mean([1, 2]), mean([])
     (1.5, None)
@@ -63,17 +63,23 @@ def mean(values: Collection[int | float]) -> float | None:
 
 
 def _finite(values: Collection[int | float]) -> float | None:
+    """Return the exactly rounded sum of numbers as a float; None if the sum is not finite."""
     try:
         result = fsum(values)
     except ValueError:  # infinities of both signs
         return None
-    except OverflowError:  # perhaps only on the way: then the sum of other orders would be a number
+    except OverflowError:  # only an intermediate sum may overflow: then exact integer sums give the result
         return unscaled(sum(map(scaled, map(float, values)))) if all(map(isfinite, values)) else None
     return result if isfinite(result) else None
 
 
 def aggregate(function: str, values: Collection[int | float]) -> Value | None:
-    """The aggregate over the column of a group, which is the group itself for count; None if there is none."""
+    """Return the aggregate of the values in the aggregated column of a group; None if the aggregate has no value.
+
+    Args:
+        function: count, sum, avg, min or max.
+        values: the values of the column; for count the rows of the group.
+    """
     match function:
         case "count":
             return len(values)
@@ -89,10 +95,10 @@ def aggregate(function: str, values: Collection[int | float]) -> Value | None:
 
 
 def least(values: Collection[int | float]) -> int | float | None:
-    """Minimum; None of nothing."""
+    """Return the minimum of numbers; None for no numbers."""
     return min(values, default=None)
 
 
 def most(values: Collection[int | float]) -> int | float | None:
-    """Maximum; None of nothing."""
+    """Return the maximum of numbers; None for no numbers."""
     return max(values, default=None)

@@ -1,4 +1,4 @@
-"""Reachability of many starts at once, by strongly connected components."""
+"""Reachability from many start nodes at once, by strongly connected components."""
 
 from __future__ import annotations
 
@@ -9,29 +9,34 @@ from envgraph.metamodel import components
 
 
 class Tree(dict[Any, Any]):
-    """What a start reaches, each with the node from which it was reached, or None where that is not known.
+    """A search tree of the nodes that one start node reaches. Maps each node to its parent in the tree.
 
-    The root is the start: with `reflexive` it is a key itself, with None.
+    The parent is None if it is unknown. With `reflexive` the start node itself is a key, with parent None.
     """
 
     __slots__ = ()
 
 
 Reached = dict[Any, Any]
-"""What a start reaches: a `Tree` of its own, or a dict with nothing but None, which several starts may share."""
+"""The nodes that a start node reaches: a `Tree` of its own, or a dict with only None values, which starts may share."""
 
 
 def reachable_sets(
     starts: Sequence[Any], following: Callable[[Any], Iterable[Any]], reflexive: bool
 ) -> dict[Any, Reached]:
-    """Return what each start reaches by one or more steps; with `reflexive`, itself too.
+    """Return for each start node the nodes that it reaches by one or more edges.
 
-    Nodes of one component share one dict, so a connected graph costs no more than its nodes; a node that no
-    circle leads back to has a tree. Components are found by Tarjan's algorithm (1972), each after all that it leads to.
+    The nodes of a strongly connected component share one dict, so a connected graph needs memory only once per node.
+    A node that is on no cycle has a `Tree` of its own. Components are found by Tarjan's algorithm (1972).
 
     >>> edges = {1: [2], 2: [1, 3], 3: [4], 4: []}
     >>> [dict(each) for each in reachable_sets([1, 2, 3], edges.__getitem__, False).values()]
     [{2: None, 1: None, 3: None, 4: None}, {2: None, 1: None, 3: None, 4: None}, {4: 3}]
+
+    Args:
+        starts: the start nodes.
+        following: returns the successors of a node.
+        reflexive: if True, each start node also reaches itself.
     """
     reached: dict[Hashable, Reached] = {}
     for component, exits in components(starts, following):
@@ -45,6 +50,7 @@ def reachable_sets(
 
 
 def _shared(component: list[Any], exits: Iterable[Any], reached: Mapping[Any, Reached]) -> Reached:
+    """Return the dict that the nodes of a cyclic component share: these nodes and all nodes that its exits reach."""
     found: Reached = dict.fromkeys(component)
     for node in exits:
         if node not in found:
@@ -54,7 +60,10 @@ def _shared(component: list[Any], exits: Iterable[Any], reached: Mapping[Any, Re
 
 
 def _tree(start: Any, exits: Iterable[Any], reached: Mapping[Any, Reached]) -> Tree:
-    """Merge the trees of what follows; where two know a node, the path to it is whole in either."""
+    """Return the search tree of a node that is on no cycle, merged from the trees of its successors.
+
+    If two successors reach the same node, either path to it is complete in its own tree: either parent is valid.
+    """
     found = Tree()
     for node in exits:
         if node not in found:

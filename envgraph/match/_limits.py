@@ -1,4 +1,4 @@
-"""The limit of the number of matches of a pattern."""
+"""The limit on the number of matches of a pattern."""
 
 from __future__ import annotations
 
@@ -9,18 +9,19 @@ from envgraph.errors import RAISE_LIMIT, EvaluationError, limit
 from envgraph.pattern import Pattern
 
 MOST_MATCHES: Final = 1_000_000
-"""Matches of a pattern with unconnected variables, or combinations tried: a second, 200 MB for a dozen variables."""
+"""The largest number of matches, or of tested combinations, of a pattern with unconnected variables. Listing so many
+takes about a second and, for a dozen variables, 200 MB."""
 
 
 def at_most(pattern: Pattern, searched: bool) -> Callable[..., None]:
     """Return a function that raises an `EvaluationError` after too many combinations of unconnected objects.
 
-    A search calls it without arguments at its beginning, and before each loop over objects that nothing connects with
-    the objects of outer loops: with the number of matches so far, and the variable of the loop.
+    A search first calls the function without arguments. Before each loop over objects that no constraint connects
+    with those of outer loops, it calls the function with the number of matches so far and the loop's variable.
 
     Args:
         pattern: the pattern of the search, named in the error.
-        searched: whether combinations without a match count, too.
+        searched: if True, combinations that give no match are counted, too.
     """
     most = limit(MOST_MATCHES)
     known = tried = 0
@@ -40,6 +41,7 @@ def at_most(pattern: Pattern, searched: bool) -> Callable[..., None]:
 
 
 def _too_many(pattern: Pattern, most: int, variable: str) -> EvaluationError:
+    """Return the error for too many combinations. `variable` names the unconnected variable, or is ""."""
     name, _, block = pattern.qualified_name.partition("#")
     whose = f"`{name}`" if block in ("", "lhs") else f"the `{block.rstrip('0123456789')}` block of `{name}`"
     which = f"`{variable}`" if variable.isidentifier() else "one of its variables"

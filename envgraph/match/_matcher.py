@@ -1,4 +1,4 @@
-"""The interface of every matcher, and the check of the arguments that people hand to one."""
+"""The interface of every matcher, and the checks of the arguments that users pass to a matcher."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from envgraph.pattern import Library, ObjectType, StaticType
 
 
 class Free(Enum):
-    """The type of `FREE`."""
+    """The type of `FREE`, the marker for an unbound argument."""
 
     FREE = "FREE"
 
@@ -23,100 +23,107 @@ class Free(Enum):
 
 
 FREE: Final = Free.FREE
-"""Stands at a position of a pattern that a call leaves open."""
+"""The marker for an unbound argument of a pattern."""
 
 Row = tuple[Value, ...]
-"""One match: a value for each parameter, objects as ids."""
+"""One match: a tuple with a value for each parameter. Objects are given by their ids."""
 
 
 class Matcher(ABC):
-    """Finds the matches of the patterns of a library in a model.
+    """A matcher: finds the matches of the patterns of a library in a model.
 
-    A pattern is given by its qualified name, and `arguments` has a value or `FREE` for each of its parameters.
-    Every match is reported once, as a full tuple of parameters. The order of the rows is a function of the model's
-    version and the bound values alone.
+    A pattern is given by its qualified name. `arguments` has a value or `FREE` for each of its parameters.
+    Every match is returned once, as a tuple with the values of all parameters. The order of the matches depends only on
+    the version of the model and on the bound values.
 
     Raises:
-        InvalidArgument: an unknown pattern, a wrong number of arguments, or a parameter (`in`) that cannot be
-            enumerated is free.
-        TypeMismatch: an argument that no model could hold at that place. An object that is dead or of another
-            class is no error: it has no matches.
-        EvaluationError: more than a hundred closures and recursive patterns stand inside each other, or a recursive
-            pattern has results without end.
+        InvalidArgument: the pattern is unknown, the number of arguments is wrong, or an `in` parameter that cannot be
+            enumerated is `FREE`.
+        TypeMismatch: an argument has a type that its parameter cannot have. A deleted object, or an object of another
+            class, is no error: it has no matches.
+        EvaluationError: more than a hundred closures and recursive patterns are nested, or a recursive pattern has
+            too many results.
     """
 
     @abstractmethod
     def rows(self, pattern: str, arguments: tuple[object, ...]) -> Sequence[Row]:
-        """All matches that agree with the arguments."""
+        """Return all matches that agree with the arguments."""
 
     def first(self, pattern: str, arguments: tuple[object, ...]) -> Row | None:
-        """The first of `rows`, or None; may stop early."""
+        """Return the first match of `rows`, or None. A matcher may stop its search there."""
         return next(iter(self.rows(pattern, arguments)), None)
 
     def exists(self, pattern: str, arguments: tuple[object, ...]) -> bool:
-        """Return whether there is a match that agrees with the arguments."""
+        """Return True if at least one match agrees with the arguments."""
         return self.first(pattern, arguments) is not None
 
     def count(self, pattern: str, arguments: tuple[object, ...]) -> int:
-        """The number of `rows`."""
+        """Return the number of matches that agree with the arguments."""
         return len(self.rows(pattern, arguments))
 
     @abstractmethod
     def prepare(self, pattern: str, bound: tuple[int, ...]) -> Callable[..., list[Row]]:
-        """`rows` for one set of bound positions (ascending), called with the values at those positions.
+        """Return a function that takes values for the bound positions (ascending) and returns the matches as `rows`.
 
-        For loops that call it often: arguments are not checked, so they must be values of the right type and
-        ids of objects that are alive.
+        For loops that call the function often: arguments are not checked. They must have the right type, or be ids of
+        existing objects.
         """
 
     def seeker(self, pattern: str, bound: tuple[int, ...]) -> Callable[..., Iterator[Row]]:
-        """The rows of `prepare` one by one, each looked for when it is asked for; not after the model has changed."""
+        """Return a function like `prepare` that yields each match on demand. Do not resume it after a model change."""
         rows = self.prepare(pattern, bound)
         return lambda *values: iter(rows(*values))
 
     def lister(self, pattern: str) -> Callable[[], Sequence[Row]]:
-        """All rows, to look at before the model changes, and not to be kept: of a watched pattern its own list.
+        """Return a function that returns all matches. Do not modify them, nor use them after a change of the model.
 
-        So a choice among the matches of a watched pattern takes constant time.
+        For a watched pattern the sequence is the view's own list. So a choice among its matches takes constant time.
         """
         return self.prepare(pattern, ())
 
     def tester(self, pattern: str) -> Callable[[Row], bool]:
-        """Return whether a row is a match; unchecked, its values must have the right type. Objects may be gone."""
+        """Return a function that returns True if a row is a match. Values must have the right types."""
         return lambda row: self.exists(pattern, row)
 
     @abstractmethod
     def forget(self) -> None:
-        """Names of patterns may mean something else from now on."""
+        """Discard all cached plans and functions, because pattern names may now refer to other definitions."""
 
 
 def check_bound(library: Library, pattern: str, bound: Collection[int]) -> None:
-    """Check that a pattern can be asked with values at these positions alone.
+    """Check that a pattern can be evaluated if only the parameters at these positions are bound.
 
     Raises:
-        InvalidArgument: a position that there is not, or an `in` parameter without a value that nothing enumerates.
+        InvalidArgument: a position is out of range, or an `in` parameter that cannot be enumerated is not bound.
     """
     size = len(library.parameter_types(pattern))
     if not all(0 <= position < size for position in bound):
-        raise InvalidArgument(f"pattern `{pattern}` has {size} parameters; there is no position {max(bound)}")
+        raise InvalidArgument(
+            f"`bound` contains position {max(bound)}, but pattern `{pattern}` has {size} parameters: "
+            "positions count from 0"
+        )
     missing = [position for position in library.inputs(pattern) if position not in bound]
     if missing:
         parameters = library.get(pattern).parameters
         names = ", ".join(f"`{parameters[position].name}`" for position in missing)
-        raise InvalidArgument(f"pattern `{pattern}` can only be asked with a value for {names}")
+        raise InvalidArgument(
+            f"pattern `{pattern}` needs a value for {names}: bind the parameter in the call"
+        )
 
 
 def check_arguments(
     model: Model, library: Library, pattern: str, types: tuple[StaticType, ...], arguments: tuple[object, ...]
 ) -> tuple[object, ...] | None:
-    """The arguments as the model would store them; None if one is an object that is gone.
+    """Return the arguments as the model would store them; None if an argument is an object that does not exist.
 
     Raises:
-        InvalidArgument: their number is not that of the parameters.
-        TypeMismatch: one has the wrong type.
+        InvalidArgument: the number of arguments is not the number of parameters.
+        TypeMismatch: an argument has the wrong type.
     """
     if len(arguments) != len(types):
-        raise InvalidArgument(f"pattern `{pattern}` has {len(types)} parameters, not {len(arguments)}")
+        raise InvalidArgument(
+            f"pattern `{pattern}` takes {len(types)} arguments, but {len(arguments)} were given"
+        )
     checked: list[object] = []
     for position, (type_, argument) in enumerate(zip(types, arguments, strict=True)):
         if argument is FREE:
@@ -137,5 +144,6 @@ def check_arguments(
 
 
 def _mismatch(library: Library, pattern: str, position: int, wanted: str, argument: object) -> str:
+    """Return the message for an argument of a wrong type. `wanted` describes the expected type."""
     name = library.get(pattern).parameters[position].name
     return f"parameter `{name}` of `{pattern}` takes {wanted}, not {argument!r}"

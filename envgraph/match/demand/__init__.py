@@ -1,1 +1,1 @@
-"""The matcher that looks for matches when it is asked: compiled plans, closures, recursion."""
+"""The compiled matcher, which searches for matches on demand: compiled plans, closures and recursion."""

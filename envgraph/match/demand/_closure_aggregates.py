@@ -1,4 +1,4 @@
-"""Aggregates over what a closure reaches, for many starts: reached objects are counted as bits, not one by one."""
+"""Aggregates over the nodes that a closure reaches, for many starts: count bits instead of nodes."""
 
 from __future__ import annotations
 
@@ -10,29 +10,29 @@ from envgraph.code import dataclass
 from envgraph.match._aggregates import aggregate, total
 
 MOST_CLASSES: Final = 256
-"""Classes of which the members are kept as the bits of an integer."""
+"""The largest number of classes whose members are stored as bits of an integer."""
 CLASS: Final = 2
-"""Reached objects that are searched for in the time that a class takes."""
+"""The number of reached nodes that a search visits in the time needed for one class."""
 SLOW_BITS: Final = 1024
-"""Bits of an integer that take as long as one more of them."""
+"""The number of bits that double the time needed for one class."""
 DENSE: Final = 8
-"""All objects are looked at where at least one of this many is reached."""
+"""All nodes are scanned if at least one of this many nodes is reached."""
 
 Number = int | float
 Rows = Iterable[tuple[Any, ...]]
-"""Rows of the aggregate's relation: the end of the closure, then the other columns."""
+"""The rows of the aggregate's relation: first the end of the closure, then the other columns."""
 
 _SELECTED: Final = bytes(digit == ord("1") for digit in range(256))
 
 
 @dataclass(frozen=True, slots=True)
 class ClosureAggregation:
-    """How an aggregate is made of what is reached.
+    """The definition of an aggregate over reached nodes.
 
     Attributes:
         function: count, sum, avg, min or max.
-        column: place of the aggregated value in a row; 0 for count.
-        rows: gives all rows, for the values with which the relation is asked besides the start.
+        column: the position of the aggregated value in a row; 0 for count.
+        rows: returns all rows, for values of the bound positions other than the start.
     """
 
     function: str
@@ -41,10 +41,10 @@ class ClosureAggregation:
 
 
 class ClosureAggregate:
-    """The values of an aggregate for any sets of reached objects.
+    """The values of one aggregate for any sets of reached nodes.
 
-    Objects that count alike are one class, of which it is enough to know how many are reached. A tuple that there is
-    because of several objects is a class of its own: it counts once, however many of them are reached.
+    Nodes that contribute the same value form a class, of which only the number of reached nodes matters. A tuple that
+    several nodes contribute is a class of its own, which counts once if at least one of them is reached.
 
     >>> kinds = ClosureAggregate("count", 0, [(7, "red"), (8, "red"), (9, "blue")])
     >>> kinds.catch_up([9, 8, 7])
@@ -53,7 +53,7 @@ class ClosureAggregate:
 
     Args:
         function, column: see `ClosureAggregation`.
-        rows: each once.
+        rows: the rows, each once.
     """
 
     def __init__(self, function: str, column: int, rows: Rows) -> None:
@@ -66,7 +66,7 @@ class ClosureAggregate:
             function == "sum" and not any(isinstance(value, float) for value, _ in tuples)
         )
         self._classes: dict[tuple[Number, int], int] = {}
-        """Numbers of classes, by the value of their members and by what tells classes of the same value apart."""
+        """The number of each class, by its members' value and by a layer that distinguishes classes of equal value."""
         self._members: dict[Any, list[int]] = {}
         alone: dict[Any, list[Number]] = {}
         for number, (value, nodes) in enumerate(tuples):
@@ -87,12 +87,13 @@ class ClosureAggregate:
         self._column: list[Number] = []
 
     def _add(self, value: Number, layer: int, nodes: Sequence[Any]) -> None:
+        """Add nodes to the class with a value and a layer; negative layers are for tuples of several nodes."""
         number = self._classes.setdefault((value, layer), len(self._classes))
         for node in nodes:
             self._members.setdefault(node, []).append(number)
 
     def _together(self, values: list[Number]) -> list[Number]:
-        """The values of one object, as few as come to the same."""
+        """Return the values that one node contributes, combined into as few values as possible."""
         if self._adds:
             return [sum(values)]
         return (
@@ -101,11 +102,11 @@ class ClosureAggregate:
 
     @property
     def classes(self) -> int:
-        """How many classes there are."""
+        """Return the number of classes."""
         return len(self._classes)
 
     def catch_up(self, nodes: Sequence[Any]) -> None:
-        """Learn which bits stand for which objects: the places in a list that has grown since the last time."""
+        """Assign bits to nodes: the bit of a node is its position in `nodes`, which may only grow between calls."""
         for place in range(len(self._column), len(nodes)):
             node = nodes[place]
             if self._masks:
@@ -114,10 +115,10 @@ class ClosureAggregate:
             weight = self._weights.get(node) if self._weights else None
             if weight is not None:
                 self._weighted |= 1 << place
-            self._column.append(0 if weight is None else weight)  # last: Ctrl-C before leaves nothing out
+            self._column.append(0 if weight is None else weight)  # last: safe if interrupted before
 
     def value(self, reached: int) -> tuple[Number | None] | None:
-        """The value for what is reached, which may be None; nothing where to search again is less work."""
+        """Return the value for a bit set of reached nodes as a 1-tuple; None if a new search is cheaper."""
         number = reached.bit_count()
         if self._masks and len(self._masks) * (CLASS + len(self._column) // SLOW_BITS) <= number:
             return (self.sum_up(reached),)
@@ -126,7 +127,7 @@ class ClosureAggregate:
         return None
 
     def sum_up(self, reached: int) -> Number | None:
-        """The value for what is reached, class by class."""
+        """Return the value for a bit set of reached nodes, computed class by class; None if there is no value."""
         function, extreme = self._function, self._function in ("min", "max")
         numbers = (
             (value, mask & reached > 0 if extreme or layer < 0 else (mask & reached).bit_count())
@@ -138,7 +139,7 @@ class ClosureAggregate:
         return result if function == "count" else total((result,))
 
     def _look_at_all(self, reached: int) -> Number | None:
-        """The value for what is reached, object by object."""
+        """Return the value for a bit set of reached nodes, computed node by node; None if there is no value."""
         bits = bin(reached & self._weighted)[:1:-1].encode().translate(_SELECTED)
         values = compress(self._column, bits)
         if not self._adds:

@@ -1,8 +1,8 @@
-"""Transitive closures, driven by demand: from the ends that are known, never by materialising all pairs.
+"""Transitive closures by search from the known ends, without materialising all pairs.
 
-One question is answered by one search. Many questions about the same state of the model share their work: what was
-reached is remembered for ends that are asked about again, from whichever side that is; and when the searches have
-looked at as many nodes as there are, questions about many starts are answered for all of them at once.
+One question needs one search. Many questions about the same state of the model share their work. The reached sets of
+ends that are queried repeatedly are cached. If the searches have visited twice as many nodes as exist, a condensation
+(bit sets per strongly connected component) answers further questions.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ from envgraph.match.demand._closure_aggregates import ClosureAggregate, ClosureA
 from envgraph.match.demand._condensation import Condensation, TooLarge
 
 MOST_KEPT: Final = 100_000
-"""Reached objects that are remembered for the present state of the model, outside of condensations."""
+"""The largest number of reached nodes that are cached for one state of the model, condensations excluded."""
 FEW_VISITED: Final = 1_000
-"""Nodes that searches may look at before anything is done for all nodes."""
+"""The number of visited nodes up to which no work is done for all nodes."""
 TIMES: Final = 2
-"""How often searches may look at as many nodes as there are before something is done for all nodes."""
+"""Searches must visit this many times the number of nodes before work is done for all nodes."""
 
 FEW_REACHED: Final = 16
-"""Objects that are better searched for again than told from the others."""
+"""The number of reached nodes below which a new search is cheaper than counting bits."""
 
 Search = Callable[[Any], list[Any]]
 Meeting = Callable[[Any, Any, list[Any]], bool]
@@ -30,48 +30,51 @@ Spreading = Callable[[Any, set[Any]], list[Any]]
 Call = tuple[Callable[..., Any], tuple[Any, ...]]
 """A function and its arguments."""
 Ends = dict[Any, set[Any] | None]
-"""What is reached from each end; None for an end that has been asked about once."""
+"""The nodes reached from each end; None for an end that has been queried once."""
 
 
 class Steps(Protocol):
-    """Searches along the step of a closure, made when they are first asked for."""
+    """The interface to the searches along a step pattern. Each search function is created when it is first needed."""
 
     @property
     def backward_is_better(self) -> bool:
-        """Whether a question about two known ends is better answered from the target."""
+        """Return True if a question about two known ends is cheaper from the target."""
 
     @property
     def both_ways(self) -> bool:
-        """Whether the other direction is not much worse."""
+        """Return True if the more expensive direction is at most `MOST_WORSE` times as expensive as the other."""
 
     def search(self, forward: bool) -> Search:
-        """Everything that is reached from a source (or reaches a target) by one or more steps, nearest first."""
+        """Return a function that lists the nodes reached from a node by one or more steps, nearest first."""
 
     def meeting(self, forward: bool) -> Meeting:
-        """Return whether a search from the first argument meets the second; the third, `[first]`, gets its visits."""
+        """Return a function that takes (start, goal, visited) and returns True if the start reaches the goal.
+
+        The function appends the nodes that it visits to `visited`, which must be `[start]`.
+        """
 
     def spreading(self, forward: bool) -> Spreading:
-        """As `search`, without what is in a set already; what is found is added to it."""
+        """Return a function like `search` that skips the nodes in a given set, and adds the new ones."""
 
     def following(self, forward: bool) -> Callable[[Any], Iterable[Any]]:
-        """Return where one step leads."""
+        """Return a function that returns the nodes one step from a node."""
 
     def sources(self) -> Iterable[Any]:
-        """Everything that may be the source of a pair."""
+        """Return all nodes that may be the source of a pair."""
 
     def nodes(self) -> int:
-        """About how many nodes a search may visit."""
+        """Return the approximate number of nodes that a search may visit; 0 if unknown."""
 
 
 class ClosureView:
-    """The reachability that a binary pattern spans.
+    """The transitive closure of a binary step pattern, computed on demand.
 
-    All methods return functions that answer questions about the present state of the model.
+    Most methods return functions that answer one kind of question about the present state of the model.
 
     Args:
-        model: its revision tells when answers are out of date.
+        model: its revision shows when cached answers are out of date.
         steps: see `Steps`.
-        reflexive: tells which values are related to themselves without a step, or None for a closure by `+`.
+        reflexive: returns True for values related to themselves without a step; None for the closure `+`.
     """
 
     def __init__(self, model: Model, steps: Steps, reflexive: Callable[[Any], bool] | None) -> None:
@@ -89,15 +92,17 @@ class ClosureView:
         self._revision = -1
 
     def _forget(self) -> None:
-        """There is a new state of the model."""
+        """Discard all cached answers, because the model has changed."""
         self._drop(0)
         self._visited, self._enough, self._counted = 0, FEW_VISITED, False
         self._condensed.clear()
         self._too_large = False
-        self._revision = self._store.revision  # last: Ctrl-C before leaves nothing out of date
+        self._revision = (
+            self._store.revision
+        )  # last, so that an interruption (Ctrl-C) before leaves no outdated answer
 
     def _drop(self, size: int) -> None:
-        """What is remembered goes, to make room for something of some size."""
+        """Discard the cached sets and values, to make room for `size` nodes. Keep the condensations."""
         kept: tuple[dict[Any, Any], ...] = (self._reached, self._reaching, *self._edges.values())
         for each in (*kept, self._joined, self._values, self._aggregates):
             each.clear()
@@ -106,7 +111,7 @@ class ClosureView:
     # --- what is reached
 
     def search(self, forward: bool) -> Search:
-        """Return what a source reaches, or what reaches a target; nearest first."""
+        """Return a function that lists the nodes reached from a node in a direction, nearest first."""
         search, reflexive, store = self._steps.search(forward), self._reflexive, self._store
 
         def counted(start: Any) -> list[Any]:
@@ -126,9 +131,9 @@ class ClosureView:
         return search_with_start
 
     def stepping(self, forward: bool) -> Callable[[Any], list[Any]]:
-        """Return where one step leads, once for each node: steps may be searches along closures themselves."""
+        """Return a function that lists the nodes one step from a node; cached, since a step may need searches."""
         edges, store = self._edges[forward], self._store
-        follow: Callable[[Any], Iterable[Any]] | None = None  # made late: closures of closures may go deep
+        follow: Callable[[Any], Iterable[Any]] | None = None  # created late: closures may be nested
 
         def step(node: Any) -> list[Any]:
             nonlocal follow
@@ -145,7 +150,7 @@ class ClosureView:
         return step
 
     def spreading(self, forward: bool) -> Spreading:
-        """As `search`, without what is in a set already; what is found is added to it."""
+        """Return a function like `search` that skips the nodes in a given set, and adds the new ones."""
         spread, reflexive = self._steps.spreading(forward), self._reflexive
         if reflexive is None:
             return spread
@@ -159,7 +164,7 @@ class ClosureView:
         return spread_with_start
 
     def pairs(self) -> Callable[[], Iterator[tuple[Any, Any]]]:
-        """Every source with everything that it reaches."""
+        """Return a function that yields all pairs of a source and a node that it reaches."""
         forward = self.search(forward=True)
 
         def pairs() -> Iterator[tuple[Any, Any]]:
@@ -170,7 +175,7 @@ class ClosureView:
     # --- values of what is reached
 
     def size(self, forward: bool) -> Callable[[Any], int]:
-        """Return how much a source reaches, or how much reaches a target."""
+        """Return a function that returns the number of nodes reached from a node in a direction."""
         search, reflexive, store = self._steps.search(forward), self._reflexive, self._store
 
         def size(start: Any) -> int:
@@ -190,10 +195,11 @@ class ClosureView:
         return size
 
     def alike(self, forward: bool) -> Callable[..., Any]:
-        """A value that is the same for all starts that reach the same.
+        """Return a function that computes a value shared by all starts with the same reached nodes.
 
-        The function gets the start, another function, the arguments that this takes, and the other things that its
-        value depends on; and, if it is known how the value is made of what is reached, that and its arguments.
+        Its arguments are the start; a function and its arguments, which compute the value directly; the tuple of other
+        inputs of the value; optionally a `ClosureAggregation`, which computes the value from the reached nodes, and its
+        arguments.
         """
         reflexive, store, values = self._reflexive, self._store, self._values
 
@@ -215,7 +221,7 @@ class ClosureView:
                 question = (function, others), id(reached)
                 alone = reflexive is not None and not condensed.holds(
                     start, start
-                )  # no other reaches just this one
+                )  # the start alone reaches itself
             except TooLarge:
                 self._give_up()
                 return function(*arguments)
@@ -235,7 +241,7 @@ class ClosureView:
     def _aggregated(
         self, aggregation: ClosureAggregation, given: tuple[Any, ...], condensed: Condensation, reached: int
     ) -> tuple[Any] | None:
-        """The value for what is reached, if that is much, from the second question with the same arguments on."""
+        """Return the value for the reached nodes as a 1-tuple; None for few nodes, and at the first such call."""
         call = aggregation, given
         if reached.bit_count() < FEW_REACHED:
             return None
@@ -255,7 +261,7 @@ class ClosureView:
     # --- whether it is reached
 
     def holds(self) -> Callable[[Any, Any], bool]:
-        """Return whether a source reaches a target."""
+        """Return a function that returns True if a source reaches a target."""
         flipped, reflexive, store = self._steps.backward_is_better, self._reflexive, self._store
         find, reached, reaching = self._finding(not flipped), self._reached, self._reaching
 
@@ -275,7 +281,7 @@ class ClosureView:
         return holds
 
     def _finding(self, forward: bool) -> Callable[[Any, Any], bool]:
-        """Return whether the end that a search starts from meets the other; what either reaches is not remembered."""
+        """Return a function that returns True if a start meets the other end, for ends without cached reached sets."""
         meets, both_ways = self._steps.meeting(forward), self._steps.both_ways
         nears, fars = self._ends(forward), self._ends(not forward)
 
@@ -301,9 +307,11 @@ class ClosureView:
         return find
 
     def _ends(self, forward: bool) -> Ends:
+        """Return the cached reached sets for a direction."""
         return self._reached if forward else self._reaching
 
     def _all(self, start: Any, forward: bool) -> set[Any]:
+        """Return the set of nodes that a start reaches, and cache it."""
         found = set(self._steps.search(forward)(start))
         self._visited += len(found) + 1
         self._remember(len(found) + 1)
@@ -311,10 +319,10 @@ class ClosureView:
         return found
 
     def joined(self) -> Callable[..., bool]:
-        """Return whether one end reaches, or is reached by, one of several others.
+        """Return a function that returns True if one end reaches, or is reached by, one of several others.
 
-        The function gets the end; a function that gives all that do, with its arguments; and one that gives the answer,
-        with its arguments.
+        Its arguments are the end; a function and its arguments, which list all ends with this property; and a function
+        and its arguments, which answer the question directly.
         """
         store, joined = self._store, self._joined
 
@@ -343,26 +351,27 @@ class ClosureView:
     # --- what is kept
 
     def _remember(self, size: int) -> None:
-        """Make room."""
+        """Count `size` more cached nodes. If there are too many, discard the cache."""
         self._size += size
         if self._size > MOST_KEPT:
             self._drop(size)
 
     def _paid(self) -> bool:
-        """Return whether searches have been so much work that all nodes may be looked at."""
+        """Return True if the searches so far have visited so many nodes that work for all nodes pays off."""
         if self._visited > self._enough and not self._counted:
             self._counted = True
             self._enough = max(FEW_VISITED, TIMES * self._steps.nodes())
         return self._visited > self._enough
 
     def _condensation(self, forward: bool) -> Condensation | None:
-        """That of the steps in a direction, as soon as it pays."""
+        """Return the condensation for a direction; None if it does not pay off yet, or would be too large."""
         found = self._condensed.get(forward)
         if found is None and not self._too_large and self._paid():
             found = self._condensed[forward] = Condensation(self._steps.following(forward))
         return found
 
     def _give_up(self) -> None:
+        """Discard the condensations and use none until the model changes, because they are too large."""
         self._condensed.clear()
         self._aggregates.clear()
         self._too_large = True

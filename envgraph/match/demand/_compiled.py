@@ -1,4 +1,4 @@
-"""The compiled matcher: every question about a pattern becomes a Python function specialised for it."""
+"""The compiled matcher: compiles a Python function for each kind of query of a pattern."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from envgraph.pattern import Library, ObjectType, StaticType
 
 
 class CompiledMatcher(Matcher):
-    """A `Matcher` that generates a function for each pattern and set of bound positions, when it is first asked.
+    """A `Matcher` that compiles a function for each pattern and set of bound positions when it is first used.
 
     Args:
         model: the model to search; it may change between calls.
@@ -45,35 +45,35 @@ class CompiledMatcher(Matcher):
 
     @property
     def calls(self) -> CallGraph:
-        """Which patterns call which."""
+        """Return the call graph of the patterns."""
         return self._program.calls
 
     def rows(self, pattern: str, arguments: tuple[object, ...]) -> list[Row]:
-        """All matches that agree with the arguments."""
+        """Return all matches that agree with the arguments."""
         return self._ask(pattern, arguments, Mode.ROWS, [])  # type: ignore[no-any-return]
 
     def first(self, pattern: str, arguments: tuple[object, ...]) -> Row | None:
-        """The first of `rows`, or None; stops there."""
+        """Return the first match of `rows`, or None. The search stops at this match."""
         return self._ask(pattern, arguments, Mode.FIRST, None)  # type: ignore[no-any-return]
 
     def exists(self, pattern: str, arguments: tuple[object, ...]) -> bool:
-        """Return whether there is a match that agrees with the arguments; stops at the first."""
+        """Return True if at least one match agrees with the arguments. The search stops at the first match."""
         return self._ask(pattern, arguments, Mode.EXISTS, False)  # type: ignore[no-any-return]
 
     def count(self, pattern: str, arguments: tuple[object, ...]) -> int:
-        """The number of `rows`."""
+        """Return the number of matches that agree with the arguments."""
         return self._ask(pattern, arguments, Mode.COUNT, 0)  # type: ignore[no-any-return]
 
     def prepare(self, pattern: str, bound: tuple[int, ...]) -> Callable[..., list[Row]]:
-        """The specialised function behind `rows`; arguments are not checked, see `Matcher.prepare`."""
+        """Return the compiled function behind `rows`; it does not check its arguments, see `Matcher.prepare`."""
         return self._specialised(pattern, bound, Mode.ROWS)
 
     def seeker(self, pattern: str, bound: tuple[int, ...]) -> Callable[..., Iterator[Row]]:
-        """The rows of `prepare`, each looked for when it is asked for."""
+        """Return a function like `prepare` that yields each match on demand."""
         return self._specialised(pattern, bound, Mode.EACH)
 
     def tester(self, pattern: str) -> Callable[[Row], bool]:
-        """Return whether a row is a match."""
+        """Return a function that returns True if a row is a match. A row with a deleted object is no match."""
         types = self._types(pattern)
         holds = self._specialised(pattern, tuple(range(len(types))), Mode.EXISTS)
         objects = tuple(p for p, type_ in enumerate(types) if isinstance(type_, ObjectType))
@@ -88,13 +88,13 @@ class CompiledMatcher(Matcher):
         return test
 
     def explain(self, pattern: str, bound: tuple[int, ...] = (), values: Sequence[Any] = ()) -> str:
-        """The plan of `rows` for values at the bound positions, with estimated rows, and the generated source.
+        """Return as text the plan of `rows` for values at the bound positions, with estimates, and the source.
 
-        Without bound positions, or with values for them, the plan is run to the end, and the rows that each step
-        really leaves stand beside the estimates.
+        Without bound positions, or with values for them, the plan is also executed, and the measured rows of each step
+        are shown beside the estimates.
 
         Raises:
-            InvalidArgument: an unknown pattern, or one that needs values for other parameters.
+            InvalidArgument: the pattern is unknown, or needs values for other parameters.
         """
         check_bound(self.library, pattern, bound)
         given = dict(zip(bound, values, strict=False))
@@ -108,28 +108,32 @@ class CompiledMatcher(Matcher):
         )
 
     def why_not(self, pattern: str, given: Mapping[int, Value]) -> WhyNot:
-        """Why there is no match for values at some positions: see `WhyNot`.
+        """Return the explanation why there is no match for values at some positions: see `WhyNot`.
 
         Raises:
-            InvalidArgument: an unknown pattern, or one that needs values for other parameters.
+            InvalidArgument: the pattern is unknown, or needs values for other parameters.
         """
         check_bound(self.library, pattern, tuple(given))
         return Reasons(self._program.planner, self._program.build, self._first).why_not(pattern, dict(given))
 
     def _first(self, pattern: str, given: dict[int, Value]) -> Row | None:
+        """Return the first match with the given values by position, or None."""
         bound = tuple(sorted(given))
         found = self._specialised(pattern, bound, Mode.FIRST)(*[given[position] for position in bound])
         return found  # type: ignore[no-any-return]
 
     def cost(self, pattern: str, bound: tuple[int, ...]) -> float:
-        """Estimated work of `rows` for values at some positions (ascending), in accesses to the model.
+        """Return the estimated cost of `rows` for values at some positions (ascending), in accesses to the model.
 
-        Infinite where it looks through all objects of a class: nobody knows how many there will be.
+        Infinity if all objects of a class are scanned, since their future number is unknown.
         """
         return self._program.cost(pattern, bound)
 
     def work(self, pattern: str) -> float:
-        """Estimate the cost of listing all rows, in accesses to the model; measured again when its size has doubled."""
+        """Return the estimated cost of listing all rows, in accesses to the model of its present size.
+
+        The estimate is cached until the number of objects has about doubled.
+        """
         place = pattern, len(self.model).bit_length()
         if place not in self._works:
             planner = Planner(self.library, self.calls, LiveSizes(self.library, self.model.graph.store))
@@ -137,35 +141,36 @@ class CompiledMatcher(Matcher):
         return self._works[place]
 
     def order(self, pattern: str) -> Callable[[Row], list[int]] | None:
-        """Return a key that sorts rows in the order of `prepare`; None if the order does not follow from the rows."""
+        """Return a key that sorts rows into the order of `prepare`; None if the rows do not determine the order."""
         if self.calls.recursive(pattern):
             return None
         bodies = self._program.planner.view(self._program.key(pattern, (), Mode.ROWS)).bodies
         return order_of(bodies[0], self.model.graph.store) if len(bodies) == 1 else None
 
     def analyze(self) -> None:
-        """Measure the model: plans that are made from now on go by the sizes that it has now.
+        """Measure the sizes of the model, and use them for all plans from now on.
 
-        Without it they go by what the metamodel suggests, so that they do not depend on when they are made. Rows of
-        patterns that are looked for on demand may come in another order afterwards.
+        By default plans use estimates from the metamodel, so that they do not depend on when they are made. Afterwards
+        patterns evaluated on demand may list their rows in another order.
         """
         self._plan_with(LiveSizes(self.library, self.model.graph.store))
 
     def forget(self) -> None:
-        """Names of patterns may mean something else from now on."""
+        """Discard all cached plans and functions, because pattern names may now refer to other definitions."""
         self._parameters.clear()
         self._plan_with(self._program.planner.sizes)
 
     def _plan_with(self, sizes: Sizes) -> None:
+        """Discard all plans and functions, and use these sizes from now on."""
         self._program = Program(self.model, self.library, sizes)
         self._answers.clear()
         self._works.clear()
 
     def source(self, pattern: str, bound: tuple[int, ...] = ()) -> str:
-        """The generated source of `rows` for values at the bound positions.
+        """Return the generated source of `rows` for values at the bound positions.
 
         Raises:
-            InvalidArgument: an unknown pattern, or one that needs values for other parameters.
+            InvalidArgument: the pattern is unknown, or needs values for other parameters.
         """
         check_bound(self.library, pattern, bound)
         return view_source(
@@ -175,12 +180,14 @@ class CompiledMatcher(Matcher):
     # --- from a question to a function
 
     def _types(self, pattern: str) -> tuple[StaticType, ...]:
+        """Return the types of a pattern's parameters; cached."""
         types = self._parameters.get(pattern)
         if types is None:
             types = self._parameters[pattern] = self.library.parameter_types(pattern)
         return types
 
     def _ask(self, pattern: str, arguments: tuple[object, ...], mode: Mode, nothing: object) -> Any:
+        """Return the result of a pattern in a result mode; `nothing` if an argument is a deleted object."""
         types = self._types(pattern)
         if arguments.count(FREE) == len(arguments) == len(types):
             return self._specialised(pattern, (), mode)()
@@ -191,6 +198,7 @@ class CompiledMatcher(Matcher):
         return self._specialised(pattern, bound, mode)(*[checked[position] for position in bound])
 
     def _specialised(self, pattern: str, bound: tuple[int, ...], mode: Mode) -> Function:
+        """Return the compiled function for a pattern, bound positions and result mode; functions are cached."""
         question = (pattern, bound, mode)
         answer = self._answers.get(question)
         if answer is None:
@@ -200,5 +208,5 @@ class CompiledMatcher(Matcher):
         return answer
 
     def build(self, source: Source, held: Callable[[Held], object]) -> Function:
-        """The function of a generated source; `held` gives what views hold."""
+        """Return the function of a generated source. `held` returns the values of `Held` symbols."""
         return self._program.build(source, held)

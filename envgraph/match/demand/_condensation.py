@@ -1,4 +1,4 @@
-"""Reachability of many pairs: each node knows all that it reaches as the bits of one integer."""
+"""Reachability for many pairs of nodes: the nodes that a node reaches are the bits of one integer."""
 
 from __future__ import annotations
 
@@ -8,17 +8,17 @@ from typing import Any, Final
 from envgraph.metamodel import components
 
 MOST_BYTES: Final = 64_000_000
-"""Size of all these integers: about that of a chain of 30,000 nodes."""
+"""The largest total size of the integers, about that of a chain of 30,000 nodes."""
 
 
 class TooLarge(Exception):
-    """The integers would take too much memory."""
+    """The error raised if the integers would take too much memory."""
 
 
 class Condensation:
-    """What the nodes of a graph reach by one or more steps, made for the part that has been asked about.
+    """The reached nodes of the nodes of a graph, computed for the parts of the graph that are queried.
 
-    Nodes that reach each other share one integer, so a connected graph costs no more than its nodes.
+    Nodes of a strongly connected component share one integer, so a connected graph needs memory only once per node.
 
     >>> steps = {1: [2], 2: [1, 3], 3: []}
     >>> reached = Condensation(steps.__getitem__)
@@ -26,10 +26,10 @@ class Condensation:
     (True, False, 3)
 
     Args:
-        following: where one step leads; it must give the same for as long as this is used.
+        following: returns the successors of a node, which must not change.
 
     Attributes:
-        nodes: all that have been met, in the order of their bits.
+        nodes: all visited nodes, in the order of their bits.
     """
 
     def __init__(self, following: Callable[[Any], Iterable[Any]]) -> None:
@@ -40,10 +40,10 @@ class Condensation:
         self._bytes = 0
 
     def holds(self, start: Any, goal: Any) -> bool:
-        """Return whether one node reaches another.
+        """Return True if a node reaches another node by one or more edges.
 
         Raises:
-            TooLarge: as this is found out.
+            TooLarge: the integers take too much memory.
         """
         bits = self._bits.get(start)
         if bits is None:
@@ -52,36 +52,40 @@ class Condensation:
         return place is not None and bool(bits >> place & 1)
 
     def reached(self, start: Any) -> int:
-        """Return bits at the places of what a node reaches. Nodes share the object only if they reach the same.
+        """Return the bit set of the nodes that a node reaches. Equal sets of one component are the same object.
 
         Raises:
-            TooLarge: as this is found out.
+            TooLarge: the integers take too much memory.
         """
         bits = self._bits.get(start)
         return self._explored(start) if bits is None else bits
 
     def bit(self, node: Any) -> int:
-        """The bit of a node that has been asked about."""
+        """Return the integer with only the bit of a visited node."""
         return 1 << self._place[node]
 
     def size(self, start: Any) -> int:
-        """Return how many nodes one node reaches.
+        """Return the number of nodes that a node reaches.
 
         Raises:
-            TooLarge: as this is found out.
+            TooLarge: the integers take too much memory.
         """
         bits = self._bits.get(start)
         return (self._explored(start) if bits is None else bits).bit_count()
 
     def _explored(self, start: Any) -> int:
+        """Return the bit set for a start that is not known yet; if interrupted, remove incomplete components."""
         try:
             return self._explore(start)
-        except BaseException:  # Ctrl-C, too: a component may have places, and is not known
+        except (
+            BaseException
+        ):  # Also for Ctrl-C: a component may have bits although its reached set is unknown.
             self.nodes[:] = [node for node in self._place if node in self._bits]
             self._place = {node: place for place, node in enumerate(self.nodes)}
             raise
 
     def _explore(self, start: Any) -> int:
+        """Compute the bit sets of all nodes that a start reaches, and return the start's."""
         known, place = self._bits, self._place
         for component, exits in components([start], self._unknown):
             if component[0] in known:
@@ -102,5 +106,5 @@ class Condensation:
         return known[start]
 
     def _unknown(self, node: Any) -> Iterable[Any]:
-        """Steps from a node that is met for the first time: what lies behind the others is known."""
+        """Return the successors of a node without a bit set; none for other nodes, whose reached sets are known."""
         return () if node in self._bits else self._following(node)

@@ -1,4 +1,4 @@
-"""Intersections of several crowded ends of links, for loops that look for them."""
+"""Intersections of large sets of link ends, for loops with link tests."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from envgraph.graph import IndexedSet
 
 
 def common(ends: IndexedSet[int], fewest: Sequence[int], *others: Sequence[int]) -> list[int]:
-    """Those of crowded ends that are among the fewest others, in their order.
+    """Return the nodes of a large set of link ends that are also in the smallest other set, in the order of `ends`.
 
-    It takes as many steps as there are in the smaller one: so a search for triangles does not go through a hub for each
-    of its neighbours (the joins of Ngo, Porat, Ré and Rudra 2012 rest on that).
+    The number of steps is the size of the smaller set. So a search for triangles does not scan a hub for each of its
+    neighbours (worst-case optimal joins rest on this: Ngo, Porat, Ré and Rudra 2012).
 
     >>> common(IndexedSet((4, 3, 2, 1)), (1, 7, 4))
     [4, 1]

@@ -1,4 +1,4 @@
-"""Sort rows into the order in which a search lists them."""
+"""Sort rows into the order in which a search returns them."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from envgraph.pattern import InstanceAtom, LinkAtom
 
 
 def order_of(body: BodyPlan, store: Store) -> Callable[[Row], list[int]] | None:
-    """Return a key that sorts rows as the loops of a plan list them: the position of each loop's value in its loop.
+    """Return a key that sorts rows into the order of a plan's loops: for each loop the position of its value.
 
-    Return None if a loop is not over objects or ends of links, or if the rows have no column for its variable.
+    Return None if a loop is not over objects or link ends, or if the rows have no column for its variable.
     """
     columns = {variable: column for column, variable in enumerate(body.conjunction.parameters)}
     loops: list[tuple[Any, int, int]] = []
@@ -41,7 +41,7 @@ def order_of(body: BodyPlan, store: Store) -> Callable[[Row], list[int]] | None:
         places: list[int] = []
         for ends, near, far in loops:
             value: Any = row[far]
-            if ends is None:  # objects are looped over class by class
+            if ends is None:  # the loop visits objects class by class
                 places += store.classes[value], store.place[value]
             else:
                 among = ends[row[near]]

@@ -1,9 +1,8 @@
-"""Rows of patterns that call themselves, by tabling.
+"""Evaluation of recursive patterns by tabling.
 
-Every call of a recursive component, a pattern with values at its bound positions, has a table. Whoever reads a table
-is suspended there, and goes on with each of its rows, once (Chen and Warren 1996; calls inside a component are
-positive, so there is nothing to delay). So no row is derived from the same rows twice, and nothing is computed that no
-call has asked for.
+Every call of a recursive component (a pattern with values at its bound positions) has a table of rows. A consumer of a
+table is suspended, and continues once with each row of the table (Chen and Warren 1996; calls inside a component are
+positive, so nothing is delayed). So no row is derived twice from the same rows, and only requested calls are evaluated.
 """
 
 from __future__ import annotations
@@ -22,22 +21,22 @@ from envgraph.match.plan._options import Unplannable
 from envgraph.pattern import Library, ObjectType
 
 MOST_ROWS: Final = 1_000_000
-"""Rows and calls of one evaluation; only an `eval` that makes new values without end needs more."""
+"""The largest number of rows and calls of one evaluation; only an `eval` that creates ever new values exceeds it."""
 MOST_KEPT: Final = 200_000
-"""Rows and calls that are remembered for the present state of the model."""
+"""The largest number of rows and calls that are cached for one state of the model."""
 FEW_TIMES: Final = 3
-"""Questions about all values of a row, with the same one among them, before all rows with that one are computed."""
+"""The number of fully bound calls with the same value after which all rows with this value are computed."""
 FEW_ROWS: Final = 1_000
-"""Rows and calls that such questions may take before."""
+"""The number of cached rows and calls up to which fully bound calls are evaluated one by one."""
 
 Evaluate = Callable[..., None]
-"""Evaluates a call once: gets its table and the values at its bound positions, see `evaluation_source`."""
+"""Evaluates a call. Arguments: the table of the call, and its values at bound positions; see `evaluation_source`."""
 Suspended = Callable[..., None]
-"""Goes on with values that were known when it was suspended, and those of a row at the free positions."""
+"""A continuation. Arguments: the values stored at its suspension, and the values of a row at the unbound positions."""
 
 
 class Consumer:
-    """Somebody who reads a table, and how far."""
+    """A suspended reader of a table: a continuation, its stored values, and the number of rows it has consumed."""
 
     __slots__ = ("goes_on", "most", "next", "queued", "rows", "values")
 
@@ -53,13 +52,13 @@ class Consumer:
 
 
 class Table:
-    """The rows of a call so far: values at the free positions.
+    """The table of one call: the rows found so far, as values at the unbound positions.
 
     Attributes:
-        calls: what is called.
-        values: those at the bound positions.
-        rows: in the order in which they were found.
-        answer: full rows in ascending order, when all are known and somebody has asked.
+        calls: the pattern and bound positions of the call.
+        values: the values at the bound positions.
+        rows: the rows in the order of discovery.
+        answer: the complete rows in ascending order, or None before they are first requested.
     """
 
     __slots__ = ("_consumers", "_entered", "_known", "_run", "_waiting", "answer", "calls", "rows", "values")
@@ -76,7 +75,7 @@ class Table:
         self._entered: set[tuple[Calls, tuple[Any, ...]]] = {(calls, values)}
 
     def add(self, row: Row) -> None:
-        """There is a row."""
+        """Add a row if it is new, and schedule all consumers."""
         if row not in self._known:
             self._known.add(row)
             self.rows.append(row)
@@ -88,7 +87,7 @@ class Table:
             run.grow(self.calls.pattern)
 
     def read(self, goes_on: Suspended, values: tuple[Any, ...], most: int | None = None) -> None:
-        """Go on with each row, or with so many, those that are still to come included."""
+        """Run a continuation with each present and future row, or with the first `most` rows; once per values."""
         reader = goes_on, values
         if reader not in self._waiting:
             self._waiting.add(reader)
@@ -99,7 +98,7 @@ class Table:
                 self._run.reading.append(consumer)
 
     def enter(self, calls: Calls, values: tuple[Any, ...]) -> None:
-        """Whatever another call finds is a row here: it is evaluated for this table, and needs none of its own."""
+        """Evaluate another call for this table: its rows are rows of this table, so it needs no own table."""
         call = calls, values
         if call not in self._entered:
             self._entered.add(call)
@@ -107,18 +106,18 @@ class Table:
             self._run.grow(calls.pattern)
 
     def known(self, row: Row) -> bool:
-        """Return whether a row has been found."""
+        """Return True if a row has been found."""
         return row in self._known
 
     def finish(self) -> None:
-        """All rows are known."""
+        """Discard the consumers, because all rows are known."""
         self._consumers.clear()
         self._waiting.clear()
         self._entered.clear()
 
 
 class Run:
-    """The tables of one component."""
+    """The evaluation of one recursive component: its open tables, pending calls and scheduled consumers."""
 
     def __init__(self) -> None:
         self.reading: list[Consumer] = []
@@ -128,14 +127,20 @@ class Run:
         self._most = limit(MOST_ROWS)
 
     def grow(self, pattern: str) -> None:
-        """There is another row or call."""
+        """Count one more row or call.
+
+        Raises:
+            EvaluationError: there are too many.
+        """
         self._size += 1
         if self._size > self._most:
-            message = f"recursive pattern `{pattern}` has more than {self._most:,} partial results"
+            message = (
+                f"recursive pattern `{pattern}` has more than {self._most:,} rows and calls in its evaluation"
+            )
             raise EvaluationError(message, hint=RAISE_LIMIT)
 
     def finish(self) -> int:
-        """Go on until nobody has a row to read; returns how many rows and calls that were."""
+        """Evaluate calls and run consumers until none is pending. Return the number of rows and calls."""
         reading, pending = self.reading, self.pending
         try:
             while reading or pending:
@@ -160,10 +165,10 @@ class Run:
 
 
 class Calls:
-    """All calls of a pattern with values at the same positions.
+    """All calls of a pattern with the same bound positions.
 
     Attributes:
-        tables: by the values.
+        tables: the tables by the values at the bound positions.
     """
 
     def __init__(
@@ -181,15 +186,15 @@ class Calls:
 
     @cached_property
     def evaluate(self) -> Evaluate:
-        """See `Evaluate`; made late, since patterns may call each other in long chains."""
+        """Return the function that evaluates a call; created at first use, since calls may form long chains."""
         return self._evaluation(self.pattern, self.bound)
 
     def prepare(self) -> None:
-        """Raises `Unplannable` if these calls cannot be evaluated."""
+        """Create the evaluation function; raise `Unplannable` if these calls cannot be evaluated."""
         _ = self.evaluate
 
     def table(self, values: tuple[Any, ...]) -> Table:
-        """The table of a call."""
+        """Return the table of a call; a new table is scheduled for evaluation."""
         found = self.tables.get(values)
         if found is None:
             run = self._run
@@ -202,18 +207,18 @@ class Calls:
     # --- what evaluations do
 
     def read(self, values: tuple[Any, ...], goes_on: Suspended, known: tuple[Any, ...]) -> None:
-        """Go on with each row of a call."""
+        """Run a continuation with each row of a call."""
         self.table(values).read(goes_on, known)
 
     def once(self, values: tuple[Any, ...], goes_on: Suspended, known: tuple[Any, ...]) -> None:
-        """Go on if a call has a row."""
+        """Run a continuation once if a call has a row."""
         self.table(values).read(goes_on, known, 1)
 
     def again(self, values: tuple[Any, ...], goes_on: Suspended, known: tuple[Table]) -> None:
-        """As `read`, for a call of the same kind and values as the one that is evaluated, which begins with this.
+        """Run a continuation with each row of a call that equals the evaluated call, as the first goal of its body.
 
-        The one that is evaluated may have been entered from another call of its kind. What it would read are rows of
-        that one, too, and that one goes on with all its rows in the same way. So nothing but that needs to be done.
+        If the evaluated call was entered from another call of its kind, its rows are also rows of that call's table. So
+        the continuation is registered at the table of the owner, and nothing else is needed.
         """
         (owner,) = known
         if owner.calls is self:
@@ -222,18 +227,18 @@ class Calls:
             self.table(values).read(goes_on, known)
 
     def enter(self, owner: Table, values: tuple[Any, ...]) -> None:
-        """Whatever a call finds is a row of the owner."""
+        """Evaluate a call for the table of its owner."""
         owner.enter(self, values)
 
 
 class Recursion:
-    """Answers calls of recursive patterns, and remembers the answers for as long as the model does not change.
+    """The evaluator of recursive patterns. It caches results until the model changes.
 
     Args:
-        model: its revision tells when answers are out of date.
+        model: its revision shows when cached results are out of date.
         library: the patterns.
-        graph: which of them are recursive together.
-        evaluation: gives the function that evaluates calls of a pattern with values at some positions.
+        graph: their call graph.
+        evaluation: returns the function that evaluates calls of a pattern with values at some positions.
     """
 
     def __init__(
@@ -254,7 +259,7 @@ class Recursion:
         self._revision = -1
 
     def calls(self, pattern: str, bound: tuple[int, ...]) -> Calls:
-        """The calls of a pattern with values at some positions."""
+        """Return the calls of a pattern with values at some positions."""
         place = pattern, bound
         if place not in self._calls:
             run = self._runs.setdefault(self._graph.component(pattern), Run())
@@ -262,10 +267,10 @@ class Recursion:
         return self._calls[place]
 
     def solver(self, pattern: str, bound: tuple[int, ...]) -> Callable[..., list[Row]]:
-        """Calls from outside: all rows, in ascending order. The list must not be changed.
+        """Return a function that lists all rows of a call in ascending order. The list must not be changed.
 
         Raises:
-            Unplannable: a free parameter cannot be enumerated.
+            Unplannable: a parameter without a value cannot be enumerated.
         """
         size = len(self._library.parameter_types(pattern))
         if len(bound) == size > 1:
@@ -282,10 +287,10 @@ class Recursion:
         return solve
 
     def _tester(self, pattern: str, size: int) -> Callable[..., list[Row]]:
-        """Return whether a row is one: it alone, or nothing.
+        """Return a function that takes a full row, and returns a list of the row if it is a match, else an empty list.
 
-        Where one value is asked about again and again, all rows with it are computed once. Where rows are made of rows
-        of the same component, that is no more work than for one row.
+        If calls with the same value repeat, all rows with this value are computed once. For components that are not
+        linear this is no more work than one row.
         """
         calls = self._plannable(pattern, tuple(range(size)))
         narrower = self._narrower(pattern, size)
@@ -306,7 +311,7 @@ class Recursion:
         return holds
 
     def _narrower(self, pattern: str, size: int) -> list[Calls]:
-        """The calls with a value at one position alone, if they come to an end: objects are not made without end."""
+        """Return the calls with a single bound position; [] if data parameters could prevent termination."""
         types = (t for name in self._graph.component(pattern) for t in self._library.parameter_types(name))
         if not all(isinstance(type_, ObjectType) for type_ in types):
             return []
@@ -317,26 +322,26 @@ class Recursion:
         return found
 
     def _plannable(self, pattern: str, bound: tuple[int, ...]) -> Calls:
-        """The calls; raises `Unplannable`."""
+        """Return the calls of a pattern with values at some positions; raise `Unplannable` if they have no plan."""
         found = self.calls(pattern, bound)
         found.prepare()
         return found
 
     def _often(self, calls: Calls, row: Row) -> bool:
-        """Whether a value has been asked about so often, and with so much work, that all its rows should be known."""
+        """Count a call with one value of a row. Return True if it is queried often enough to compute all its rows."""
         (position,) = calls.bound
         place = calls.pattern, position, row[position]
         self._asked[place] += 1
         return self._asked[place] > FEW_TIMES and self._kept > FEW_ROWS
 
     def _look(self) -> None:
-        """Forget everything if there is a new state of the model."""
+        """Discard all cached tables if the model has changed."""
         if self._revision != self._store.revision:
             self._forget()
-            self._revision = self._store.revision  # last: Ctrl-C before leaves nothing out of date
+            self._revision = self._store.revision  # last: safe if interrupted before
 
     def _solved(self, calls: Calls, values: tuple[Any, ...]) -> Table:
-        """The table of a call, with all rows."""
+        """Return the complete table of a call."""
         self._look()
         table = calls.tables.get(values)
         if table is not None:
@@ -347,11 +352,12 @@ class Recursion:
             table = calls.table(values)
             self._kept += self._runs[self._graph.component(calls.pattern)].finish()
         except BaseException:
-            self._forget()  # tables may lack rows
+            self._forget()  # tables may be incomplete
             raise
         return table
 
     def _forget(self) -> None:
+        """Discard all cached tables."""
         for each in self._calls.values():
             each.tables.clear()
         self._asked.clear()
@@ -359,13 +365,13 @@ class Recursion:
 
 
 def _among(table: Table, row: Row) -> list[Row]:
-    """The row, if a table of all rows with one of its values has it."""
+    """Return a list of the row if the table of one of its values contains it; else an empty list."""
     (position,) = table.calls.bound
     return [row] if table.known((*row[:position], *row[position + 1 :])) else []
 
 
 def _full(size: int, bound: tuple[int, ...], values: tuple[Any, ...], row: Row) -> Row:
-    """Values at bound positions, and the others, as one row."""
+    """Return the complete row of the values at the bound positions and the values of a table's row."""
     given = dict(zip(bound, values, strict=True))
     others = iter(row)
     return tuple(given[position] if position in given else next(others) for position in range(size))

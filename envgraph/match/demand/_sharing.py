@@ -1,8 +1,8 @@
-"""Questions that are asked again and again, as that for an objective at each step of a search.
+"""Repeated evaluation of the same patterns, such as objectives at each step of a search.
 
-A matcher inlines small patterns, so that their goals are met in the best order with those around them, and its plans
-depend on the metamodel alone. Here plans are made for the model as it is, and what aggregates the matches of other
-patterns is called: in one state it is computed once for each object, however often it is asked for.
+A matcher inlines small patterns and plans with the metamodel alone. Here plans are made for the present model. Patterns
+that aggregate matches of other patterns are called instead of inlined: their value for an object is computed once per
+state of the model.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ from envgraph.pattern import AggregateAtom, CallAtom, Library
 
 
 class Questions:
-    """Patterns without arguments that are asked again and again, planned for the model as it is now.
+    """A cache of compiled queries without arguments that are evaluated repeatedly, planned for the present model.
 
-    The rows may come in another order than those of a matcher.
+    Rows may have another order than those of a matcher.
     """
 
     def __init__(self, model: Model, library: Library) -> None:
@@ -32,14 +32,15 @@ class Questions:
         self._functions: dict[tuple[str, Mode], Callable[[], Any]] = {}
 
     def rows(self, pattern: str) -> Sequence[Row]:
-        """All matches."""
+        """Return all matches."""
         return self._ask(pattern, Mode.ROWS)  # type: ignore[no-any-return]
 
     def count(self, pattern: str) -> int:
-        """How many there are."""
+        """Return the number of matches."""
         return self._ask(pattern, Mode.COUNT)  # type: ignore[no-any-return]
 
     def _ask(self, pattern: str, mode: Mode) -> Any:
+        """Return the result of a pattern in a result mode, for the present state of the model."""
         question = (pattern, mode)
         if question not in self._functions:
             self._functions[question] = self._program.answering(pattern, (), mode)
@@ -48,7 +49,7 @@ class Questions:
 
 
 class _Answers(dict[Any, Any]):
-    """What a function gives for each value, computed where it is first looked up."""
+    """A cache of a function's results by argument, computed at the first lookup."""
 
     def __init__(self, function: Function) -> None:
         super().__init__()
@@ -60,7 +61,7 @@ class _Answers(dict[Any, Any]):
 
 
 class _Sharing(Program):
-    """Functions that ask once for what aggregates the matches of another pattern for an object."""
+    """A program whose functions cache the values of aggregating patterns for each object and state."""
 
     def __init__(self, model: Model, library: Library) -> None:
         super().__init__(model, library)
@@ -70,7 +71,7 @@ class _Sharing(Program):
         self._revision = -1
 
     def begin(self) -> None:
-        """Something is asked: of another state nothing is known."""
+        """Discard all cached results if the model has changed."""
         if self._revision != self.model.graph.store.revision:
             for answers in self._sharing.values():
                 answers.clear()
@@ -88,7 +89,7 @@ class _Sharing(Program):
 
 
 class _Aggregating:
-    """The patterns that aggregate the matches of others, or call such a pattern: their calls stay calls."""
+    """The set of patterns that aggregate matches of other patterns, or call such a pattern. They are never inlined."""
 
     def __init__(self, library: Library, calls: CallGraph) -> None:
         self._library, self._calls = library, calls
@@ -97,7 +98,7 @@ class _Aggregating:
     def __contains__(self, pattern: object) -> bool:
         assert isinstance(pattern, str)
         if pattern not in self._known:
-            self._known[pattern] = False  # of a circle nothing else is known
+            self._known[pattern] = False  # ends the recursion for recursive patterns
             self._known[pattern] = any(
                 isinstance(goal, AggregateAtom) and isinstance(goal.relation, CallAtom)
                 for body in self._library.lowered(pattern).bodies

@@ -1,4 +1,4 @@
-"""Objects by values, for loops that ask for one value after the other."""
+"""Indexes of objects by value, for loops that look up objects by one value after another."""
 
 from __future__ import annotations
 
@@ -13,28 +13,27 @@ from typing import Any, Final
 from envgraph.graph import Store
 
 FEW: Final = 2
-"""Questions that are answered by looking at all objects; for more there is an index."""
+"""The number of lookups that scan all objects; the next lookup builds the index."""
 FOLLOWED: Final = 8
-"""An index is brought up to date if at most one of so many objects has changed since, else made anew: see the
-benchmark `questions`."""
+"""An index is updated if at most one of this many objects has changed, else rebuilt: see the benchmark `questions`."""
 
 Entries = Callable[[Iterable[int]], Iterator[tuple[Any, Any, int]]]
-"""Yields for objects, in their order, a key, a value that may have bounds, and the object."""
+"""Yields for each of the given objects, in order, its key, its value compared with bounds, and the object."""
 _HOLDS: Final[Mapping[str, Callable[[Any, Any], bool]]] = {"<": lt, "<=": le, ">": gt, ">=": ge}
 
 
 class ValueIndex:
-    """Objects by a key, and those with the same key by a second value if that has bounds.
+    """An index of objects by a key, and by a second value if that is compared with bounds.
 
-    The third question makes the index. Later questions bring it up to date if the store has noted which objects have
-    changed; else it is made anew. What lies between bounds is found by bisection. Keys are equal and values are in
-    order as Python says, and so are the values of expressions. An object without a value is in no order.
+    The third lookup builds the index. Later lookups update it if the store has recorded the changed objects, else
+    rebuild it. Values between bounds are found by bisection. Keys and values are compared as in Python, like values of
+    expressions. Objects without a value match no bounds.
 
     Args:
         store: the model; it may change between calls.
         classes: indices of concrete classes.
-        operators: of the bounds, the value of the object on the left.
-        alone: whether keys and values depend on the attributes and the class of the object alone.
+        operators: the operators of the bounds, with the value of the object on the left.
+        alone: True if keys and values depend only on attributes and class of the object.
     """
 
     def __init__(
@@ -49,34 +48,35 @@ class ValueIndex:
         self._revision, self._asked, self._made = -1, 0, False
 
     def rows(self, entries: Entries, key: Any, *bounds: Any) -> Sequence[int]:
-        """Return the objects with a key, and a value within bounds, in the order of the extents."""
+        """Return the objects with a key and a value within bounds, in the order of the extents."""
         found = self.some(entries, key, *bounds)
         if self._made and self._operators:
             return sorted(dict.fromkeys(found), key=self._place)
         return found if isinstance(found, list) else list(dict.fromkeys(found))
 
     def some(self, entries: Entries, key: Any, *bounds: Any) -> Iterable[int]:
-        """Return the same objects, perhaps more than once, in any order; they are not looked for before asked for."""
+        """Return the same objects in any order, perhaps repeated; they may be found on demand."""
         if not self._ready(entries):
             return self.look(entries, key, bounds)
         bucket = self._table.get(key, ())
         return (bucket[place][1] for place in self._between(bucket, bounds)) if self._operators else bucket
 
     def count(self, entries: Entries, key: Any, *bounds: Any) -> int:
-        """Return the number of these objects, each of which has one value."""
+        """Return the number of these objects, if each has one value."""
         if not self._ready(entries):
             return sum(1 for _ in self.look(entries, key, bounds))
         bucket = self._table.get(key, ())
         return len(self._between(bucket, bounds)) if self._operators else len(bucket)
 
     def look(self, entries: Entries, key: Any, bounds: Sequence[Any]) -> Iterable[int]:
-        """Return them without an index."""
+        """Yield these objects by a scan, without an index."""
         tests = [(_HOLDS[operator], bound) for operator, bound in zip(self._operators, bounds, strict=True)]
         for own, value, node in entries(chain.from_iterable(self._extents)):
             if own == key and (not tests or (value is not None and all(test(value, w) for test, w in tests))):
                 yield node
 
     def _between(self, bucket: Sequence[tuple[Any, float]], bounds: Sequence[Any]) -> range:
+        """Return the range of the entries of a sorted bucket whose values are within bounds."""
         low, high = 0, len(bucket)
         for operator, bound in zip(self._operators, bounds, strict=True):
             if operator in ("<", ">="):
@@ -87,7 +87,7 @@ class ValueIndex:
         return range(low, high)
 
     def _ready(self, entries: Entries) -> bool:
-        """Return whether there is an index of the present state."""
+        """Return True if the index is up to date; build it if enough lookups have been made."""
         if self._revision != self._store.revision:
             self._follow(entries)
         if not self._made:
@@ -105,7 +105,7 @@ class ValueIndex:
         return self._made
 
     def _follow(self, entries: Entries) -> None:
-        """Bring the index to the present state, or give it up; so does an exception."""
+        """Update the index to the present state, or discard it. An exception discards it, too."""
         store, since, made = self._store, self._revision, self._made
         self._revision, self._made = store.revision, False
         if store.touched is None:
@@ -122,7 +122,7 @@ class ValueIndex:
         self._asked, self._touched = 0, store.touched
 
     def _file_again(self, entries: Entries, nodes: Sequence[int]) -> None:
-        """Remove objects of `Store.touched`, and insert them by the values and the places that they have now."""
+        """Remove changed objects (those of `Store.touched`), and insert them with their present values."""
         table, place = self._table, self._place
         if not self._filed:
             for key, bucket in table.items():
@@ -138,7 +138,7 @@ class ValueIndex:
             for key, item in self._filed.pop(node, ()):
                 if self._operators:
                     del table[key][bisect_left(table[key], item)]
-                else:  # a copy: whoever goes through the list may still do so
+                else:  # a copy, since a caller may still iterate over the list
                     table[key] = [each for each in table[key] if each != node]
         for node, filed in new.items():
             for key, item in filed:
@@ -147,21 +147,21 @@ class ValueIndex:
             self._filed[node] = filed
 
     def _place(self, node: int) -> int:
-        """Return where an object stands in the loop."""
+        """Return the position of an object in the loop over the extents."""
         return self._ranks[self._store.classes[node]] + self._store.place[node]
 
 
 def by_attributes(
     store: Store, index: ValueIndex, classes: Sequence[int], attributes: Sequence[int]
 ) -> Callable[..., Sequence[int]]:
-    """Return a function that gives the objects with given values, in the order of the extents.
+    """Return a function that takes attribute values and returns the objects with them, in the order of the extents.
 
     Args:
         store: the model; it may change between calls.
-        index: of these objects.
+        index: the index of these objects.
         classes: indices of concrete classes.
-        attributes: indices of attributes that all these classes have; their values are the arguments of the function.
-            One with many values stands alone.
+        attributes: indices of attributes of all these classes, whose values are the arguments of the function. A
+            many-valued attribute must be the only one.
     """
     extents = [store.extents[index] for index in classes]
     many = store.distinct[attributes[0]]
@@ -175,7 +175,7 @@ def by_attributes(
         return ((first[node], None, node) for node in nodes)
 
     def look(_: Entries, key: Any, bounds: Sequence[Any]) -> list[int]:
-        """As `ValueIndex.look`, but faster."""
+        """Return these objects by a scan like `ValueIndex.look`, but faster."""
         value = key[0] if others else key
         if many:
             return [node for extent in extents for node in extent if value in many[node]]

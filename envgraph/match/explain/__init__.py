@@ -1,1 +1,1 @@
-"""Plans as text, what they do when they run, and why a pattern has no match."""
+"""Explanations: plans as text, measured row counts, and reasons why a pattern has no match."""

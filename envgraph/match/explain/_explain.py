@@ -1,4 +1,4 @@
-"""Plans and generated source as text."""
+"""Format plans and generated source as text."""
 
 from __future__ import annotations
 
@@ -36,12 +36,12 @@ from envgraph.pattern import (
 )
 
 Actual = Callable[[BodyPlan], Trace]
-"""Runs the plan of a body."""
+"""Runs the plan of a body, and returns its trace."""
 
 
 @short_repr
 class Explanation(str):
-    """The text of a plan; a notebook shows it as it is."""
+    """A plan as text, with its line breaks shown in notebooks."""
 
     __slots__ = ()
 
@@ -53,15 +53,15 @@ class Explanation(str):
 
 
 def explain_view(planner: Planner, key: ViewKey, actual: Actual | None) -> str:
-    """The plan of every body, and the source.
+    """Return as text the plan of every body of an adorned pattern, and its generated source.
 
     Args:
         planner: makes the plan.
-        key: what is asked.
-        actual: counts what the steps do; None if that cannot be known.
+        key: the adorned pattern.
+        actual: runs a plan and counts rows; None if rows cannot be counted.
 
     Raises:
-        Unplannable: a free parameter cannot be enumerated.
+        Unplannable: a parameter without a value cannot be enumerated.
     """
     view = planner.view(key)
     names = [parameter.name for parameter in planner.library.get(key.pattern).parameters]
@@ -75,14 +75,14 @@ def explain_view(planner: Planner, key: ViewKey, actual: Actual | None) -> str:
         bound = [body.conjunction.parameters[position] for position in key.bound]
         lines.extend(steps_text(body.plan, own, "  ", counts, bound))
     if not view.distinct:
-        lines.append("the same row may be found more than once and is reported once")
+        lines.append("the plan may find the same row more than once: repeated rows are removed")
     if planner.calls.recursive(key.pattern):
-        lines.append("recursive: evaluated until nothing is added, rows sorted")
+        lines.append("recursive: evaluated until no row is added, then the rows are sorted")
     return "\n".join([*lines, "", view_source(planner, key, Mode.ROWS).text])
 
 
 class Names:
-    """What the variables of a conjunction are called; those that inlining has added have numbers only."""
+    """The names of the variables of a conjunction. Variables added by inlining have only numbers, written `#5`."""
 
     def __init__(self, library: Library, pattern: str, number: int, body: BodyPlan | Conjunction) -> None:
         lowered = library.lowered(pattern).bodies[number]
@@ -99,17 +99,18 @@ class Names:
         return self._names.get(variable, f"#{variable}")
 
     anonymous = False
-    """Whether variables that no text names are written `_`; else they have numbers."""
+    """True if unnamed variables are written `_`; else they are written as numbers."""
 
     def spoken(self, variable: int) -> bool:
-        """Return whether a text names the variable, and it is no constant."""
+        """Return True if the text of the pattern names a variable, and the variable is no constant."""
         return variable not in self.constants and not self._names.get(variable, "#").startswith("#")
 
     def called(self, variable: int, name: str) -> bool:
-        """Return whether the text of this pattern has that name for the variable."""
+        """Return True if a variable has the given name in the text of this pattern."""
         return self._names.get(variable) == name
 
     def all(self, variables: tuple[int, ...]) -> str:
+        """Return the names of some variables, separated by commas."""
         return ", ".join(map(self, variables))
 
 
@@ -121,12 +122,12 @@ def steps_text(
     known: Iterable[int] = (),
     watched: bool = False,
 ) -> Iterator[str]:
-    """Yield one line for each step of a plan and, indented, for the steps inside it.
+    """Yield one line for each step of a plan, followed by the indented lines of inner plans.
 
     Args:
-        counts: the actual numbers of rows of the outer steps, if known.
-        known: variables that have a value before the first step.
-        watched: whether the steps are those of a view.
+        counts: the measured number of rows after each outer step; empty if not measured.
+        known: variables with values before the first step.
+        watched: True if the plan belongs to a view.
     """
     found = frozenset(known) - names.constants.keys()
     for number, step in enumerate(plan.steps):
@@ -150,7 +151,7 @@ _VERBS = {
 
 
 def goal_text(step: Step, names: Names) -> str:
-    """The constraint of a step."""
+    """Return the constraint of a step as text."""
     goal = step.goal
     if step.kind is Kind.EXISTS:
         return "of"
@@ -173,18 +174,19 @@ def goal_text(step: Step, names: Names) -> str:
 
 
 def _expression_text(expression: Expression, reads: Sequence[tuple[str, int]], names: Names) -> str:
-    """The expression as it was written; of one without a text, or with names of another pattern, what it reads."""
+    """Return an expression as written in its pattern; if it has no such text here, the names of its variables."""
     if expression.span is not None and all(names.called(variable, name) for name, variable in reads):
         return " ".join(expression.span.text.split())
     return names.all(tuple(variable for _, variable in reads))
 
 
 def _negated(goal: Goal, step: Step, names: Names) -> str:
+    """Return a negated goal as text."""
     return f"neg {goal_text(replace(step, goal=goal, kind=Kind.TEST), names)}"
 
 
 def relation_text(relation: RelationAtom, names: Names, inside: Mapping[int, str] | None = None) -> str:
-    """A relation with its variables; `inside` says how those are written that nothing outside sees."""
+    """Return a relation with its variables as text. `inside` gives the text of variables local to an aggregate."""
     listed = ", ".join((inside or {}).get(v) or names(v) for v in arguments(relation))
     match relation:
         case InstanceAtom(cls, _, exact):
@@ -201,8 +203,10 @@ def relation_text(relation: RelationAtom, names: Names, inside: Mapping[int, str
 
 
 def _exactly(value: float) -> str:
+    """Return a measured number of rows as text."""
     return f"{value:.3g}" if isinstance(value, float) else str(value)
 
 
 def _number(value: float) -> str:
+    """Return an estimate as text, with two significant digits if it is below 10."""
     return f"{value:.0f}" if value >= 10 else f"{value:.2g}"

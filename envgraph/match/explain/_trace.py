@@ -1,4 +1,4 @@
-"""Running a plan and watching it: how many partial matches each step leaves, and how far the best one comes."""
+"""Run a plan and count the partial matches after each step."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from envgraph.match.plan._plan import BodyPlan, Plan
 from envgraph.match.plan._planner import Planner
 
 Build = Callable[[Source, Callable[[Held], object]], Callable[..., Any]]
-"""Makes a function of a source; the second argument gives what is held."""
+"""Creates the function of a source; the second argument gives the values of `Held` symbols."""
 
 
 @dataclass(frozen=True, slots=True)
 class Trace:
-    """What the steps of a plan did.
+    """The record of one run of a plan.
 
     Attributes:
-        counts: number of partial matches after each step.
-        first: the first partial match after each step, values by variable; None if there is none.
-        whole: whether the plan was run to the end: it may have too many matches.
+        counts: the number of partial matches after each step.
+        first: the first partial match after each step, as values by variable; None if there is none.
+        whole: False if the run was stopped because of too many partial matches.
     """
 
     counts: tuple[int, ...]
@@ -36,12 +36,12 @@ class Trace:
 
 
 def trace(planner: Planner, body: BodyPlan, bound: dict[int, Any], build: Build) -> Trace:
-    """Run the plan of one body to the end.
+    """Run the plan of one body, and return the trace.
 
     Args:
-        planner: that made the plan.
-        body: the body.
-        bound: values by position of the parameter.
+        planner: the planner that made the plan.
+        body: the body with its plan.
+        bound: the values by position of the parameter.
         build: see `Build`.
     """
     counts = [0] * len(body.plan.steps)
@@ -67,10 +67,11 @@ def trace(planner: Planner, body: BodyPlan, bound: dict[int, Any], build: Build)
 
 
 class _TooMany(Exception):
-    """A step has more partial matches than anybody wants to wait for."""
+    """The error that stops a run with too many partial matches."""
 
 
 def _source(planner: Planner, body: BodyPlan, bound: tuple[int, ...]) -> Source:
+    """Return the source of a function that runs the plan of a body and records each step."""
     module, block = Module(), Block()
     given = {position: local("v", position) for position in bound}
     translation = Translation(planner, module, body.conjunction, block, given)
@@ -80,9 +81,9 @@ def _source(planner: Planner, body: BodyPlan, bound: tuple[int, ...]) -> Source:
 
 
 def noted(module: Module, parameters: Sequence[Local], body: Body, plan: Plan) -> Source:
-    """The source of a function that calls `note` after each step of a plan.
+    """Return the source of a function that calls `note` after each step of a plan.
 
-    With the number of the step, and pairs of a variable and its value; it returns True.
+    `note` gets the number of the step, and the pairs of variables and values. It must return True.
     """
     note = module.name(Held("note", ""))
     source = module.source(module.function("traced", parameters, body))

@@ -1,6 +1,6 @@
-"""Why a pattern has no match: the partial match that comes furthest, and the constraint that it fails.
+"""Explain why a pattern has no match: the partial match that satisfies most steps, and the constraint that it fails.
 
-Of a `not` or `neg` that fails there is a witness: the match that should not be there.
+If this constraint is a `not` or `neg`, the explanation has a witness: the match that should not exist.
 """
 
 from __future__ import annotations
@@ -34,20 +34,20 @@ from envgraph.pattern import (
 )
 
 _MOST_CALLS = 6
-"""Called patterns that are looked into, one inside the other: recursive ones ask about other objects each time."""
+"""The nesting depth up to which called patterns are explained: recursive patterns call themselves with new objects."""
 
 Asked = tuple[tuple[str, dict[int, Value]], ...]
-"""Calls: patterns with values by position."""
+"""The explained calls: patterns with values by position."""
 
 
 @dataclass(frozen=True, slots=True)
 class Witness:
-    """What a `not` or `neg` finds, and should not.
+    """The match of a `not` or `neg` that makes it fail.
 
     Attributes:
-        found: values of the variables that have a name there; objects as ids.
-        links: source, reference and target of the links that are asked for there; objects as ids.
-        objects: the variables that stand for objects.
+        found: the values of its named variables; objects as ids.
+        links: source, reference and target of the links in it; objects as ids.
+        objects: the names of the variables that stand for objects.
     """
 
     found: Mapping[str, Value]
@@ -55,7 +55,7 @@ class Witness:
     objects: tuple[str, ...] = ()
 
     def text(self, show: Callable[[int], str], known: Mapping[str, Value]) -> str:
-        """In one line: `other = `right`; `right` -at-> `Aisle#6``."""
+        """Return the witness in one line: `other = `right`; `right` -at-> `Aisle#6``. Omit values in `known`."""
         links = [
             f"{_object(source, show)} -{name}-> {_object(target, show)}"
             for source, name, target in self.links
@@ -68,17 +68,17 @@ class Witness:
 
 @dataclass(frozen=True, slots=True)
 class Failure:
-    """How far one body comes.
+    """The explanation why one body has no match.
 
     Attributes:
-        body: its number, from 1; 0 for the step of a unit that fails, and for a rule of a group.
-        found: values of the variables of the deepest partial match, by name; objects as ids.
-        constraint: what this partial match fails, as it is written; "" if the given values contradict the body from
-            the start. Of a unit, the step and why it fails.
-        objects: the variables that stand for objects.
-        inner: of a called pattern that has no match, why not; of a group, why one of its rules has none.
-        witness: where the constraint is a `not` or `neg`, what it finds.
-        span: where the constraint is written, if it was read from a text; of a block of a rule, the block.
+        body: the number of the body, from 1; 0 for the step of a unit that fails, and for a rule of a group.
+        found: the values of the named variables in the partial match with most steps; objects as ids.
+        constraint: the constraint that fails, as written; "" if the given values contradict the body from the start.
+            For a unit: the step, and the reason why it fails.
+        objects: the names of the variables that stand for objects.
+        inner: the explanation for a called pattern without a match, or for one rule of a group; else None.
+        witness: the match of a `not` or `neg` constraint that fails; else None.
+        span: the place of the constraint in its text, if it was read from a text; for a block of a rule, the block.
     """
 
     body: int
@@ -90,8 +90,8 @@ class Failure:
     span: Span | None = field(default=None, compare=False)
 
     def lines(self, show: Callable[[int], str], indent: str) -> list[str]:
-        """As people read it."""
-        reason = "the given values contradict it"
+        """Return the explanation as indented lines of text. `show` returns the text of an object."""
+        reason = "the given values contradict this body"
         where = f" ({_place(self.span)})" if self.span else ""
         if self.constraint:
             found = _listed(self.found, self.objects, show) or "nothing"
@@ -108,17 +108,17 @@ class Failure:
 
 @dataclass(frozen=True, slots=True)
 class WhyNot:
-    """Why a pattern has no match for some values.
+    """The explanation why a pattern has no match for given values.
 
     Attributes:
-        pattern: its qualified name; that of a rule, unit or group where one was asked for.
-        given: the values, by parameter.
-        match: a match all the same, by parameter; None if there is none.
-        failures: one for each body, the furthest first; none if there is a match.
-        objects: the parameters that stand for objects.
-        show: the text of an object, by its id.
-        refusal: of a rule that has the match, why it cannot be applied there; None if it can.
-        kind: what was asked for; a unit "has a match" if it succeeds.
+        pattern: the qualified name of the pattern, rule, unit or group.
+        given: the given values, by parameter.
+        match: the match, by parameter, if there is one after all; else None.
+        failures: one for each body, the longest partial match first; empty if there is a match.
+        objects: the names of the parameters that stand for objects.
+        show: returns the text of an object, given its id.
+        refusal: for a rule with a match, the reason why it cannot be applied there; None if it can.
+        kind: the kind of definition; a unit "has a match" if it succeeds.
     """
 
     pattern: str
@@ -137,7 +137,7 @@ class WhyNot:
         return f"<pre>{'<br>'.join(map(markup, str(self).splitlines()))}</pre>"
 
     def lines(self, show: Callable[[int], str], indent: str) -> list[str]:
-        """As people read it."""
+        """Return the explanation as indented lines of text. `show` returns the text of an object."""
         given = _listed(self.given, self.objects, show)
         title = (_block(self.pattern) or f"`{self.pattern}`") + (f" for {given}" if given else "")
         if self.match is not None:
@@ -149,16 +149,18 @@ class WhyNot:
         for failure in self.failures:
             lines.extend(failure.lines(show, indent + "  "))
         if not self.failures:
-            lines.append(f"{indent}  no body of it can ever hold")
+            lines.append(f"{indent}  it never has a match: each of its bodies contradicts itself")
         return lines
 
 
 def _object(value: Value, show: Callable[[int], str]) -> str:
+    """Return the text of an object."""
     assert isinstance(value, int)
     return show(value)
 
 
 def _listed(values: Mapping[str, Value], objects: tuple[str, ...], show: Callable[[int], str]) -> str:
+    """Return variables with their values as text, separated by commas."""
     return ", ".join(
         f"{name} = {show(value) if name in objects and isinstance(value, int) else repr(value)}"
         for name, value in values.items()
@@ -167,12 +169,12 @@ def _listed(values: Mapping[str, Value], objects: tuple[str, ...], show: Callabl
 
 @dataclass(frozen=True, slots=True)
 class Reasons:
-    """Finds out why patterns have no match: runs each body as far as it goes.
+    """A search for the reasons why patterns have no match: runs each body up to the step that fails.
 
     Attributes:
-        planner: of the matcher.
-        build: makes functions.
-        first: gives the first match of a pattern for values at some positions.
+        planner: the planner of the matcher.
+        build: creates functions of source.
+        first: returns the first match of a pattern for values at some positions, or None.
     """
 
     planner: Planner
@@ -180,12 +182,12 @@ class Reasons:
     first: Callable[[str, dict[int, Value]], tuple[Value, ...] | None]
 
     def why_not(self, pattern: str, given: dict[int, Value], asked: Asked = ()) -> WhyNot:
-        """Run each body of a pattern as far as it goes.
+        """Return the explanation for a pattern and given values.
 
         Args:
             pattern: qualified name.
-            given: values by position.
-            asked: the calls around this one, which are not looked into once more.
+            given: the values by position.
+            asked: the calls around this one, which are not explained again.
         """
         library = self.planner.library
         parameters = [parameter.name for parameter in library.get(pattern).parameters]
@@ -204,9 +206,9 @@ class Reasons:
     def _failure(
         self, pattern: str, number: int, conjunction: Conjunction, given: dict[int, Value], asked: Asked
     ) -> tuple[int, Failure]:
-        """Return how many steps a body takes, and what it fails then.
+        """Return how many steps of a body succeed, and the explanation of its failure.
 
-        Each goal is a step of its own: what it comes from is what was written, though a plan for matching inlines it.
+        Each goal becomes one step, without inlining, so that the failed constraint is one that was written.
         """
         if _contradicted(conjunction, given):
             return 0, Failure(number + 1, {}, "")
@@ -229,7 +231,9 @@ class Reasons:
         constraint = constraint or (
             _written(span, conjunction, step.goal) if span else goal_text(step, names)
         )
-        if isinstance(goal, InstanceAtom) and constraint == names(goal.variable):  # the type of a parameter
+        if isinstance(goal, InstanceAtom) and constraint == names(
+            goal.variable
+        ):  # the declared type of a parameter
             constraint = f"{constraint} : {goal.cls}"
         values: dict[int, Any] = {**dict(conjunction.constants), **partial}
         inner = witness = None
@@ -244,7 +248,7 @@ class Reasons:
     def _witness(
         self, names: Names, conjunction: Conjunction, goal: Absence, values: Mapping[int, Any]
     ) -> Witness:
-        """Return what a `neg` or `not` that fails finds."""
+        """Return the match that makes a `neg` or `not` fail."""
         ((relation,),) = goal.alternatives
         assert is_relation(relation)
         outer = tuple(sorted(goal.outer))
@@ -257,13 +261,13 @@ class Reasons:
         return _found(names, body, {variable: found[variable] for variable in arguments(relation)})
 
     def _solution(self, conjunction: Conjunction, given: dict[int, Value]) -> dict[int, Any] | None:
-        """Values for all variables of a conjunction, or None where there are none."""
+        """Return the values of all variables in the first solution of a conjunction; None if there is no solution."""
         plan = self.planner.whole(conjunction, tuple(sorted(given)))
         run = trace(self.planner, BodyPlan(conjunction, plan, True), given, self.build)
         return run.first[-1] if run.first else {}
 
     def _inside(self, pattern: str, given: dict[int, Value]) -> Witness:
-        """Return what a pattern that matches finds inside."""
+        """Return the witness for a match of a called pattern: the first solution of a body."""
         for number, body in enumerate(self.planner.library.lowered(pattern).bodies):
             found = None if _contradicted(body, given) else self._solution(body, given)
             if found is not None:
@@ -272,24 +276,26 @@ class Reasons:
 
 
 def _found(names: Names, body: Conjunction, values: Mapping[int, Any]) -> Witness:
-    """Return what a body finds with these values."""
+    """Return the witness for a solution of a body."""
     shown = {names(variable): value for variable, value in values.items() if names.spoken(variable)}
     links = tuple(_links(body.goals, {**dict(body.constants), **values}))
     return Witness(shown, links, _objects(names, filter(names.spoken, values), body))
 
 
 def _objects(names: Names, variables_: Iterable[int], body: Conjunction) -> tuple[str, ...]:
+    """Return the names of the variables that stand for objects."""
     return tuple(names(v) for v in variables_ if isinstance(body.types[v], ObjectType))
 
 
 def _goal_of(step: Step, conjunction: Conjunction) -> int:
-    """The goal that a step meets, or whose objects it lists where none of its class was asked for."""
+    """Return the number of the goal that a step solves; for a loop without a goal, of a goal with its variable."""
     goals = conjunction.goals
     met = [number for number, goal in enumerate(goals) if goal is step.goal]
     return (met or [n for n, goal in enumerate(goals) if not set(step.binds).isdisjoint(variables(goal))])[0]
 
 
 def _links(goals: Iterable[object], values: Mapping[int, Any]) -> Iterator[tuple[int, str, int]]:
+    """Yield source, reference and target of the link goals whose ends have values."""
     for goal in goals:
         if not isinstance(goal, LinkAtom) or not isinstance(goal.reference, Reference):
             continue
@@ -298,30 +304,30 @@ def _links(goals: Iterable[object], values: Mapping[int, Any]) -> Iterator[tuple
 
 
 def _place(span: Span) -> str:
-    """Return where a text stands, without the directory: `forest.query:12:5`."""
+    """Return the position of a text without its directory: `forest.query:12:5`."""
     return PurePath(str(span)).name
 
 
 def _written(span: Span, body: Conjunction, goal: Goal) -> str:
-    """A constraint as it is written, with the values that other constraints, `x == 0`, give its variables."""
+    """Return a constraint as written, with the values that constraints such as `x == 0` give its variables."""
     fixed = {v: value for v, value in body.constants if not body.names[v].startswith("#")}
     equal = [f"{body.names[v]} == {fixed[v]!r}" for v in dict.fromkeys(variables(goal)) if v in fixed]
     return " ".join(span.text.rstrip(";").split()) + (f" where {', '.join(equal)}" if equal else "")
 
 
 def _block(pattern: str) -> str | None:
-    """The block of a rule that a pattern was made of, for `drive#not1` the `not` block; None of any other."""
+    """Return the rule block that a pattern was made from ("the `not` block" for `drive#not1`); None for others."""
     kind = re.search(r"#(not|require|forall|optional)\d+$", pattern)
     return f"the `{kind[1]}` block" if kind else None
 
 
 def _has_text(pattern: str) -> bool:
-    """Return whether a called pattern is one that somebody has written, and not the values of an enum."""
+    """Return True if a called pattern was written by the user; False for the generated patterns of enum values."""
     return not pattern.startswith(f"{VALUES}.")
 
 
 def _contradicted(conjunction: Conjunction, given: Mapping[int, Value]) -> bool:
-    """Return whether `==` makes one variable of two that are given different values, or of one and another constant."""
+    """Return True if the given values contradict each other or a constant, because `==` unites two variables."""
     values: dict[int, Value] = dict(conjunction.constants)
     return any(
         values.setdefault(conjunction.parameters[position], value) != value

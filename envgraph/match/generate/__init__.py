@@ -1,1 +1,1 @@
-"""Plans as Python source."""
+"""Code generation: from search plans to Python functions."""

@@ -1,4 +1,4 @@
-"""Bindings: the code that stands for the variables of a body."""
+"""Variable bindings in generated code: the expression for the value of each variable of a body."""
 
 from __future__ import annotations
 
@@ -8,16 +8,16 @@ from envgraph.pattern import Conjunction
 
 
 class Bindings:
-    """The variables of a conjunction that have values at some place of the code, and what stands for each.
+    """The variables of a conjunction with values at a place of the code, and the expression for each value.
 
     Args:
-        conjunction: whose variables they are.
+        conjunction: the body.
         module: receives constants.
-        renumbered: local variables are numbered as they are first asked for, so that code that does the same is equal.
+        renumbered: if True, local variables are numbered by first use, so that equal code has equal names.
 
     Attributes:
-        names: what stands for the variables; for constants from when they are first asked for.
-        constants: the variables with one value in all matches.
+        names: the expressions for the variables; constants are added at first use.
+        constants: the variables with a fixed value.
     """
 
     def __init__(self, conjunction: Conjunction, module: Module, renumbered: bool = False) -> None:
@@ -28,21 +28,21 @@ class Bindings:
         self._numbers: dict[int, int] | None = {} if renumbered else None
 
     def known(self, variable: int) -> bool:
-        """Return whether a variable has a value."""
+        """Return True if a variable has a value."""
         return variable in self.names or variable in self.constants
 
     @property
     def changing(self) -> frozenset[int]:
-        """The variables with a value that are no constants."""
+        """Return the variables with values that are not constants."""
         return frozenset(self.names) - self.constants.keys()
 
     def source(self, variable: int) -> code.Expression:
-        """Return what stands for a variable that has a value."""
+        """Return the expression for the value of a variable, which must have a value."""
         if variable not in self.names:
             self.names[variable] = self._module.literal(self.constants[variable])
         return self.names[variable]
 
     def local(self, variable: int, prefix: str = "v") -> code.Local:
-        """The local variable for a variable, or for what it is taken from."""
+        """Return the local variable for a variable, or with another prefix for an intermediate value."""
         number = variable if self._numbers is None else self._numbers.setdefault(variable, len(self._numbers))
         return local(prefix, number, self._types[variable] if prefix == "v" else None)

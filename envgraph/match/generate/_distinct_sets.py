@@ -1,4 +1,4 @@
-"""Partial matches that agree in all that is still needed are alike: the first goes on."""
+"""Emit the duplicate filters of a plan: of partial matches equal in all needed variables only the first continues."""
 
 from __future__ import annotations
 
@@ -13,22 +13,22 @@ from envgraph.match.plan._distinct import OUTSIDE, Distinct
 from envgraph.match.plan._plan import Step
 
 END: Final = 0
-"""Stands for the place behind the last step, among identities of steps."""
+"""The key for the place after the last step, among identities of steps."""
 
 
 class DistinctSets:
-    """The places of a plan where partial matches are told apart, each by a set of what has passed.
+    """The duplicate filters of a plan in generated code: each filter is a set of seen keys.
 
-    A place is given by the identity of the step that stands there.
+    The place of a filter is given by the identity of the step that follows.
 
     Args:
         module: names the sets.
-        block: where the code goes.
-        bindings: what has a value.
+        block: receives the code.
+        bindings: the variables with values.
 
     Attributes:
-        passed: the sets that there are at the present place, by the places where they are asked.
-        outside: those that have to be made before a loop around the plan.
+        passed: the sets that exist at the present place of the code, by the place of their filter.
+        outside: the sets that must be created before a loop around the plan.
     """
 
     def __init__(self, module: Module, block: code.Block, bindings: Bindings) -> None:
@@ -41,11 +41,11 @@ class DistinctSets:
 
     @property
     def placed(self) -> bool:
-        """Whether the places are known."""
+        """Return True if the places of the filters are known."""
         return self._places is not None
 
     def place(self, steps: Sequence[Step], found: Mapping[int, Distinct]) -> None:
-        """Take the places in, by the numbers of the steps."""
+        """Store the filters, which are given by the number of the step that follows."""
         places = {number: id(step) for number, step in enumerate(steps)}
         self._places = {
             places.get(number, END): (places.get(each.first, OUTSIDE), each.key)
@@ -54,7 +54,7 @@ class DistinctSets:
         self.begin(OUTSIDE)
 
     def begin(self, place: int) -> None:
-        """Before what stands at a place, make the sets that are empty there."""
+        """Emit code that creates the sets that must be empty before the step at a place."""
         for here, (first, _) in (self._places or {}).items():
             if first == place:
                 seen = self.passed[here] = code.Local(self._module.fresh("d"))
@@ -64,7 +64,7 @@ class DistinctSets:
                     self._block.add(code.Assign(seen, empty("set")))
 
     def test(self, place: int) -> None:
-        """Before what stands at a place, leave out what has been there."""
+        """Emit code that skips partial matches whose key is in the set of the filter at a place, and adds new keys."""
         _, key = (self._places or {}).pop(place, (0, ()))
         if key:
             seen, values = self.passed.pop(place), value(key, self._bindings.source)
@@ -72,7 +72,7 @@ class DistinctSets:
             self._block.add(code.Do(code.method(seen, "add", values)))
 
     def rest(self, block: code.Block, bindings: Bindings) -> DistinctSets:
-        """Those of the rest of the plan, in a function of its own."""
+        """Return the filters for the rest of the plan, which is emitted as a function of its own."""
         rest = DistinctSets(self._module, block, bindings)
         rest._places, rest.passed = dict(self._places or {}), dict(self.passed)
         return rest

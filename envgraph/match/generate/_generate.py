@@ -1,7 +1,7 @@
-"""Code that executes the plan of one conjunction.
+"""Emit code that executes the plan of one conjunction.
 
-It is nested loops over the columns of the store, with every check as far out as the plan has it. It holds no text of
-the user's: variables are numbered, constants and columns are parameters of the enclosing `build`.
+The code consists of nested loops over the columns of the store, with each test in the outermost loop that the plan
+allows. It contains no text of the user: variables are numbered, constants and columns are parameters of `build`.
 """
 
 from __future__ import annotations
@@ -56,11 +56,11 @@ from envgraph.pattern import (
 
 @dataclass(frozen=True, slots=True)
 class Executed:
-    """Where code comes from: a step that has been executed there.
+    """The origin of emitted code: the step that the code executes.
 
     Attributes:
         step: the step.
-        known: the variables that have values then, and what stands for them.
+        known: the variables with values after the step, and the code for each value.
     """
 
     step: Step
@@ -68,20 +68,20 @@ class Executed:
 
 
 class Translation:
-    """Turns the plan of one conjunction into code.
+    """A translation of the plan of one conjunction into code.
 
     Args:
-        planner: tells what called patterns are.
+        planner: plans called patterns.
         module: receives symbols and functions.
         conjunction: the body.
-        block: where the code goes; it is left as deep as it was.
-        given: the values at the bound positions.
-        relations: what asks relations, and knows what has a value; made if None.
+        block: receives the code; its nesting depth is restored afterwards.
+        given: code for the values at the bound positions.
+        relations: emits code for relations and holds the bindings; created if None.
 
     Attributes:
-        distinct: finds the sets of values that are made outside of loops.
-        around: variables whose values come from a loop around the plan.
-        indexes: whether a loop may be over fewer objects than its step says, because of the tests that follow.
+        distinct: the duplicate filters, including sets that must be created outside of loops.
+        around: variables bound by a loop around the plan.
+        indexes: True if later tests may restrict the objects of a loop by an index.
     """
 
     around: tuple[int, ...] = ()
@@ -107,18 +107,18 @@ class Translation:
         self._seen: dict[int, code.Local] = {}
 
     bounded: Bounded | None = None
-    """Sees to it that there are not too many matches."""
+    """The function that checks the limit on the number of matches; None for no check."""
     _carried: Sequence[code.Local] = ()
-    """What every function inside gets."""
+    """Parameters that every inner function gets."""
     _continues = False
-    """Whether this is the rest of a function, inside its loops."""
+    """True if this function is a continuation, called inside the loops of another function."""
     _shares = True
-    """Whether searches along closures share their work."""
+    """True if closure searches share their work."""
     _joins = True
-    """Whether a question of existence may become a `Join`; not inside one, where that would go on and on."""
+    """True if an existence test may become a `Join`. Not inside a `Join`, since that would never end."""
 
     def body(self, plan: Plan, sink: Sink) -> None:
-        """Write the steps, and what is done with each solution."""
+        """Emit code for a plan and for the sink of each solution."""
         block = self._block
         place = block.place
         for position, given in self._given.items():
@@ -138,6 +138,7 @@ class Translation:
     # --- steps
 
     def _steps(self, steps: Sequence[Step], sink: Sink) -> None:
+        """Emit code for the steps, then for the sink."""
         shared = shared_searches(steps, sink) if self._shares else {}
         self._begin_searches(-1, steps, shared)
         self._place_distinct(steps, sink)
@@ -174,7 +175,7 @@ class Translation:
         self._block.add(*sink.each(self._bindings.source))
 
     def _guard(self, step: Step, sink: Sink, join: ValueJoin | None) -> None:
-        """Emit a check for too many matches before a loop that nothing connects with the outer loops."""
+        """Emit a check for too many matches before a loop that no constraint connects with the outer loops."""
         if self.bounded is None or step.kind is not Kind.LOOP or not (self._block.loops or self._continues):
             return
         if join is None and not any(map(self._bindings.known, variables(step.goal))):
@@ -183,11 +184,11 @@ class Translation:
             self._block.add(code.Do(check))
 
     def _size(self, sink: Sink) -> code.Expression:
-        """Return the number of matches so far; subclasses override it."""
+        """Return code for the number of matches so far; overridden in views."""
         return sink.size
 
     def _place_distinct(self, steps: Sequence[Step], sink: Sink) -> None:
-        """Find out where partial matches may be alike, but for the rest of a plan for which that is known."""
+        """Place the duplicate filters of a plan. Do nothing in a continuation: its filters are already placed."""
         if self.distinct.placed:
             return
         found: dict[int, Distinct] = {}
@@ -202,18 +203,18 @@ class Translation:
         )
 
     def _begin_searches(self, number: int, steps: Sequence[Step], shared: Mapping[int, int]) -> None:
-        """Before the searches whose results do not depend on what the steps after this one find."""
+        """Emit empty sets of seen nodes for closure searches whose results depend on no step after step `number`."""
         for search, last in shared.items():
             if last == number:
                 seen = self._seen[id(steps[search])] = code.Local(self._module.fresh("s"))
                 self._block.add(code.Assign(seen, empty("set")))
 
     def _fork(self, block: code.Block, continuation: bool) -> Translation:
-        """Hook: the translation of a function inside this one, or of the rest of this one."""
+        """Return the translation for an inner function or a continuation; subclasses override this method."""
         return Translation(self._planner, self._module, self._conjunction, block, {})
 
     def _continue(self, steps: Sequence[Step], sink: Sink) -> None:
-        """The rest of a plan in a function of its own."""
+        """Emit a continuation function for the remaining steps, and code that calls it and relays its result."""
         rest = self._function("h", steps, sink, continuation=True)
         match sink.relay:
             case "flag":
@@ -232,14 +233,14 @@ class Translation:
     def _function(
         self, prefix: str, steps: Sequence[Step], sink: Sink, continuation: bool = False
     ) -> code.Expression:
-        """A function for some steps; the call of it."""
+        """Emit a function for some steps, and return a call of it."""
         name, arguments_ = self._defined(prefix, steps, sink, continuation)
         return code.call(name, *arguments_)
 
     def _defined(
         self, prefix: str, steps: Sequence[Step], sink: Sink, continuation: bool = False
     ) -> tuple[code.Name, list[code.Expression]]:
-        """A function for some steps, and the arguments of its call."""
+        """Emit a function for some steps. Return its name and the arguments of its call."""
         shared: list[code.Local] = list(sink.shared) if continuation else []
         inputs = self._inputs(steps, sink)
         inner = self._fork(code.Block(), continuation)
@@ -260,13 +261,14 @@ class Translation:
         return name, [*shared, *(self._bindings.source(v) for v in inputs)]
 
     def _inputs(self, steps: Sequence[Step], sink: Sink) -> list[int]:
-        """The variables with a value that some steps and a sink read; constants are known everywhere."""
+        """Return the variables with values, constants excepted, that the steps and the sink read."""
         read = {*sink.variables, *(v for step in steps for v in mentioned(step))}
         return sorted(v for v in read if v in self._bindings.names and v not in self._bindings.constants)
 
     # --- loops
 
     def _loop(self, step: Step) -> None:
+        """Emit the loop of a step over an extent, link ends, a closure or the matches of a called pattern."""
         goal = step.goal
         match goal:
             case InstanceAtom(cls, variable, exact):
@@ -290,7 +292,7 @@ class Translation:
                 raise AssertionError(goal)
 
     def _each(self, targets: Sequence[int | None], iterable: code.Expression, tuples: bool = False) -> None:
-        """Loop over tuples, or over bare values if there is one target; None is for what does not matter."""
+        """Emit a loop over tuples, or over bare values if there is one target. A target None marks an unused value."""
         names: list[code.Local] = []
         again: list[code.Expression] = []
         for variable in targets:
@@ -305,7 +307,7 @@ class Translation:
         self._bindings.names.update((v, self._bindings.local(v)) for v in targets if v is not None)
 
     def _loop_joined(self, step: Step, join: ValueJoin, sink: Sink) -> None:
-        """Emit a loop over the objects that an index holds for the known values; only count them if that is enough."""
+        """Emit a loop over the objects that a value index finds. If only their number matters, emit a count."""
         goal = step.goal
         assert isinstance(goal, InstanceAtom)
         classes = tuple(self._relations.indices(goal.cls, goal.exact))
@@ -323,7 +325,7 @@ class Translation:
         for side in join.known:
             asked.append(code.Local(self._module.fresh("u")))
             found = self._side(side, self._bindings.source)
-            self._block.test(code.some(code.Let(asked[-1], found)))  # the expression may have no value
+            self._block.test(code.some(code.Let(asked[-1], found)))  # None: the expression has no value
         equal = len(asked) - len(join.operators)
         entries, key = self._entries(step, join, number), code.tuple_of(*asked[:equal])
         parts: list[code.Expression] = [entries, key, *asked[equal:]]
@@ -347,25 +349,26 @@ class Translation:
         return self._module.function(name, [nodes], inner._block.body())
 
     def _side(self, side: Side, names: Names) -> code.Expression:
+        """Return code for one side of a comparison."""
         found = {name: names(variable) for name, variable in side.reads}
         types = {name: self._conjunction.types[variable] for name, variable in side.reads}
         return self._module.expression(side.expression, found, types, part=True)
 
     def _loop_common(self, step: Step, tests: Sequence[Step]) -> None:
-        """Loop over the ends of a link; if they are many, over those that may pass the tests which follow."""
+        """Emit a loop over link ends. If there are many, intersect them with the ends that later tests require."""
         goal = step.goal
         assert isinstance(goal, LinkAtom)
         others = [self._relations.ends(test.goal) for test in tests if isinstance(test.goal, LinkAtom)]
         ends = code.Local(self._module.fresh("e"))
         kind = code.Member(code.Let(ends, self._relations.ends(goal)), "__class__")
-        short = code.Operation("is", (kind, code.Name("tuple")))  # the others are crowded
+        short = code.Operation("is", (kind, code.Name("tuple")))  # otherwise a crowded `IndexedSet`
         common = code.call(self._module.name(Builtin("common")), ends, *others)
         self._each(step.binds, code.Choice(short, ends, common))
 
     # --- values
 
     def _bind(self, step: Step, inline: bool) -> None:
-        """Give a variable its one value; `inline` keeps everything in one expression."""
+        """Emit code that binds the single value of a variable. With `inline` the whole code is one expression."""
         (variable,) = step.binds
         found: code.Expression = self._bindings.local(variable)
         assert isinstance(found, code.Local)
@@ -381,7 +384,7 @@ class Translation:
         self._bindings.names[variable] = found
 
     def _value(self, step: Step) -> code.Expression:
-        """A value that the goal computes; None if there is none."""
+        """Return code for the value that a goal computes; at run time None means that there is no value."""
         goal = step.goal
         match goal:
             case AttributeAtom(attribute, owner, _):
@@ -395,11 +398,13 @@ class Translation:
         raise AssertionError(goal)
 
     def _expression(self, expression: Term, reads: tuple[tuple[str, int], ...]) -> code.Expression:
+        """Return code for an expression over bound variables."""
         names = {name: self._bindings.source(variable) for name, variable in reads}
         types = {name: self._conjunction.types[variable] for name, variable in reads}
         return self._module.expression(expression, names, types)
 
     def _aggregate(self, goal: AggregateAtom, plan: Plan) -> code.Expression:
+        """Return code for an aggregate: shared by starts, else a single call, else a function with loops."""
         return (
             self._alike(goal, plan)
             or self._asked(goal)
@@ -407,14 +412,14 @@ class Translation:
         )
 
     def _asked(self, goal: AggregateAtom) -> code.Expression | None:
-        """An aggregate of what a question gives, without a loop of our own."""
+        """Return code for an aggregate that one existing function or column answers; None if a loop is needed."""
         if goal.column is None:
             return self._relations.count(goal.relation)
         values = self._relations.column(goal.relation, goal.column)
         return None if values is None else code.call(fold(self._module, goal), values)
 
     def _alike(self, goal: AggregateAtom, plan: Plan) -> code.Expression | None:
-        """An aggregate that has the same value for all starts from which a closure reaches the same."""
+        """Return code for an aggregate shared by all starts with the same reached nodes; None if not possible."""
         if not self._shares:
             return None
         assert isinstance(self._planner, Planner)
@@ -432,6 +437,7 @@ class Translation:
     # --- tests
 
     def _test(self, step: Step) -> code.Expression:
+        """Return code for the test of a step."""
         goal = step.goal
         match goal:
             case _ if step.kind is Kind.EXISTS:
@@ -460,7 +466,7 @@ class Translation:
         raise AssertionError(goal)
 
     def _existence(self, plan: Plan) -> code.Expression:
-        """Return whether a plan has a solution: an expression, or the call of a function if there are loops."""
+        """Return code that tests if a plan has a solution: an expression, or with loops a call of a new function."""
         if any(step.kind is Kind.LOOP for step in plan.steps):
             return self._join(plan) or self._function("g", plan.steps, EXISTENCE)
         inner = Translation(self._planner, self._module, self._conjunction, code.Block(), {})
@@ -473,7 +479,7 @@ class Translation:
         return code.joined("and", [test for test, _ in inner._block.tests], True)
 
     def _join(self, plan: Plan) -> code.Expression | None:
-        """Whether a plan has a solution, where that is whether a search meets what does not depend on its start."""
+        """Return code for an existence test that one closure search decides; None if the plan has no such form."""
         if not (self._shares and self._joins):
             return None
         assert isinstance(self._planner, Planner)

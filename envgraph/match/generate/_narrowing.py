@@ -1,4 +1,4 @@
-"""Which of the tests that follow a loop over the ends of a link tell it to be over fewer objects."""
+"""Find the tests after a loop over the ends of a link that restrict the objects of the loop."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from envgraph.pattern import LinkAtom
 
 
 def link_tests(loop: Step, following: Sequence[Step], bindings: Bindings) -> list[Step]:
-    """Return the tests of links between the end of a link, over which is looped, and objects that are known."""
+    """Return the tests that follow a loop over link ends and require a link between such an end and a bound object."""
     if not (isinstance(loop.goal, LinkAtom) and isinstance(loop.goal.reference, Reference)):
         return []
     (end,) = loop.binds

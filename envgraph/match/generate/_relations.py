@@ -1,4 +1,4 @@
-"""Questions about one relation, in generated code: the objects of a class, links, rows of patterns, closures."""
+"""Emit expressions that read one relation: extents, links, matches of called patterns, closures."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ from envgraph.pattern import CallAtom, ClosureAtom, InstanceAtom, LinkAtom, Rela
 
 
 class Relations:
-    """Expressions for the tuples of relations that agree with what is known.
+    """An emitter of expressions for the tuples of a relation that agree with the bound variables.
 
     Args:
-        planner: tells what called patterns are.
+        planner: plans called patterns.
         module: receives symbols.
-        bindings: what is known.
+        bindings: the bound variables.
     """
 
     def __init__(self, planner: Planner, module: Module, bindings: Bindings) -> None:
@@ -44,23 +44,23 @@ class Relations:
         self.bindings = bindings
 
     def indices(self, cls: str, exact: bool) -> list[int]:
-        """Indices of the concrete classes whose objects are instances of a class."""
+        """Return the indices of the concrete classes whose objects are instances of a class."""
         names = (cls,) if exact else self._metamodel.concrete(cls)
         return [index for index, each in enumerate(self._metamodel.class_list) if each.name in names]
 
     def members(self, cls: str, exact: bool) -> list[code.Expression]:
-        """The extents that hold the objects of a class."""
+        """Return the names of the extents that contain the objects of a class."""
         return [self._module.name(Column("extents", index)) for index in self.indices(cls, exact)]
 
     def extent(self, cls: str, exact: bool) -> code.Expression:
-        """The objects of a class."""
+        """Return an expression for all objects of a class."""
         members = self.members(cls, exact)
         if len(members) == 1:
             return members[0]
         return code.call(self._module.name(Builtin("chain")), *members) if members else code.Tuple(())
 
     def is_instance(self, goal: InstanceAtom) -> code.Expression:
-        """Return whether an object is of a class; of one that is not known, whether there is any."""
+        """Return a test that an object is of a class; for an unbound object, a test that the class has any object."""
         if not self.bindings.known(goal.variable):
             return code.joined("or", self.members(goal.cls, goal.exact), False)
         cls = code.Index(self._module.name(Column("classes")), self.bindings.source(goal.variable))
@@ -70,7 +70,7 @@ class Relations:
         return code.Index(self._module.name(ClassTable(goal.cls)), cls) if indices else code.Constant(False)
 
     def ends(self, goal: LinkAtom) -> code.Expression:
-        """Return what stands at the other end of the links of the one object, or the value, that is known."""
+        """Return code for the other ends of the links of the bound object, or the objects with the bound value."""
         reference = goal.reference
         if self.bindings.known(goal.source):
             return code.Index(self._module.name(forward_column(reference)), self.bindings.source(goal.source))
@@ -82,31 +82,31 @@ class Relations:
         )
 
     def is_linked(self, goal: LinkAtom) -> code.Expression:
-        """Return whether two objects are linked; if one is not known, the ends of the links of the other."""
+        """Return a test that two objects are linked. If one is not bound, return the ends of the links of the other."""
         if not (self.bindings.known(goal.source) and self.bindings.known(goal.target)):
             return self.ends(goal)
         source, target = self.bindings.source(goal.source), self.bindings.source(goal.target)
         sizes = self._planner.sizes
         reference = goal.reference
         if isinstance(reference, Reference) and sizes.backward(reference) < sizes.forward(reference):
-            backward = self._module.name(Column("backward", reference.index))  # the fewer
+            backward = self._module.name(Column("backward", reference.index))  # the shorter side
             return code.Operation("in", (source, code.Index(backward, target)))
         return code.Operation(
             "in", (target, code.Index(self._module.name(forward_column(reference)), source))
         )
 
     def view(self, goal: CallAtom, wanted: Sequence[int], mode: Mode) -> code.Expression:
-        """Return what a question about a called pattern gives."""
+        """Return a call of the function of a called pattern, for the bound arguments."""
         known = frozenset(v for v in goal.arguments if self.bindings.known(v))
         return self._call(self._module.name(View(call_key(goal, known, wanted), mode)), goal)
 
     def rows(self, goal: CallAtom) -> code.Expression:
-        """The rows of a recursive pattern."""
+        """Return a call of the function that lists the matches of a recursive pattern."""
         bound = tuple(position for position, v in enumerate(goal.arguments) if self.bindings.known(v))
         return self._call(self._module.name(Recursive(goal.pattern, bound)), goal)
 
     def count(self, relation: RelationAtom) -> code.Expression | None:
-        """The number of tuples that agree with what is known, where it can be had without a loop of our own."""
+        """Return code for the number of tuples that agree with the bound variables; None if a loop is needed."""
         called = arguments(relation)
         free = [v for v in called if not self.bindings.known(v)]
         if not free or len(set(free)) != len(free):
@@ -123,7 +123,7 @@ class Relations:
         return None
 
     def column(self, relation: RelationAtom, column: int) -> code.Expression | None:
-        """The values of a variable in the tuples that agree with what is known, where no loop of our own is needed."""
+        """Return an expression for the values of a variable in the tuples that agree; None if a loop is needed."""
         free = [v for v in arguments(relation) if not self.bindings.known(v)]
         if not isinstance(relation, CallAtom) or column not in free or len(set(free)) != len(free):
             return None
@@ -135,30 +135,32 @@ class Relations:
         return self._call(self._module.name(View(replace(key, outputs=outputs), Mode.BAG)), relation)
 
     def _call(self, function: code.Name, goal: CallAtom) -> code.Expression:
+        """Return a call of a function with the bound arguments of a goal."""
         return code.call(
             function, *[self.bindings.source(v) for v in goal.arguments if self.bindings.known(v)]
         )
 
     def closure(self, goal: ClosureAtom) -> code.Expression:
-        """Return what is reached from the known end, or whether one end is reached from the other, or all pairs."""
+        """Return code for the nodes reached from the bound end; if both are bound, a test; if none is, all pairs."""
         known = self.bindings.known(goal.source), self.bindings.known(goal.target)
         if known[0] == known[1]:
             return self._reach(goal, ClosureQuestion.HOLDS if known[0] else ClosureQuestion.PAIRS, True)
         return self._reach(goal, ClosureQuestion.ALL, known[0])
 
     def spread(self, goal: ClosureAtom, seen: code.Local) -> code.Expression:
-        """Return what other searches in the same place have not found; `seen` holds what they have."""
+        """Return code for the nodes reached from the bound end, without those in `seen`, which is updated."""
         return self._reach(goal, ClosureQuestion.SPREAD, self.bindings.known(goal.source), seen)
 
     def _reach(
         self, goal: ClosureAtom, question: ClosureQuestion, forward: bool, *more: code.Expression
     ) -> code.Expression:
+        """Return a call of the function that answers a question about a closure."""
         inputs = [self.bindings.source(v) for v in (goal.source, goal.target) if self.bindings.known(v)]
         return code.call(self._module.name(closed(goal, question, forward)), *inputs, *more)
 
 
 def forward_column(feature: Reference | Attribute) -> Column:
-    """The column of targets, or of many values."""
+    """Return the column of a reference's targets, or of an attribute's values."""
     return Column("values" if isinstance(feature, Attribute) else "forward", feature.index)
 
 
@@ -172,17 +174,17 @@ def same_for_all(
     function: str = "count",
     column: int | None = None,
 ) -> code.Expression:
-    """The value of an aggregate that is the same for all starts from which a closure reaches the same.
+    """Return code for an aggregate whose value is shared by all starts from which a closure reaches the same nodes.
 
     Args:
         module: receives symbols.
-        alike: the closure, and how the aggregate is made of what is reached.
-        start: the start.
-        direct: the function that works the value out, and
-        given: its arguments, the start among them.
-        outside: the values that what is reached depends on.
-        function: of the aggregate, and
-        column: what it is over.
+        alike: the closure, and the aggregate's dependence on the reached nodes.
+        start: code for the start.
+        direct: the name of the function that computes the value directly.
+        given: the arguments of this function, including the start.
+        outside: code for the tuple of other values on which the possible ends depend.
+        function: count, sum, avg, min or max.
+        column: the position that is aggregated; None for count.
     """
     others = code.Tuple(tuple(each for each in given if each != start))
     parts = [start, direct, code.Tuple(tuple(given)), others]

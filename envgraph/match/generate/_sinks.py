@@ -1,4 +1,4 @@
-"""Sinks: what generated code does with each solution."""
+"""Sinks: the code that a generated function executes for each solution."""
 
 from __future__ import annotations
 
@@ -13,26 +13,26 @@ from envgraph.match.generate._write import Module
 from envgraph.pattern import AggregateAtom
 
 Names = Callable[[int], code.Expression]
-"""The code of a variable."""
+"""Returns the code for the value of a variable."""
 NONE_YET: Final = code.Constant(0)
 OUT, ADD, N, FOUND = code.Local("out"), code.Local("add"), code.Local("n"), code.Local("found")
-"""Variables of functions with sinks."""
+"""Local variables of functions with sinks."""
 
 
 @dataclass(frozen=True, slots=True)
 class Sink:
-    """Start, end and innermost statements of a function that collects solutions.
+    """A sink: the first, last and innermost statements of a generated function that collects solutions.
 
     Attributes:
-        variables: the variables that it reads.
-        head, tail: first and last statements of the function.
-        each: statements for one solution.
-        shared: variables that a continuation of the function takes over; it has no head or tail of its own then.
-        relay: what the caller does with the value of a continuation: "flag" returns True if it is true, "found"
-            returns it unless it is None, "sum" adds it up, "each" yields what it yields, "" ignores it.
-        repeatable: whether the same values again change nothing.
-        unique: whether that is so because they are kept from it.
-        size: how many there are so far, where that matters.
+        variables: the variables that the innermost statements read.
+        head, tail: the first and last statements of the function.
+        each: returns the statements for one solution.
+        shared: local variables passed to a continuation, which then has no head or tail of its own.
+        relay: the treatment of a continuation's result. "flag": return True if it is true; "found": return it unless it
+            is None; "sum": add it; "each": yield its items; "": ignore it.
+        repeatable: True if repeated solutions change nothing.
+        unique: True if the plan ends with a duplicate filter for this sink.
+        size: code for the number of solutions so far, where it is needed.
     """
 
     variables: tuple[int, ...]
@@ -47,27 +47,27 @@ class Sink:
 
 
 def row(variables: Sequence[int], names: Names) -> code.Tuple:
-    """The values of some variables as one."""
+    """Return code for a tuple of the values of some variables."""
     return code.Tuple(tuple([names(variable) for variable in variables]))
 
 
 def value(variables: Sequence[int], names: Names) -> code.Expression:
-    """A bare value, or a tuple of several."""
+    """Return code for the bare value of one variable, or for a tuple of several."""
     return names(variables[0]) if len(variables) == 1 else row(variables, names)
 
 
 def length(collection: code.Expression) -> code.Call:
-    """Return how many elements there are."""
+    """Return code for the number of elements of a collection."""
     return code.call("len", collection)
 
 
 def empty(what: str) -> code.Call:
-    """A new `set`, `dict` or `list`."""
+    """Return code for a new empty `set`, `dict` or `list`."""
     return code.call(what)
 
 
 def view_sink(mode: Mode, distinct: bool, variables: tuple[int, ...]) -> Sink:
-    """The sink of a view; `distinct` if no solution gives the same values as another."""
+    """Return the sink for a result mode. `distinct` is True if no two solutions give the same values."""
     shape = value if mode is Mode.VALUES else row
     match mode:
         case Mode.EXISTS:
@@ -96,7 +96,7 @@ def view_sink(mode: Mode, distinct: bool, variables: tuple[int, ...]) -> Sink:
 
 
 def _bag(variables: tuple[int, ...], distinct: bool) -> Sink:
-    """Collects the last value of each solution."""
+    """Return a sink that collects the last variable's value of each distinct solution."""
     last = lambda names: names(variables[-1])  # noqa: E731
     if distinct:
         return gathering(variables, last, OUT)
@@ -110,9 +110,13 @@ def keeping(
     result: code.Expression,
     kept: Callable[[Names], code.Expression] = lambda _: code.NONE,
 ) -> Sink:
-    """Collects an item of each solution in `out`, each once, in the order in which they are found first.
+    """Return a sink that collects the distinct items of the solutions as keys of the dict `out`, in order of discovery.
 
-    What is kept with an item follows from it.
+    Args:
+        variables: the variables that are read.
+        item: returns code for the item of a solution.
+        result: code for the result of the function.
+        kept: returns code for the dict value of an item, which must be determined by the item.
     """
     return Sink(
         variables,
@@ -126,8 +130,8 @@ def keeping(
 
 
 def _yielding(variables: tuple[int, ...], distinct: bool) -> Sink:
-    """The sink of a generator."""
-    tail = (code.Yield(code.Tuple(()), each=True),)  # what yields nothing is a generator, too
+    """Return the sink of a generator function."""
+    tail = (code.Yield(code.Tuple(()), each=True),)  # makes the function a generator in any case
     if distinct:
         return Sink(variables, (), lambda names: (code.Yield(row(variables, names)),), tail, (), "each")
     new = code.Local("r")
@@ -140,14 +144,14 @@ def _yielding(variables: tuple[int, ...], distinct: bool) -> Sink:
 
 
 def distinct_sink(mode: Mode, variables: tuple[int, ...]) -> Sink:
-    """The sink of a view whose plan tells its values apart at its end."""
+    """Return the sink for a result mode if the plan ends with a duplicate filter."""
     return replace(view_sink(mode, True, variables), variables=variables, repeatable=True, unique=True)
 
 
 def gathering(
     variables: tuple[int, ...], item: Callable[[Names], code.Expression], result: code.Expression
 ) -> Sink:
-    """Collects an item of each solution in the list `out`."""
+    """Return a sink that appends an item of each solution to the list `out`."""
     head = (code.Assign(OUT, code.Text("[]")), code.Assign(ADD, code.Member(OUT, "append")))
     each = lambda names: (code.Do(code.call(ADD, item(names))),)  # noqa: E731
     return Sink(variables, head, each, (code.Return(result),), (OUT, ADD), size=length(OUT))
@@ -172,7 +176,7 @@ COUNT = Sink(
 
 
 def visiting(variable: int, question: ClosureQuestion) -> Sink:
-    """Adds a reached object to a breadth-first search, which a goal ends."""
+    """Return the sink of a breadth-first search: visit each new node; for `HOLDS` return True if it is the goal."""
     seen, todo, start, goal, push = map(code.Local, ("seen", "todo", "start", "goal", "push"))
     meets = question is ClosureQuestion.HOLDS
 
@@ -185,7 +189,7 @@ def visiting(variable: int, question: ClosureQuestion) -> Sink:
         )
         return (reached, new) if meets else (new,)
 
-    # The start is not seen: it is reached only if some path leads back to it.
+    # The start is not in `seen`: it is reached only if a path leads back to it.
     head: list[code.Statement] = [
         code.Assign(ADD, code.Member(seen, "add")),
         code.Assign(push, code.Member(todo, "append")),
@@ -204,7 +208,7 @@ def visiting(variable: int, question: ClosureQuestion) -> Sink:
 
 
 def folding(module: Module, goal: AggregateAtom) -> Sink:
-    """Return what makes the value of an aggregate of its rows."""
+    """Return the sink that computes an aggregate of its rows."""
     if goal.function == "count":
         return COUNT
     assert goal.column is not None
@@ -213,7 +217,7 @@ def folding(module: Module, goal: AggregateAtom) -> Sink:
 
 
 def fold(module: Module, goal: AggregateAtom) -> code.Name:
-    """Return what makes the value of an aggregate of the values of its column."""
+    """Return the name of the function that computes an aggregate from the values of its column."""
     return module.name(Builtin(_FOLDS[goal.function]))
 
 

@@ -1,4 +1,4 @@
-"""The source of every function that is generated: a view of a pattern, what closures may reach, a search along one."""
+"""Generate the source of each kind of function: pattern functions, possible closure ends, closure searches."""
 
 from __future__ import annotations
 
@@ -39,10 +39,10 @@ from envgraph.match.plan._sharing import (
 
 
 def view_source(planner: Planner, key: ViewKey, mode: Mode) -> Source:
-    """The source of one view of a pattern.
+    """Return the source of the function of an adorned pattern.
 
     Raises:
-        Unplannable: a free parameter cannot be enumerated.
+        Unplannable: a parameter without a value cannot be enumerated.
     """
     view = planner.view(key)
     module, block = Module(), code.Block()
@@ -76,7 +76,7 @@ def view_source(planner: Planner, key: ViewKey, mode: Mode) -> Source:
 
 
 def _ends_in_distinct_set(planner: Planner, bodies: Sequence[BodyPlan], key: ViewKey, mode: Mode) -> bool:
-    """Return whether values are better told apart by a set at the end of the plan: one that looks at fewer of them."""
+    """Return True if a duplicate filter at the end of the plan compares fewer values than comparing whole results."""
     if len(bodies) != 1 or mode in (Mode.EXISTS, Mode.FIRST, Mode.EACH):
         return False
     conjunction, steps = bodies[0].conjunction, bodies[0].plan.steps
@@ -89,7 +89,7 @@ def _ends_in_distinct_set(planner: Planner, bodies: Sequence[BodyPlan], key: Vie
 
 
 def ends_source(planner: Planner, ends: Ends) -> Source:
-    """The source that finds all values that the closures of a pattern may reach, each with those that are wanted."""
+    """Return the source of a function that lists all nodes a pattern's closures may reach, with the wanted values."""
     module, block = Module(), code.Block()
     given = {position: local("v", position) for position in ends.given}
     for conjunction, end, plan in plans_of_ends(planner, ends) or ():
@@ -103,11 +103,11 @@ def ends_source(planner: Planner, ends: Ends) -> Source:
 
 
 def reach_source(planner: Planner, step: str, forward: bool, question: ClosureQuestion) -> Source:
-    """The source of a breadth-first search along a binary pattern.
+    """Return the source of a breadth-first search along a binary pattern.
 
-    `search(start)` returns what is reached by one or more steps, nearest first. For `SPREAD`, `search(start, seen)`
-    leaves out what has been seen, and adds to it. For `HOLDS`, `search(start, goal, todo)` tells whether the goal is
-    among what is reached; `todo`, which is `[start]`, gets all that is visited.
+    `search(start)` returns the nodes reached by one or more steps, nearest first. For `SPREAD`, `search(start, seen)`
+    skips the nodes in `seen` and adds new ones. For `HOLDS`, `search(start, goal, todo)` returns True if it reaches
+    the goal; all visited nodes are appended to `todo`, which must be `[start]`.
     """
     module, block = Module(), code.Block()
     near, far = (0, 1) if forward else (1, 0)

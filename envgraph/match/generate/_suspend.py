@@ -1,4 +1,4 @@
-"""Code that evaluates calls of recursive patterns: suspended wherever rows of the component are needed."""
+"""Generate code that evaluates calls of recursive patterns , suspended at each call of the same component."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from envgraph.pattern import CallAtom
 
 
 def evaluation_source(planner: Planner, key: ViewKey) -> Source:
-    """The source that evaluates a call of a recursive pattern, all free positions wanted.
+    """Return the source of a function that evaluates a call of a recursive pattern; all unbound positions are wanted.
 
-    `evaluate(t, *values)` adds to the table `t` the rows that need nothing of the component. Where a call of the
-    component is next, the rest of the plan is a function of its own that the table of that call gets, together with
-    the values that it needs. (See `Calls` in `envgraph.match.demand._recursion` for what happens there.)
+    `evaluate(t, *values)` adds rows to the table `t` that need no rows of the component. If a call of the component is
+    next, the rest of the plan becomes a continuation. The table of that call gets this function and the values that it
+    needs. (See `Calls` in `envgraph.match.demand._recursion`.)
 
     Raises:
-        Unplannable: a free parameter cannot be enumerated.
+        Unplannable: a parameter without a value cannot be enumerated.
     """
     view = planner.view(key)
     module, block = Module(), Block()
@@ -44,18 +44,18 @@ _TABLE: Final = Local("t")
 
 
 def _answers(variables: tuple[int, ...], each: Callable[[Names], Expression]) -> Sink:
-    """Does something for the table `t`."""
+    """Return a sink that evaluates an expression about the table `t` for each solution."""
     return Sink(variables, (), lambda names: (Do(each(names)),), (), (_TABLE,), repeatable=True)
 
 
 def _inside(step: Step, planner: Planner, key: ViewKey) -> bool:
-    """Return whether a step needs rows of the component."""
+    """Return True if a step calls a pattern of the recursive component."""
     goal = step.goal
     return isinstance(goal, CallAtom) and goal.pattern in planner.calls.component(key.pattern)
 
 
 def _flat(steps: Sequence[Step], planner: Planner, key: ViewKey) -> list[Step]:
-    """The steps, without questions of existence that need rows of the component: nobody can wait for an answer."""
+    """Return the steps; existence tests that need component rows become their inner steps, which can be suspended."""
     found: list[Step] = []
     for step in steps:
         if step.kind is Kind.EXISTS:
@@ -68,11 +68,11 @@ def _flat(steps: Sequence[Step], planner: Planner, key: ViewKey) -> list[Step]:
 
 
 class Suspending(Translation):
-    """Leaves the steps behind a call of the component to whoever has its rows.
+    """A translation of a plan that turns the steps after a call of the recursive component into continuations.
 
     Attributes:
-        key: what is evaluated.
-        first: the first step of the body, if there is one.
+        key: the adorned pattern that is evaluated.
+        first: the first step of the body, or an empty list.
     """
 
     key: ViewKey
@@ -100,7 +100,14 @@ class Suspending(Translation):
         super()._steps(before, self._suspension(step, rest, sink, known))
 
     def _suspension(self, step: Step, rest: Sequence[Step], sink: Sink, known: set[int]) -> Sink:
-        """Waits for the rows of a call; `known` are the variables that have values there, without constants."""
+        """Return the sink that registers a continuation for the rows of a call.
+
+        Args:
+            step: the call.
+            rest: the steps after the call.
+            sink: the sink of the whole plan.
+            known: the variables with values at the call, without constants.
+        """
         goal = step.goal
         assert isinstance(goal, CallAtom)
         bound = tuple(p for p, v in enumerate(goal.arguments) if v in known or v in self._bindings.constants)
@@ -123,7 +130,7 @@ class Suspending(Translation):
         return _answers((*given, *inputs), each)
 
     def _is_own_call(self, step: Step, bound: tuple[int, ...], given: tuple[int, ...]) -> bool:
-        """Return whether a body begins with the very call that is evaluated."""
+        """Return True if the body begins with a call that equals the evaluated call itself."""
         assert isinstance(step.goal, CallAtom)
         heads = tuple(self._conjunction.parameters[position] for position in self.key.bound)
         plain = len(set(heads)) == len(heads) and self._bindings.constants.keys().isdisjoint(heads)
@@ -133,7 +140,15 @@ class Suspending(Translation):
     def _rest(
         self, inputs: Sequence[int], columns: Sequence[int], width: int, rest: Sequence[Step], sink: Sink
     ) -> Name:
-        """The function that goes on with a row of `width` values, which are those of the columns."""
+        """Emit the continuation for a row of a call, and return its name.
+
+        Args:
+            inputs: the variables with values that the continuation reads.
+            columns: the variables that the row's values are bound to; empty if they are not needed.
+            width: the number of values in the row.
+            rest: the steps after the call.
+            sink: the sink of the whole plan.
+        """
         block = Block()
         inner = self._fork(block, continuation=True)
         inner._bindings.names = {v: self._bindings.local(v) for v in inputs}

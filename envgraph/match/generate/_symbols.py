@@ -1,4 +1,4 @@
-"""Symbols: what the names in generated source stand for."""
+"""Symbols: the values that the free names of generated source stand for."""
 
 from __future__ import annotations
 
@@ -11,29 +11,29 @@ from envgraph.pattern import Closure, ClosureAtom
 
 
 class Mode(StrEnum):
-    """What a generated function returns."""
+    """The kind of result of a generated function."""
 
     ROWS = "rows"
-    """A list of full tuples of parameters."""
+    """A list of matches, as tuples of all parameters."""
     VALUES = "values"
-    """A list of the wanted values: bare ones if one position is wanted, else tuples."""
+    """A list of the wanted values: bare values if one position is wanted, else tuples."""
     BAG = "bag"
-    """A list of the value at the last wanted position of each match."""
+    """A list with the value at the last wanted position of each match."""
     EXISTS = "exists"
-    """Whether there is a match."""
+    """True if there is a match."""
     COUNT = "count"
     """The number of matches."""
     FIRST = "first"
-    """The first of `ROWS`, or None."""
+    """The first match of `ROWS`, or None."""
     EACH = "each"
-    """An iterator over `ROWS` that looks for the next one when it is asked for."""
+    """An iterator over the matches of `ROWS` that finds each match on demand."""
 
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """A list of the store: class indices, or of one class or feature (by index) what there is of it.
+    """A list of the store: the class index of each object, an extent of one class, or the values or ends of a feature.
 
-    Values of an attribute with many are those that differ; extents are of exactly the class.
+    An extent has only direct instances. A many-valued attribute gives its distinct values.
     """
 
     kind: OneOf["classes", "extents", "values", "forward", "backward"]
@@ -42,20 +42,20 @@ class Column:
 
 @dataclass(frozen=True, slots=True)
 class ClassTable:
-    """For each class index whether it is the class or one of its subclasses."""
+    """A tuple of bools: for each class index, True if the class is `cls` or one of its subclasses."""
 
     cls: str
 
 
 @dataclass(frozen=True, slots=True)
 class Valued:
-    """An index of the objects of some classes by values: of attributes or, without attributes, of expressions.
+    """An index of the objects of some classes by attribute values or, without attributes, by computed values.
 
     Classes and attributes are given by their indices.
 
     Attributes:
         operators, alone: see `ValueIndex`.
-        number: distinguishes indexes by expressions.
+        number: distinguishes the indexes by computed values.
     """
 
     classes: tuple[int, ...]
@@ -67,14 +67,14 @@ class Valued:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Literal:
-    """A constant of the pattern, or a function that it calls. No two are equal: 1, 1.0 and True are different."""
+    """A constant of the pattern, or a user function that it calls. Compared by identity: 1, 1.0 and True differ."""
 
     value: object
 
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """The generated function of a called pattern."""
+    """The generated function of an adorned pattern."""
 
     key: ViewKey
     mode: Mode
@@ -82,36 +82,36 @@ class View:
 
 @dataclass(frozen=True, slots=True)
 class Recursive:
-    """Full rows of a pattern that calls itself, for values at the bound positions."""
+    """The function that returns all matches of a recursive pattern for values at the bound positions."""
 
     pattern: str
     bound: tuple[int, ...]
 
 
 class ClosureQuestion(Enum):
-    """What is asked of a closure: from a source, or, backward, from a target."""
+    """The question that a closure function answers, from a source or (backward) from a target."""
 
     ALL = "all"
-    """Everything that is reached."""
+    """All nodes reached from a start."""
     HOLDS = "holds"
-    """Whether a source reaches a target."""
+    """True if a source reaches a target."""
     PAIRS = "pairs"
-    """All pairs."""
+    """All pairs of a source and a reached target."""
     SPREAD = "spread"
-    """Everything that is reached from here, and from no start before."""
+    """The nodes reached from a start, without those reached from earlier starts."""
     STEP = "step"
-    """Where one step leads."""
+    """The nodes that one step leads to."""
     JOIN = "join"
-    """Whether one of several ends is reached."""
+    """True if at least one of several ends is reached."""
     ALIKE = "alike"
-    """A value that depends on what is reached, and on nothing else about the start."""
+    """A value that depends on the start only through the set of reached nodes."""
     SIZE = "size"
-    """How much is reached."""
+    """The number of reached nodes."""
 
 
 @dataclass(frozen=True, slots=True)
 class Closed:
-    """A question about the closure of a binary pattern; `reflexive` for `*`."""
+    """The function that answers a question about the closure of a binary pattern. `reflexive` is True for `*`."""
 
     step: str
     reflexive: bool
@@ -120,13 +120,13 @@ class Closed:
 
 
 def closed(closure: ClosureAtom, question: ClosureQuestion, forward: bool = True) -> Closed:
-    """A question about the closure of a goal."""
+    """Return the symbol of the function that answers a question about the closure of a goal."""
     return Closed(closure.step, closure.closure is Closure.STAR, question, forward)
 
 
 @dataclass(frozen=True, slots=True)
 class Aggregated:
-    """How an aggregate is made of what a closure in a pattern reaches.
+    """The computation of an aggregate from the set of nodes that a closure in a pattern reaches.
 
     Attributes:
         pattern, start, given, wanted: see `Ends` in `envgraph.match.plan._sharing`.
@@ -144,14 +144,14 @@ class Aggregated:
 
 @dataclass(frozen=True, slots=True)
 class Builtin:
-    """A function of this package, by name."""
+    """A function of this package or the standard library, by name."""
 
     name: str
 
 
 @dataclass(frozen=True, slots=True)
 class Bounded:
-    """A function that raises an error if it is given more than a pattern may have matches: see `at_most`."""
+    """A function that raises an error if a pattern has too many matches: see `at_most`."""
 
     pattern: str
     searched: bool = False
@@ -159,7 +159,7 @@ class Bounded:
 
 @dataclass(frozen=True, slots=True)
 class Held:
-    """Something that a view holds: `what` it is, of the view with this name, at these positions of its rows."""
+    """A data structure or method of a view operator: its kind `what`, the operator's name, and row positions."""
 
     what: str
     name: str
@@ -176,8 +176,8 @@ class Source:
     """Generated source: a function `build` that takes the values of its symbols and returns the specialised function.
 
     Attributes:
-        build: the function; the same plan always gives the same.
-        symbols: what each parameter of `build` stands for.
+        build: the function as a syntax tree; equal plans give equal trees.
+        symbols: for each parameter of `build` its name and the symbol that it stands for.
     """
 
     build: Function
@@ -185,5 +185,5 @@ class Source:
 
     @property
     def text(self) -> str:
-        """The source as text."""
+        """Return the source as Python text."""
         return printed((self.build,)).text

@@ -1,4 +1,4 @@
-"""Comparisons with values that are known, for which a loop over objects looks them up."""
+"""Find comparisons after a loop over objects that an index of these objects by value can evaluate."""
 
 from __future__ import annotations
 
@@ -32,29 +32,29 @@ from envgraph.pattern import (
 
 @dataclass(frozen=True, slots=True)
 class Side:
-    """Holds one side of a comparison: an expression, and the variables that its names stand for."""
+    """One side of a comparison: an expression, and the variables that its names stand for."""
 
     expression: Expression
     reads: tuple[tuple[str, int], ...]
 
     @property
     def variables(self) -> tuple[int, ...]:
-        """The variables that it reads."""
+        """Return the variables that the expression reads."""
         return tuple(variable for _, variable in self.reads)
 
 
 @dataclass(frozen=True, slots=True)
 class ValueJoin:
-    """Comparisons of values of an object, over which is looped, with values that are known before.
+    """A join by value: comparisons of values of a loop's object with values known before the loop, by an index.
 
     Attributes:
-        own: what is computed of the object: what has to be equal, and last what has bounds, or `none`.
-        known: what it is compared with, in the same order; as many bounds at the end as there are operators.
-        operators: of the bounds, with the value of the object on the left.
-        steps: what has to be met to compute it, of what follows the loop.
-        tests: the comparisons, if they are nothing but tests of attributes of the object.
-        alone: whether `own` depends on nothing but the attributes and the class of the object.
-        whole: whether nothing else follows, so that they are counted by `own`.
+        own: the expressions over the object: first those compared with `==`, last the one with bounds, or `none`.
+        known: the values that they are compared with, in the same order; the last ones are the bounds.
+        operators: the operator of each bound, with the value of the object on the left.
+        steps: the steps after the loop that are needed to compute `own`.
+        tests: the comparisons, if all of them are tests of attributes of the object; else empty.
+        alone: True if `own` depends only on attributes and class of the object.
+        whole: True if no other steps follow, so that matches are counted by `own`.
     """
 
     own: tuple[Side, ...]
@@ -66,7 +66,7 @@ class ValueJoin:
     whole: bool
 
     def usable(self, watched: bool) -> bool:
-        """Return whether there is an index for it: views have those of values that are computed of one object."""
+        """Return True if there is an index for this join. Views (`watched`) only index values of one object."""
         return not watched or (self.alone and not self.tests)
 
 
@@ -77,15 +77,15 @@ def value_join(
     constants: Collection[int],
     types: Sequence[StaticType],
 ) -> ValueJoin | None:
-    """Return the comparisons that tell a loop to be over fewer objects; None if there are none.
+    """Return the comparisons that restrict the objects of a loop by value; None if there are none.
 
-    An expression that fails has no value, and no comparison with it holds. Functions of the user are left out: they
-    are called as often as without an index.
+    An expression that fails has no value, and comparisons with it are false. Calls of user functions are not indexed:
+    they are made as often as without an index.
 
     Args:
-        loop, following: a step, and those after it.
-        known, constants: variables with a value before it, those with a fixed value apart.
-        types: of all variables.
+        loop, following: a loop step, and the steps after it.
+        known, constants: the variables with values before the loop; those with a fixed value.
+        types: the types of all variables.
     """
     if loop.kind is not Kind.LOOP or not isinstance(loop.goal, InstanceAtom):
         return None
@@ -132,14 +132,14 @@ def value_join(
 
 
 _Compared = tuple[str, Side, Side]
-"""An operator, the side of a loop, and the side that is known before."""
+"""An operator, the side of the loop's object, and the side known before the loop."""
 _FLIPPED: Final = {"==": "==", "<": ">", "<=": ">=", ">": "<", ">=": "<="}
 
 
 def _compared(
     step: Step, own: Collection[int], known: Collection[int], types: Sequence[StaticType]
 ) -> _Compared | None:
-    """Return what a test compares, if one side is the loop's, and the other is known before it."""
+    """Return the comparison of a test step, if one side depends on the loop's object and the other is known before."""
     goal = step.goal
     match goal:
         case _ if step.kind is not Kind.TEST:
@@ -158,7 +158,7 @@ def _compared(
 
 
 def _shifted(operator: str, own: Side, known: Side) -> _Compared:
-    """Return the same comparison of ints, `x < y - 3` for `x + 3 < y`, so that several bounds are of one value."""
+    """Return an equal comparison of ints, `x < y - 3` for `x + 3 < y`, so that several bounds share one side."""
     match own.expression:
         case Binary("+" | "-" as sign, Variable() as value, Constant() as constant):
             if _whole(known.expression) and _whole(constant):
@@ -168,7 +168,7 @@ def _shifted(operator: str, own: Side, known: Side) -> _Compared:
 
 
 def _whole(expression: Expression) -> bool:
-    """Return whether an expression of ints is calculated with ints alone, and cannot fail."""
+    """Return True if an expression of ints uses only `+`, `-` and `*`, and so cannot fail."""
     if isinstance(expression, Binary):
         return expression.operator in ("+", "-", "*") and all(map(_whole, children(expression)))
     return isinstance(expression, Variable) or (
@@ -177,12 +177,13 @@ def _whole(expression: Expression) -> bool:
 
 
 def _side(expression: Expression, numbers: Mapping[str, int]) -> Side:
+    """Return the side for an expression. `numbers` maps names to variables."""
     names = dict.fromkeys(variable.name for variable in variables_in(expression))
     return Side(expression, tuple((name, numbers[name]) for name in names))
 
 
 def _alone(loop: Step, step: Step) -> bool:
-    """Return whether a step reads nothing but attributes and the class of the object of a loop."""
+    """Return True if a step reads nothing but attributes and class of the loop's object."""
     if isinstance(step.goal, AttributeAtom):
         return step.goal.object in loop.binds
     computed = isinstance(step.goal, Condition | InstanceAtom | UnequalAtom | Valuation)
@@ -190,7 +191,7 @@ def _alone(loop: Step, step: Step) -> bool:
 
 
 def _pure(expression: Expression) -> bool:
-    """Return whether an expression calls no function of the user, and has no `none` in it, which equals itself."""
+    """Return True if an expression calls no user function and contains no `none`, which would equal itself."""
     if isinstance(expression, FunctionCall) and expression.declaration is not None:
         return False
     if isinstance(expression, Constant) and expression.value is None:

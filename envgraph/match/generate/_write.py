@@ -1,4 +1,4 @@
-"""Names and functions of one generated source."""
+"""Names and inner functions of one generated source."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _PREFIXES: Final[Mapping[type, str]] = {
 
 
 class Module:
-    """The names of one generated source, and the functions in it."""
+    """A generated source under construction: the names of its symbols, and its inner functions."""
 
     def __init__(self) -> None:
         self._names: dict[Symbol, code.Name] = {}
@@ -41,7 +41,7 @@ class Module:
         self._functions: list[code.Function] = []
 
     def name(self, symbol: Symbol) -> code.Name:
-        """The name of a symbol."""
+        """Return the name of a symbol; a new symbol becomes a parameter of `build`."""
         if symbol not in self._names:
             self._names[symbol] = name = code.Name(self._invent(symbol))
             self._symbols.append((name.name, symbol))
@@ -51,6 +51,7 @@ class Module:
         return symbol in self._names
 
     def _invent(self, symbol: Symbol) -> str:
+        """Return a new name for a symbol."""
         match symbol:
             case Column("classes"):
                 return "C"
@@ -64,13 +65,13 @@ class Module:
                 return self.fresh(_PREFIXES[type(symbol)])
 
     def fresh(self, prefix: str) -> str:
-        """A name with a number that nothing else has."""
+        """Return an unused name: the prefix with a number."""
         number = self._counts.get(prefix, 0)
         self._counts[prefix] = number + 1
         return f"{prefix}{number}"
 
     def literal(self, value: Value) -> code.Name:
-        """The name of a constant."""
+        """Return the name of a constant."""
         return self.name(Literal(value))
 
     def expression(
@@ -82,7 +83,7 @@ class Module:
     ) -> code.Expression:
         """Return the code of an expression, or of one side of a comparison (`part`).
 
-        If the expression may have no value, emit a function that returns None in this case, and return a call of it.
+        If the expression may have no value, emit a function that then returns None, and return a call of the function.
         """
         first = self._counts.get("k", 0)
         compiled = compile_expression(
@@ -102,19 +103,19 @@ class Module:
         return code.Call(self.function(self.fresh("x"), inputs, body), inputs)
 
     def function(self, name: str, parameters: Sequence[code.Local], body: code.Body) -> code.Name:
-        """Add an inner function."""
+        """Add an inner function, and return its name."""
         self._functions.append(code.Function(name, tuple(parameters), body))
         return code.Name(name)
 
     def source(self, function: code.Name) -> Source:
-        """The whole source; `build` returns this inner function."""
+        """Return the finished source, whose `build` returns the given inner function."""
         parameters = tuple(code.Name(name) for name, _ in self._symbols)
         build = code.Function("build", parameters, (*self._functions, code.Return(function)))
         return Source(build, tuple(self._symbols))
 
 
 def local(prefix: str, variable: int, type_: StaticType | None = None) -> code.Local:
-    """The local variable that holds the value of a variable."""
+    """Return the local variable of generated code that holds the value of a pattern variable."""
     match type_:
         case None:
             return code.Local(f"{prefix}{variable}")

@@ -1,4 +1,4 @@
-"""Conjunctions rewritten before they are planned: each pass is one function, and a pipeline is a tuple of them.
+"""Rewriting passes over bodies, before planning. Each pass is one function; a pipeline is a tuple of passes.
 
 >>> [each.__name__ for each in ON_DEMAND]
 ['closures_as_calls', 'inline_calls', 'drop_repeated', 'drop_implied', 'drop_implied_inside']
@@ -20,7 +20,7 @@ ON_DEMAND: tuple[Pass, ...] = (
     drop_implied,
     drop_implied_inside,
 )
-"""What the matcher does that looks for matches when it is asked."""
+"""The pipeline for the compiled matcher, which searches for matches on demand."""
 
 FOR_VIEWS: tuple[Pass, ...] = (
     links_as_facts,
@@ -30,7 +30,6 @@ FOR_VIEWS: tuple[Pass, ...] = (
     drop_implied,
     split_negations,
 )
-"""What views are made of: few derivations of a match, and inside a negation only what is a single relation.
+"""The pipeline for views. Its bodies give few derivations of each match, and each negation negates a single relation.
 
-Class tests inside a negation stay: a relation whose meaning follows from elsewhere is still a relation.
-"""
+Class tests inside a negation are kept, because each of them may be the only relation that is negated."""

@@ -1,4 +1,4 @@
-"""The bodies of patterns after all passes of a pipeline."""
+"""A cache of the bodies of patterns as rewritten by a pipeline of passes."""
 
 from __future__ import annotations
 
@@ -10,15 +10,16 @@ from envgraph.pattern import Conjunction, Library
 
 
 class Bodies:
-    """The bodies of the patterns of a library as a pipeline leaves them, each worked out once.
+    """The rewritten bodies of the patterns of a library. Each pattern is rewritten once and cached.
 
-    Invariant: when a pass looks at a body, those of the patterns that it calls are there, recursive ones excepted.
+    Invariant: when a pass rewrites a body, the rewritten bodies of the patterns it calls are available, except those
+    of recursive patterns.
 
     Args:
         library: the patterns.
-        calls: which of them call which.
+        calls: their call graph.
         passes: the pipeline.
-        kept: patterns whose calls stay calls.
+        kept: names of patterns that are never inlined.
     """
 
     def __init__(
@@ -31,7 +32,7 @@ class Bodies:
         self._done: dict[str, tuple[Conjunction, ...]] = {}
 
     def of(self, pattern: str) -> tuple[Conjunction, ...]:
-        """One conjunction for each body of a pattern."""
+        """Return the rewritten bodies of a pattern, one conjunction for each body in the library."""
         if pattern not in self._done:
             # Bottom up, so that a long chain of calls needs no deep stack.
             for names, _ in components([pattern], lambda n: [] if n in self._done else self._calls.called(n)):
@@ -41,14 +42,15 @@ class Bodies:
         return self._done[pattern]
 
     def called(self, pattern: str) -> tuple[Conjunction, ...] | None:
-        """The bodies that may stand in place of a call; None for a recursive pattern, and where the call stays."""
+        """Return the bodies that may replace a call of a pattern; None if it is recursive or must not be inlined."""
         return None if pattern in self._kept or self._calls.recursive(pattern) else self.of(pattern)
 
     def _rewritten(self, body: Conjunction) -> Conjunction:
+        """Return a body after all passes."""
         for rewrite in self._passes:
             body = rewrite(body, self)
         return body
 
 
 Pass = Callable[[Conjunction, Bodies], Conjunction]
-"""Rewrites one body, with those of the patterns that it calls at hand; the matches stay the same."""
+"""A rewriting pass: returns an equivalent body. It can look up the rewritten bodies of called patterns in `Bodies`."""

@@ -1,4 +1,4 @@
-"""The call graph of patterns, and which of them are recursive."""
+"""The call graph of patterns: recursive components, nesting depth and number of call paths."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ from envgraph.pattern import (
 
 @dataclass(frozen=True, slots=True)
 class Calls:
-    """What a pattern reaches by calls.
+    """A summary of the part of the call graph that a pattern reaches.
 
     Attributes:
-        component: the patterns that call each other with it; empty if it does not reach itself.
-        linear: whether no body of these has two calls of them.
-        searches: whether it, or one that it reaches, has a closure or is recursive.
-        nesting: how many closures and circles of recursive patterns stand inside each other.
-        paths: in how many ways one comes down from it; calls of recursive patterns are not followed.
-        height: longest chain of calls below it; recursive patterns are the end of a chain.
+        component: names of the patterns in the same recursive component (mutual calls); empty if not recursive.
+        linear: True if no body of the component contains two calls of patterns of the component.
+        searches: True if the pattern, or a pattern that it reaches, is recursive or contains a closure.
+        nesting: the largest number of closures and recursive components nested inside each other.
+        paths: the number of call paths that start at the pattern; calls of recursive patterns are not followed.
+        height: the length of the longest chain of calls from the pattern; a recursive pattern ends a chain.
     """
 
     component: frozenset[str]
@@ -39,14 +39,14 @@ class Calls:
 
 
 class CallGraph:
-    """Calls between the patterns of a library; grows with it, since a pattern is never redefined."""
+    """The call graph of the patterns of a library, analysed on demand. Patterns are never redefined."""
 
     def __init__(self, library: Library) -> None:
         self._library = library
         self._known: dict[str, Calls] = {}
 
     def of(self, pattern: str) -> Calls:
-        """Return what a pattern reaches."""
+        """Return the summary of the part of the call graph that a pattern reaches."""
         if pattern not in self._known:
             for names, exits in components([pattern], lambda n: [] if n in self._known else self.called(n)):
                 if names[0] not in self._known:
@@ -54,20 +54,25 @@ class CallGraph:
         return self._known[pattern]
 
     def component(self, pattern: str) -> frozenset[str]:
-        """The patterns that call each other with this one; empty if it does not reach itself."""
+        """Return the names of the patterns in the same recursive component; empty if the pattern is not recursive."""
         return self.of(pattern).component
 
     def recursive(self, pattern: str) -> bool:
-        """Return whether the pattern calls itself, directly or through others."""
+        """Return True if the pattern calls itself, directly or through other patterns."""
         return bool(self.of(pattern).component)
 
     def called(self, pattern: str) -> list[str]:
-        """The patterns that one calls, each once."""
+        """Return the names of the patterns that a pattern calls directly, each once."""
         bodies = self._library.lowered(pattern).bodies
         return list(dict.fromkeys(name for body in bodies for goal in body.goals for name in _names(goal)))
 
     def _calls(self, names: Sequence[str], exits: Collection[str]) -> Calls:
-        """Return what the patterns of a component reach, where that is known of the others that they call."""
+        """Return the summary of a strongly connected component of patterns. Those of all `exits` must be known.
+
+        Args:
+            names: the patterns of the component.
+            exits: the patterns that the component calls; a single pattern that calls itself is among them.
+        """
         bodies = [body.goals for name in names for body in self._library.lowered(name).bodies]
         called = [[name for goal in goals for name in _names(goal)] for goals in bodies]
         circle = frozenset(names if len(names) > 1 or names[0] in exits else ())
@@ -85,20 +90,21 @@ class CallGraph:
 
 
 def check_nesting(calls: CallGraph, pattern: str) -> None:
-    """Check that a pattern can be evaluated with the stack that there is.
+    """Check that closures and recursive patterns are not nested too deeply for the Python stack.
 
     Raises:
-        EvaluationError: closures and recursive patterns stand inside each other too deep.
+        EvaluationError: the nesting depth is above the limit.
     """
     depth = calls.of(pattern).nesting
     if depth > MOST_NESTED:
         raise EvaluationError(
-            f"pattern `{pattern}` cannot be evaluated: {depth} closures and recursive patterns stand inside each "
-            f"other, and {MOST_NESTED} may"
+            f"pattern `{pattern}` cannot be evaluated: it nests {depth} closures and recursive patterns inside each "
+            f"other, but at most {MOST_NESTED} are allowed"
         )
 
 
 def _names(goal: Goal) -> Iterator[str]:
+    """Yield the names of the patterns that a goal calls, those inside aggregates and negations included."""
     match goal:
         case CallAtom(name, _):
             yield name

@@ -1,4 +1,4 @@
-"""`find p+(a, _)` asks no more than `find p(a, _)`, wherever the other end stands nowhere else."""
+"""A pass that replaces a closure `find p+(a, _)` with the call `find p(a, _)` if no other goal uses the second end."""
 
 from __future__ import annotations
 
@@ -10,11 +10,15 @@ from envgraph.pattern import CallAtom, Closure, ClosureAtom, Conjunction, Goal, 
 
 
 def closures_as_calls(body: Conjunction, bodies: Bodies) -> Conjunction:
-    """A closure of one or more steps with an end that nothing else asks about becomes a call of its step."""
+    """Return the body with such closures replaced: one or more steps exist from `a` exactly if one step exists.
+
+    A closure is replaced if one of its ends occurs in no other goal, is no parameter and has no fixed value.
+    """
     uses = Counter(variable for goal in body.goals for variable in mentioned(goal))
     fixed = {*body.parameters, *(number for number, _ in body.constants)}
 
     def simple(goal: Goal) -> Goal:
+        """Return the call of the closure's step pattern if the goal is such a closure; else the goal itself."""
         if isinstance(goal, ClosureAtom) and goal.closure is Closure.PLUS:
             ends = (goal.source, goal.target)
             if any(uses[end] == 1 and end not in fixed for end in ends):

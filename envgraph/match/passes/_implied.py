@@ -1,4 +1,4 @@
-"""Class tests that other goals make anyway."""
+"""Passes that remove class tests implied by other goals."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from envgraph.pattern import Absence, Conjunction, Goal, implied_classes, is_imp
 
 
 def drop_implied(body: Conjunction, bodies: Bodies) -> Conjunction:
-    """A class test goes if another goal of the conjunction implies it."""
+    """Return the body without class tests that another goal implies."""
     library = bodies.library
     known = implied_classes(body.goals, library.metamodel, library.parameter_types)
     kept = (goal for goal in body.goals if not is_implied(goal, body.goals, known, library.metamodel))
@@ -17,17 +17,19 @@ def drop_implied(body: Conjunction, bodies: Bodies) -> Conjunction:
 
 
 def drop_implied_inside(body: Conjunction, bodies: Bodies) -> Conjunction:
-    """The same inside negations, where what holds outside counts as well."""
+    """Return the body without class tests inside negations that another goal, inside or outside, implies."""
     library = bodies.library
     outside = implied_classes(body.goals, library.metamodel, library.parameter_types)
 
     def without(alternative: tuple[Goal, ...]) -> tuple[Goal, ...]:
+        """Return an alternative of a negation without implied class tests."""
         inside = implied_classes(alternative, library.metamodel, library.parameter_types)
         known = {v: inside.get(v, frozenset()) | outside.get(v, frozenset()) for v in (*inside, *outside)}
         kept = (goal for goal in alternative if not is_implied(goal, alternative, known, library.metamodel))
         return tuple(kept)
 
     def simple(goal: Goal) -> Goal:
+        """Return the goal without implied class tests if the goal is a negation; else the goal itself."""
         if isinstance(goal, Absence):
             return replace(goal, alternatives=tuple(map(without, goal.alternatives)))
         return goal

@@ -1,4 +1,4 @@
-"""Calls of small patterns are replaced by what these ask for."""
+"""Passes that inline calls: the goals of small called patterns replace their calls."""
 
 from __future__ import annotations
 
@@ -23,30 +23,31 @@ from envgraph.pattern import (
 )
 
 MOST_INLINED: Final = 8
-"""Goals of a called body that may be inlined, those inside negations included."""
+"""The largest number of goals, goals inside negations included, of a body that may be inlined."""
 MOST_GOALS: Final = 64
-"""Goals of a body beyond which nothing is inlined into it."""
+"""The number of goals of the calling body from which no more calls are inlined."""
 MOST_ALTERNATIVES: Final = 4
-"""Bodies of a negated pattern that may be inlined."""
+"""The largest number of bodies of a negated pattern that may be inlined."""
 MOST_EXPANDED: Final = 8
-"""Bodies that a pattern may have after the bodies of those it calls have been multiplied out."""
+"""The largest number of bodies that a pattern may have after `expanded` has multiplied out the bodies of its calls."""
 MOST_LOCAL: Final = 2
-"""Local variables of a called body in a view: each can multiply the derivations of a match."""
+"""The largest number of local variables of a body inlined into a view: each one can multiply derivations of a match."""
 
 Test = Callable[[Conjunction], bool]
 
 
 def inline_calls(body: Conjunction, bodies: Bodies) -> Conjunction:
-    """Patterns with one small body stand in place of their calls, and those with few also inside negations."""
+    """Return the body with calls of patterns with one small body inlined; in negations also with a few bodies."""
     return _inlined(body, bodies, small, small)
 
 
 def inline_few_locals(body: Conjunction, bodies: Bodies) -> Conjunction:
-    """The same where that keeps derivations few, and into a negation only what is a single relation."""
+    """Return the body with calls inlined if that adds at most two local variables. Negations get only one relation."""
     return _inlined(body, bodies, few_locals, lambda called: few_locals(called) and single(called))
 
 
 def _inlined(body: Conjunction, bodies: Bodies, fits: Test, fits_negated: Test) -> Conjunction:
+    """Return the body with calls inlined if their bodies pass `fits`, negated calls if they pass `fits_negated`."""
     draft = _Draft(list(body.types), list(body.constants))
     goals: list[Goal] = []
     for goal in body.goals:
@@ -63,6 +64,7 @@ def _inlined(body: Conjunction, bodies: Bodies, fits: Test, fits_negated: Test) 
 
 
 def _alternatives(goal: Goal, bodies: Bodies, draft: _Draft, fits: Test) -> tuple[tuple[Goal, ...], ...]:
+    """Return the alternatives of a negation of one goal: the called pattern's bodies if inlined, else the goal."""
     found = _inlinable(bodies, goal.pattern, fits) if isinstance(goal, CallAtom) else None
     if found is None or len(found) > MOST_ALTERNATIVES or not isinstance(goal, CallAtom):
         return ((goal,),)
@@ -70,9 +72,9 @@ def _alternatives(goal: Goal, bodies: Bodies, draft: _Draft, fits: Test) -> tupl
 
 
 def expanded(bodies: Bodies, pattern: str) -> tuple[Conjunction, ...]:
-    """The bodies of a pattern with those of called patterns multiplied out, if that gives only a few.
+    """Return the bodies of a pattern with those of called patterns multiplied out; if these are too many, the original.
 
-    It pays where duplicates are sorted out anyway, as in a closure.
+    This pays off if duplicate results are removed anyway, as in a closure.
     """
     found: list[Conjunction] = []
     pending = list(bodies.of(pattern))
@@ -88,7 +90,7 @@ def expanded(bodies: Bodies, pattern: str) -> tuple[Conjunction, ...]:
 
 
 def _multiplied(body: Conjunction, bodies: Bodies) -> list[Conjunction]:
-    """The conjunction with each body of the first pattern that it calls; none if no call can be replaced."""
+    """Return copies of a body, one for each body of the first inlinable call; [] if no call can be inlined."""
     for position, goal in enumerate(body.goals):
         found = _inlinable(bodies, goal.pattern, small) if isinstance(goal, CallAtom) else None
         if found is not None and isinstance(goal, CallAtom):
@@ -100,6 +102,15 @@ def _multiplied(body: Conjunction, bodies: Bodies) -> list[Conjunction]:
 def _with_body(
     body: Conjunction, others: Sequence[Goal], inner: Conjunction, called: tuple[int, ...], bodies: Bodies
 ) -> Conjunction:
+    """Return the body with the goals of one called body in place of the call.
+
+    Args:
+        body: the calling body.
+        others: its goals without the call.
+        inner: the body of the called pattern.
+        called: the arguments of the call.
+        bodies: all bodies.
+    """
     draft = _Draft(list(body.types), list(body.constants))
     whole = draft.conjunction(body, [*others, *draft.inlined(inner, called)])
     for rewrite in (drop_repeated, drop_implied, drop_implied_inside):
@@ -108,20 +119,20 @@ def _with_body(
 
 
 def _inlinable(bodies: Bodies, pattern: str, fits: Test) -> tuple[Conjunction, ...] | None:
-    """The bodies of a pattern if each of them may stand in place of its call."""
+    """Return the bodies of a pattern if each passes `fits` and may replace a call; else None."""
     found = bodies.called(pattern)
     return found if found is not None and all(map(fits, found)) else None
 
 
 @dataclass(slots=True)
 class _Draft:
-    """The variables of a conjunction to which inlining adds others."""
+    """The variables and constants of a conjunction under construction. Inlining adds local variables to it."""
 
     types: list[StaticType]
     constants: list[tuple[int, Value]]
 
     def inlined(self, body: Conjunction, called: tuple[int, ...]) -> list[Goal]:
-        """The goals of a called body with this body's variables for its parameters and new ones for the rest."""
+        """Return the goals of a called body, renumbered: arguments replace parameters; add its local variables."""
         numbers = dict(zip(body.parameters, called, strict=True))
         for number, type_ in enumerate(body.types):
             if number not in numbers:
@@ -131,13 +142,14 @@ class _Draft:
         return [renumbered(goal, numbers) for goal in body.goals]
 
     def conjunction(self, body: Conjunction, goals: Sequence[Goal]) -> Conjunction:
+        """Return a conjunction with this draft's variables, the parameters and names of `body`, and the given goals."""
         return Conjunction(
             tuple(self.types), tuple(self.constants), body.parameters, tuple(goals), body.names
         )
 
 
 def small(body: Conjunction) -> bool:
-    """Return whether a body has few goals, and its parameters are variables of their own."""
+    """Return True if a body has few goals, and its parameters are distinct variables without fixed values."""
     return (
         sum(map(_size, body.goals)) <= MOST_INLINED
         and len(set(body.parameters)) == len(body.parameters)
@@ -146,19 +158,19 @@ def small(body: Conjunction) -> bool:
 
 
 def few_locals(body: Conjunction) -> bool:
-    """Return whether a small body has hardly any variables beside its parameters."""
+    """Return True if a body is small and has at most two local variables."""
     fixed = {number for number, _ in body.constants}
     used = {number for goal in body.goals for number in variables(goal)}
     return small(body) and len(used - fixed - set(body.parameters)) <= MOST_LOCAL
 
 
 def single(body: Conjunction) -> bool:
-    """Return whether a body is one relation."""
+    """Return True if a body consists of one relation."""
     return len(body.goals) == 1 and is_relation(body.goals[0])
 
 
 def _size(goal: Goal) -> int:
-    """Goals in a goal, itself included: what negations have inlined would double with each level."""
+    """Return the number of goals in a goal, itself included. Inlined negations would double it at each level."""
     if isinstance(goal, Absence):
         return 1 + sum(_size(each) for alternative in goal.alternatives for each in alternative)
     return 1

@@ -1,4 +1,4 @@
-"""Every relation in one form: a link by one of its two references, a negation of one relation."""
+"""Passes that normalise relations for views: one reference of an opposite pair, negations of one relation."""
 
 from __future__ import annotations
 
@@ -12,12 +12,16 @@ from envgraph.pattern import Absence, AggregateAtom, Conjunction, Goal, LinkAtom
 
 
 def links_as_facts(body: Conjunction, bodies: Bodies) -> Conjunction:
-    """Two references of an opposite pair are one relation: that of the reference which facts about links name."""
+    """Return the body with each link stated by the reference of an opposite pair that has the lower index.
+
+    The store notifies changes of links by this reference.
+    """
     metamodel = bodies.library.metamodel
     return replace(body, goals=tuple(_as_fact(goal, metamodel) for goal in body.goals))
 
 
 def _as_fact(goal: Goal, metamodel: Metamodel) -> Goal:
+    """Return the goal, links inside negations and aggregates included, with normalised links."""
     match goal:
         case LinkAtom(Reference() as reference, source, target):
             opposite = metamodel.opposite(reference)
@@ -34,11 +38,15 @@ def _as_fact(goal: Goal, metamodel: Metamodel) -> Goal:
 
 
 def split_negations(body: Conjunction, bodies: Bodies) -> Conjunction:
-    """A negation of several relations is one of each; variables with a fixed value have it inside as well."""
+    """Return the body with each negation of several relations split into negations of one relation.
+
+    Variables with a fixed value count as outer variables of a negation, so the value also holds inside.
+    """
     return replace(body, goals=tuple(_split(body.goals, {number for number, _ in body.constants})))
 
 
 def _split(goals: Iterable[Goal], fixed: Container[int]) -> Iterator[Goal]:
+    """Yield the goals, with each negation split into negations of one relation. `fixed`: variables with fixed value."""
     for goal in goals:
         if isinstance(goal, Absence):
             for (relation,) in goal.alternatives:

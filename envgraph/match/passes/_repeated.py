@@ -1,4 +1,4 @@
-"""Relations that stand twice in a conjunction, as inlining leaves them."""
+"""A pass that removes repeated relations, which inlining may leave in a conjunction."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from envgraph.pattern import Conjunction, Goal, is_relation
 
 
 def drop_repeated(body: Conjunction, bodies: Bodies) -> Conjunction:
-    """Each relation once; expressions stay, for `1 / 2` and `1.0 / 2` compare equal."""
+    """Return the body with each relation once. Expressions are kept: `1 / 2` and `1.0 / 2` are equal as data."""
     kept: list[Goal] = []
     seen: set[Goal] = set()
     for goal in body.goals:

@@ -1,4 +1,4 @@
-"""Search plans: the goals of a body in the order that promises the least work."""
+"""Search plans: the goals of a body in the order with the lowest estimated cost."""
 
 from typing import TYPE_CHECKING
 

@@ -1,9 +1,9 @@
-"""Distinct partial matches: where the loops of a plan come to the same values again, although only different ones
-matter for what follows.
+"""Find the places of a plan where partial matches may repeat in all values that the rest of the plan uses.
 
-A chain of links has as many paths as its fanouts multiply to, but only as many ends as there are objects. Wherever
-a variable is not needed further on, the values of those that are needed pass once: so the work of each loop is bounded
-by the values that it starts from. The first of equals passes: results and their order are the same as without.
+In a chain of links the number of paths is the product of the fanouts, but the number of ends is at most the number of
+objects. Where a variable is no longer needed, the values of the needed variables are let through only once. So the
+work of each loop is bounded by the values before it. The first of equal partial matches is kept: results and their
+order do not change.
 """
 
 from __future__ import annotations
@@ -19,21 +19,21 @@ from envgraph.match.plan._sharing import mentioned
 from envgraph.pattern import Goal
 
 FEW: Final = 50.0
-"""Partial matches, as estimated, of which it is not worth while to find those that are alike before a loop."""
+"""The estimated number of partial matches from which removing duplicates before a loop costs less than it saves."""
 OUTSIDE: Final = -1
-"""Stands for a loop around the plan."""
+"""The step number that stands for a loop around the plan."""
 
 Determined = Callable[[Sequence[Goal], Iterable[int]], set[int]]
-"""The variables that have one value at most, by some goals, once those given have theirs."""
+"""Returns the variables that have at most one value, by some goals, if the given variables have values."""
 
 
 @dataclass(frozen=True, slots=True)
 class Distinct:
-    """Lets partial matches pass only if they differ in what is needed further on.
+    """A duplicate filter in a plan: partial matches pass only if they differ in the key variables.
 
     Attributes:
-        first: number of the step before which it is empty again, or `OUTSIDE`.
-        key: the variables in which they have to differ.
+        first: number of the step before which the set of seen keys is emptied, or `OUTSIDE`.
+        key: the variables whose values are compared.
     """
 
     first: int
@@ -47,24 +47,24 @@ def distinct_places(
     determined: Determined,
     around: Iterable[int] = (),
 ) -> dict[int, Distinct]:
-    """The places of a plan where partial matches may be alike.
+    """Return the duplicate filters of a plan.
 
     Args:
-        steps: the plan. Coming to the same results again must change nothing.
-        results: the variables that are used at its end.
-        known: those that have a value before, constants included.
+        steps: the plan. Finding the same results again must change nothing.
+        results: the variables that are used after the last step.
+        known: the variables with values before the first step, constants included.
         determined: see `Determined`.
-        around: those that have a value from a loop around the plan, with the same use of results in each round.
+        around: variables bound by a loop around the plan, in whose rounds results are used in the same way.
 
     Returns:
-        `Distinct`s by the number of the step that they stand before; by the number of steps, at the end.
+        the filters by the number of the step before which they are placed; the number of steps stands for the end.
     """
     known = frozenset(known).difference(around)
     needed = _needed(steps, results)
     place = dict.fromkeys(around, OUTSIDE)
     looped = dict.fromkeys(around)
     fresh = set(around)
-    """Variables by which partial matches may differ since the last set."""
+    """The variables in which partial matches may differ since the last filter."""
     found: dict[int, Distinct] = {}
     for number in range(len(steps) + 1):
         if fresh - needed[number] and (number == len(steps) or _heavy(steps[number])):
@@ -87,7 +87,7 @@ def distinct_places(
 
 
 def _needed(steps: Sequence[Step], results: Iterable[int]) -> list[set[int]]:
-    """The variables that are used from each step on, and after the last one."""
+    """Return for each step, and for the end of the plan, the variables used from there on."""
     needed = [set(results)]
     for step in reversed(steps):
         needed.append(needed[-1].union(mentioned(step)))
@@ -95,11 +95,12 @@ def _needed(steps: Sequence[Step], results: Iterable[int]) -> list[set[int]]:
 
 
 def _heavy(step: Step) -> bool:
+    """Return True if a step is expensive enough for a duplicate filter before it."""
     return step.kind is Kind.LOOP or step.cost >= CALL
 
 
 def _many(steps: Sequence[Step], first: int, number: int) -> bool:
-    """Return whether there may be many partial matches to tell apart."""
+    """Return True if many partial matches are expected between step `first` and step `number`."""
     before = steps[first - 1].rows if first > 0 else 1.0
     return first == OUTSIDE or steps[number - 1].rows >= FEW * before
 
@@ -107,7 +108,7 @@ def _many(steps: Sequence[Step], first: int, number: int) -> bool:
 def _key(
     variables: Sequence[int], goals: Sequence[Goal], outer: frozenset[int], determined: Determined
 ) -> tuple[int, ...]:
-    """Those of the variables that the others do not determine."""
+    """Return the variables that are not determined by the other variables."""
     key = list(variables)
     for variable in variables if len(variables) > 1 else ():
         others = [v for v in key if v != variable]

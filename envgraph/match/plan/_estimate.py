@@ -1,7 +1,6 @@
-"""Sizes that the metamodel suggests.
+"""Size estimates from the metamodel: multiplicities and containment.
 
-Plans must not depend on live statistics: the order of rows would follow what happened to be in the model when a
-plan was made. So the planner works with what classes and multiplicities tell.
+Plans must not depend on live statistics, because the order of rows would then depend on the model at planning time.
 """
 
 from __future__ import annotations
@@ -12,17 +11,17 @@ from collections.abc import Iterable, Iterator, Mapping
 from envgraph.metamodel import Attribute, Metamodel, Reference, components
 
 MANY = 10.0
-"""Links of a many-valued reference."""
+"""The assumed number of links of a many-valued reference."""
 PARTS = 50.0
-"""Objects in a many-valued containment reference."""
+"""The assumed number of objects in a many-valued containment reference."""
 UNKNOWN = 100.0
-"""Objects of a class that nothing contains and that contains nothing."""
+"""The assumed number of objects of a class that is neither contained nor contains other objects."""
 MOST = 10_000.0
-"""The largest estimate for a class that something contains."""
+"""The largest estimate for a class whose objects are contained."""
 
 
 class Sizes:
-    """Estimated sizes of extents and of the two ends of references."""
+    """Estimated sizes of extents (all objects of a class) and of the ends of references."""
 
     def __init__(self, metamodel: Metamodel) -> None:
         self._metamodel = metamodel
@@ -30,29 +29,29 @@ class Sizes:
         self._extents: dict[str, float] = {}
 
     def extent(self, cls: str) -> float:
-        """Objects of a class and its subclasses.
+        """Return the estimated number of objects of a class and its subclasses.
 
-        A class that owns others and is owned by none is the root of the model, of which there is one; the others
-        are as many as their owners hold, shared equally among the classes that can stand there.
+        A class that contains others and is not contained is the root of the model: one object. Other classes have as
+        many objects as their containers hold, shared equally among the classes that the containment reference allows.
         """
         if cls not in self._extents:
             self._extents[cls] = sum(self.exact_extent(name) for name in self._metamodel.concrete(cls))
         return self._extents[cls]
 
     def exact_extent(self, cls: str) -> float:
-        """Objects of exactly this class."""
+        """Return the estimated number of direct instances of a class."""
         if not self._exact:
             self._exact = _Populations(self._metamodel).sizes
         return self._exact[cls]
 
     def forward(self, reference: Reference | Attribute) -> float:
-        """Targets of an object, or its values of an attribute with many."""
+        """Return the estimated number of targets of an object, or of its values of a many-valued attribute."""
         if reference.many:
             return MANY if reference.upper is None else min(float(reference.upper), MANY)
         return 1.0 if reference.lower else 0.9
 
     def backward(self, reference: Reference | Attribute) -> float:
-        """Sources of an object, or objects that have a value."""
+        """Return the estimated number of sources of an object, or of objects with a given attribute value."""
         if isinstance(reference, Attribute):
             return max(self.extent(reference.owner) * self.link(reference), 1.0)
         opposite = self._metamodel.opposite(reference)
@@ -66,22 +65,21 @@ class Sizes:
         return min(max(ratio, 0.1), MANY)
 
     def link(self, reference: Reference | Attribute) -> float:
-        """The chance that two given objects are linked, or that an object has a given value among others."""
+        """Return the probability that two objects are linked, or that a many-valued attribute contains a value."""
         if isinstance(reference, Attribute):
             return 0.2
         return min(self.forward(reference) / max(self.extent(reference.target), 1.0), 0.5)
 
     def single_source(self, reference: Reference | Attribute) -> bool:
-        """Return whether an object has at most one source."""
+        """Return True if an object has at most one source by a reference."""
         return isinstance(reference, Reference) and self._metamodel.most_sources(reference) == 1
 
 
 class _Populations:
-    """Estimates the number of direct instances of each concrete class, containers before their contents.
+    """An estimate of the number of direct instances of each concrete class, computed from containers to contents.
 
-    Classes that can contain each other form a component. Its classes are estimated in waves: first those that a class
-    outside can contain, then those that the first wave can contain, and so on. References back into an earlier wave, or
-    within one, add nothing.
+    Classes that can contain each other form a component, estimated in waves: first the classes that a class outside can
+    contain, then those that the first wave can contain, and so on. References to this or an earlier wave add nothing.
 
     Attributes:
         sizes: the estimates, by class.
@@ -91,7 +89,7 @@ class _Populations:
         self._metamodel = metamodel
         self._into: defaultdict[str, list[Reference]] = defaultdict(list)
         self._below: defaultdict[str, list[str]] = defaultdict(list)
-        self._held: defaultdict[str, float] = defaultdict(float)  # by part, in the owners filled so far
+        self._held: defaultdict[str, float] = defaultdict(float)  # objects by class, in containers so far
         owners, parts = set[str](), set[str]()
         for reference in metamodel.references:
             if reference.containment:
@@ -106,12 +104,12 @@ class _Populations:
         self.sizes = {name: 1.0 if name in owners else UNKNOWN for name in roots}
         for nodes, _ in components([("exact", name) for name in concrete], self._containers):
             self._estimate(dict.fromkeys(nodes))
-        self.sizes = dict.fromkeys(concrete, UNKNOWN) | self.sizes  # some contain only each other
+        self.sizes = dict.fromkeys(concrete, UNKNOWN) | self.sizes  # the others contain only each other
 
     def _containers(self, node: tuple[str, str]) -> Iterator[tuple[str, str]]:
-        """Yield the nodes to visit on the way from a class to those that may contain its objects.
+        """Yield the graph nodes one step from a class towards the classes that may contain its objects.
 
-        The way leads to supertypes (as "part"), over a containment reference, and then to subclasses (as "owner").
+        A path leads to supertypes (kind "part"), over a containment reference, and then to subclasses (kind "owner").
         """
         kind, name = node
         if kind == "exact":
@@ -125,7 +123,7 @@ class _Populations:
             yield from (("owner", below) for below in self._below[name])
 
     def _estimate(self, nodes: Mapping[tuple[str, str], None]) -> None:
-        """Estimate the classes of a component, wave by wave."""
+        """Estimate the classes of a component, wave by wave, and store the estimates in `sizes`."""
         left = [name for kind, name in nodes if kind == "exact" and name not in self.sizes]
         into = [reference for kind, name in nodes if kind == "part" for reference in self._into[name]]
         inner = [reference for reference in into if ("owner", reference.owner) in nodes]
@@ -136,7 +134,7 @@ class _Populations:
             self._distribute(inner, wave)
 
     def _distribute(self, references: Iterable[Reference], owners: Mapping[str, float]) -> None:
-        """Distribute what the owners contain by references equally among the concrete classes of the targets."""
+        """Distribute the objects that the owners contain equally among the concrete target classes."""
         shares: defaultdict[str, float] = defaultdict(float)
         for reference in references:
             held = PARTS if reference.upper is None else min(float(reference.upper), PARTS)

@@ -1,4 +1,4 @@
-"""Sizes as they are in a model, for plans that are made for it."""
+"""Sizes measured in a model, for plans that are made for this model."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from envgraph.metamodel import Attribute, Reference
 from envgraph.pattern import Library
 
 SAMPLE: Final = 256
-"""Objects whose links are counted for an estimate."""
+"""The number of objects whose links are counted for an estimate."""
 
 
 class LiveSizes(Sizes):
-    """Sizes as they are in a model at the moment of asking, then kept."""
+    """Sizes measured in a model when they are first needed, then cached."""
 
     def __init__(self, library: Library, store: Store) -> None:
         super().__init__(library.metamodel)
@@ -26,29 +26,29 @@ class LiveSizes(Sizes):
         self._values: dict[int, float] = {}
 
     def exact_extent(self, cls: str) -> float:
-        """Objects of exactly this class."""
+        """Return the number of direct instances of a class; 0.5 if there are none."""
         if cls not in self._exact:
             self._exact[cls] = float(len(self._store.extents[self._numbers[cls]])) or 0.5
         return self._exact[cls]
 
     def forward(self, reference: Reference | Attribute) -> float:
-        """Targets of an object, or its values of an attribute with many, on average."""
+        """Return the average number of targets of an object, or of its values of a many-valued attribute."""
         return self._degree(reference, forward=True)
 
     def backward(self, reference: Reference | Attribute) -> float:
-        """Sources of an object, on average, or objects that have a value."""
+        """Return the average number of sources of an object, or the estimated objects with an attribute value."""
         if isinstance(reference, Attribute):
             return super().backward(reference)
         return self._degree(reference, forward=False)
 
     def link(self, reference: Reference | Attribute) -> float:
-        """The chance that two given objects are linked, or that an object has a given value among others."""
+        """Return the probability that two objects are linked, or that a many-valued attribute contains a value."""
         if isinstance(reference, Attribute):
             return super().link(reference)
         return min(self.forward(reference) / max(self.extent(reference.target), 1.0), 0.5)
 
     def selectivity(self, attribute: int) -> float:
-        """The chance that an object has a given value in an attribute (by index)."""
+        """Return the probability that an object has a given value of an attribute, which is given by its index."""
         if attribute not in self._values:
             owner = self._metamodel.attributes[attribute].owner
             column = self._store.values[attribute]
@@ -59,6 +59,7 @@ class LiveSizes(Sizes):
         return self._values[attribute]
 
     def _degree(self, reference: Reference | Attribute, forward: bool) -> float:
+        """Return the average number of links of sampled objects, or of their attribute values; at least 0.01."""
         key = (str(reference), forward)
         if key not in self._degrees:
             store, nodes = self._store, self._sample(reference.owner)
@@ -72,7 +73,7 @@ class LiveSizes(Sizes):
         return self._degrees[key]
 
     def _sample(self, cls: str) -> list[int]:
-        """Objects of a class, evenly spread over its extents."""
+        """Return about `SAMPLE` objects of a class, evenly spaced in its extents."""
         extents = [self._store.extents[self._numbers[name]] for name in self._metamodel.concrete(cls)]
         total = sum(map(len, extents))
         step = max(1, total // SAMPLE)

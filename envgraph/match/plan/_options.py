@@ -1,4 +1,4 @@
-"""Options: what a goal costs and yields when it comes next."""
+"""The candidates for the next step of a plan: estimated cost and fanout of each goal that can be solved next."""
 
 from __future__ import annotations
 
@@ -33,29 +33,29 @@ from envgraph.pattern import (
 )
 
 ACCESS: Final = 1.0
-"""The unit of cost: one look at the store."""
+"""The unit of cost: one access to the store."""
 EXPRESSION: Final = 2.0
-"""Work of an expression."""
+"""The cost of evaluating an expression."""
 CALL: Final = 4.0
-"""Work of calling a function, on top of what it does."""
+"""The cost of a function call, without the work of the function."""
 REACHED: Final = 30.0
-"""Objects that a closure reaches, at least."""
+"""The smallest estimate of the number of objects that a closure reaches."""
 REACHED_SHARE: Final = 3.0
-"""A closure is expected to reach one of this many objects."""
+"""A closure is estimated to reach one of this many objects."""
 MEETING_SHARE: Final = 8.0
-"""One of how many searches it takes to answer whether one end reaches another: they share their work."""
+"""The number of questions "does one end reach the other" that cost as much as one search, since searches share work."""
 OPAQUE_ROWS: Final = 10.0
-"""Matches of a recursive pattern, for each free parameter that matters."""
+"""The assumed matches of a recursive pattern, for each unbound parameter whose value is needed."""
 OPAQUE_COST: Final = 500.0
-"""Work of finding them."""
+"""The assumed cost of one call of a recursive pattern."""
 OPAQUE_WHOLE: Final = 100.0
-"""How many times that is for all matches, without a value for any parameter."""
+"""The factor on rows and cost of a recursive pattern if no parameter is bound."""
 DEEPEST: Final = 12
-"""Chains of calls longer than this are not followed for an estimate."""
+"""The longest chain of calls that is followed for an estimate."""
 
 
 class Unplannable(Exception):
-    """Nothing can give these variables a value; the pattern has to be asked with values for them."""
+    """The error raised if no goal can enumerate some variables. The pattern then needs values for them."""
 
     def __init__(self, numbers: frozenset[int]) -> None:
         self.numbers = numbers
@@ -63,22 +63,22 @@ class Unplannable(Exception):
 
 
 class Views(Protocol):
-    """What a search asks about the patterns that its goals call."""
+    """The interface through which the plan search asks about called patterns."""
 
     library: Library
     calls: CallGraph
     sizes: Sizes
 
     def view(self, key: ViewKey) -> ViewPlan:
-        """The plan of a view; raises `Unplannable`."""
+        """Return the plan of an adorned pattern, or raise `Unplannable`."""
 
 
 @dataclass(frozen=True, slots=True)
 class Option:
-    """A goal that could come next: work of one execution, and rows for each row before, both estimated.
+    """A candidate for the next step: a goal, the cost of one execution, and the fanout (rows for each row before).
 
     Attributes:
-        together: work and rows of all executions where the rows do not depend on those before.
+        together: cost and rows of all executions together, if the rows do not depend on earlier steps; else None.
     """
 
     kind: Kind
@@ -91,27 +91,27 @@ class Option:
 
     @property
     def rank(self) -> float:
-        """Independent filters do the least work in ascending order of this (Hellerstein 1993, section 2)."""
+        """Return the sort key of a filter: ascending ranks minimise the work of filters (Hellerstein 1993, 2)."""
         return (self.fanout - 1.0) / self.cost
 
     @property
     def effort(self) -> float:
-        """Orders loops: by rows, and by work where that is out of proportion."""
+        """Return the sort key of a loop: its rows, plus a quarter of its cost."""
         return self.fanout + self.cost / 4
 
 
 Bound = set[int] | frozenset[int]
 PlanInside = Callable[[Sequence[Goal], frozenset[int], frozenset[int]], Plan]
-"""Plans goals for variables that have values and variables that are wanted."""
+"""Plans goals of a negation or aggregate. Arguments: the goals, the variables with values, and the wanted variables."""
 
 
 class Options:
-    """Tells what the goals of one conjunction can do.
+    """The candidates for the next step of a plan of one conjunction.
 
     Args:
-        views: plans what calls need.
+        views: plans of called patterns.
         conjunction: the body.
-        plan_inside: plans negations and aggregates.
+        plan_inside: plans the goals of negations and aggregates.
     """
 
     def __init__(self, views: Views, conjunction: Conjunction, plan_inside: PlanInside) -> None:
@@ -124,7 +124,7 @@ class Options:
         self._closure_ends: dict[int, tuple[float, float]] = {}
 
     def filter(self, goal: Goal, bound: Bound, uses: Counter[int]) -> Option | None:
-        """The goal as something that cannot multiply the rows, if it can be that now."""
+        """Return a goal as a candidate that gives at most one row for each row before; None if impossible yet."""
         match goal:
             case InstanceAtom():
                 return self._instance(goal, bound, uses)
@@ -145,6 +145,7 @@ class Options:
                 return self._derived(goal, bound) if bound.issuperset(inputs(goal)) else None
 
     def _derived(self, goal: Goal, bound: Bound) -> Option:
+        """Return the candidate for an inequality, expression, aggregate or negation whose inputs all have values."""
         match goal:
             case UnequalAtom():
                 return Option(Kind.TEST, goal, (), ACCESS, 0.9)
@@ -165,12 +166,13 @@ class Options:
     def _value(
         self, goal: Goal, result: int, bound: Bound, cost: float, inner: tuple[Plan, ...] = ()
     ) -> Option:
+        """Return the candidate for a computed value: a test if `result` has a value, else a binding of `result`."""
         if result in bound:
             return Option(Kind.TEST, goal, (), cost, 0.2, inner)
         return Option(Kind.BIND, goal, (result,), cost, 0.99, inner)
 
     def _plans_inside(self, goal: Absence | AggregateAtom) -> tuple[Plan, ...]:
-        """Plans of a negation's alternatives, or of an aggregate's relation; their inputs have values."""
+        """Return the plans of a negation's alternatives, or of an aggregate's relation, if their inputs have values."""
         if id(goal) not in self._inner:
             known = self._constants.union(inputs(goal))
             alternatives: Sequence[tuple[Goal, ...]]
@@ -182,11 +184,13 @@ class Options:
         return self._inner[id(goal)]
 
     def _instance(self, goal: InstanceAtom, bound: Bound, uses: Counter[int]) -> Option | None:
+        """Return a class test as a candidate; None if its variable has no value and is used elsewhere."""
         if goal.variable in bound or uses[goal.variable] == 1:
             return Option(Kind.TEST, goal, (), ACCESS, 0.3)
         return None
 
     def _link(self, goal: LinkAtom, bound: Bound, uses: Counter[int]) -> Option | None:
+        """Return a link as a test or as a binding of its single other end; None if neither is possible."""
         reference, source, target = goal.reference, goal.source, goal.target
         if source in bound and target in bound:
             return Option(Kind.TEST, goal, (), ACCESS, self._sizes.link(reference))
@@ -201,6 +205,7 @@ class Options:
         return Option(Kind.BIND, goal, (end,), ACCESS, min(0.99, size)) if single else None
 
     def _test_of_call(self, goal: CallAtom, bound: Bound) -> Option | None:
+        """Return a call as a test for a match; None if the pattern cannot be planned for these bound variables."""
         try:
             _, cost = self._estimate(goal, bound, ())
         except Unplannable:
@@ -208,12 +213,13 @@ class Options:
         return Option(Kind.TEST, goal, (), cost / 2, 0.5)
 
     def _test_of_closure(self, goal: ClosureAtom, bound: Bound, uses: Counter[int]) -> Option | None:
+        """Return a closure as a test; None if a needed end has no value, or if no plan exists."""
         step = CallAtom(goal.step, (goal.source, goal.target))
         free = _free(step, bound)
         try:
             if not free:
                 return Option(Kind.TEST, goal, (), self._closure_cost(goal, bound) / 2, 0.5)
-            # Whether anything is reached is whether there is a step.
+            # A closure reaches any node exactly if a first step exists.
             if (
                 goal.closure is Closure.PLUS
                 and goal.source != goal.target
@@ -225,11 +231,11 @@ class Options:
         return None
 
     def _opaque(self, pattern: str) -> bool:
-        """Whether no estimate is made: it would depend on which of a cycle is asked first, or take a deep stack."""
+        """Return True if a pattern gets fixed estimates: it is recursive, or has too long chains of calls."""
         return self._views.calls.recursive(pattern) or self._views.calls.of(pattern).height > DEEPEST
 
     def _closure_cost(self, goal: ClosureAtom, bound: Bound) -> float:
-        """Work of following the steps from a bound end, or from every source; twice that of a question of both."""
+        """Return the cost of following a closure from its bound end, else all sources; twice the cost of a test."""
         from_source, from_target = goal.source in bound, goal.target in bound
         if self._opaque(goal.step):
             cost = OPAQUE_COST
@@ -246,6 +252,7 @@ class Options:
         return starts * reached * (cost + CALL)
 
     def _follow(self, goal: ClosureAtom, free: tuple[int, ...], cost: float, forward: bool) -> Option:
+        """Return the loop over the unbound ends of a closure. `forward` is True if its targets are enumerated."""
         ends = self._ends(goal)
         rows = max(REACHED, ends[forward] / REACHED_SHARE)
         if len(free) > 1:
@@ -254,12 +261,12 @@ class Options:
         return Option(Kind.LOOP, goal, free, cost, rows, together=(max(1.0, all_ / rows) * cost, all_))
 
     def values(self, variable: int) -> float:
-        """Return how many values a variable may have."""
+        """Return the estimated number of values of a variable; infinity for a data value."""
         type_ = self._conjunction.types[variable]
         return self._sizes.extent(type_.cls) if isinstance(type_, ObjectType) else inf
 
     def _ends(self, goal: ClosureAtom) -> tuple[float, float]:
-        """Objects that may be sources, and those that may be targets."""
+        """Return the estimated numbers of objects that may be sources and targets of a closure."""
         found = self._closure_ends.get(id(goal))
         if found is None:
             types = (self._conjunction.types[end] for end in (goal.source, goal.target))
@@ -270,13 +277,13 @@ class Options:
         return found
 
     def _needed(self, goal: CallAtom, free: Sequence[int], uses: Counter[int]) -> tuple[int, ...]:
-        """The free variables of a call whose values matter; all of them if the pattern is recursive."""
+        """Return the unbound variables of a call whose values are used elsewhere; all if the pattern is recursive."""
         if self._views.calls.recursive(goal.pattern) and any(uses[v] > 1 for v in free):
             return tuple(free)
         return tuple(v for v in free if uses[v] > 1)
 
     def _estimate(self, goal: CallAtom, bound: Bound, needed: Sequence[int]) -> tuple[float, float]:
-        """Rows and work of a call."""
+        """Return the estimated rows and cost of a call."""
         unbound = {goal.arguments[position] for position in self._views.library.inputs(goal.pattern)} - bound
         if unbound:
             raise Unplannable(frozenset(unbound))
@@ -289,13 +296,13 @@ class Options:
     def loops(
         self, goals: Iterable[Goal], bound: Bound, uses: Counter[int], known: dict[int, list[Option]]
     ) -> list[Option]:
-        """Return what can be looped over now, the least effort first.
+        """Return the possible loops, in ascending order of effort.
 
         Args:
-            goals: what remains.
-            bound: variables with values.
+            goals: the remaining goals.
+            bound: the variables with values.
             uses: how often each variable is still used.
-            known: loops over the relations of goals, by identity, for which nothing has changed; more are added.
+            known: cached loops over relations, by identity of the goal; missing entries are added.
         """
         goals, found = list(goals), []
         for goal in goals:
@@ -307,6 +314,7 @@ class Options:
         return sorted(found, key=lambda option: option.effort)
 
     def _relations(self, goals: Sequence[Goal], bound: Bound, uses: Counter[int]) -> Iterator[Option]:
+        """Yield the loops over relations: links, calls and closures."""
         for goal in goals:
             match goal:
                 case LinkAtom(reference, source, target) if source in bound:
@@ -333,7 +341,7 @@ class Options:
                     pass
 
     def _extents(self, goals: Sequence[Goal], bound: Bound, uses: Counter[int]) -> Iterator[Option]:
-        """For every object variable without a value the smallest class that all its values have."""
+        """Yield for each object variable without a value a loop over the smallest class of its values."""
         classes: dict[int, list[InstanceAtom]] = {}
         for goal in goals:
             for variable in variables(goal):
@@ -348,21 +356,22 @@ class Options:
             if len(atoms) > 1:
                 atom = min(atoms, key=lambda a: (self._extent(a), not a.exact))
             size = self._extent(atom)
-            # An object that nothing else asks for is better found through what asks for it.
+            # An object that only one goal uses is better found through this goal.
             weight = 1.0 if uses[variable] > 1 else 1.5
             yield Option(Kind.LOOP, atom, (variable,), size * weight, size)
 
     def _extent(self, atom: InstanceAtom) -> float:
+        """Return the estimated number of objects of a class test."""
         return self._sizes.exact_extent(atom.cls) if atom.exact else self._sizes.extent(atom.cls)
 
 
 def _free(goal: CallAtom, bound: Bound) -> tuple[int, ...]:
-    """The variables of a call without a value, each once."""
+    """Return the variables of a call without a value, each once."""
     return tuple(dict.fromkeys(v for v in goal.arguments if v not in bound))
 
 
 def call_key(goal: CallAtom, bound: Bound, needed: Sequence[int]) -> ViewKey:
-    """The view that a call asks for: values come in at the bound positions, out at those of needed variables."""
+    """Return the adorned pattern of a call: bound arguments have values, the `needed` variables are wanted."""
     given = tuple(position for position, v in enumerate(goal.arguments) if v in bound)
     wanted = tuple(position for position, v in enumerate(goal.arguments) if v in needed)
     return ViewKey(goal.pattern, given, wanted)

@@ -1,6 +1,6 @@
-"""Orders the goals of a conjunction: cheap filters first, then the loop that promises the least work.
+"""Order the goals of a conjunction: filters first, then the loop with the lowest estimated work.
 
-Goals that no wanted value depends on become a question of existence, answered before the loops that do not need it.
+Goals on which no wanted value depends become one existence test, executed before the loops that do not use it.
 """
 
 from __future__ import annotations
@@ -17,26 +17,26 @@ from envgraph.match.plan._plan import Kind, Plan, Step
 from envgraph.pattern import CallAtom, ClosureAtom, Conjunction, Goal, InstanceAtom, variables
 
 MOST_BRANCHES: Final = 4
-"""Loops that are tried at one place; the cheapest complete plan wins."""
+"""The number of alternative loops tried at one place of a plan; the cheapest complete plan is chosen."""
 MOST_PLANS: Final = 48
-"""Plans of one conjunction that are compared; beyond, the most promising loop is taken."""
+"""The number of complete plans of a conjunction that are compared; after that the best ranked loop is taken."""
 MOST_EXPLORED: Final = 24
-"""Goals of a conjunction beyond which only the most promising loop is tried."""
+"""The number of goals above which only the best ranked loop is tried."""
 WIDEST: Final = 2
-"""Variables in which partial matches have to differ before a loop: with more, hardly ever two are alike."""
+"""The largest number of key variables of a duplicate filter before a loop: with more, duplicates are rare."""
 _ENOUGH: Final = 1e100
-"""Estimates stop here: a product of hundreds of fanouts would leave the floats."""
+"""The upper limit of estimates: a product of hundreds of fanouts would exceed the range of floats."""
 
 
 @dataclass(slots=True)
 class Draft:
-    """A plan in the making.
+    """A partial plan under construction.
 
     Attributes:
-        remaining: goals that are not met yet, by identity: literals that differ in type compare equal.
-        uses: how often each variable stands in a remaining goal, and once more if it is wanted.
-        options: the remaining goals as filters, as far as they have been looked at since something changed for them.
-        loops: the same as loops.
+        remaining: the goals without a step, by identity, since literals of different types compare equal.
+        uses: how often each variable occurs in a remaining goal, plus one if the variable is wanted.
+        options: cached filter candidates by goal; an entry is removed when one of the goal's variables changes.
+        loops: cached loop candidates, likewise.
     """
 
     remaining: dict[int, Goal]
@@ -49,7 +49,7 @@ class Draft:
     cost: float = 0.0
 
     def copy(self) -> Draft:
-        """A draft that can go another way."""
+        """Return an independent copy."""
         return replace(
             self,
             remaining=dict(self.remaining),
@@ -61,7 +61,7 @@ class Draft:
         )
 
     def add(self, option: Option, together: bool = False) -> None:
-        """Execute an option next; `together` if its rows do not depend on those before."""
+        """Append the step of a candidate. `together` is True if its rows do not depend on earlier steps."""
         cost, rows = self.rows * option.cost, self.rows * option.fanout
         if together and option.together is not None:
             cost, rows = min(cost, option.together[0]), min(rows, option.together[1])
@@ -75,19 +75,18 @@ class Search:
     """The search for a plan of one conjunction.
 
     Args:
-        views: plans what calls need.
+        views: plans of called patterns.
         conjunction: the body.
-        bound: variables that have a value.
-        wanted: other variables whose values are told apart. Without any, the question is whether there is a
-            solution at all.
-        explore: whether several first loops are tried.
+        bound: the variables with values.
+        wanted: the variables whose values distinguish results. If empty, the plan only decides if a solution exists.
+        explore: if True, several first loops are compared.
     """
 
     options: type[Options] = Options
     most_plans = MOST_PLANS
     most_explored = MOST_EXPLORED
     counts_abandoned = False
-    """Whether a plan that was given up counts among those that may be compared."""
+    """True if abandoned plans also count towards `most_plans`."""
 
     def __init__(
         self,
@@ -108,7 +107,7 @@ class Search:
         self._mentions: dict[int, list[int]] = {}
 
     def plan(self, goals: Sequence[Goal]) -> Plan:
-        """Order the goals.
+        """Return the best plan found for the goals.
 
         Raises:
             Unplannable: some variables cannot be enumerated.
@@ -128,7 +127,7 @@ class Search:
         return Plan(tuple(draft.steps), draft.rows, draft.cost)
 
     def _complete(self, draft: Draft, limit: float) -> Draft | None:
-        """The cheapest way found to meet the remaining goals; None if none costs less than the limit."""
+        """Return the cheapest completion found of a draft; None if each costs `limit` or more."""
         self._filter(draft)
         while draft.remaining:
             if draft.cost >= limit:
@@ -147,7 +146,7 @@ class Search:
         return draft if draft.cost < limit else None
 
     def _best(self, draft: Draft, loops: Sequence[Option], limit: float) -> Draft | None:
-        """The cheapest of the ways to go on; the earliest of equals."""
+        """Return the cheapest completion of a draft that begins with one of the loops; of equals the earliest."""
         found: Draft | None = None
         failure: Unplannable | None = None
         for loop in loops:
@@ -165,10 +164,11 @@ class Search:
         return found
 
     def _plan_inside(self, goals: Sequence[Goal], bound: frozenset[int], wanted: frozenset[int]) -> Plan:
+        """Return the plan of goals inside a negation or aggregate."""
         return type(self)(self._views, self._conjunction, bound, wanted).plan(goals)
 
     def _enter(self, draft: Draft, loop: Option) -> None:
-        """Execute a loop, and drop the goals that it meets."""
+        """Append a loop to a draft, and remove the goals that it satisfies."""
         draft.rows = min(draft.rows, self._different(draft))
         draft.add(loop, together=loop.together is not None and self._alone(draft, loop))
         met: list[Goal] = [loop.goal]
@@ -184,12 +184,12 @@ class Search:
         self._drop(draft, met, loop.binds)
 
     def _alone(self, draft: Draft, loop: Option) -> bool:
-        """Return whether nothing that steps have found so far is used after a loop."""
+        """Return True if no variable bound so far is used after a loop: only its distinct rows count."""
         own = self._variables[id(loop.goal)]
         return all(draft.uses[v] == (v in own) for step in draft.steps for v in step.binds)
 
     def _different(self, draft: Draft) -> float:
-        """Upper bound of the partial matches that differ in what is still used: others do not enter a loop."""
+        """Return an upper bound on the partial matches that differ in variables still used; others enter no loop."""
         steps = draft.steps
         loops = (n for n, step in enumerate(steps) if step.kind is Kind.LOOP)
         first = next((n for n in loops if not all(draft.uses[v] for v in steps[n].binds)), len(steps))
@@ -201,7 +201,7 @@ class Search:
     # --- filters
 
     def _filter(self, draft: Draft) -> None:
-        """Execute everything that cannot multiply the rows."""
+        """Append all steps that cannot multiply the rows."""
         while True:
             for key, goal in draft.remaining.items():
                 if key not in draft.options:
@@ -214,7 +214,7 @@ class Search:
             self._drop(draft, [option.goal], option.binds)
 
     def _drop(self, draft: Draft, goals: Iterable[Goal], binds: Sequence[int] = ()) -> None:
-        """Goals are met, and variables have got values: what was said about goals with these variables is void."""
+        """Remove satisfied goals, and the cached candidates of goals that share variables with them or use `binds`."""
         touched = set(binds)
         for goal in goals:
             if draft.remaining.pop(id(goal), None) is not None:
@@ -231,13 +231,13 @@ class Search:
     # --- existence
 
     def _detach(self, draft: Draft) -> bool:
-        """Turn goals that no wanted variable depends on into questions of existence."""
+        """Append existence tests for goals on which no wanted variable depends. Return False if there are none."""
         groups = self._groups(draft)
         if self._wanted:
             missing = self._wanted - draft.bound
             groups = [group for group in groups if missing.isdisjoint(self._names(group))]
         else:
-            groups.pop()  # the last one is what is left to solve
+            groups.pop()  # the largest group remains to be solved
         for group in groups:
             known = frozenset(self._names(group) & draft.bound)
             plan = type(self)(self._views, self._conjunction, known, frozenset(), explore=False).plan(group)
@@ -246,10 +246,11 @@ class Search:
         return bool(groups)
 
     def _names(self, goals: Iterable[Goal]) -> set[int]:
+        """Return all variables of some goals."""
         return {v for goal in goals for v in self._variables[id(goal)]}
 
     def _groups(self, draft: Draft) -> list[list[Goal]]:
-        """The remaining goals, apart where no variable without a value links them; the largest group last."""
+        """Return the remaining goals in groups connected by variables without values; the largest group is last."""
         leader: dict[int, int] = {}
 
         def find(variable: int) -> int:
@@ -268,7 +269,7 @@ class Search:
 
 
 def _weight(goal: Goal) -> float:
-    """A rough measure of work, to look at small groups first."""
+    """Return a rough estimate of the work of a goal, for sorting groups of goals."""
     match goal:
         case ClosureAtom():
             return 100.0

@@ -1,4 +1,4 @@
-"""Search plans as frozen data: what is looked for, in which order."""
+"""Search plans as frozen data: the goals to solve, and their order."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from envgraph.pattern import AttributeAtom, Conjunction, Goal, LinkAtom
 
 
 def held_value(goal: Goal) -> tuple[Attribute, int, int] | None:
-    """The attribute of a goal that says that an object has a value, with the variables of both."""
+    """Return the attribute, object variable and value variable of an attribute goal; None for other goals."""
     match goal:
         case AttributeAtom(attribute, owner, value) | LinkAtom(Attribute() as attribute, owner, value):
             return attribute, owner, value
@@ -19,30 +19,30 @@ def held_value(goal: Goal) -> tuple[Attribute, int, int] | None:
 
 
 class Kind(Enum):
-    """What a step does."""
+    """The kind of a plan step: how the step solves its goal."""
 
     TEST = "test"
-    """All variables have values: hold or fail."""
+    """Check a goal whose variables all have values."""
     BIND = "bind"
-    """At most one value for one variable."""
+    """Compute at most one value for one variable."""
     LOOP = "loop"
-    """Any number of values."""
+    """Loop over any number of values."""
     ABSENT = "absent"
-    """None of the plans inside has a solution."""
+    """Check that no inner plan has a solution."""
     EXISTS = "exists"
-    """The plan inside has a solution; its variables are not needed further on."""
+    """Check that the inner plan has a solution. Later steps do not use its variables."""
 
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """One step of a plan.
+    """One step of a search plan.
 
     Attributes:
-        goal: what is met; of an `EXISTS` step the first goal of the plan inside.
-        binds: variables that have a value afterwards, in the order in which they appear in the goal.
-        cost: estimated work of one execution, in elementary accesses.
-        rows: estimated number of partial matches after the step.
-        inner: plans of an `ABSENT` or `EXISTS` step.
+        goal: the goal to solve; for an `EXISTS` step the first goal of the inner plan.
+        binds: the variables that get values in this step, in the order of the goal.
+        cost: the estimated work of one execution, in accesses to the store.
+        rows: the estimated number of partial matches after the step.
+        inner: the plans inside an `ABSENT` or `EXISTS` step, or of the relation of an aggregate.
     """
 
     kind: Kind
@@ -55,14 +55,14 @@ class Step:
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """The steps that solve one conjunction, with the estimated number of solutions and the work of finding them."""
+    """A search plan: the steps that solve one conjunction, with the estimated number of solutions and total work."""
 
     steps: tuple[Step, ...]
     rows: float
     cost: float
 
     def walk(self) -> Iterator[Step]:
-        """All steps, those inside others included."""
+        """Yield all steps, steps of inner plans included."""
         for step in self.steps:
             yield step
             for plan in step.inner:
@@ -71,7 +71,7 @@ class Plan:
 
 @dataclass(frozen=True, slots=True)
 class ViewKey:
-    """What is asked of a pattern: positions that are given, and positions whose values are wanted."""
+    """An adorned pattern (Datalog): a pattern, the positions of bound arguments, and those whose values are wanted."""
 
     pattern: str
     bound: tuple[int, ...]
@@ -80,12 +80,12 @@ class ViewKey:
 
 @dataclass(frozen=True, slots=True)
 class BodyPlan:
-    """The plan of one body for one view.
+    """The plan of one body of an adorned pattern.
 
     Attributes:
-        conjunction: what the plan solves.
-        plan: the steps.
-        repeats: whether it may come to the same wanted values more than once.
+        conjunction: the body.
+        plan: the steps that solve it.
+        repeats: True if the plan may find the same wanted values more than once.
     """
 
     conjunction: Conjunction
@@ -95,7 +95,7 @@ class BodyPlan:
 
 @dataclass(frozen=True, slots=True)
 class ViewPlan:
-    """All bodies of a view; `distinct` says that they never give the same wanted values twice."""
+    """The plans of all bodies of an adorned pattern. `distinct` is True if they never repeat wanted values."""
 
     key: ViewKey
     bodies: tuple[BodyPlan, ...]

@@ -1,4 +1,4 @@
-"""Orders the goals of a conjunction: cheap filters first, then the loop that promises the fewest rows."""
+"""The planner: orders the goals of all bodies of a pattern, filters first, then the loop with the lowest estimate."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ from envgraph.pattern import (
 
 
 class Planner:
-    """Plans views of the patterns of a library; a plan is a function of the pattern, the key and the sizes alone.
+    """A planner for the patterns of a library. A plan depends only on the pattern, the key and the size estimates.
 
     Args:
         library: the patterns.
-        calls: which of them call which.
-        sizes: what estimates go by; else what the metamodel suggests.
-        kept: patterns whose calls stay calls.
+        calls: their call graph.
+        sizes: the size estimates; None for estimates from the metamodel.
+        kept: names of patterns that are never inlined.
     """
 
     def __init__(
@@ -50,10 +50,10 @@ class Planner:
         self._views: dict[ViewKey, ViewPlan | Unplannable] = {}
 
     def view(self, key: ViewKey) -> ViewPlan:
-        """The plan of every body.
+        """Return the plan of an adorned pattern; plans are cached.
 
         Raises:
-            Unplannable: a parameter that is free cannot be enumerated.
+            Unplannable: a parameter without a value cannot be enumerated.
         """
         if key not in self._views:
             try:
@@ -66,18 +66,18 @@ class Planner:
         return found
 
     def expanded(self, key: ViewKey) -> ViewPlan:
-        """The plan of every body, with the bodies of called patterns multiplied out where that is cheap.
+        """Return the plan of an adorned pattern whose called bodies are multiplied out if that gives few bodies.
 
         Raises:
-            Unplannable: a parameter that is free cannot be enumerated.
+            Unplannable: a parameter without a value cannot be enumerated.
         """
         return self._plan_view(key, expanded(self._bodies, key.pattern))
 
     def whole(self, conjunction: Conjunction, bound: tuple[int, ...]) -> Plan:
-        """A plan that gives every variable a value, for values at the bound positions.
+        """Return a plan that binds every variable of a conjunction, given values at the bound positions.
 
         Raises:
-            Unplannable: some variable cannot be enumerated.
+            Unplannable: a variable cannot be enumerated.
         """
         fixed = frozenset(number for number, _ in conjunction.constants)
         known = fixed | {conjunction.parameters[position] for position in bound}
@@ -85,6 +85,7 @@ class Planner:
         return Search(self, conjunction, known, frozenset(wanted) - known).plan(conjunction.goals)
 
     def _plan_view(self, key: ViewKey, conjunctions: tuple[Conjunction, ...]) -> ViewPlan:
+        """Return the plans of these bodies for an adorned pattern."""
         bodies = tuple(self._plan_body(key, conjunction) for conjunction in conjunctions)
         distinct = not any(body.repeats for body in bodies) and disjoint(
             self.library.metamodel, (*key.outputs, *key.bound), conjunctions
@@ -93,6 +94,7 @@ class Planner:
         return ViewPlan(key, bodies, distinct, rows, fsum(body.plan.cost for body in bodies))
 
     def _plan_body(self, key: ViewKey, conjunction: Conjunction) -> BodyPlan:
+        """Return the plan of one body for an adorned pattern."""
         fixed = frozenset(number for number, _ in conjunction.constants)
         bound = fixed | {conjunction.parameters[position] for position in key.bound}
         wanted = frozenset(conjunction.parameters[position] for position in key.outputs) - bound
@@ -103,13 +105,13 @@ class Planner:
         return BodyPlan(conjunction, plan, self._repeats(conjunction, plan, bound | wanted))
 
     def _repeats(self, conjunction: Conjunction, plan: Plan, known: frozenset[int]) -> bool:
-        """Return whether the loops of a plan bind a variable that the known ones do not determine."""
+        """Return True if the loops of a plan bind a variable that the `known` variables do not determine."""
         looped = {number for step in plan.steps if step.kind is Kind.LOOP for number in step.binds}
         return not looped <= determined(conjunction.goals, known, self.sizes)
 
 
 def determined(goals: Sequence[Goal], known: Iterable[int], sizes: Sizes) -> set[int]:
-    """The variables that have one value at most once the known ones have theirs."""
+    """Return the variables that have at most one value if the `known` variables have values, these included."""
     found = set(known)
     size = -1
     while size != len(found):
@@ -133,7 +135,7 @@ def determined(goals: Sequence[Goal], known: Iterable[int], sizes: Sizes) -> set
 
 
 def disjoint(metamodel: Metamodel, positions: Sequence[int], bodies: Sequence[Conjunction]) -> bool:
-    """Return whether no two bodies can give the same values at some positions: one differs by a constant or class."""
+    """Return True if no two bodies can give the same values at these positions, because a constant or class differs."""
     return all(
         any(_differ(metamodel, position, body, other) for position in positions)
         for number, body in enumerate(bodies)
@@ -142,7 +144,7 @@ def disjoint(metamodel: Metamodel, positions: Sequence[int], bodies: Sequence[Co
 
 
 def _differ(metamodel: Metamodel, position: int, *bodies: Conjunction) -> bool:
-    """Return whether a parameter never has the same value in two bodies."""
+    """Return True if the parameter at a position never has the same value in two bodies."""
     one, other = (body.types[body.parameters[position]] for body in bodies)
     if isinstance(one, ObjectType) and isinstance(other, ObjectType):
         return not metamodel.overlap(one.cls, other.cls)

@@ -1,4 +1,4 @@
-"""Sharing of searches along closures: what many of them find together, or find alike."""
+"""Sharing of work between closure searches: results in common, or independent of the start."""
 
 from __future__ import annotations
 
@@ -25,16 +25,16 @@ from envgraph.pattern import (
 )
 
 MOST_JOINED: Final = 24
-"""Goals of a question of existence beyond which it is only answered directly: to plan it twice would take too long."""
+"""The largest number of goals of an existence test that is planned in two ways: more goals take too long."""
 
 
 def shared_searches(steps: Sequence[Step], sink: Sink) -> dict[int, int]:
-    """The searches that need not find again what the searches before have found.
+    """Return the closure searches that can skip nodes which earlier searches from other starts have found.
 
-    They are from changing starts, and what is done with what they find does not depend on the start.
+    Their starts change, but the use of their results does not depend on the start.
 
     Returns:
-        For the number of the step that searches, that of the last step before it that matters; -1 if none does.
+        for the number of each such step, the last earlier step that matters for the results; -1 if none matters.
     """
     found: dict[int, int] = {}
     needed = set(sink.variables)
@@ -50,7 +50,7 @@ def shared_searches(steps: Sequence[Step], sink: Sink) -> dict[int, int]:
 
 
 def mentioned(step: Step) -> Iterator[int]:
-    """Every variable that a step mentions, those inside it included."""
+    """Yield every variable that a step mentions, variables inside negations and aggregates included."""
     yield from variables(step.goal)
     if isinstance(step.goal, AggregateAtom):
         yield from arguments(step.goal.relation)
@@ -60,7 +60,7 @@ def mentioned(step: Step) -> Iterator[int]:
 
 
 def only_search(view: ViewPlan) -> ClosureAtom | None:
-    """The closure that is all that a view searches: its rows are what a given start reaches."""
+    """Return the closure if a pattern consists only of a closure from its bound to its other parameter; else None."""
     if len(view.bodies) != 1 or len(view.bodies[0].plan.steps) != 1:
         return None
     (body,) = view.bodies
@@ -75,12 +75,13 @@ def only_search(view: ViewPlan) -> ClosureAtom | None:
 
 @dataclass(frozen=True, slots=True)
 class Join:
-    """A question of existence: whether an end of a closure reaches, or is reached by, what other goals describe.
+    """An existence test by closure search: does the bound end reach (or backward: is it reached by) any far end?
 
     Attributes:
         closure: the closure.
-        near, far: its end with a value, and the other one.
-        plan: finds all values of the far end.
+        near: the variable of its end with a value.
+        far: the variable of its other end.
+        plan: finds all values of the far end by the other goals.
     """
 
     closure: ClosureAtom
@@ -90,12 +91,12 @@ class Join:
 
 
 def join_of(planner: Planner, conjunction: Conjunction, plan: Plan, known: frozenset[int]) -> Join | None:
-    """The plan as such a question, if it is one.
+    """Return the plan of an existence test as a `Join`; None if the test has no such form.
 
     Args:
-        planner: plans what describes the far end.
+        planner: plans the goals of the far end.
         conjunction: the body.
-        plan: answers the question.
+        plan: the plan of the test.
         known: the variables with values, without constants.
     """
     goals = list(_goals(plan))
@@ -118,6 +119,7 @@ def join_of(planner: Planner, conjunction: Conjunction, plan: Plan, known: froze
 
 
 def _goals(plan: Plan) -> Iterator[Goal]:
+    """Yield the goals of a plan, goals inside existence tests included."""
     for step in plan.steps:
         if step.kind is Kind.EXISTS:
             for inner in step.inner:
@@ -128,13 +130,13 @@ def _goals(plan: Plan) -> Iterator[Goal]:
 
 @dataclass(frozen=True, slots=True)
 class Ends:
-    """A question about a pattern: what the closure in each of its bodies may reach, and the wanted values with it.
+    """The set of nodes that the closure in each body of a pattern may reach, with the wanted values of each such node.
 
     Attributes:
-        pattern: its qualified name.
-        start: the position from which the closures start; they are left out.
-        given: other positions with values.
-        wanted: positions whose values are wanted.
+        pattern: qualified name.
+        start: the position of the closure's start; the closures themselves are left out.
+        given: the other bound positions.
+        wanted: the positions whose values are wanted.
     """
 
     pattern: str
@@ -145,13 +147,13 @@ class Ends:
 
 @dataclass(frozen=True, slots=True)
 class Alike:
-    """An aggregate that has one value for all starts from which a closure reaches the same.
+    """An aggregate whose value depends on the start of a closure only through the set of nodes that it reaches.
 
     Attributes:
-        start: the variable of the aggregate's relation, or the position of a view.
-        closure: the closure in the pattern that is called.
-        forward: whether the start is its source.
-        ends: what it may reach, if that can be found without the closure.
+        start: the start: a variable of the aggregate's relation, or a position of an adorned pattern.
+        closure: the closure in the called pattern.
+        forward: True if the start is the source of the closure.
+        ends: the nodes that the closure may reach, if they can be found without it; else None.
     """
 
     start: int
@@ -161,7 +163,7 @@ class Alike:
 
 
 def alike_by(planner: Planner, goal: AggregateAtom, known: frozenset[int]) -> Alike | None:
-    """Return what an aggregate's value depends on only through what a closure reaches."""
+    """Return the closure on whose reached set alone the value of an aggregate depends; None if there is none."""
     relation = goal.relation
     if not isinstance(relation, CallAtom) or planner.calls.recursive(relation.pattern):
         return None
@@ -170,7 +172,7 @@ def alike_by(planner: Planner, goal: AggregateAtom, known: frozenset[int]) -> Al
     key = call_key(relation, known, free)
     view = planner.view(key)
     if goal.function == "count" and only_search(view):
-        return None  # there is a function for that
+        return None  # counted by `ClosureQuestion.SIZE`
     single = [place for place in key.bound if relation.arguments.count(relation.arguments[place]) == 1]
     found = alike_starts(planner, key, single)
     if found is None:
@@ -180,7 +182,7 @@ def alike_by(planner: Planner, goal: AggregateAtom, known: frozenset[int]) -> Al
 
 
 def alike_starts(planner: Planner, key: ViewKey, positions: Sequence[int]) -> Alike | None:
-    """A position, of some, on whose value the rows of a view depend only through what a closure reaches."""
+    """Return the first position whose value influences a pattern's rows only through a closure; None if none."""
     for position in positions:
         found = {_search_from(body.conjunction, position) for body in planner.view(key).bodies}
         if len(found) == 1 and (one := found.pop()) is not None:
@@ -193,7 +195,10 @@ def alike_starts(planner: Planner, key: ViewKey, positions: Sequence[int]) -> Al
 
 
 def plans_of_ends(planner: Planner, ends: Ends) -> list[tuple[Conjunction, int, Plan]] | None:
-    """Of each body the end of its closure and a plan that finds all values of it; None if there is no such plan."""
+    """Return for each body its conjunction, the far end of its closure, and a plan that finds all values of this end.
+
+    Return None if there is no such plan.
+    """
     found = []
     for body in planner.view(
         ViewKey(ends.pattern, tuple(sorted((*ends.given, ends.start))), ends.wanted)
@@ -216,7 +221,7 @@ def plans_of_ends(planner: Planner, ends: Ends) -> list[tuple[Conjunction, int, 
 
 
 def _search_from(conjunction: Conjunction, position: int) -> tuple[str, Closure, bool] | None:
-    """The closure that starts from a parameter which stands nowhere else."""
+    """Return step, closure and direction of the only goal that uses a parameter; None if that goal is no closure."""
     variable = conjunction.parameters[position]
     if conjunction.parameters.count(variable) > 1 or any(n == variable for n, _ in conjunction.constants):
         return None
@@ -228,6 +233,7 @@ def _search_from(conjunction: Conjunction, position: int) -> tuple[str, Closure,
 
 
 def _all_variables(goal: Goal) -> set[int]:
+    """Return all variables of a goal, variables inside negations and aggregates included."""
     found = set(variables(goal))
     if isinstance(goal, AggregateAtom):
         found.update(arguments(goal.relation))

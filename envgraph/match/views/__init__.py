@@ -1,4 +1,4 @@
-"""Incremental views: the match sets of watched patterns, kept current with every change of the model."""
+"""Incremental views: the match sets of watched patterns, updated after every change of the model."""
 
 from typing import TYPE_CHECKING
 

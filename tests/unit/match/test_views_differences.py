@@ -126,7 +126,7 @@ def test_blocks_compare_values_of_the_left_side() -> None:
     )
     made, nodes = engine(chain(SIZE), above)
     made.watch("r")
-    assert "evaluated anew" not in made.explain("r")
+    assert "recomputed after" not in made.explain("r")
     nodes[2].v = 1
     assert made.count("r") == SIZE - 2
     made.check_integrity()

@@ -127,7 +127,7 @@ def test_explain_tells_what_a_function_does_for_the_tuples_that_there_are() -> N
     for leaf in leaves:
         model.graph.link(leaf, NEXT, hub)
     text = views.explain("last")
-    assert "when Post.next(a, b) comes" in text
+    assert "when Post.next(a, b) is inserted" in text
     assert text.count("actually 0)") == 2
     model.graph.link(hub, NEXT, leaves[0])
     model.graph.link(hub, NEXT, leaves[1])

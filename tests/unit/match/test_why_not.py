@@ -120,7 +120,7 @@ def test_a_called_pattern_is_looked_into() -> None:
 
 
 def test_unknown_positions_are_refused() -> None:
-    with pytest.raises(InvalidArgument, match="there is no position 7"):
+    with pytest.raises(InvalidArgument, match="`bound` contains position 7"):
         CompiledMatcher(forest(), library()).why_not("neighbour", {7: 0})
 
 
@@ -186,4 +186,4 @@ def test_given_values_that_equality_forbids_contradict_a_body() -> None:
     matcher, (first, second, _) = chain(same)
     why = matcher.why_not("same", {0: first, 1: second})
     assert [(failure.constraint, failure.found) for failure in why.failures] == [("", {})]
-    assert str(why).splitlines()[1] == "  body 1: the given values contradict it"
+    assert str(why).splitlines()[1] == "  body 1: the given values contradict this body"

@@ -145,5 +145,5 @@ def test_listeners_that_change_the_model_without_end_are_stopped() -> None:
         lamp.lit = not lamp.lit
 
     one.listen("lit", toggle)
-    with pytest.raises(EvaluationError, match="each time they are told"), one.transaction():
+    with pytest.raises(EvaluationError, match="change the model at every notification"), one.transaction():
         one.model.nodes("Lamp")[0].lit = True

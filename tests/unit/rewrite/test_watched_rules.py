@@ -54,7 +54,7 @@ def test_a_watched_rule_lists_its_matches_without_a_search() -> None:
 
 
 def test_a_rule_that_needs_values_is_not_watched() -> None:
-    with pytest.raises(InvalidArgument, match="nothing enumerates its parameter `low`"):
+    with pytest.raises(InvalidArgument, match="its parameter `low` always needs a value"):
         made(False).watch("above")
 
 

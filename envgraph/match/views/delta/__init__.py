@@ -1,1 +1,1 @@
-"""Delta functions: the source that updates a view after the change of one tuple."""
+"""Delta functions: generated code that updates a view after one tuple has been inserted or deleted."""

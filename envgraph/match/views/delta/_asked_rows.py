@@ -1,4 +1,4 @@
-"""Restrict recursive patterns to the rows that a caller needs: those with given values at some positions.
+"""Restrict recursive patterns to the rows that a caller needs: the rows with given values at some positions.
 
 Magic sets, for patterns whose recursive calls need values that are known beforehand: J. F. Naughton, R. Ramakrishnan,
 Y. Sagiv, J. D. Ullman, "Efficient evaluation of right-, left-, and multi-linear rules", SIGMOD 1989.
@@ -12,21 +12,22 @@ from dataclasses import replace
 from envgraph.pattern import CallAtom, Conjunction, mentioned
 
 Definitions = Mapping[str, Sequence[Conjunction]]
-"""The bodies of patterns that call each other, by name."""
+"""The bodies of the patterns of a recursive component, by name."""
 
 Wanted = tuple[Definitions, Definitions]
-"""Definitions of patterns that call each other, and of views that read these."""
+"""The definitions of the patterns of a recursive component, and those of views that read them."""
 
 
 def calls(body: Conjunction, names: Collection[str]) -> list[CallAtom]:
-    """Return the calls of some patterns in a body."""
+    """Return the calls in a body of patterns whose names are in `names`."""
     return [goal for goal in body.goals if isinstance(goal, CallAtom) and goal.pattern in names]
 
 
 def passed_on(definitions: Definitions, positions: Sequence[int], place: str) -> Wanted | None:
-    """Return definitions `place/p` of the rows of each `p` whose values at the positions are in `place/asked`.
+    """Return definitions of restricted patterns `place/p`: rows of `p` whose values at the positions are in a view.
 
-    Return None unless every recursive call passes on the values that its caller has at the positions.
+    The view `place/asked` contains the values that the caller allows. Return None unless every recursive call passes on
+    its caller's values at the positions unchanged.
     """
     found: dict[str, list[Conjunction]] = {f"{place}/{name}": [] for name in definitions}
     for name, bodies in definitions.items():
@@ -46,10 +47,11 @@ def passed_on(definitions: Definitions, positions: Sequence[int], place: str) ->
 
 
 def led_to(definitions: Definitions, position: int, place: str) -> Wanted | None:
-    """Return the same rows by way of `place/led`: each value of `place/asked`, and the values that calls reach from it.
+    """Return definitions of the same restricted rows if recursive calls change the value at a position.
 
+    The view `place/led` pairs each allowed value with itself and with the values that recursive calls reach from it.
     Return None unless there is one pattern, each recursive call changes only the value at the position, and no other
-    goal mentions the other parameters. Then a row of any call that is reached is a row of the first caller.
+    goal mentions the other parameters. Then a row of any reached call is a row of the first caller.
     """
     (pattern, bodies), *others = definitions.items()
     if others:
@@ -86,8 +88,10 @@ def doubled(definitions: Definitions) -> tuple[Conjunction, CallAtom, CallAtom] 
 
 
 def _at(values: tuple[int, ...], positions: Iterable[int]) -> tuple[int, ...]:
+    """Return the values at some positions; positions beyond the end are skipped."""
     return tuple(value for p in positions for value in values[p : p + 1])
 
 
 def _with(values: tuple[int, ...], position: int, *new: int) -> tuple[int, ...]:
+    """Return the values with the one at a position replaced by new values."""
     return (*values[:position], *new, *values[position + 1 :])

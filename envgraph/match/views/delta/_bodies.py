@@ -1,8 +1,7 @@
-"""From lowered patterns to the conjunctions that views are made of.
+"""Analyse the bodies of views.
 
-A body becomes a conjunction over relations that have one visible state each: facts of the model, and views. What is
-negated is a single relation, what is aggregated is a relation of its own, and what only has to exist is distinguished
-from what is counted.
+A body of a view is a conjunction over facts of the model and relations of other operators. Each negation has a single
+relation, each aggregate reads a relation of its own, and variables whose existence alone matters are not counted.
 """
 
 from __future__ import annotations
@@ -30,23 +29,23 @@ from envgraph.pattern import (
 
 
 def negated(goal: Absence) -> RelationAtom:
-    """The one relation of a negation."""
+    """Return the single relation of a negation."""
     ((relation,),) = goal.alternatives
     assert isinstance(relation, RelationAtom)
     return relation
 
 
 def free_inside(goal: Absence | AggregateAtom) -> tuple[int, ...]:
-    """The variables of the relation inside that have a value in there only."""
+    """Return the variables that only have values inside a negation or aggregate."""
     outer = set(inputs(goal))
     relation = negated(goal) if isinstance(goal, Absence) else goal.relation
     return tuple(v for v in arguments(relation) if v not in outer)
 
 
 def existential(conjunction: Conjunction) -> frozenset[int]:
-    """Variables at the one end of a single link, or the value of a single attribute, that stand nowhere else.
+    """Return the variables at an end of a link, or the value of an attribute goal, that occur nowhere else.
 
-    Whether such a link is one or many makes no difference to the match: what counts is whether there is any.
+    The number of such links does not matter for a match, only that at least one exists.
     """
     uses = Counter(v for goal in conjunction.goals for v in set(variables(goal)))
     known = {*conjunction.parameters, *(number for number, _ in conjunction.constants)}
@@ -84,7 +83,7 @@ def component(goals: Sequence[Goal], starts: Iterable[int], fixed: frozenset[int
 
 
 def link_of(step: Sequence[Conjunction]) -> tuple[int, bool] | None:
-    """Index of the reference, and whether it is crossed, if the bodies of a step are one link."""
+    """Return a step pattern's reference index, and True for swapped ends, if it is a single link; else None."""
     goal = _only_goal(step)
     if not (isinstance(goal, LinkAtom) and isinstance(goal.reference, Reference)):
         return None
@@ -95,7 +94,7 @@ def link_of(step: Sequence[Conjunction]) -> tuple[int, bool] | None:
 
 
 def closure_of(relation: RelationAtom, bodies: Bodies) -> ClosureAtom | None:
-    """The closure that a called pattern is, if it is nothing else."""
+    """Return the closure if a called pattern consists only of one closure; else None."""
     called = bodies.called(relation.pattern) if isinstance(relation, CallAtom) else None
     goal = _only_goal(called) if called else None
     if not (isinstance(relation, CallAtom) and called and isinstance(goal, ClosureAtom)):
@@ -108,7 +107,7 @@ def closure_of(relation: RelationAtom, bodies: Bodies) -> ClosureAtom | None:
 
 
 def _only_goal(bodies: Sequence[Conjunction]) -> Goal | None:
-    """The one goal of the one body, without constants."""
+    """Return the single goal of the single body, if it has no constants; else None."""
     if len(bodies) != 1 or len(bodies[0].goals) != 1 or bodies[0].constants:
         return None
     return bodies[0].goals[0]

@@ -1,8 +1,8 @@
-"""Source of the functions that build a view and keep it current.
+"""Generate the functions that build a view and update it (incremental maintenance).
 
-The delta function of an occurrence starts at a changed tuple and finds the derivations that have it there. While it
-runs the tuple is present. All occurrences of its relation in the body are numbered, positive, negated and aggregated
-together: those before this one see the relation as it is, those after it as it would be without the tuple.
+The delta function of an occurrence starts at a changed tuple and finds the derivations with the tuple there. The tuple
+is present while the function runs. All occurrences of its relation in the body are numbered, positive, negated and
+aggregated alike: occurrences before this one see the relation with the tuple, later ones without.
 """
 
 from __future__ import annotations
@@ -39,17 +39,17 @@ from envgraph.pattern import (
 
 @dataclass(frozen=True, slots=True)
 class Delta:
-    """What one function does: find the derivations with a tuple at an occurrence.
+    """The definition of a delta function: finds the derivations of a body with a changed tuple at an occurrence.
 
     Attributes:
-        name, body: of the view, and the number of its body.
+        name, body: the view, and the number of its body.
         conjunction: the body.
-        occurrence: where the tuple stands.
-        later: the occurrences after it that must not see the tuple.
-        symmetric: the tuple is a link that counts in both directions, and is inserted and deleted in both at once.
-        own: positions of the view's rows that tell which of them a lost tuple takes along, if they are looked up in
-            the view itself; None if they are found by a search.
-        queued: derivations wait for the view's turn, because others read it.
+        occurrence: the occurrence of the tuple.
+        later: the later occurrences of the relation, which must not see the tuple.
+        symmetric: True if the tuple is a link that counts in both directions, both of which change at once.
+        own: the positions of the view's rows by which the rows lost with a tuple are found in the view itself; None if
+            a search finds them.
+        queued: True if derivations are queued until the view is processed, because other operators read the view.
     """
 
     name: str
@@ -63,20 +63,20 @@ class Delta:
 
 
 DEAR: Final = 60.0
-"""Estimated work of a search above which a view has an index of its own."""
+"""The estimated cost of a search above which a view has an index of its own rows."""
 SINKS: Final = {True: "derive", False: "underive"}
 
 
 def delta_source(planner: ViewPlanner, delta: Delta, coming: bool) -> Source:
-    """The source of a delta function, which takes the tuple.
+    """Return the source of a delta function, which takes the values of the tuple.
 
     Args:
         planner: orders the other goals.
-        delta: what to find.
-        coming: whether the tuple has just been inserted, or is about to be deleted.
+        delta: the derivations to find.
+        coming: True if the tuple has just been inserted; False if it will be deleted.
 
     Raises:
-        Unplannable: some variables cannot be enumerated.
+        Unplannable: a variable cannot be enumerated.
     """
     module, block = Module(), code.Block()
     write_delta(planner, module, block, delta, coming)
@@ -84,12 +84,12 @@ def delta_source(planner: ViewPlanner, delta: Delta, coming: bool) -> Source:
 
 
 def tuple_names(occurrence: Occurrence) -> list[code.Local]:
-    """The parameters of a delta function: the values of the tuple."""
+    """Return the parameters of a delta function: one for each value of the tuple."""
     return [local("a", position) for position in range(len(occurrence.columns))]
 
 
 def write_delta(planner: ViewPlanner, module: Module, block: code.Block, delta: Delta, coming: bool) -> None:
-    """Write the body of a delta function: see `delta_source`."""
+    """Emit the body of a delta function: see `delta_source`."""
     conjunction, occurrence = delta.conjunction, delta.occurrence
     names = tuple_names(occurrence)
     goal = conjunction.goals[occurrence.goal]
@@ -100,7 +100,8 @@ def write_delta(planner: ViewPlanner, module: Module, block: code.Block, delta: 
     plan = delta_plan(planner, delta)
     if occurrence.role is Role.NUMBER:
         assert isinstance(goal, AggregateAtom)
-        # With the tuple there is one more. A coming tuple ends the smaller number first, a going one the larger.
+        # The count includes the tuple. An insertion first removes derivations of the smaller number, a deletion those
+        # of the larger.
         halves = ((1, False), (0, True)) if coming else ((0, False), (1, True))
         for less, adding in halves:
             translation = DeltaTranslation(planner, module, block, delta, names)
@@ -115,10 +116,10 @@ def write_delta(planner: ViewPlanner, module: Module, block: code.Block, delta: 
 
 
 def delta_plan(planner: ViewPlanner, delta: Delta) -> Plan:
-    """The order of the other goals, when the tuple is known.
+    """Return the plan of the other goals, given the tuple; cached.
 
     Raises:
-        Unplannable: some variables cannot be enumerated.
+        Unplannable: a variable cannot be enumerated.
     """
     conjunction, occurrence = delta.conjunction, delta.occurrence
     place = (delta.name, delta.body, occurrence.goal)
@@ -134,7 +135,7 @@ def delta_plan(planner: ViewPlanner, delta: Delta) -> Plan:
 
 
 def own_positions(planner: ViewPlanner, delta: Delta) -> tuple[int, ...] | None:
-    """Return where the view's rows hold the values of the tuple, if a search for the rows that it takes along is dear.
+    """Return the row positions with the tuple's values, if an index of the view is cheaper than a search; else None.
 
     For a view whose rows have one derivation each, and which is always up to date.
     """
@@ -154,7 +155,7 @@ def own_positions(planner: ViewPlanner, delta: Delta) -> tuple[int, ...] | None:
 def _write_lookup(
     planner: ViewPlanner, module: Module, block: code.Block, delta: Delta, own: tuple[int, ...]
 ) -> None:
-    """Take the rows along that hold the values of the tuple."""
+    """Emit code that looks up the rows with the tuple's values in the view, and deletes them."""
     occurrence = delta.occurrence
     names = tuple_names(occurrence)
     translation = DeltaTranslation(planner, module, block, delta, names)
@@ -176,10 +177,10 @@ def _write_lookup(
 
 
 def build_source(planner: ViewPlanner, name: str, body: int, conjunction: Conjunction) -> Source:
-    """The source of a function that lists all derivations of one body.
+    """Return the source of a function that lists all derivations of one body.
 
     Raises:
-        Unplannable: some variables cannot be enumerated.
+        Unplannable: a variable cannot be enumerated.
     """
     module, block = Module(), code.Block()
     plan = planner.plan(conjunction, conjunction.goals, frozenset())
@@ -193,10 +194,10 @@ def build_source(planner: ViewPlanner, name: str, body: int, conjunction: Conjun
 
 
 def derivable_source(planner: ViewPlanner, name: str, body: int, conjunction: Conjunction) -> Source:
-    """The source of a function that tells whether one body derives a row, which it takes.
+    """Return the source of a function that takes a row and returns True if one body derives it.
 
     Raises:
-        Unplannable: some variables cannot be enumerated.
+        Unplannable: a variable cannot be enumerated.
     """
     module, block = Module(), code.Block()
     heads = conjunction.parameters
@@ -210,18 +211,18 @@ def derivable_source(planner: ViewPlanner, name: str, body: int, conjunction: Co
 
 _NOTHING = CallAtom("", ())
 _WAITING: Final = code.Name("")
-"""Stands for the number of rows of a view, those included that wait for its turn."""
+"""A marker for the number of rows of a view, including queued rows."""
 
 
 def view_sink(module: Module, delta: Delta, adding: bool) -> Sink:
-    """Adds or removes a derivation of the view."""
+    """Return the sink that adds or removes a derivation of the view."""
     heads = delta.conjunction.parameters
     each = lambda names: (changed(module, delta, adding, row(heads, names)),)  # noqa: E731
     return Sink(heads, (), each, (), size=_WAITING if adding else code.Constant(0))
 
 
 def changed(module: Module, delta: Delta, adding: bool, row_: code.Expression) -> code.Do:
-    """Adds or removes a derivation of a row, now or when it is the view's turn."""
+    """Return code that adds or removes a derivation of a row, at once or by the view's queue."""
     if delta.queued:
         return code.Do(
             code.call(module.name(Held("queue", delta.name)), code.tuple_of(row_, code.Constant(adding)))
@@ -230,14 +231,14 @@ def changed(module: Module, delta: Delta, adding: bool, row_: code.Expression) -
 
 
 class ViewRelations(Relations):
-    """As `Relations`, but what views hold is read from them."""
+    """An emitter of expressions for relations, in which calls and closures read the operators of the network."""
 
     def __init__(self, planner: ViewPlanner, module: Module, bindings: Bindings) -> None:
         super().__init__(planner, module, bindings)  # type: ignore[arg-type]
         self._held = planner.held
 
     def has(self, goal: CallAtom) -> code.Expression:
-        """Return whether a view has a row, all of which is known."""
+        """Return a test that a view contains a row; all arguments must be bound."""
         rows = self._module.name(Held("position", goal.pattern))
         return code.Operation("in", (row(goal.arguments, self.bindings.source), rows))
 
@@ -257,14 +258,14 @@ class ViewRelations(Relations):
 
 
 class DeltaTranslation(Translation):
-    """Turns the plan of a body into code, with the relation of a changed tuple seen as each place has to.
+    """A translation of a body's plan in which each occurrence sees the relation with or without the changed tuple.
 
     Args:
-        planner: tells about views.
+        planner: sizes and plans of views.
         module: receives symbols and functions.
-        block: where the code goes.
-        delta: the body, and where the tuple stands.
-        tuple_: the tuple's values.
+        block: receives the code.
+        delta: the body, and the occurrence of the tuple.
+        tuple_: the values of the tuple.
     """
 
     _shares = False
@@ -286,12 +287,12 @@ class DeltaTranslation(Translation):
         self._later = {id(goals[each.goal]): each for each in delta.later}
 
     def run(self, plan: Plan, sink: Sink, given: Mapping[int, code.Expression]) -> None:
-        """Write everything.
+        """Emit code for a plan and the sink.
 
         Args:
-            plan: the other goals.
-            sink: what is done with a derivation.
-            given: further variables with their values.
+            plan: the plan of the other goals.
+            sink: the code for each derivation.
+            given: code for the values of further variables.
         """
         block = self._block
         place = block.place
@@ -310,7 +311,7 @@ class DeltaTranslation(Translation):
         block.back_to(place)
 
     def _size(self, sink: Sink) -> code.Expression:
-        """As in `Translation`; what a delta adds to is the view."""
+        """Return code for the number of matches so far; if derivations are added, for the view's number of rows."""
         return (
             code.call(self._module.name(Held("size", self._delta.name)))
             if sink.size == _WAITING
@@ -323,7 +324,7 @@ class DeltaTranslation(Translation):
     # --- the relation without the tuple
 
     def _here(self, columns: Sequence[int | None]) -> code.Expression:
-        """Return whether the tuple agrees with what a place asks for; columns without a value agree with everything."""
+        """Return a test that the tuple agrees with the bound columns of an occurrence."""
         straight = self._agrees(columns, self._tuple)
         if not self._delta.symmetric:
             return straight
@@ -331,6 +332,7 @@ class DeltaTranslation(Translation):
         return straight if straight == crossed else code.Operation("or", (straight, crossed))
 
     def _agrees(self, columns: Sequence[int | None], tuple_: Sequence[code.Local]) -> code.Expression:
+        """Return a test that a tuple agrees with the bound columns of an occurrence, in one direction."""
         asked = (
             (self._bindings.source(v), each) for v, each in zip(columns, tuple_, strict=True) if v is not None
         )
@@ -353,7 +355,7 @@ class DeltaTranslation(Translation):
         self._exclude(step.goal)
 
     def _exclude(self, goal: Goal) -> None:
-        """The tuple itself is not what this place may find."""
+        """Emit a test that skips the changed tuple if the goal's occurrence must not see it."""
         place = self._later.get(id(goal))
         if place is None:
             return
@@ -383,12 +385,14 @@ class DeltaTranslation(Translation):
         return code.FALSE if here == code.TRUE else code.Operation("and", (found, code.inverse(here)))
 
     def _number_without(self, goal: LinkAtom, place: Occurrence) -> code.Expression:
+        """Return code for the number of links of a goal without the changed tuple."""
         here = self._here(place.columns)
         return code.Operation(
             "-", (length(self._relations.ends(goal)), code.Constant(1) if here == code.TRUE else here)
         )
 
     def _absent(self, goal: Absence, place: Occurrence | None) -> code.Expression:
+        """Return code for a negation, without the changed tuple if its occurrence must not see it."""
         relation = negated(goal)
         if isinstance(relation, LinkAtom) and free_inside(goal):
             if place is None:
@@ -401,7 +405,7 @@ class DeltaTranslation(Translation):
         return code.TRUE if here == code.TRUE else code.Operation("or", (found, here))
 
     def _holds(self, relation: RelationAtom) -> code.Expression:
-        """Return whether a relation has a tuple."""
+        """Return a test that a relation contains a tuple."""
         match relation:
             case InstanceAtom():
                 return self._relations.is_instance(relation)
@@ -422,16 +426,17 @@ class DeltaTranslation(Translation):
                 return self._relations.closure(relation)
 
     def alone(self, occurrence: Occurrence, names: Sequence[code.Local]) -> None:
-        """What follows is for a tuple that is the only one of its group, if there are groups."""
+        """Emit a test that the tuple is the only one of its group, if it belongs to a group."""
         if isinstance(occurrence.relation, LinkAtom) and None in occurrence.columns:
             self._block.test(code.equal(self.number(occurrence, names, 0), code.Constant(1)))
 
     def number(self, occurrence: Occurrence, names: Sequence[code.Local], less: int) -> code.Expression:
-        """Return how many tuples the group of the tuple has, with it or without."""
+        """Return code for the number of tuples in the tuple's group, minus `less` (0, or 1 for the tuple itself)."""
         size = length(self._group(occurrence, names))
         return code.Operation("-", (size, code.Constant(1))) if less else size
 
     def _group(self, occurrence: Occurrence, names: Sequence[code.Local]) -> code.Expression:
+        """Return code for the ends of the links in the tuple's group."""
         relation = occurrence.relation
         assert isinstance(relation, LinkAtom)
         if occurrence.columns[0] is not None:
@@ -441,6 +446,7 @@ class DeltaTranslation(Translation):
     # --- views
 
     def _loop_view(self, goal: CallAtom) -> None:
+        """Emit a loop over the rows of a view that agree with the bound arguments."""
         given = tuple(p for p, v in enumerate(goal.arguments) if self._bindings.known(v))
         iterable: code.Expression
         if given:
@@ -467,5 +473,5 @@ class DeltaTranslation(Translation):
 
 
 def _more(number: code.Expression) -> code.Operation:
-    """Return whether a number is more than none."""
+    """Return a test that a number is positive."""
     return code.Operation(">", (number, code.Constant(0)))

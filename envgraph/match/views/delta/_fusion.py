@@ -1,6 +1,6 @@
-"""One function of all delta functions that hear of the same change.
+"""Fuse all delta functions of the same change into one function.
 
-What two of them begin with alike is done once: the six places of one relation in a chain look at the same neighbours.
+Common beginnings are executed once: the six occurrences of one relation in a chain loop over the same neighbours.
 """
 
 from __future__ import annotations
@@ -17,16 +17,16 @@ from envgraph.match.views.delta._planning import ViewPlanner
 from envgraph.metamodel import Value
 
 Change = tuple[str, bool]
-"""A view, and whether it gains derivations."""
+"""A view, and True if it gains derivations."""
 
 
 @dataclass(slots=True)
 class Group:
-    """Branches that stand behind the same assignments, in order.
+    """Branches that follow the same assignments, in order.
 
     Attributes:
-        assignments: give variables values.
-        branches: what is done with them.
+        assignments: statements that assign variables.
+        branches: the statements after them.
     """
 
     assignments: Body
@@ -35,12 +35,12 @@ class Group:
 
 @dataclass(slots=True)
 class Branch:
-    """A statement, and what follows only where it has led.
+    """A loop or condition, and the statements inside it.
 
     Attributes:
-        heads: the statement, without what stands inside it; tests that stand directly inside each other are one.
-        inside: what follows.
-        changes: which views it changes, and whether it adds derivations to them.
+        heads: the statement without its body; directly nested conditions count as one.
+        inside: the statements inside.
+        changes: the views that the branch changes, and True for each if it adds derivations.
     """
 
     heads: Body
@@ -49,7 +49,7 @@ class Branch:
 
 
 class FusedModule(Module):
-    """Equal constants have one name."""
+    """A generated source in which equal constants have the same name."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -63,27 +63,28 @@ class FusedModule(Module):
 
 
 def fused_source(planner: ViewPlanner, deltas: Sequence[Delta], coming: bool) -> Source:
-    """The source of a function that does what the functions of several deltas do, one after the other.
+    """Return the source of a function that executes several delta functions one after the other.
 
-    Each is a nest of loops and conditions around one line, whose effect none of them reads: so two that begin with the
-    same loop can take turns inside it: neither what happens to different views has to stay in order, nor what a view
-    gains, nor what it loses. But a view may lose what it has gained from the place before, in another pass of the loop:
-    gains and losses of one view are never mixed.
+    Each delta function is a nest of loops and conditions around one change, whose effect no nest reads. So two nests
+    with
+    the same outer loop can share this loop: changes of different views, additions to one view, and deletions from one
+    view may be reordered. But a view may lose a row that it has gained in another pass of the loop. So additions and
+    deletions of one view are never put into the same loop.
 
     Args:
         planner: orders goals.
-        deltas: of tuples of one relation.
-        coming: whether the tuple has just come, or is about to go.
+        deltas: the deltas, of tuples of one relation.
+        coming: True if the tuple has just been inserted; False if it will be deleted.
 
     Raises:
-        Unplannable: some variables cannot be enumerated.
+        Unplannable: a variable cannot be enumerated.
     """
     module, groups = FusedModule(), list[Group]()
     whole: list[Statement] = []
     for delta in deltas:
         block = Block()
         write_delta(planner, module, block, delta, coming)
-        # Whether it is one nest, and does not read what it changes.
+        # Only a single nest that does not read its own changes can be fused.
         if delta.occurrence.role is not Role.NUMBER and delta.own is None:
             adding = coming != (delta.occurrence.role is Role.NONE)
             insert(groups, block.body(), (delta.name, adding))
@@ -95,7 +96,7 @@ def fused_source(planner: ViewPlanner, deltas: Sequence[Delta], coming: bool) ->
 
 
 def insert(groups: list[Group], nest: Body, change: Change) -> None:
-    """Add a nest inside what it has in common with one that is there, behind everything that changes its view."""
+    """Add a nest to the groups: inside a branch with the same beginning, but after all opposite changes of its view."""
     count = next(index for index, statement in enumerate(nest) if not isinstance(statement, Assign))
     assignments, (first, *behind) = nest[:count], nest[count:]
     heads, inside = _opened(first)
@@ -112,7 +113,7 @@ def insert(groups: list[Group], nest: Body, change: Change) -> None:
 
 
 def _opened(statement: Statement) -> tuple[Body, Body]:
-    """Return what a statement begins with, and what stands inside it."""
+    """Return the head of a statement, and the statements inside it."""
     match statement:
         case For(target, iterable, inside):
             return (For(target, iterable, ()),), inside
@@ -126,7 +127,7 @@ def _opened(statement: Statement) -> tuple[Body, Body]:
 
 
 def _alike(groups: Sequence[Group], assignments: Body, heads: Body, change: Change) -> Branch | None:
-    """The last branch with this head, if it does not change the view the other way, nor anything behind it at all."""
+    """Return the last branch with this head; None if it, or a later branch, conflicts with the change."""
     view, adding = change
     for group in reversed(groups):
         for branch in reversed(group.branches):
@@ -140,7 +141,7 @@ def _alike(groups: Sequence[Group], assignments: Body, heads: Body, change: Chan
 
 
 def merged(groups: Sequence[Group]) -> Body:
-    """The statements in order."""
+    """Return the statements of all groups in order."""
     found: list[Statement] = []
     for group in groups:
         found += group.assignments
@@ -150,7 +151,7 @@ def merged(groups: Sequence[Group]) -> Body:
 
 
 def _closed(heads: Body, inside: Body) -> Body:
-    """The statements of which these are the heads, with something inside, or behind."""
+    """Return the statements with these heads, with other statements inside or, after an assignment, behind."""
     for head in reversed(heads):
         match head:
             case For(target, iterable):

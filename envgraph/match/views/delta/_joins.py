@@ -1,4 +1,4 @@
-"""Joins by value: where a search would look through many objects for a value there is a view of the values."""
+"""Joins by attribute value: where a search would test many objects for a value, a view of the values is used."""
 
 from __future__ import annotations
 
@@ -26,18 +26,18 @@ from envgraph.pattern import (
 )
 
 MANY: Final = 100.0
-"""Objects that are looked through, from which on their values are worth a view."""
+"""The number of tested objects from which a view of their values pays off."""
 SAMPLE: Final = 512
-"""Objects of a class whose values tell how many different ones there are."""
+"""The number of objects of a class whose values are sampled."""
 DIFFERENT: Final = 8
-"""Different values from which on it helps to know one of them."""
+"""The number of different values from which a lookup by value is selective."""
 
 
 def joined_by_value(store: Store, planner: ViewPlanner, body: Conjunction) -> frozenset[int]:
-    """Attributes of a body, by index, by whose values many objects would be told apart one by one.
+    """Return the indices of the attributes by which a body would test many objects for a known value.
 
     Args:
-        store: for a look at the values.
+        store: the store, whose values are sampled.
         planner: orders goals.
         body: goals over relations of the network.
     """
@@ -63,7 +63,7 @@ def joined_by_value(store: Store, planner: ViewPlanner, body: Conjunction) -> fr
 
 
 def with_values(body: Conjunction, attributes: frozenset[int]) -> Conjunction:
-    """The body with calls of the views of these attributes."""
+    """Return the body with goals of these attributes replaced by calls of the views of their values."""
     goals = tuple(
         CallAtom(values_of(held[0]), held[1:])
         if (held := held_value(goal)) and held[0].index in attributes
@@ -74,12 +74,12 @@ def with_values(body: Conjunction, attributes: frozenset[int]) -> Conjunction:
 
 
 def values_of(attribute: Attribute) -> str:
-    """Name of the view of an attribute's values."""
+    """Return the name of the view of an attribute's values."""
     return f"{attribute}/values"
 
 
 def all_values(goal: Goal) -> Conjunction:
-    """The body of that view: objects and values."""
+    """Return the body of the view of a goal's attribute: objects and their values."""
     held = held_value(goal)
     assert isinstance(goal, AttributeAtom | LinkAtom) and held
     types = (ObjectType(held[0].owner), held[0].type)
@@ -87,7 +87,7 @@ def all_values(goal: Goal) -> Conjunction:
 
 
 def _met_elsewhere(body: Conjunction, goal: Goal) -> bool:
-    """Return whether another goal may give its value."""
+    """Return True if another goal may bind the value of an attribute goal."""
     held = held_value(goal)
     return held is not None and any(
         held[2] in variables(other)
@@ -97,7 +97,7 @@ def _met_elsewhere(body: Conjunction, goal: Goal) -> bool:
 
 
 def _telling(store: Store, metamodel: Metamodel, attribute: Attribute) -> bool:
-    """Return whether objects differ in an attribute."""
+    """Return True if a sample of the objects has many different values of an attribute."""
     column = store.values[attribute.index]
     different: set[Value | Values] = set()  # for its size alone
     for cls, extent in zip(metamodel.class_list, store.extents, strict=True):
@@ -108,7 +108,7 @@ def _telling(store: Store, metamodel: Metamodel, attribute: Attribute) -> bool:
 
 
 def _searches(body: Conjunction) -> Iterator[tuple[set[int], list[int]]]:
-    """What is known when a search begins, and the goals that it has to meet: for all matches, and for each change."""
+    """Yield the searches of a body, for all matches and for each delta: the bound variables, and the goals to solve."""
     everything = list(range(len(body.goals)))
     yield set(), everything
     for place in occurrences(body):
@@ -120,7 +120,7 @@ def _searches(body: Conjunction) -> Iterator[tuple[set[int], list[int]]]:
 
 
 def _told_apart(plan: Plan, known: set[int]) -> Iterator[int]:
-    """Attributes that test objects of a long loop for a value that was known before it."""
+    """Yield the attributes by which objects of a long loop are tested for a value known before the loop."""
     rows, before = 1.0, set(known)
     looped: dict[int, set[int]] = {}
     for step in plan.steps:

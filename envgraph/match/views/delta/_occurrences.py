@@ -1,4 +1,4 @@
-"""The places of a body where a relation stands: there a changed tuple may begin or end derivations."""
+"""The occurrences of relations in a body: a changed tuple may create or remove derivations at each occurrence."""
 
 from __future__ import annotations
 
@@ -22,27 +22,27 @@ from envgraph.pattern import (
 
 
 class Role(Enum):
-    """How a tuple of a relation counts where it occurs."""
+    """The effect of a tuple at an occurrence on the derivations of the body."""
 
     EACH = "each"
-    """Every tuple is a derivation of its own."""
+    """Each tuple gives derivations of its own."""
     SOME = "some"
-    """Only whether there is any."""
+    """It only matters if at least one tuple of the group exists."""
     NONE = "none"
-    """Only whether there is none."""
+    """No tuple may exist (negation)."""
     NUMBER = "number"
-    """Their number is the value of a variable."""
+    """The number of tuples is the value of a variable."""
 
 
 @dataclass(frozen=True, slots=True)
 class Occurrence:
-    """A place of a body where a relation stands.
+    """An occurrence of a relation in a body.
 
     Attributes:
-        goal: its goal, by position in the body.
-        relation: the atom; for a negation or a number the one inside.
+        goal: the number of its goal in the body.
+        relation: the relation; of a negation or a count the inner relation.
         role: see `Role`.
-        columns: number of the variable at each position of the relation; None for one that has no value outside.
+        columns: the variable at each position of the relation; None for a variable local to the relation.
     """
 
     goal: int
@@ -52,7 +52,7 @@ class Occurrence:
 
 
 def occurrences(conjunction: Conjunction) -> list[Occurrence]:
-    """All places of a body where a relation stands, in the order of its goals."""
+    """Return all occurrences of relations in a body, in the order of its goals."""
     loose = existential(conjunction)
     found: list[Occurrence] = []
     for number, goal in enumerate(conjunction.goals):
@@ -67,7 +67,7 @@ def occurrences(conjunction: Conjunction) -> list[Occurrence]:
                 columns = tuple(None if v in local else v for v in arguments(relation))
                 found.append(Occurrence(number, relation, Role.NUMBER, columns))
             case AggregateAtom():
-                # A value that a view holds for each group: the columns are the group and the value.
+                # An aggregate operator holds a value for each group: the columns are the group and the value.
                 folded = CallAtom(fold_of(goal), (*group_of(goal), goal.result))
                 found.append(Occurrence(number, folded, Role.EACH, folded.arguments))
             case InstanceAtom() | AttributeAtom() | LinkAtom() | CallAtom() | ClosureAtom():
@@ -80,11 +80,11 @@ def occurrences(conjunction: Conjunction) -> list[Occurrence]:
 
 
 def group_of(goal: AggregateAtom) -> tuple[int, ...]:
-    """The variables whose values tell the groups of an aggregate apart."""
+    """Return the variables whose values distinguish the groups of an aggregate."""
     return tuple(dict.fromkeys(inputs(goal)))
 
 
 def fold_of(goal: AggregateAtom) -> str:
-    """Name of the view that holds the values of an aggregate over a view."""
+    """Return the name of the operator that holds the values of an aggregate."""
     assert isinstance(goal.relation, CallAtom)
     return goal.relation.pattern

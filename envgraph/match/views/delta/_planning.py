@@ -1,4 +1,4 @@
-"""Plans for views: sizes are measured, and calls read what other views hold."""
+"""Plan the searches of views: sizes are measured, and calls read the stored rows of other views."""
 
 from __future__ import annotations
 
@@ -33,28 +33,28 @@ from envgraph.pattern import (
 )
 
 MOST_ORDERED: Final = 100_000
-"""Estimated rows up to which a negated or counted pattern with an inequality such as `x < y` is kept in a view; see
-the benchmark `growth`."""
+"""The largest estimate of rows for which a negated or counted pattern with an inequality `x < y` has a view; see the
+benchmark `growth`."""
 
 
 class Held(Protocol):
-    """What planning asks about views and closures."""
+    """The interface to the sizes of views and closures."""
 
     def rows(self, view: str) -> float:
-        """Matches of a view."""
+        """Return the number of matches of a view."""
 
     def matching(self, view: str, positions: tuple[int, ...]) -> float:
-        """Matches of a view that agree with values at these positions, on average."""
+        """Return the average number of matches of a view for one combination of values at some positions."""
 
     def reached(self, closure: str) -> tuple[bool, float, float]:
-        """Of a closure: whether it is followed from the source, how many starts it has, and what each reaches."""
+        """Return for a closure: True if followed from the source, number of starts, and nodes reached per start."""
 
 
 class ViewPlanner:
-    """What a search and a translation want to know, for conjunctions over the relations of views.
+    """A planner for conjunctions over the relations of views.
 
     Attributes:
-        plans: those of delta functions, by view, body and goal.
+        plans: the cached plans of delta functions, by view, body and goal.
     """
 
     def __init__(self, library: Library, calls: CallGraph, sizes: LiveSizes, held: Held) -> None:
@@ -66,14 +66,14 @@ class ViewPlanner:
         self.plans: dict[tuple[str, int, int], Plan] = {}
 
     def view(self, key: ViewKey) -> ViewPlan:
-        """Never asked: a call reads what is there."""
+        """Raise an error: calls of views need no plan, because they read stored rows."""
         raise AssertionError(key)
 
     def plan(self, conjunction: Conjunction, goals: Sequence[Goal], bound: frozenset[int]) -> Plan:
-        """Order some goals so that every variable that counts has a value in the end.
+        """Return a plan for some goals that binds every variable that is not existential.
 
         Raises:
-            Unplannable: some variables cannot be enumerated.
+            Unplannable: a variable cannot be enumerated.
         """
         fixed = frozenset(number for number, _ in conjunction.constants)
         loose = existential(conjunction)
@@ -82,7 +82,7 @@ class ViewPlanner:
         return ViewSearch(self, conjunction, bound | fixed, frozenset(wanted)).plan(goals)
 
     def repeats(self, bodies: Sequence[Conjunction]) -> bool:
-        """Return whether a row may have several derivations."""
+        """Return True if a row may have several derivations."""
         for body in bodies:
             known = {*body.parameters, *(number for number, _ in body.constants)}
             counted = {v for goal in body.goals for v in variables(goal)} - existential(body)
@@ -92,9 +92,9 @@ class ViewPlanner:
         return not disjoint(self.library.metamodel, positions, bodies)
 
     def orders(self, bodies: Sequence[Conjunction]) -> bool:
-        """Return whether a pattern has very many rows because of a comparison such as `x < y`.
+        """Return True if a pattern has very many rows because of a comparison such as `x < y`.
 
-        Such comparisons relate nearly all pairs of objects. An ordered index finds whether there is a row, or how many,
+        Such comparisons relate nearly all pairs of objects. An ordered index finds the existence or number of rows
         without listing them. So goals that negate or count such a pattern are recomputed after every change.
         """
         for body in bodies:
@@ -106,13 +106,13 @@ class ViewPlanner:
 
 
 def _is_ordering(goal: Goal) -> bool:
-    """Return whether a goal compares two values by their order."""
+    """Return True if a goal compares two values by their order."""
     expression = goal.expression if isinstance(goal, Condition) and len(goal.reads) > 1 else None
     return isinstance(expression, Binary) and expression.operator in ("<", "<=", ">", ">=")
 
 
 class ViewOptions(Options):
-    """What goals cost when calls and closures are lookups."""
+    """The candidates for the next step of a plan in views, where calls and closures are lookups."""
 
     def __init__(self, views: ViewPlanner, conjunction: Conjunction, plan_inside: PlanInside) -> None:
         super().__init__(views, conjunction, plan_inside)
@@ -171,9 +171,9 @@ class ViewOptions(Options):
                 yield option
 
     def _extents(self, goals: Sequence[Goal], bound: Bound, uses: Counter[int]) -> Iterator[Option]:
-        """For every object variable of a fact that is looked for, the smallest class that the fact demands.
+        """Yield for each object variable of an unsolved fact a loop over the smallest class that the fact requires.
 
-        What only a view demands must be found in the view: it may still hold what is gone from the model.
+        Variables that occur only in views must be found in views, whose rows may contain objects already deleted.
         """
         classes: dict[int, list[InstanceAtom]] = {}
         for goal in goals:
@@ -187,13 +187,13 @@ class ViewOptions(Options):
 
 
 def _from_value(goal: Goal, bound: Bound) -> bool:
-    """Return whether objects are looked for that have one of many values: no index of them follows the changes."""
+    """Return True if objects would have to be found by their attribute value: no index of them follows the changes."""
     held = held_value(goal)
     return held is not None and held[1] not in bound
 
 
 def _classes(goal: Goal) -> Sequence[InstanceAtom]:
-    """The objects of a fact, and the classes that they are instances of."""
+    """Return class tests for the objects of a fact, as required by its attribute or reference."""
     match goal:
         case InstanceAtom():
             return [goal]
@@ -208,13 +208,13 @@ def _classes(goal: Goal) -> Sequence[InstanceAtom]:
 
 
 class ViewSearch(Search):
-    """The search for a plan over the relations of views."""
+    """The plan search for conjunctions over facts of the model and stored relations of the view network."""
 
     options: type[Options] = ViewOptions
     most_plans = 24
-    counts_abandoned = True  # there is a plan for each place of a body: no one may take long
+    counts_abandoned = True  # each occurrence has a plan of its own: none may take long
 
     def _enter(self, draft: Draft, loop: Option) -> None:
-        """Execute a loop; other goals about its object are still to be met, each in its own way."""
+        """Append a loop to a draft. Other class tests of its object remain, since each may need another treatment."""
         draft.add(loop)
         self._drop(draft, [loop.goal], loop.binds)

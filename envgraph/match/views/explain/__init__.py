@@ -1,1 +1,1 @@
-"""Views as text, with measured numbers of partial matches."""
+"""Explanations of views as text, with measured numbers of partial matches."""

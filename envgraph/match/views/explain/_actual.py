@@ -1,4 +1,4 @@
-"""Measures delta functions in the model as it is: how many partial matches each step leaves, on average."""
+"""Measure delta functions in the present model: the average number of partial matches after each step."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ from envgraph.pattern import (
 )
 
 SAMPLE: Final = 64
-"""Tuples that are tried, evenly spread over those that there are."""
+"""The number of tuples that are tried, evenly spaced among all tuples of the relation."""
 
 Build = Callable[[Source, Callable[[Held], object]], Callable[..., Any]]
-"""Makes a function of a source; the second argument gives what is held."""
+"""Creates a function of source; the second argument returns the values of `Held` symbols."""
 
 
 def actual_rows(
@@ -42,17 +42,17 @@ def actual_rows(
     build: Build,
     held: Callable[[Held], object],
 ) -> list[float]:
-    """Partial matches after each step of a delta's plan, for a tuple that has just come.
+    """Return the average number of partial matches after each step of a delta's plan, for an inserted tuple.
 
     Args:
-        planner: made the plan.
-        delta: whose plan it is.
-        tuples: of the relation, as they are now.
+        planner: the planner that made the plan.
+        delta: the delta.
+        tuples: the present tuples of its relation.
         build: see `Build`.
-        held: what views hold.
+        held: returns the values of symbols.
 
     Returns:
-        The average over a sample of the tuples; empty if there are none.
+        averages over a sample of the tuples; empty if there are no tuples.
     """
     known = list(tuples)
     sample = known[:: max(1, len(known) // SAMPLE)]
@@ -69,6 +69,7 @@ def actual_rows(
 
 
 def _source(planner: ViewPlanner, delta: Delta) -> Source:
+    """Return the source of the delta function with a call of `note` after each step."""
     module, block = Module(), Block()
     occurrence = delta.occurrence
     names = tuple_names(occurrence)
@@ -86,7 +87,7 @@ def _source(planner: ViewPlanner, delta: Delta) -> Source:
 
 
 def tuples_of(delta: Delta, store: Store, operators: Mapping[str, Operator]) -> Iterator[tuple[Any, ...]]:
-    """The tuples of the relation that a delta starts from."""
+    """Yield the present tuples of the relation that a delta starts from."""
     match delta.occurrence.relation:
         case InstanceAtom(cls, _, exact):
             names = {cls} if exact else set(store.metamodel.concrete(cls))
@@ -107,6 +108,7 @@ def tuples_of(delta: Delta, store: Store, operators: Mapping[str, Operator]) -> 
 
 
 def _rows_of(operator: Operator) -> Iterator[tuple[Any, ...]]:
+    """Yield the tuples of an operator."""
     match operator:
         case Rows() if operator.listed:
             yield from operator.rows

@@ -1,4 +1,4 @@
-"""Explains as text how a view is made and kept current."""
+"""Format as text the operators of a view, and the plans that keep the view up to date."""
 
 from __future__ import annotations
 
@@ -15,31 +15,31 @@ from envgraph.match.views.operators._recursive import Component, Member
 
 _ROLES = {
     Role.EACH: "",
-    Role.SOME: ", if there is no other",
-    Role.NONE: ", which is excluded",
-    Role.NUMBER: ", which is counted",
+    Role.SOME: ", if no other tuple of its group exists",
+    Role.NONE: " (negated)",
+    Role.NUMBER: " (counted)",
 }
 
 
 Actual = Callable[[Delta], Sequence[float]]
-"""Partial matches after each step of a delta's plan, on average; empty if there is no tuple to try."""
+"""Returns the average number of partial matches after each step of a delta's plan; empty if there are no tuples."""
 
 
 def explain_views(
     operators: list[Operator], deltas: list[Delta], planner: ViewPlanner, pattern: str, actual: Actual
 ) -> str:
-    """The operators behind a watched pattern, in the order of their turns, and the delta functions of the last one.
+    """Return as text the operators of a watched pattern in processing order, and the pattern's delta functions.
 
-    Rows are for one tuple that comes: as estimated, and as they are for those that there are.
+    Row numbers are for one inserted tuple: the estimate, and the average over present tuples.
 
     Args:
-        operators: those that the pattern is made of, itself last.
-        deltas: of all views.
-        planner: made their plans.
+        operators: the operators that the pattern needs; the last one holds its matches.
+        deltas: the deltas of all views.
+        planner: the planner that made their plans.
         pattern: qualified name.
         actual: see `Actual`.
     """
-    lines = [f"{pattern} is watched (functions that hear of the same change run as one). It is made of:"]
+    lines = [f"{pattern} is watched. Its operators (delta functions of the same change run as one function):"]
     lines.extend(f"  {_operator(each)}" for each in operators)
     for delta in deltas:
         if delta.name == pattern:
@@ -48,6 +48,7 @@ def explain_views(
 
 
 def _operator(operator: Operator) -> str:
+    """Return one line about an operator."""
     size = f"{operator.size():.0f}"
     match operator:
         case View(counts=None):
@@ -55,7 +56,7 @@ def _operator(operator: Operator) -> str:
         case View():
             return f"{operator.name}: {size} rows, derivations counted"
         case Evaluated():
-            return f"{operator.name}: {size} rows, evaluated anew after every change"
+            return f"{operator.name}: {size} rows, recomputed after every change"
         case Fold():
             return f"{operator.name}: {operator.function} over {operator.source.name}, {size} groups"
         case ClosureOperator():
@@ -64,16 +65,17 @@ def _operator(operator: Operator) -> str:
         case Member():
             return f"{operator.name}: {size} rows, recursive"
         case Component():
-            return f"{operator.name}: brings {len(operator.members)} recursive patterns up to date together"
+            return f"{operator.name}: updates {len(operator.members)} recursive patterns together"
     return f"{operator.name}: {size} rows"
 
 
 def _delta(delta: Delta, planner: ViewPlanner, actual: Actual) -> Iterator[str]:
+    """Yield the lines about a delta: its occurrence, its plan and its source."""
     names = Names(planner.library, delta.name, delta.body, delta.conjunction)
     text = relation_text(delta.occurrence.relation, names)
-    yield f"body {delta.body + 1}: when {text} comes or goes{_ROLES[delta.occurrence.role]}"
+    yield f"body {delta.body + 1}: when {text} is inserted or deleted{_ROLES[delta.occurrence.role]}"
     known = [variable for variable in delta.occurrence.columns if variable is not None]
     yield from steps_text(delta_plan(planner, delta), names, "  ", actual(delta), known, watched=True)
     if delta.own is not None:
-        yield "  the rows that are lost are looked up in the view itself"
+        yield "  lost rows are looked up in an index of the view itself"
     yield delta_source(planner, delta, True).text

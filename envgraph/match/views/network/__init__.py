@@ -1,1 +1,1 @@
-"""The network of operators: built from patterns, subscribed to the store, scheduled."""
+"""The network of view operators: built from patterns, subscribed to the store, and scheduled."""

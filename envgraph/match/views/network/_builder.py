@@ -1,4 +1,4 @@
-"""From patterns to operators: which relations there have to be so that a pattern can be kept current."""
+"""Build the operators of a view network: the relations needed to keep a pattern's matches up to date."""
 
 from __future__ import annotations
 
@@ -46,22 +46,22 @@ from envgraph.pattern import (
 )
 
 Build = Callable[[Source], Any]
-"""Makes a function of generated source; symbols that a view holds are asked from the network."""
+"""Creates a function of generated source. Values of operator symbols come from the network."""
 Evaluate = Callable[[str], Callable[[], Sequence[Any]]]
-"""All rows of a pattern, on demand."""
+"""Returns a function that lists all rows of a pattern on demand."""
 
 
 MOST_GOALS: Final = 40
-"""Goals of a body that still gets delta functions: there is one for each, and each is planned."""
+"""The largest number of goals of a body with delta functions: each goal has its own function and plan."""
 
 
 class NotIncremental(Exception):
-    """There is no delta for a body."""
+    """The error raised if a body cannot have delta functions; its pattern is then recomputed after every change."""
 
 
 @dataclass(slots=True)
 class Definition:
-    """How a view is made: the bodies over the relations of the network."""
+    """The definition of a view: its bodies over relations of the network."""
 
     view: View | Member
     bodies: tuple[Conjunction, ...]
@@ -69,22 +69,22 @@ class Definition:
 
 Entered = TypeVar("Entered", bound=Operator)
 Key = tuple[str, int | str]
-"""A relation: "value" or "link" with the index of the feature, "rows" with the name of an operator."""
+"""A relation: "value" or "link" with the index of the feature, or "rows" with the name of an operator."""
 
 
 class NetworkBuilder:
-    """The operators so far, each after those that it is made of.
+    """A network under construction: the operators so far, each placed after the operators that it reads.
 
     Attributes:
-        operators: by name. What is named like a pattern holds its matches.
-        definitions: of the views.
-        edges: for each closure the relation that it follows, and whether that is crossed.
-        spreading: the delta functions by which rows of recursive patterns derive each other.
+        operators: by name. An operator with the name of a pattern holds its matches.
+        definitions: the definitions of the views.
+        edges: for each closure the relation that it follows, and True if source and target are swapped.
+        spreading: the delta functions between rows of a recursive component.
         most: the largest number of pairs that a new closure may have.
 
     Args:
-        store: what the views are about.
-        calls: which patterns are recursive.
+        store: the store of the model.
+        calls: the call graph of the patterns.
         planner: orders goals.
         build: see `Build`.
         evaluate: see `Evaluate`.
@@ -109,7 +109,7 @@ class NetworkBuilder:
         self._products: dict[str, bool] = {}
 
     def view(self, pattern: str) -> Rows:
-        """The operator that holds the matches of a pattern."""
+        """Return the operator with the matches of a pattern, created if necessary; recomputed if it has no deltas."""
         known = self.operators.get(pattern)
         if known is not None:
             assert isinstance(known, Rows)
@@ -132,13 +132,14 @@ class NetworkBuilder:
             return found
 
     def recursive(self, pattern: str) -> Member | None:
-        """The operator of a recursive pattern, if it has deltas."""
+        """Return the operator of a recursive pattern; None if it has no delta functions."""
         try:
             return self._members(self._definitions(pattern))[pattern]
         except NotIncremental:
             return None
 
     def _enter(self, operator: Entered) -> Entered:
+        """Add an operator to the network, compute its relation, and return it."""
         self.operators[operator.name] = operator
         if isinstance(operator, ClosureOperator) and self.most < inf:
             operator.check_pairs(self.most)
@@ -146,7 +147,7 @@ class NetworkBuilder:
         return operator
 
     def _define(self, name: str, bodies: Iterable[Conjunction]) -> View:
-        """A view of some bodies."""
+        """Create a view of some bodies, and return it."""
         prepared = [self._prepared(name, number, body) for number, body in enumerate(bodies)]
         view = View(name, self.store, counted=self._planner.repeats(prepared))
         try:
@@ -161,7 +162,7 @@ class NetworkBuilder:
         return self._enter(view)
 
     def _definitions(self, pattern: str) -> Definitions:
-        """Return the bodies of all patterns that call each other with this one."""
+        """Return the bodies of all patterns in the recursive component of a pattern."""
         names = self._together(pattern)
         if len(names) < len(self.calls.component(pattern)):
             raise NotIncremental
@@ -176,7 +177,7 @@ class NetworkBuilder:
         return definitions
 
     def _members(self, definitions: Definitions) -> dict[str, Member]:
-        """Make the operators of patterns that call each other."""
+        """Create the operators of a recursive component, and return its views by pattern."""
         component = frozenset(definitions)
         members = {name: self._enter(Member(name, self.store, component)) for name in definitions}
         self._open |= component
@@ -200,7 +201,7 @@ class NetworkBuilder:
                     target.spread = (*target.spread, self._build(spread))
                     target.retract = (*target.retract, self._build(retract))
             self._enter(Component(f"{next(iter(members))}/component", self.store, list(members.values())))
-            for name, number, body in prepared:  # planned last, for the current sizes
+            for name, number, body in prepared:  # last, so that they are planned for the present sizes
                 derivable = self._build(derivable_source(self._planner, name, number, body))
                 members[name].derivable = (*members[name].derivable, derivable)
         except Unplannable:
@@ -208,20 +209,20 @@ class NetworkBuilder:
         return members
 
     def _together(self, pattern: str) -> list[str]:
-        """The patterns that call each other with this one, or the pattern alone; those that can be enumerated."""
+        """Return the patterns of the recursive component, or the pattern alone, if they can be enumerated."""
         component = self.calls.component(pattern) or {pattern}
         names = [name for name in self.library.names() if name in component] or [pattern]
         return [name for name in names if not self.library.inputs(name)]
 
     def _prepared(self, name: str, number: int, body: Conjunction) -> Conjunction:
-        """A body over relations of the network."""
+        """Return a body over relations of the network. Missing relations are created."""
         if len(body.goals) > MOST_GOALS:
             raise NotIncremental
         body = self._with_apart(body, f"{name}/{number}/apart")
         return self._with_values(replace(body, goals=tuple(self._goals(body, f"{name}/{number}"))))
 
     def _with_values(self, body: Conjunction) -> Conjunction:
-        """The body with views of the values by which it joins."""
+        """Return the body with joins by attribute value rewritten to calls of views of these values."""
         attributes = joined_by_value(self.store, self._planner, body)
         for goal in body.goals:
             held = held_value(goal)
@@ -232,9 +233,10 @@ class NetworkBuilder:
         return with_values(body, attributes) if attributes else body
 
     def _with_apart(self, body: Conjunction, place: str) -> Conjunction:
-        """The body, with goals that no variable connects with a parameter in views of their own.
+        """Return the body with groups of goals that share no variable with a parameter replaced by views.
 
-        Of these only the existence of a solution matters; their number would multiply the derivations of every match.
+        Only the existence of a solution of such a group matters; its solutions would multiply the derivations of each
+        match.
         """
         fixed = frozenset(number for number, _ in body.constants)
         pending = [goal for goal in body.goals if not fixed.issuperset(variables(goal))]
@@ -257,9 +259,10 @@ class NetworkBuilder:
         return replace(body, goals=tuple(found))
 
     def _goals(self, body: Conjunction, name: str) -> list[Goal]:
-        """Return the goals as relations of the network; make restricting relations before those they restrict."""
+        """Return the goals as relations of the network; relations that restrict others are created first."""
 
         def turn(number: int) -> int:
+            """Return the priority of a goal; goals with lower numbers are prepared earlier."""
             goal = pending[number]
             if isinstance(goal, CallAtom) and not self._is_product(goal.pattern):
                 return 0 if self._is_made(goal) or self._restricted(body, goal) else 1
@@ -282,7 +285,7 @@ class NetworkBuilder:
         return list(body.goals)
 
     def _is_made(self, goal: RelationAtom) -> bool:
-        """Return whether a relation can be read as it is: its operator exists, or the body cannot restrict it."""
+        """Return True if a relation can be read as it is: its operator exists, or the body cannot restrict it."""
         if isinstance(goal, CallAtom):
             return goal.pattern in self.operators or not self.calls.recursive(goal.pattern)
         return not isinstance(goal, ClosureAtom) or isinstance(self.operators.get(goal.step), ClosureOperator)
@@ -296,7 +299,7 @@ class NetworkBuilder:
         return [*near, *(each for each in tests if near and known.issuperset(variables(each)))]
 
     def _restricted(self, body: Conjunction, goal: CallAtom) -> tuple[int, ...]:
-        """Return the positions of the arguments of a call that the rest of the body restricts."""
+        """Return the argument positions of a call that the rest of the body restricts."""
         fixed = dict(body.constants)
         return tuple(p for p, v in enumerate(goal.arguments) if v in fixed or self._restricting(body, [v]))
 
@@ -342,8 +345,8 @@ class NetworkBuilder:
     def _with_few(self, body: Conjunction, place: str) -> list[Conjunction]:
         """Return bodies that together have the rows of a body, but read only a few values of one variable.
 
-        The variable is one that other goals only compare, by `!=`, with `n` other variables. These exclude at most `n`
-        of its values, so the first `n + 1` values of each group suffice.
+        The variable occurs in other goals only in comparisons by `!=` with `n` other variables. These exclude at most
+        `n` of its values, so the first `n + 1` values of each group suffice.
         """
         fixed = frozenset(dict(body.constants))
         unequal = [each for each in body.goals if isinstance(each, UnequalAtom)]
@@ -369,7 +372,7 @@ class NetworkBuilder:
         return [replace(body, goals=(each, *others)) for each in values]
 
     def _is_product(self, pattern: str) -> bool:
-        """Return whether relations leave some parameters of a pattern unconnected or without a value."""
+        """Return True if relations leave some parameters of a pattern unconnected or without a value."""
         if pattern in self.operators or self.calls.recursive(pattern):
             return False
         if pattern not in self._products:
@@ -377,12 +380,13 @@ class NetworkBuilder:
         return self._products[pattern]
 
     def _is_linked(self, body: Conjunction) -> bool:
+        """Return True if relations connect all parameters of a body with each other."""
         fixed, heads = frozenset(dict(body.constants)), body.parameters
         linked = component(self._linked(body.goals), heads[:1], fixed)
         return fixed.union(*map(variables, linked)).issuperset(heads)
 
     def _linked(self, goals: Iterable[Goal]) -> list[RelationAtom]:
-        """Return the relations among goals, without calls of products and of patterns under construction."""
+        """Return the relations among goals, without calls of products (see `_is_product`) and unfinished patterns."""
         calls = {each.pattern for each in goals if isinstance(each, CallAtom)}
         apart = {name for name in calls if name in self._open or self._is_product(name)}
         return [g for g in goals if is_relation(g) and not (isinstance(g, CallAtom) and g.pattern in apart)]
@@ -399,6 +403,7 @@ class NetworkBuilder:
         return self.view(pattern)
 
     def _absence(self, body: Conjunction, goal: Absence, place: str) -> Goal:
+        """Return a negation of one relation of the network; raise `NotIncremental` if there is none."""
         if isinstance(call := negated(goal), CallAtom):
             if call.pattern not in self.operators and self._planner.orders(self._bodies.of(call.pattern)):
                 raise NotIncremental
@@ -420,6 +425,7 @@ class NetworkBuilder:
         return replace(goal, alternatives=((CallAtom(projected.name, outer),),), outer=outer)
 
     def _aggregate(self, body: Conjunction, goal: AggregateAtom, place: str) -> Goal:
+        """Return an aggregate whose value an operator holds for each group, or a count of links."""
         relation = goal.relation
         local = set(free_inside(goal))
         called = arguments(relation)
@@ -462,7 +468,7 @@ class NetworkBuilder:
     def _number_reached(
         self, body: Conjunction, goal: AggregateAtom, reached: ClosureAtom, place: str
     ) -> Goal:
-        """Return how many a start reaches: from the starts that the rest of the body asks for, not from all."""
+        """Return a count of the nodes that a closure reaches, for only the starts that the rest of the body allows."""
         forward = reached.target in goal.local
         closure = self._closure(body, reached, place, forward)
         assert isinstance(closure, ClosureAtom)
@@ -478,11 +484,17 @@ class NetworkBuilder:
     def _closure(
         self, body: Conjunction, goal: ClosureAtom, place: str, direction: bool | None = None
     ) -> ClosureAtom | CallAtom:
-        """A closure from those starts that the rest of the body asks for, in the given direction if there is one."""
+        """Return a closure from the starts that the rest of the body allows, or a call of the view of nodes on cycles.
+
+        Args:
+            body, goal: the body, and its closure.
+            place: the name prefix of new operators.
+            direction: True to start at the sources, False at the targets, None for the direction with fewer starts.
+        """
         if link_of(self._bodies.of(goal.step)) is None:
             self._usable(goal.step)
         if goal.source == goal.target and goal.closure is Closure.PLUS:
-            name = f"{goal.step}/circles"  # shared by all calls, so not restricted
+            name = f"{goal.step}/circles"  # shared by all calls, so without restriction
             if name not in self.operators:
                 self._enter(CircleOperator(name, self.store, self._steps(name, goal.step, True)))
             return CallAtom(name, (goal.source,))
@@ -502,7 +514,7 @@ class NetworkBuilder:
         return replace(goal, step=name)
 
     def _steps(self, name: str, step: str, forward: bool) -> Steps:
-        """Return the steps that a closure operator follows, and record the relation that they come from."""
+        """Return the edges that a closure operator follows, and record the relation that they come from."""
         link = link_of(self._bodies.of(step))
         self.edges[name] = (("link", link[0]), link[1]) if link else (("rows", step), False)
         if link:
@@ -512,6 +524,7 @@ class NetworkBuilder:
         return Steps(rows.group((near,), 1 - near).table, rows.group((1 - near,), near).table)
 
     def _discard(self, *names: str) -> None:
+        """Remove operators by name."""
         for name in names:
             del self.operators[name]
             self.definitions.pop(name, None)
@@ -519,7 +532,7 @@ class NetworkBuilder:
     def _starts(
         self, body: Conjunction, goal: ClosureAtom, forward: bool, place: str
     ) -> tuple[bool, View] | None:
-        """The view of what the rest of the body allows at one end."""
+        """Return the direction and a new view of the allowed starts of a closure; None if that has no deltas."""
         way = 1 if forward else -1
         start = goal.source if forward else goal.target
         others = tuple(each for each in body.goals if not isinstance(each, ClosureAtom))
@@ -542,14 +555,14 @@ class NetworkBuilder:
     # --- who reads whom
 
     def read(self) -> set[str]:
-        """Names of operators that take their turn, because others read them."""
+        """Return the names of the operators that other operators read, and of all recursive views."""
         found = {name for name, operator in self.operators.items() if isinstance(operator, Member)}
         for name in self.operators:
             found.update(self.made_of(name))
         return found
 
     def made_of(self, name: str) -> Iterator[str]:
-        """The operators that one reads."""
+        """Yield the names of the operators that an operator reads."""
         operator = self.operators[name]
         if name in self.definitions:
             for body in self.definitions[name].bodies:
@@ -569,11 +582,12 @@ class NetworkBuilder:
 
 
 def called(place: Occurrence) -> str | None:
-    """The operator that is called at a place."""
+    """Return the name of the operator that an occurrence calls; None if the occurrence is no call."""
     return place.relation.pattern if isinstance(place.relation, CallAtom) else None
 
 
 def _together(lists: Sequence[Callable[[], list[Any]]]) -> Callable[[], list[Any]]:
+    """Return a function that concatenates the lists of some functions."""
     if len(lists) == 1:
         return lists[0]
     return lambda: [row for each in lists for row in each()]

@@ -1,4 +1,4 @@
-"""Recursive patterns as a whole, on demand: filled like views, but not kept current."""
+"""Compute all rows of a recursive pattern on demand with a view network that is not kept up to date."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ if TYPE_CHECKING:
 
 
 def whole_pattern(program: Program, pattern: str) -> Callable[[], list[Row]] | None:
-    """A function that lists all rows of a recursive pattern in ascending order; None for one that has no deltas.
+    """Return a function that lists all rows of a recursive pattern in ascending order; None if it has no deltas.
 
-    The rows are remembered for as long as the model does not change. The list must not be changed.
+    The rows are cached until the model changes. The list must not be changed.
     """
     store = program.model.graph.store
     network = Network(
@@ -27,7 +27,7 @@ def whole_pattern(program: Program, pattern: str) -> Callable[[], list[Row]] | N
         lambda source: program.build(source, network.held),
         lambda name: program.answering(name, (), Mode.ROWS),
     )
-    with unrecorded(store):  # its relations are no part of any version
+    with unrecorded(store):  # its relations belong to no version
         view = network.recursive(pattern)
     if view is None:
         return None

@@ -1,4 +1,4 @@
-"""The network of views: its operators, their turns, and what generated source asks of them."""
+"""The view network: its operators, their schedule, and the values of symbols in generated source."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ from envgraph.pattern import Library
 
 
 class Network:
-    """Operators in an order in which each stands after those that it is made of.
+    """A network of operators, each placed after the operators that it reads.
 
     Args:
-        store: what the views are about.
+        store: the store of the model.
         library: the patterns.
-        calls: which of them are recursive.
-        build: makes functions of source; asks `held`.
-        evaluate: all rows of a pattern, on demand.
+        calls: their call graph.
+        build: creates functions of source; gets the values of symbols from `held`.
+        evaluate: returns a function that lists all rows of a pattern on demand.
 
     Attributes:
-        wiring: registers the functions of all operators in the store.
+        wiring: subscribes the functions of all operators to the store.
     """
 
     def __init__(
@@ -49,36 +49,37 @@ class Network:
         self.definitions = self._builder.definitions
 
     def view(self, pattern: str) -> Rows:
-        """The operator that holds the matches of a pattern, made if there is none."""
+        """Return the operator with the matches of a pattern; create it if necessary."""
         view = self._builder.view(pattern)
         view.asked = True
         return view
 
     def limit_closures(self, most: float) -> None:
-        """Set the number of pairs above which making a closure raises an `EvaluationError`."""
+        """Set the number of pairs above which the creation of a closure raises an `EvaluationError`."""
         self._builder.most = most
 
     def largest(self) -> float:
-        """Return the number of tuples of the largest operator; infinite if one is recomputed at every change."""
+        """Return the largest number of tuples of an operator; infinity if one is recomputed after every change."""
         each = self.operators.values()
         return max(inf if isinstance(operator, Evaluated) else operator.size() for operator in each)
 
     def recursive(self, pattern: str) -> Member | None:
-        """The operator of a recursive pattern, if it has deltas."""
+        """Return the operator of a recursive pattern; None if the pattern has no delta functions."""
         return self._builder.recursive(pattern)
 
     # --- what plans ask
 
     def rows(self, view: str) -> float:
-        """Return the number of matches of a view; before it is made, the number of objects as an estimate."""
+        """Return the number of matches of a view, at least 0.5; before its creation the number of objects."""
         operator = self.operators.get(view)
         return max(operator.size() if operator else self._objects(), 0.5)
 
     def _objects(self) -> float:
+        """Return the number of objects in the model."""
         return float(sum(map(len, self._store.extents)))
 
     def matching(self, view: str, positions: tuple[int, ...]) -> float:
-        """Matches of a view that agree with values at these positions, on average."""
+        """Return the average number of matches of a view for one combination of values at some positions."""
         operator = self.operators.get(view)
         if operator is None:
             return 1.0
@@ -88,7 +89,7 @@ class Network:
         return max(sample / keys, 0.5) if keys else 0.5
 
     def reached(self, closure: str) -> tuple[bool, float, float]:
-        """Return whether it is followed from the source, how many starts it has, and what each reaches."""
+        """Return for a closure: True if followed from the source, number of starts, and nodes reached per start."""
         operator = self.operators.get(closure)
         if operator is None:
             return True, self._objects(), 1.0
@@ -99,7 +100,7 @@ class Network:
     # --- turns
 
     def settle(self) -> None:
-        """Bring everything up to date: each operator once, after those that it is made of."""
+        """Process all operators with pending changes, each once, in the order of the network."""
         if self._settled == self._store.revision:
             return
         for operator in self.wiring.turns:
@@ -108,36 +109,36 @@ class Network:
         self._settled = self._store.revision
 
     def forget(self) -> None:
-        """The state that the operators hold is right as it is: what is pending is void."""
+        """Discard all pending changes, because the stored state is already correct."""
         for operator in self.wiring.turns:
             operator.forget()
         self._settled = self._store.revision
 
     def rolled_back(self) -> None:
-        """The state has been replaced, once, by one that the operators hold already: what is pending is void."""
+        """Discard all pending changes after a rollback: the journal has already restored the state of the operators."""
         if self._settled != self._store.revision - 1:
             self.forget()
             return
-        for operator in self.wiring.evaluated:  # nothing is pending: there was no change since the last turns
+        for operator in self.wiring.evaluated:  # no other operator has pending changes
             operator.forget()
         self._settled = self._store.revision
 
     def refill(self) -> None:
-        """Compute everything anew, unrecorded."""
+        """Recompute all operators without recording the changes in the journal."""
         self.forget()
         for operator in self.operators.values():
             fill_unrecorded(operator)
         self._settled = self._store.revision
 
     def recount(self) -> None:
-        """Compute everything anew, and record what differs."""
+        """Recompute all operators, and record the differences in the journal."""
         self.forget()
         for operator in self.operators.values():
             operator.fill()
         self.forget()
 
     def held(self, symbol: Held) -> object:
-        """Return what a name in generated source stands for."""
+        """Return the value of a symbol in generated source: a data structure or method of an operator."""
         operator = self.operators[symbol.name]
         if isinstance(operator, Rows) and symbol.what in ("position", "rows", "group"):
             operator.asked = True
@@ -168,11 +169,11 @@ class Network:
         raise AssertionError(symbol)
 
     def explain(self, pattern: str, build: DeltaBuild) -> str:
-        """Return what a watched pattern is made of, and how it is kept current.
+        """Return as text the operators of a watched pattern, and the plans of its delta functions.
 
         Args:
             pattern: qualified name.
-            build: makes a function of source; asks the second argument what is held.
+            build: creates functions of source; its second argument returns the values of symbols.
         """
         needed = reached([pattern], self._builder.made_of)
         operators = [operator for name, operator in self.operators.items() if name in needed]
@@ -185,7 +186,7 @@ class Network:
         return explain_views(operators, deltas, self._planner, pattern, actual)
 
     def check(self) -> None:
-        """Assert that every operator holds what a new computation finds."""
+        """Assert that every operator holds the tuples that a new computation finds."""
         for operator in self.operators.values():
             match operator:
                 case View():

@@ -1,4 +1,4 @@
-"""Subscribes the delta functions of a network to the store and to each other."""
+"""Subscribe the delta functions of a network to the store and to each other."""
 
 from __future__ import annotations
 
@@ -22,24 +22,24 @@ from envgraph.metamodel import Attribute
 from envgraph.pattern import AttributeAtom, CallAtom, ClosureAtom, Conjunction, InstanceAtom, LinkAtom
 
 Consumer = tuple[Hook, Hook]
-"""What is called with a tuple that has come, and with one that is about to go."""
+"""The functions to call after a tuple is inserted, and before a tuple is deleted."""
 Kind = frozenset[tuple[str, bool]]
-"""Classes that an object is an instance of, and whether directly, as far as anybody asks."""
+"""The class atoms (class, exact) used by views that hold for the direct instances of a class."""
 
 
 class Wiring:
-    """The functions that bring changes to the operators.
+    """The subscriptions of a network: the functions that bring changes of the model to the operators.
 
     Attributes:
-        deltas: what they find.
-        turns: the operators that take turns; the others are changed in place.
-        evaluated: those of them that go by the revision of the store.
+        deltas: the definitions of the delta functions.
+        turns: the operators that are processed in order; the other views are updated at once.
+        evaluated: the operators among them that are recomputed when the store's revision has changed.
 
     Args:
-        store: what tells of changes.
+        store: notifies of changes.
         builder: the operators.
         planner: orders goals.
-        build: makes functions of source.
+        build: creates functions of source.
     """
 
     def __init__(self, store: Store, builder: NetworkBuilder, planner: ViewPlanner, build: Build) -> None:
@@ -56,14 +56,14 @@ class Wiring:
         self._queued: set[str] = set()
 
     def connect(self) -> None:
-        """Make the functions of all operators, and register them in the store."""
+        """Create the functions of all operators, and subscribe them to the store."""
         self.deltas.clear()
         self._consumers.clear()
         self._classes.clear()
         self._membership.clear()
         self._queued = self._builder.read()
         deltas = self._deltas()
-        # What nobody reads is changed in place, and has all its groups by now.
+        # Views without readers are updated at once; all of their groups exist by now.
         for operator in self._builder.operators.values():
             operator.added = operator.removing = None
             if operator.name not in self._queued:
@@ -77,7 +77,7 @@ class Wiring:
         queued = [each for each in self._builder.operators.values() if each.name in self._queued]
         for operator in queued:
             operator.added, operator.removing = self._fan(("rows", operator.name), self._arity(operator))
-        for operator in queued:  # what they read of each other is known now
+        for operator in queued:  # after all readers are known
             if isinstance(operator, View):
                 if self._only_followed(operator):
                     operator.unlist()
@@ -90,15 +90,16 @@ class Wiring:
         self.evaluated = [operator for operator in self.turns if isinstance(operator, Evaluated)]
 
     def _make(self, operator: Operator) -> None:
+        """Generate the update functions of a view. Do nothing for other operators."""
         if isinstance(operator, View):
             operator.make(self._arity(operator))
 
     def _only_followed(self, view: View) -> bool:
-        """Return whether a view has no readers but closures, which go from group to group."""
+        """Return True if only closures read a view: they need only its groups."""
         return bool(view.groups) and not view.asked and all(item is not None for _, item in view.groups)
 
     def _arity(self, operator: Operator) -> int:
-        """Values in a tuple of an operator."""
+        """Return the number of values in a tuple of an operator."""
         definition = self._builder.definitions.get(operator.name)
         match operator:
             case Fold():
@@ -111,6 +112,7 @@ class Wiring:
                 return len(self._builder.library.parameter_types(operator.name))
 
     def _subscribe(self, operator: Operator) -> None:
+        """Register an aggregate or closure operator as a consumer of the relations that it reads."""
         match operator:
             case Fold():
                 self._listen(("rows", operator.source.name), operator.hooks)
@@ -125,7 +127,7 @@ class Wiring:
                 self._listen(key, (gain, lose))
 
     def _deltas(self) -> list[tuple[Key, Delta]]:
-        """Return what changes of which relation concern which place; for classes that is found out when they change."""
+        """Return the deltas of all occurrences by relation. Class tests are collected apart: see `_affected`."""
         found: list[tuple[Key, Delta]] = []
         for name, definition in self._builder.definitions.items():
             for number, body in enumerate(definition.bodies):
@@ -148,13 +150,13 @@ class Wiring:
         return found
 
     def _inside(self, definition: Definition, key: Key) -> bool:
-        """Return whether a relation is a pattern of the same component, whose rows spread on their own."""
+        """Return True if a relation belongs to the recursive component of the view, which spreads its own rows."""
         return (
             isinstance(definition.view, Member) and key[0] == "rows" and key[1] in definition.view.component
         )
 
     def _with_own(self, delta: Delta, view: View | Member) -> Delta:
-        """The delta with an index of the view on its own rows, where that pays."""
+        """Return the delta with an index of the view on its own rows, if this is cheaper than a search."""
         if isinstance(view, Member) or view.counts is not None:
             return delta
         own = own_positions(self._planner, delta)
@@ -163,7 +165,7 @@ class Wiring:
         return replace(delta, own=own)
 
     def _delta(self, deltas: Sequence[Delta], coming: bool) -> Hook:
-        """One function that does what several deltas of one change ask for."""
+        """Return one function for several deltas of the same change."""
         try:
             hook: Hook = self._build(fused_source(self._planner, deltas, coming))
         except Unplannable as reason:
@@ -171,16 +173,19 @@ class Wiring:
         return hook
 
     def _both(self, delta: Delta) -> Consumer:
+        """Return the functions of a delta for insertion and deletion."""
         return self._delta([delta], True), self._delta([delta], False)
 
     def _listen(self, key: Key, consumer: Consumer | Delta) -> None:
+        """Register a consumer of a relation."""
         self._consumers.setdefault(key, []).append(consumer)
 
     def _fan(self, key: Key, arity: int, symmetric: bool = False) -> Consumer | tuple[None, None]:
+        """Return one function for insertions and one for deletions that call all consumers; None without consumers."""
         consumers = self._consumers.get(key)
         if not consumers:
             return None, None
-        if symmetric:  # both directions at one place, then both at the next: they change together
+        if symmetric:  # both directions at one occurrence, then both at the next: they change together
             pairs = [self._both(each) if isinstance(each, Delta) else each for each in consumers]
             consumers = [(_both_ways(added), _both_ways(removing)) for added, removing in pairs]
         # A deletion is the mirror of an insertion.
@@ -190,7 +195,7 @@ class Wiring:
         )
 
     def _hooks(self, consumers: Sequence[Consumer | Delta], coming: bool) -> list[Hook]:
-        """The functions of consumers, one for all deltas that follow each other."""
+        """Return the functions of consumers; consecutive deltas share one function."""
         found: list[Hook] = []
         for is_delta, run in groupby(consumers, lambda each: isinstance(each, Delta)):
             if is_delta:
@@ -200,7 +205,7 @@ class Wiring:
         return found
 
     def hang(self) -> None:
-        """Hang the functions into the store."""
+        """Subscribe all functions to the store."""
         store = self.store
         for relation in store.relations:
             key = ("link", relation.fact.index)
@@ -210,7 +215,10 @@ class Wiring:
         self._hang_classes()
 
     def _hang_classes(self) -> None:
-        """All functions are made now: one that is made later might ask for an index that has no history."""
+        """Subscribe the functions for creation, deletion and retyping of objects. All are created now.
+
+        A function created later could need an index without history, which a rollback could not restore.
+        """
         store, metamodel = self.store, self._builder.library.metamodel
         kinds = [self._kind(index) for index in range(len(metamodel.class_list))]
         hooks = {kind: self._class_hooks(kind) for kind in dict.fromkeys(kinds)}
@@ -228,7 +236,7 @@ class Wiring:
         store.retyping = lambda old, new: retypings[kinds[old], kinds[new]]
 
     def unhang(self) -> None:
-        """Hear nothing any more."""
+        """Remove all functions from the store."""
         store = self.store
         for relation in store.relations:
             relation.added = relation.removing = None
@@ -237,10 +245,10 @@ class Wiring:
                 hooks[index] = None
         store.retyping = None
 
-    # --- classes: an object that comes or goes changes the relation of every class that it is an instance of
+    # --- classes: creating or deleting an object changes the relation of every class that it is an instance of
 
     def _kind(self, cls: int) -> Kind:
-        """The class atoms that hold for the direct instances of a class."""
+        """Return the class atoms that hold for the direct instances of a class, given by its index."""
         metamodel = self._builder.library.metamodel
         name = metamodel.class_list[cls].name
         atoms = {
@@ -253,14 +261,14 @@ class Wiring:
         )
 
     def _class_hooks(self, change: Kind) -> tuple[Hook | None, Hook | None]:
-        """Return what happens before an object ceases to be what these atoms say, and after it has begun to be that."""
+        """Return the functions to call before class atoms cease to hold for an object, and after they begin to hold."""
         consumers = self._affected(change)
         if not consumers:
             return None, None
         return _fan([each[1] for each in reversed(consumers)], 1), _fan([each[0] for each in consumers], 1)
 
     def _affected(self, change: Kind) -> list[Consumer]:
-        """The delta functions of all places whose class an object enters or leaves in one step."""
+        """Return the delta functions of all class tests in the bodies that these atoms satisfy."""
         found: list[Consumer] = []
         for view, number, body, members in self._classes:
             places = [p for p in members if (_class(p).cls, _class(p).exact) in change]
@@ -278,7 +286,7 @@ class Wiring:
 
 
 def _key(place: Occurrence) -> Key | None:
-    """The relation of an occurrence; None for a class, which has functions of its own."""
+    """Return the relation of an occurrence; None for a class test."""
     match place.relation:
         case AttributeAtom(attribute) | LinkAtom(Attribute() as attribute):
             return "value", attribute.index
@@ -293,12 +301,13 @@ def _key(place: Occurrence) -> Key | None:
 
 
 def _class(place: Occurrence) -> InstanceAtom:
+    """Return the class test of an occurrence."""
     assert isinstance(place.relation, InstanceAtom)
     return place.relation
 
 
 def _fan(hooks: Sequence[Hook], arity: int) -> Hook:
-    """One function that calls several with its values."""
+    """Return one generated function that calls several functions with its arguments."""
     if len(hooks) == 1:
         return hooks[0]
     values = tuple(Local(f"a{number}") for number in range(arity))
@@ -309,11 +318,12 @@ def _fan(hooks: Sequence[Hook], arity: int) -> Hook:
 
 
 def _crossed(hook: Hook) -> Hook:
+    """Return the function with source and target swapped."""
     return lambda source, target: hook(target, source)
 
 
 def _both_ways(hook: Hook) -> Hook:
-    """A link that counts in both directions is two tuples, or one if it leads from an object to itself."""
+    """Return a function for symmetric links that calls `hook` for both directions, for a self-link only once."""
 
     def both(source: int, target: int) -> None:
         hook(source, target)

@@ -1,1 +1,1 @@
-"""Operators: each holds one relation, journalled, and updates it."""
+"""The operators of a view network: relations that are updated from the changes of others."""

@@ -1,4 +1,4 @@
-"""Transitive closure by demand: what is reached from those starts that the rest of a body asks for."""
+"""Transitive closure from selected starts: the nodes reached from each start that the rest of a body needs."""
 
 from __future__ import annotations
 
@@ -14,31 +14,30 @@ from envgraph.match.views.operators._sets import MatchSet, Row, become
 from envgraph.metamodel import components
 
 FEW: Final = 12
-"""Starts that are searched one by one; more share the strongly connected components."""
+"""The number of starts up to which each is searched separately; more starts share strongly connected components."""
 
 PART: Final = 8
-"""The search for the starts that a change affects gives up after as many nodes as starts divided by this; see
-the benchmark `closure`."""
+"""The search for affected starts visits at most the number of starts divided by this; see the benchmark `closure`."""
 
 NOTHING: Final[Reached] = {}
 ABSENT: Final = object()
 
 Step = tuple[Any, Any]
-"""An edge, from near the start to further away."""
+"""An edge, directed away from the start."""
 
 Patch = tuple[Any, Reached, Reached, Reached]
-"""A start; the nodes cut from its tree, those with another parent, those added. What is cut may be added again."""
+"""A start, the nodes cut from its tree, the nodes with a new parent, and the added nodes, which may have been cut."""
 
 Difference = tuple[list[Any], list[Any]]
-"""The nodes that are no longer reached, and the nodes that are newly reached."""
+"""The nodes that are no longer reached, and the newly reached nodes."""
 
 
 class Steps:
     """The edges that a closure follows, as two tables: the successors and the predecessors of each node.
 
     Attributes:
-        next: returns the nodes that one step from a node leads to.
-        before: returns the nodes from which one step leads to a node.
+        next: returns the successors of a node.
+        before: returns the predecessors of a node.
     """
 
     def __init__(self, after: Any, before: Any) -> None:
@@ -47,24 +46,24 @@ class Steps:
         self._after = after
 
     def nodes(self) -> Sequence[Any]:
-        """Return all nodes with steps; there may be nodes without steps among them."""
+        """Return all nodes with successors; nodes without any may be among them."""
         return list(self._after) if isinstance(self._after, dict) else range(len(self._after))
 
     def has(self, node: Any, other: Any) -> bool:
-        """Return whether a step leads from `node` to `other`."""
+        """Return True if an edge leads from `node` to `other`."""
         return other in self.next(node)
 
 
 class ClosureOperator(Operator):
-    """For each start what is reached by one or more steps; with `reflexive`, the start itself, too.
+    """The nodes reached from each start by one or more edges; with `reflexive` also the start itself.
 
     Args:
-        name: unique.
-        store: of the model.
-        starts: the starts that are asked for, a unary relation.
+        name: unique in the network.
+        store: the store of the model.
+        starts: the requested starts, a unary relation.
         steps: the edges, in the direction in which they are followed.
-        forward: whether starts are sources; else they are targets.
-        reflexive: for `*`.
+        forward: True if starts are sources; False if they are targets.
+        reflexive: True for `*`.
     """
 
     def __init__(
@@ -82,7 +81,7 @@ class ClosureOperator(Operator):
         self._asked: dict[Any, int] = {}
         self._owned: dict[
             Any, int
-        ] = {}  # epoch of the store in which a tree was copied, to be changed in place
+        ] = {}  # the store's epoch in which a tree was last copied: in this epoch it is changed in place
 
     @property
     def pending(self) -> bool:
@@ -97,38 +96,38 @@ class ClosureOperator(Operator):
         return float(sum(len(self.reached[start]) for (start,) in self.begun))
 
     def group_table(self, positions: tuple[int, ...]) -> Mapping[Any, Collection[Any]]:
-        """Return what each start reaches, for counting."""
+        """Return the nodes reached from each start, for counting."""
         assert positions == ((0,) if self.forward else (1,))
         return self.reached
 
     # --- what it hears
 
     def ask(self, start: Any) -> None:
-        """Somebody asks what a start reaches."""
+        """Record that a start is requested."""
         self._asked[start] = self._asked.get(start, 0) + 1
 
     def unask(self, start: Any) -> None:
-        """Nobody asks any more."""
+        """Record that a start is no longer requested."""
         self._asked[start] = self._asked.get(start, 0) - 1
 
     def gain(self, source: Any, target: Any) -> None:
-        """There is a new step."""
+        """Record an inserted edge."""
         self._gained.append((source, target) if self.forward else (target, source))
 
     def lose(self, source: Any, target: Any) -> None:
-        """A step goes."""
+        """Record a deleted edge."""
         self._lost.append((source, target) if self.forward else (target, source))
 
     # --- what it answers
 
     def pairs(self) -> Iterator[tuple[Any, Any]]:
-        """Sources and targets."""
+        """Yield all pairs of a source and a target."""
         for (start,) in self.begun:
             for other in self.reached[start]:
                 yield (start, other) if self.forward else (other, start)
 
     def starts_to(self, other: Any) -> list[Any]:
-        """The starts that reach something."""
+        """Return the starts that reach a node."""
         return [start for (start,) in self.begun if other in self.reached[start]]
 
     # --- keeping it current
@@ -138,7 +137,7 @@ class ClosureOperator(Operator):
         self._lost.clear()
         self._gained.clear()
         self._asked = {}
-        if lost and gained:  # else each step has changed once
+        if lost and gained:  # otherwise each edge has changed only once
             has = self._steps.has
             lost = [edge for edge in dict.fromkeys(lost) if not has(*edge)]
             gained = [edge for edge in dict.fromkeys(gained) if has(*edge)]
@@ -157,7 +156,7 @@ class ClosureOperator(Operator):
             self._replace(start, old, new, _difference(old, new))
 
     def _follow(self, lost: list[Step], gained: list[Step]) -> None:
-        """Bring all starts up to date with changed steps."""
+        """Update the reached nodes of all starts after edges were deleted and inserted."""
         anew: list[Any] = []
         patches: list[Patch] = []
         changes: list[tuple[Any, Reached]] = []
@@ -170,8 +169,7 @@ class ClosureOperator(Operator):
                 anew.append(start)
                 continue
             cut, reattached = loss
-            # Starts that reach each other reach the same, and share it: a connected graph costs no more than its
-            # nodes. Only the last that was extended is tried, which finds most.
+            # Starts that reach each other share one set. Only the last extended set is tried, which finds most cases.
             if start in common and first in old and first not in cut:
                 changes.append((start, common))
                 continue
@@ -193,22 +191,22 @@ class ClosureOperator(Operator):
             self._change(changes)
 
     def _change(self, changes: list[tuple[Any, Reached]]) -> None:
-        """Put what starts reach now in the place of what they reached."""
+        """Replace the reached nodes of starts."""
         differences: dict[tuple[int, int], Difference] = {}
         for start, new in changes:
             old = self.reached[start]
-            # What is new stays alive in `changes`, what is old until its last start's turn.
+            # Ids stay unique: `changes` keeps new sets alive; an old set lives until its last start is processed.
             pair = (id(old), id(new))
             if pair not in differences:
                 differences[pair] = _difference(old, new)
             self._replace(start, old, new, differences[pair])
 
     def _cut(self, start: Any, old: Reached, lost: list[Step]) -> tuple[Reached, Reached] | None:
-        """Return what is not reached any more without some steps, and what has another parent in the tree then.
+        """Return the nodes no longer reached after edges were deleted, and nodes with their new parents in the tree.
 
-        None if only a new search can tell. Only what is below a lost step in the tree is looked at: it is saved by
-        any step from the rest of the tree (as in Even and Shiloach, An On-Line Edge-Deletion Problem, 1981, but
-        without their levels).
+        Return None if only a new search can decide. Only nodes below a deleted tree edge are checked. Another edge from
+        the rest of the tree reattaches a node (Even and Shiloach, An On-Line Edge-Deletion Problem, 1981, without
+        levels).
         """
         cut: Reached = {}
         for node, other in lost:
@@ -216,13 +214,13 @@ class ClosureOperator(Operator):
             if by == node:
                 cut[other] = None
             elif by is None and node in old and not (self.reflexive and other == start):
-                return None  # a step from the start itself has never been the only way to such a node
+                return None  # an edge from the start was never the only way to such a node
         if not cut:
             return NOTHING, NOTHING
         following, before = self._steps.next, self._steps.before
         todo = list(cut)
         for node in todo:
-            # Children of the start are children of the root, also if a circle leads back to it.
+            # Children of the start are children of the root, even if a cycle leads back to the start.
             if node != start:
                 for other in following(node):
                     if other not in cut:
@@ -250,7 +248,7 @@ class ClosureOperator(Operator):
         return cut, reattached
 
     def _come(self, start: Any, old: Reached, cut: Reached, gained: list[Step]) -> Reached:
-        """Return what is reached with new steps, too, and from where; of what is cut off, what is reached again."""
+        """Return the nodes newly reached by inserted edges, with their parents; cut nodes may be among them."""
         come: Reached = {}
         following, growing = self._steps.next, True
         while growing:
@@ -270,15 +268,14 @@ class ClosureOperator(Operator):
         return come
 
     def _round(self, start: Any, come: Reached) -> bool:
-        """Return whether one of these leads back to the start."""
+        """Return True if an edge leads from one of these nodes back to the start."""
         following = self._steps.next
         return any(start in following(node) for node in come)
 
     def _apply(self, start: Any, cut: Reached, reattached: Reached, come: Reached) -> None:
-        """Change the tree of a start, and tell.
+        """Change the tree of a start, and call the consumers.
 
-        Since a savepoint or a version a tree is copied once; then it is changed in place, and undoing puts the old
-        one back.
+        A tree is copied once after each savepoint or version, then changed in place. Undoing restores the old tree.
         """
         old = self.reached[start]
         gone: Collection[Any] = cut
@@ -304,7 +301,7 @@ class ClosureOperator(Operator):
             self._notify(self.added, start, fresh)
 
     def _concerned(self, lost: list[Step], gained: list[Step]) -> Collection[Any]:
-        """Return at least the starts that reached the source of a changed step; all starts if there are too many."""
+        """Return at least the starts that reached the source of a changed edge; all starts if these are many."""
         before, most = self._steps.before, len(self.begun) // PART
         if len(self.begun) > FEW:
             gone: dict[Any, list[Any]] = {}
@@ -324,12 +321,13 @@ class ClosureOperator(Operator):
         return [start for (start,) in self.begun]
 
     def _solve(self, starts: Sequence[Any]) -> dict[Any, Reached]:
-        """Return what the starts reach."""
+        """Return the nodes that each start reaches, by new searches."""
         if len(starts) > FEW:
             return reachable_sets(starts, self._steps.next, self.reflexive)
         return {start: self._reach(start) for start in starts}
 
     def _reach(self, start: Any) -> Reached:
+        """Return the search tree of one start."""
         seen = Tree({start: None} if self.reflexive else ())
         following, todo = self._steps.next, [start]
         for node in todo:
@@ -340,6 +338,7 @@ class ClosureOperator(Operator):
         return seen
 
     def _replace(self, start: Any, old: Reached, new: Reached, difference: Difference) -> None:
+        """Replace the reached nodes of one start, record the change, and call the consumers."""
         gone, come = difference
         if self.removing is not None:
             self._notify(self.removing, start, gone)
@@ -351,6 +350,7 @@ class ClosureOperator(Operator):
             self._notify(self.added, start, come)
 
     def _notify(self, hook: Any, start: Any, others: Iterable[Any]) -> None:
+        """Call a consumer with the pair of the start and each of some nodes."""
         for other in others:
             if self.forward:
                 hook(start, other)
@@ -371,7 +371,7 @@ class ClosureOperator(Operator):
         self.begun.replace(starts)
 
     def check(self) -> None:
-        """Assert that everything is as a new search finds it."""
+        """Assert that the reached nodes equal those of a new search, and that all tree edges exist."""
         assert set(self.begun) == set(self.starts.rows), self.name
         for (start,) in self.begun:
             reached = self.reached[start]
@@ -379,7 +379,7 @@ class ClosureOperator(Operator):
             assert all(self._is_connected(node, start, reached) for node in reached), self.name
 
     def _is_connected(self, node: Any, start: Any, reached: Reached) -> bool:
-        """Return whether all steps on the recorded path from the start to a node still exist."""
+        """Return True if all edges on the recorded path from the start to a node still exist."""
         passed = {node}
         while True:
             by = reached[node]
@@ -396,9 +396,9 @@ class ClosureOperator(Operator):
 
 
 class CircleOperator(Rows):
-    """Holds the nodes on cycles: those of strongly connected components that have a step inside.
+    """The nodes on cycles: the nodes of strongly connected components with at least one inner edge.
 
-    A node is on a cycle if one or more steps lead from it back to itself.
+    A node is on a cycle if one or more edges lead from it back to itself.
     """
 
     def __init__(self, name: str, store: Store, steps: Steps) -> None:
@@ -414,7 +414,7 @@ class CircleOperator(Rows):
         self._changed.clear()
 
     def gain(self, source: Any, target: Any) -> None:
-        """Note a step that is inserted or deleted."""
+        """Record an inserted or deleted edge."""
         self._changed[source, target] = None
 
     lose = gain
@@ -422,20 +422,20 @@ class CircleOperator(Rows):
     def process(self) -> None:
         changed = list(self._changed)
         self._changed.clear()
-        # Every cycle through a changed step is reachable from the target of the step.
+        # Every cycle through a changed edge is reachable from the target of the edge.
         for row, is_on in list(self._classified([step[1] for step in changed if self._may_change(*step)])):
             if is_on != (row in self.rows.position):
                 (self.appear if is_on else self.vanish)(row)
 
     def _may_change(self, source: Any, target: Any) -> bool:
-        """Return whether an inserted or deleted step may create or break cycles."""
+        """Return True if an inserted or deleted edge may create or break cycles."""
         if self._steps.has(source, target):
             return self._reaches(target, source)
         on = self.rows.position
         return (source,) in on and (target,) in on and (source == target or not self._reaches(source, target))
 
     def _reaches(self, source: Any, target: Any) -> bool:
-        """Return whether zero or more steps lead from source to target; search from both ends alternately."""
+        """Return True if zero or more edges lead from source to target; search from both ends alternately."""
         ahead, behind = {source: None}, {target: None}
         both = zip(
             _nodes_from(ahead, self._steps.next), _nodes_from(behind, self._steps.before), strict=False
@@ -443,13 +443,13 @@ class CircleOperator(Rows):
         return any(one in behind or other in ahead for one, other in both)
 
     def _classified(self, starts: Sequence[Any]) -> Iterator[tuple[Row, bool]]:
-        """Yield the row of each node that the starts reach, and whether the node is on a cycle."""
+        """Yield the row of each node that the starts reach, and True if the node is on a cycle."""
         for nodes, exits in components(starts, self._steps.next):
             is_on = len(nodes) > 1 or nodes[0] in exits
             yield from (((node,), is_on) for node in nodes)
 
     def circles(self) -> list[Row]:
-        """Return the rows that a new search of the whole graph finds."""
+        """Return the rows of all nodes on cycles, by a new search of the whole graph."""
         return [row for row, is_on in self._classified(self._steps.nodes()) if is_on]
 
     def fill(self) -> None:
@@ -468,4 +468,5 @@ def _nodes_from(known: dict[Any, None], following: Callable[[Any], Iterable[Any]
 
 
 def _difference(old: Reached, new: Reached) -> Difference:
+    """Return the nodes only in the old set, and the nodes only in the new set."""
     return list(filterfalse(new.__contains__, old)), list(filterfalse(old.__contains__, new))

@@ -1,4 +1,4 @@
-"""Aggregates of groups: small groups are read anew when they change, of large ones only the changes."""
+"""Aggregates of groups. Small groups are recomputed when they change, large groups are updated by each change."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ from envgraph.match.views.operators._running_aggregates import Change, Extremes,
 from envgraph.match.views.operators._sets import Row, become
 
 LARGE: Final = 32
-"""Tuples in a group above which its aggregate is kept running."""
+"""The number of tuples in a group above which its aggregate is updated by each change."""
 
 
 class Grouped(Protocol):
-    """What can be aggregated."""
+    """The interface of relations that can be aggregated by group."""
 
     name: str
     store: Store
 
     def group_table(self, positions: tuple[int, ...]) -> Mapping[Any, Collection[Any]]:
-        """The tuples under the values at some positions."""
+        """Return the tuples grouped by their values at some positions."""
 
 
 class Values(dict[Row, Any]):
-    """Values of groups; a group that is not there has that of nothing, without being put in."""
+    """The aggregate values of groups. A missing group has the value of an empty group, and is not inserted."""
 
     __slots__ = ("empty",)
 
@@ -40,15 +40,14 @@ class Values(dict[Row, Any]):
 
 
 class Fold(Operator):
-    """The value of an aggregate for each group of a view; a group that is not there has the value of nothing.
+    """The value of an aggregate for each group of a relation; a missing group has the value of an empty group.
 
     Args:
-        name: unique.
-        store: of the model.
-        source: what is aggregated.
-        group: positions whose values tell the groups apart.
+        name: unique in the network.
+        source: the aggregated relation.
+        group: the positions whose values distinguish the groups.
         function: count, sum, min, max or avg.
-        column: position that is aggregated; None for count.
+        column: the aggregated position; None for count.
     """
 
     def __init__(
@@ -78,13 +77,15 @@ class Fold(Operator):
 
     @property
     def hooks(self) -> tuple[Hook, Hook]:
-        """The functions for a tuple of the source that is inserted, and for one that is deleted."""
+        """Return the functions to call for an inserted tuple and for a deleted tuple of the source."""
         return (self._touch, self._touch) if self.column is None else (self._changed(1), self._changed(-1))
 
     def _touch(self, *row: Any) -> None:
+        """Record that the group of a tuple has changed."""
         self._dirty[tuple([row[position] for position in self.group])] = []
 
     def _changed(self, number: int) -> Callable[..., None]:
+        """Return a function that records one more (1) or one less (-1) of the value in a tuple's aggregated column."""
         group, column, dirty = self.group, self.column, self._dirty
         assert column is not None
 
@@ -115,21 +116,24 @@ class Fold(Operator):
                 self.added(*key, new)
 
     def _put(self, table: dict[Row, Any], key: Row, old: Any, new: Any) -> None:
+        """Set a dict entry, and record the change."""
         if self.store.recording:
             self.store.journal.extend((table, key, old, SET))
         table[key] = new
 
     def _rows(self, key: Row) -> Collection[Row]:
+        """Return the tuples of a group."""
         return self._table.get(key[0] if self._bare else key, ())
 
     def _computed(self, key: Row) -> Any:
+        """Return the value of a group, computed from all of its tuples."""
         rows, column = self._rows(key), self.column
         if column is None:
             return len(rows)
         return aggregate(self.function, [row[column] for row in rows])
 
     def _followed(self, key: Row, changes: Sequence[Change]) -> Any:
-        """The value of a group after some of its tuples have changed, in a column."""
+        """Return the value of a group after changes in the aggregated column, by update if the group is large."""
         assert self.column is not None
         running, rows = self._running.get(key), self._rows(key)
         if running is None and len(rows) <= LARGE:
@@ -151,7 +155,7 @@ class Fold(Operator):
         become(self.store, self._running, {}, None)
 
     def check(self) -> None:
-        """Assert that every value is that of a new computation."""
+        """Assert that every value equals that of a new computation."""
         for key in {*self.values, *((k,) if self._bare else k for k in self._table)}:
             assert self.values[key] == self._computed(key), self.name
             running = self._running.get(key)
@@ -161,7 +165,7 @@ class Fold(Operator):
 
 
 class Nth(Fold):
-    """Holds the last value of row `number` (from 0) of each group; a group with fewer rows has no value."""
+    """The last value of row `number` (from 0) of each group; a group with fewer rows has no value."""
 
     def __init__(self, name: str, source: Rows, group: tuple[int, ...], number: int) -> None:
         super().__init__(name, source, group, "min", None)

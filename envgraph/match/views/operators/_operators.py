@@ -1,6 +1,6 @@
-"""Operators of a network of views: each holds one relation, and brings it up to date when it is its turn.
+"""Operators of a view network. Each holds one relation, and updates it when the network processes the operator.
 
-While the functions of its consumers run, a changed tuple is present: it comes, then they run; they run, then it goes.
+While the functions of its consumers run, a changed tuple is present: it is inserted before they run, and deleted after.
 """
 
 from __future__ import annotations
@@ -18,11 +18,12 @@ Hook = Callable[..., object]
 
 
 class Operator(ABC):
-    """One relation of a network.
+    """An operator of a view network: holds one relation.
 
     Attributes:
         name: unique in the network.
-        added, removing: what the consumers do with a tuple; None without consumers.
+        added: called after the insertion of a tuple; None without consumers.
+        removing: called before the deletion of a tuple; None without consumers.
     """
 
     def __init__(self, name: str, store: Store) -> None:
@@ -34,33 +35,33 @@ class Operator(ABC):
     @property
     @abstractmethod
     def pending(self) -> bool:
-        """Whether there is anything to process."""
+        """Return True if there are changes to process."""
 
     @abstractmethod
     def process(self) -> None:
-        """Work off what is pending; all relations that this one is made of are up to date."""
+        """Process the pending changes. All relations that the operator reads must be up to date."""
 
     @abstractmethod
     def forget(self) -> None:
-        """What is pending is void."""
+        """Discard the pending changes."""
 
     @abstractmethod
     def fill(self) -> None:
-        """Compute the relation from those that it is made of, and tell nobody."""
+        """Compute the whole relation from the relations it reads, without calling consumers."""
 
     @abstractmethod
     def size(self) -> float:
-        """Return how many tuples there are."""
+        """Return the number of tuples."""
 
 
 class Rows(Operator):
-    """A relation whose tuples are kept.
+    """An operator that stores the tuples of its relation.
 
     Attributes:
         rows: the tuples.
-        groups: the tuples under the values at some positions, for those who asked.
-        listed: whether there are rows; else only groups, because nobody asks for more.
-        asked: whether anybody but a closure reads the rows or groups.
+        groups: the tuples by their values at some positions, for the consumers that need them.
+        listed: False if only groups are stored, because nothing else is read.
+        asked: True if a consumer other than a closure reads the rows or groups.
     """
 
     def __init__(self, name: str, store: Store) -> None:
@@ -76,17 +77,17 @@ class Rows(Operator):
         return float(len(self.rows))
 
     def group_table(self, positions: tuple[int, ...]) -> Mapping[Any, Collection[Any]]:
-        """The tuples under the values at some positions, for an aggregate."""
+        """Return the tuples grouped by their values at some positions, for an aggregate."""
         self.asked = True
         return self.group(positions).table
 
     def unlist(self) -> None:
-        """Keep nothing but the groups."""
+        """Store only the groups from now on."""
         self.listed = False
         self.rows.replace([])
 
     def group(self, positions: tuple[int, ...], item: int | None = None) -> Groups:
-        """The tuples, or what they have at one position, under the values at some others; from now on kept."""
+        """Return the groups by the values at some positions, created at first use. Items: rows, or values at `item`."""
         key = (positions, item)
         if key not in self.groups:
             groups = self.groups[key] = Groups(self.store, positions, item)
@@ -94,7 +95,7 @@ class Rows(Operator):
         return self.groups[key]
 
     def appear(self, row: Row) -> None:
-        """A tuple comes."""
+        """Insert a tuple, then call the consumers."""
         self.rows.appear(row)
         for groups in self.groups.values():
             groups.add(row)
@@ -102,7 +103,7 @@ class Rows(Operator):
             self.added(*row)
 
     def vanish(self, row: Row) -> None:
-        """A tuple goes."""
+        """Call the consumers, then delete a tuple."""
         if self.removing is not None:
             self.removing(*row)
         for groups in self.groups.values():
@@ -110,19 +111,19 @@ class Rows(Operator):
         self.rows.vanish(row)
 
     def hold(self, row: Row) -> None:
-        """Insert a tuple, and notify nobody."""
+        """Insert a tuple without calling consumers."""
         self.rows.appear(row)
         for groups in self.groups.values():
             groups.add(row)
 
     def set_rows(self, rows: Sequence[Row]) -> None:
-        """Hold exactly these tuples, and tell nobody."""
+        """Replace all tuples without calling consumers."""
         self.rows.replace(rows if self.listed else [])
         for groups in self.groups.values():
             groups.fill(rows)
 
     def check(self, rows: Iterable[Row]) -> None:
-        """Assert that exactly these tuples are held, and in order everywhere."""
+        """Assert that exactly these tuples are stored, and that positions, indexes and groups agree with them."""
         if not self.listed:
             for groups in self.groups.values():
                 groups.check(list(dict.fromkeys(rows)))
@@ -137,14 +138,14 @@ class Rows(Operator):
 
 
 class View(Rows):
-    """The tuples that have a derivation.
+    """A materialized view: the tuples that have at least one derivation.
 
     Attributes:
-        counts: number of derivations of each tuple; None if none has more than one.
-        queue: derivations that have come (True) or gone (False) and wait for the view's turn, flat.
-        list_derivations: all derivations, a tuple once for each.
-        derive, underive: there is one more derivation of a tuple, or one less.
-        work: `derive` and `underive` for the whole queue.
+        counts: the support count (number of derivations) of each tuple; None if no tuple has several.
+        queue: pending derivations, flat: a tuple, then True if it is inserted, False if deleted.
+        list_derivations: lists the tuples of all derivations, with repetitions.
+        derive, underive: add or remove one derivation of a tuple.
+        work: processes the whole queue with `derive` and `underive`.
     """
 
     def __init__(self, name: str, store: Store, counted: bool) -> None:
@@ -164,10 +165,10 @@ class View(Rows):
         self.queue.clear()
 
     def make(self, arity: int) -> None:
-        """Make the functions that change it, for the consumers and groups that it has now.
+        """Generate the update functions for the present consumers and groups.
 
         Args:
-            arity: values in a row.
+            arity: the number of values in a row.
         """
         self.derive, self.underive, self.work = changes(self, self.counts, arity)
 
@@ -186,7 +187,7 @@ class View(Rows):
         self.set_rows(list(counts))
 
     def check_derivations(self) -> None:
-        """Assert that tuples and counts are those of a new computation."""
+        """Assert that tuples and support counts equal those of a new computation."""
         assert not self.queue
         found = self.list_derivations()
         self.check(found)
@@ -200,14 +201,14 @@ class View(Rows):
 
 
 def fill_unrecorded(operator: Operator) -> None:
-    """Compute a relation that nobody has asked before: nothing leads back to what it held."""
+    """Compute a new relation without recording it in the journal, since no earlier state needs it."""
     with unrecorded(operator.store):
         operator.fill()
 
 
 @contextmanager
 def unrecorded(store: Store) -> Iterator[None]:
-    """Nothing that is done in the block can be undone."""
+    """Disable the journal in a block: its changes cannot be undone."""
     recording, store.recording = store.recording, False
     try:
         yield
@@ -216,15 +217,16 @@ def unrecorded(store: Store) -> Iterator[None]:
 
 
 def _unmade(*_: object) -> None:
+    """Raise an error: the update functions do not exist yet."""
     raise AssertionError("the view is not connected yet")
 
 
 class Evaluated(Rows):
-    """The rows of a pattern that is evaluated anew after every change, for what has no delta.
+    """The rows of a pattern that is evaluated again after every change, for patterns without delta functions.
 
     Args:
-        name: of the pattern.
-        store: tells by its revision when there is something to do.
+        name: the name of the pattern.
+        store: its revision shows when the rows may be out of date.
         evaluate: lists the rows.
     """
 

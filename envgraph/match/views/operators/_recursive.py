@@ -1,7 +1,7 @@
-"""Recursive patterns, kept current by deltas: what is new spreads, what may be lost is taken out and derived again.
+"""Views of recursive patterns, updated by delete and rederive (DRed).
 
-Delete and rederive: A. Gupta, I. S. Mumick, V. S. Subrahmanian, "Maintaining views incrementally", SIGMOD 1993. Counts
-would not do, since on a cycle rows can derive each other.
+A. Gupta, I. S. Mumick, V. S. Subrahmanian, "Maintaining views incrementally", SIGMOD 1993. Support counts do not
+suffice, since on a cycle rows can derive each other.
 """
 
 from __future__ import annotations
@@ -15,18 +15,19 @@ from envgraph.match.views.operators._operators import Hook, Operator, Rows
 from envgraph.match.views.operators._sets import Row
 
 MOST_ROWS: Final = 1_000_000
-"""Rows of one pattern; only an `eval` that makes new values without end needs more."""
+"""The largest number of rows of one pattern; only an `eval` that creates ever new values exceeds it."""
 
 
 class Member(Rows):
-    """The rows of one of the patterns that call each other.
+    """The rows of one pattern of a recursive component.
 
     Attributes:
-        component: names of those patterns.
-        queue: derivations that have come (True) or gone (False), flat.
-        spread, retract: find what a row that has come, or one that is about to go, derives inside the component.
-        derivable: whether a row follows from what there is.
-        list_base: the rows that need no other row of the component.
+        component: names of the patterns of the component.
+        queue: pending derivations, flat: a row, then True if it is inserted, False if deleted.
+        spread: queue the component's derivations from an inserted row.
+        retract: queue the component's derivations from a row that will be deleted.
+        derivable: return True if a row has a derivation from the present rows.
+        list_base: list the rows derived without other rows of the component.
     """
 
     def __init__(self, name: str, store: Store, component: frozenset[str]) -> None:
@@ -40,7 +41,7 @@ class Member(Rows):
 
     @property
     def pending(self) -> bool:
-        return False  # it is the turn of all members at once
+        return False  # the component processes all members together
 
     def process(self) -> None:
         raise AssertionError("members are processed together")
@@ -49,17 +50,17 @@ class Member(Rows):
         self.queue.clear()
 
     def fill(self) -> None:
-        """Empty: the component fills all."""
+        """Remove all rows: the component fills its members together."""
         self.set_rows([])
 
 
 class Component(Operator):
-    """The patterns that call each other.
+    """The operator that updates all patterns of a recursive component.
 
     Args:
-        name: unique.
-        store: of the model.
-        members: in the order in which they were added to the library.
+        name: unique in the network.
+        store: the store of the model.
+        members: the views of the patterns, in the order in which the patterns were added to the library.
     """
 
     def __init__(self, name: str, store: Store, members: Sequence[Member]) -> None:
@@ -83,7 +84,7 @@ class Component(Operator):
         self._spread([*gained, *self._take_out(lost)] if lost else gained, doubtful=bool(lost))
 
     def _collect(self) -> tuple[list[tuple[Member, Row]], list[tuple[Member, Row]]]:
-        """Return what the queues hold: rows with a derivation more, and rows with one less."""
+        """Empty the queues of all members. Return rows with a new derivation, and rows with a lost derivation."""
         gained: list[tuple[Member, Row]] = []
         lost: list[tuple[Member, Row]] = []
         for member in self.members:
@@ -94,7 +95,7 @@ class Component(Operator):
         return gained, lost
 
     def _take_out(self, lost: list[tuple[Member, Row]]) -> list[tuple[Member, Row]]:
-        """Remove the rows that have lost a derivation, and all that may follow from them; returns them."""
+        """Delete and return the rows that lost a derivation, and all rows that may depend on them (overdeletion)."""
         marked: dict[tuple[str, Row], tuple[Member, Row]] = {}
         todo: list[tuple[Member, Row]] = []
 
@@ -119,7 +120,13 @@ class Component(Operator):
         doubtful: bool,
         come: Callable[[Member, Row], None] = Rows.appear,
     ) -> None:
-        """Add rows and what follows from them; of the doubtful ones those that do follow from something."""
+        """Insert rows and all rows derived from them (semi-naive). If `doubtful`, insert given rows only if derivable.
+
+        Args:
+            found: the rows to insert.
+            doubtful: True if the given rows were deleted and must be rederived.
+            come: inserts a row.
+        """
         sure = len(found) if doubtful else 0
         coming: set[tuple[Member, Row]] = set()  # for membership alone
         for number, (member, row) in enumerate(found):
@@ -134,7 +141,7 @@ class Component(Operator):
             for hook in member.spread:
                 hook(*row)
             if member.spread:
-                # A row may have very many derivations: it is noted once.
+                # A row may have very many derivations: it is added once.
                 for other in self._collect()[0]:
                     if other not in coming and other[1] not in other[0].rows.position:
                         coming.add(other)

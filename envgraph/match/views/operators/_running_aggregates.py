@@ -1,4 +1,4 @@
-"""Sums and extremes of values that come and go, each change at the cost of itself; they follow rollbacks exactly."""
+"""Sums and extremes of changing values: each change takes time independent of the group size. Rollbacks are exact."""
 
 from __future__ import annotations
 
@@ -13,23 +13,23 @@ from envgraph.match._aggregates import EXACT_INTS, fits, scaled, unscaled
 
 Number = int | float
 Change = tuple[Number, int]
-"""A value, and how many more of it there are."""
+"""A value, and the change of its number of occurrences."""
 
 Sums = tuple[int, int, int, int, int]
-"""Number of values, of floats, of those that no float adds exactly; the sum of the ints, and that of the floats."""
+"""The numbers of values, of floats, and of values without exact float sum; the sums of the ints and of the floats."""
 
 NOTHING: Final[Sums] = (0, 0, 0, 0, 0)
 
 
 class Totals:
-    """Sum or mean of values, exact however often they change.
+    """A running sum or mean of values, exact after any number of changes.
 
-    Ints and floats are added apart, floats as whole multiples of the smallest one.
+    Ints and floats are added separately, floats as integer multiples of the smallest float.
 
     Args:
-        store: whose journal records changes.
+        store: the store whose journal records changes.
         function: sum or avg.
-        values: those that are there now.
+        values: the initial values.
     """
 
     __slots__ = ("_function", "_state", "_store")
@@ -37,10 +37,10 @@ class Totals:
     def __init__(self, store: Store, function: str, values: Sequence[Number]) -> None:
         self._store = store
         self._function = function
-        self._state = {None: _added(NOTHING, [(value, 1) for value in values])}  # a dict for the journal
+        self._state = {None: _added(NOTHING, [(value, 1) for value in values])}  # a dict for the undo log
 
     def follow(self, changes: Sequence[Change]) -> None:
-        """Take some changes in."""
+        """Apply changes to the sums."""
         old = self._state[None]
         if self._store.recording:
             self._store.journal.extend((self._state, None, old, SET))
@@ -48,14 +48,14 @@ class Totals:
 
     @property
     def knows(self) -> bool:
-        """Whether the value follows from the sums: not of ints beside floats, which are rounded one by one."""
+        """Return True if the sums determine the value; False for ints mixed with floats, since each int is rounded."""
         number, floats, odd, _, _ = self._state[None]
         if not floats:
             return not odd or self._function == "sum"
         return floats == number and not odd
 
     def value(self) -> Number | None:
-        """The sum, or the mean; None when the sum is no finite number, or an int beyond 64 bits."""
+        """Return the sum or the mean; None if the sum is not a finite float, or is an int beyond 64 bits."""
         number, floats, _, whole, parts = self._state[None]
         if self._function == "sum" and not floats:
             return whole if fits(whole) else None
@@ -63,11 +63,12 @@ class Totals:
         return total if self._function == "sum" or total is None else total / number
 
     def check(self, values: Sequence[Number]) -> None:
-        """Assert that the sums are those of these values."""
+        """Assert that the running sums equal the sums of these values."""
         assert self._state[None] == _added(NOTHING, [(value, 1) for value in values])
 
 
 def _added(sums: Sums, changes: Sequence[Change]) -> Sums:
+    """Return the sums after some changes."""
     number, floats, odd, whole, parts = sums
     for value, times in changes:
         number += times
@@ -84,7 +85,7 @@ def _added(sums: Sums, changes: Sequence[Change]) -> Sums:
 
 
 class Counts(dict[Number, int]):
-    """How often each value is there; one that is missing, not at all."""
+    """The number of occurrences of each value; 0 for a missing value."""
 
     __slots__ = ()
 
@@ -93,15 +94,15 @@ class Counts(dict[Number, int]):
 
 
 class Extremes:
-    """Minimum or maximum of values.
+    """A running minimum or maximum of values.
 
-    Every value that is there is in a heap, with others that were: those that come to its top are taken out. What is
-    taken out and could come back by a rollback is recorded, so that it is put in again.
+    The heap contains every present value, and values that are no longer present; the latter are removed when they reach
+    the top. A removal is recorded if a rollback could restore the value, so that it is inserted again.
 
     Args:
-        store: whose journal records changes.
+        store: the store whose journal records changes.
         function: min or max.
-        values: those that are there now, at least one.
+        values: the initial values, at least one.
     """
 
     __slots__ = ("_counts", "_heap", "_held", "_most", "_sign", "_store")
@@ -113,12 +114,12 @@ class Extremes:
         self._heap = [self._sign * value for value in self._counts]
         heapify(self._heap)
         self._held = set(self._heap)
-        self._most = 2 * len(self._heap) + 64  # entries before those that are not there are taken out
+        self._most = 2 * len(self._heap) + 64  # the heap size at which absent values are removed
 
     knows = True
 
     def follow(self, changes: Sequence[Change]) -> None:
-        """Take some changes in."""
+        """Apply changes to the numbers of occurrences."""
         counts, store = self._counts, self._store
         for value, times in changes:
             old = counts[value]
@@ -131,7 +132,7 @@ class Extremes:
             self._shrink()
 
     def value(self) -> Number:
-        """The least or the greatest."""
+        """Return the minimum or the maximum."""
         heap, counts, sign = self._heap, self._counts, self._sign
         while not counts[sign * heap[0]]:
             self._let_go(heap[0])
@@ -139,19 +140,20 @@ class Extremes:
         return sign * heap[0]
 
     def exchange(self, entry: Number, _: None) -> None:
-        """Put an entry into the heap, unless it is there; also for the journal, which undoes a removal by it."""
+        """Push an entry unless the heap contains it. The journal undoes a removal by this call."""
         if entry not in self._held:
             heappush(self._heap, entry)
-            self._held.add(entry)  # after an interruption it may be in the heap twice, which does no harm
+            self._held.add(entry)  # last: after an interruption a repeated entry does no harm
 
     def _let_go(self, entry: Number) -> None:
-        """An entry is about to leave the heap."""
+        """Record that an entry will leave the heap, and forget its value."""
         if self._store.recording:
             self._store.journal.extend((self, entry, None, EXCHANGE))
         self._held.discard(entry)
         self._counts.pop(self._sign * entry, None)
 
     def _shrink(self) -> None:
+        """Remove the values without occurrences from the heap."""
         for value in [value for value, number in self._counts.items() if not number]:
             if self._sign * value in self._held:
                 self._let_go(self._sign * value)
@@ -162,7 +164,7 @@ class Extremes:
         self._most = 2 * len(self._heap) + 64
 
     def check(self, values: Sequence[Number]) -> None:
-        """Assert that these values are counted, and that each is in the heap."""
+        """Assert that the counts are those of these values, and that the heap contains each value."""
         counted: dict[Any, int] = {value: number for value, number in self._counts.items() if number}
         assert counted == Counter(values)
         assert {self._sign * value for value in counted} <= self._held

@@ -1,4 +1,4 @@
-"""The match set of a view, and indexes of it: journalled, so that they follow rollbacks and versions exactly."""
+"""The row set of a view with its indexes. Changes are journalled: rollbacks and checkouts restore the rows exactly."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from typing import Any, Final
 from envgraph.graph import EXCHANGE, IN, OUT, SET, IndexedSet, Store
 
 LONG: Final = 256
-"""Items of a log from which on it is worth shortening."""
+"""The number of log items from which shortening the log is worthwhile."""
 
 Row = tuple[Any, ...]
 
 
 class Log(list[Any]):
-    """Rows that have come or gone, each followed by whether it came."""
+    """A log of inserted and deleted rows, flat: a row, then True if it was inserted, False if deleted."""
 
     __slots__ = ("_shortest",)
 
@@ -23,22 +23,25 @@ class Log(list[Any]):
         self._shortest = 0
 
     def shorten(self) -> None:
-        """Forget what cancels out, if there may be much of that."""
+        """Remove changes that cancel out, if the log has grown enough."""
         if len(self) > 2 * self._shortest + LONG:
             appeared, disappeared = net(self)
             gone = [part for row in disappeared for part in (row, False)]
-            self[:] = [*gone, *(part for row in appeared for part in (row, True))]  # at once
+            self[:] = [
+                *gone,
+                *(part for row in appeared for part in (row, True)),
+            ]  # in one step, for interruptions
             self._shortest = len(self)
 
 
 class Index:
-    """Rows by their values at some positions.
+    """An index of rows by their values at some positions.
 
-    It has no history of its own: whatever inserts or deletes a row of the `MatchSet`, rollbacks and checkouts included,
-    does so here.
+    The index has no history of its own: all insertions and deletions of the `MatchSet`, also by rollbacks and
+    checkouts, update it.
 
     Attributes:
-        table: key -> rows, in no order that means anything; a key without rows is left out.
+        table: key -> rows, in no meaningful order; keys without rows are left out.
     """
 
     __slots__ = ("_key", "table")
@@ -50,11 +53,11 @@ class Index:
             self.insert(row)
 
     def insert(self, row: Row) -> None:
-        """A row is there now."""
+        """Add a row."""
         self.table.setdefault(self._key(row), {})[row] = None
 
     def delete(self, row: Row) -> None:
-        """A row is there no longer."""
+        """Remove a row."""
         key = self._key(row)
         group = self.table[key]
         del group[row]
@@ -63,12 +66,12 @@ class Index:
 
 
 class MatchSet(IndexedSet[Row]):
-    """The rows of a view, in an order that is a function of the version.
+    """The rows of a view, in an order that depends only on the version of the model.
 
     Attributes:
-        store: whose journal records changes.
-        log: every row that has come or gone in whatever way, and whether it came; None unless somebody wants to know.
-        indexes: by positions, for those who ask for rows with values there; an interruption empties it.
+        store: the store whose journal records the changes.
+        log: all insertions and deletions, for any reason; None if not needed.
+        indexes: indexes by positions, for lookups; emptied after an interruption.
     """
 
     __slots__ = ("indexes", "log", "store")
@@ -80,7 +83,7 @@ class MatchSet(IndexedSet[Row]):
         self.indexes: dict[tuple[int, ...], Index] = {}
 
     def appear(self, row: Row) -> None:
-        """Add a row that is not there, and record it."""
+        """Insert a new row, and record the insertion."""
         if self.log is not None:
             self.log.extend((row, True))
         store = self.store
@@ -92,7 +95,7 @@ class MatchSet(IndexedSet[Row]):
             self.inserted(row)
 
     def vanish(self, row: Row) -> None:
-        """Remove a row that is there, and record it."""
+        """Delete a present row, and record the deletion."""
         if self.log is not None:
             self.log.extend((row, False))
         index = self.position[row]
@@ -108,19 +111,19 @@ class MatchSet(IndexedSet[Row]):
             self.deleted(row)
 
     def inserted(self, row: Row) -> None:
-        """Tell the indexes of a row that is there now."""
+        """Add an inserted row to all indexes."""
         for index in self.indexes.values():
             index.insert(row)
 
     def deleted(self, row: Row) -> None:
-        """Tell the indexes of a row that is there no longer."""
+        """Remove a deleted row from all indexes."""
         for index in self.indexes.values():
             index.delete(row)
 
     # --- replay: the journal is the caller
 
     def take(self, item: Row) -> int:
-        """As `IndexedSet.take`."""
+        """Remove a row during undo or redo, update log and indexes, and return the position where the row stood."""
         if self.log is not None:
             self.log.extend((item, False))
         index = super().take(item)
@@ -129,7 +132,7 @@ class MatchSet(IndexedSet[Row]):
         return index
 
     def put(self, item: Row, index: int) -> None:
-        """As `IndexedSet.put`."""
+        """Insert a row at a position during undo or redo, and update log and indexes."""
         if self.log is not None:
             self.log.extend((item, True))
         super().put(item, index)
@@ -137,7 +140,7 @@ class MatchSet(IndexedSet[Row]):
             self.inserted(item)
 
     def add(self, item: Row) -> None:
-        """As `IndexedSet.add`."""
+        """Append a row during undo or redo, and update log and indexes."""
         if self.log is not None:
             self.log.extend((item, True))
         super().add(item)
@@ -145,7 +148,7 @@ class MatchSet(IndexedSet[Row]):
             self.inserted(item)
 
     def exchange(self, key: None, state: tuple[int, dict[int, Row]]) -> tuple[int, dict[int, Row]]:
-        """As `IndexedSet.exchange`."""
+        """Replace the rows by a recorded state, update log and indexes, and return the state that undoes this."""
         if self.log is None and not self.indexes:
             return super().exchange(key, state)
         before = self.contents(state)
@@ -154,7 +157,7 @@ class MatchSet(IndexedSet[Row]):
         del rows[state[0] :]
         for index, row in state[1].items():
             rows[index] = row
-        # What was there, and what is there now where something was, or was not, before.
+        # Rows at changed positions before, and rows at these positions now.
         gone = list(before[1].values())
         come = [rows[index] for index in sorted({*before[1], *state[1]}) if index < len(rows)]
         self._become(rows, gone, come)
@@ -165,13 +168,14 @@ class MatchSet(IndexedSet[Row]):
         return before
 
     def replace(self, rows: Sequence[Row]) -> None:
-        """Become these rows, and record it."""
+        """Replace all rows, and record the replacement."""
         if self.store.recording:
             self.store.journal.extend((self, None, (len(self), dict(enumerate(self))), EXCHANGE))
         self.indexes.clear()
         self._become(list(rows), list(self), rows)
 
     def _become(self, rows: list[Row], gone: Sequence[Row], come: Sequence[Row]) -> None:
+        """Set the rows, and log the deleted rows (`gone`) and inserted rows (`come`)."""
         if self.log is not None:
             log = type(self.log)()
             list.extend(log, self.log)
@@ -183,7 +187,7 @@ class MatchSet(IndexedSet[Row]):
         super().reindex()
 
     def reindex(self) -> None:
-        """Make positions and log those of the rows; the last entry of the log may tell what has not happened."""
+        """Recompute the positions, discard the indexes, and drop the last log entry if its change did not happen."""
         self.indexes.clear()
         super().reindex()
         log = self.log
@@ -192,7 +196,7 @@ class MatchSet(IndexedSet[Row]):
 
 
 class Table(dict[Any, "tuple[Any, ...] | IndexedSet[Any]"]):
-    """Groups by key; a key that is not there has an empty one."""
+    """Groups by key; a missing key has an empty group."""
 
     __slots__ = ()
 
@@ -201,16 +205,16 @@ class Table(dict[Any, "tuple[Any, ...] | IndexedSet[Any]"]):
 
 
 class Groups:
-    """Rows of a relation, or their values at one position, under the values at some others.
+    """The rows of a relation, or their values at one position, grouped by their values at other positions.
 
     Attributes:
-        table: key -> items, as a tuple or a crowded `IndexedSet`; keys stay, with an empty tuple. The key is a bare
+        table: key -> items, as a tuple or a crowded `IndexedSet`; empty groups stay as empty tuples. The key is a bare
             value for one position, else a tuple.
 
     Args:
-        store: of the model.
-        positions: of the key.
-        item: position of what is kept of a row; None for the row itself.
+        store: the store of the model.
+        positions: the positions of the key.
+        item: the position of the stored value; None for the whole row.
     """
 
     __slots__ = ("item", "key", "positions", "store", "table")
@@ -223,15 +227,15 @@ class Groups:
         self.key = key_of(positions)
 
     def add(self, row: Row) -> None:
-        """Add a row."""
+        """Add a row to the group of its key, and record the change."""
         self.store.add_end(self.table, self.key(row), row if self.item is None else row[self.item])
 
     def drop(self, row: Row) -> None:
-        """Remove a row."""
+        """Remove a row from the group of its key, and record the change."""
         self.store.drop_end(self.table, self.key(row), row if self.item is None else row[self.item])
 
     def fill(self, rows: Sequence[Row]) -> None:
-        """Hold these rows and no others."""
+        """Replace the contents by these rows."""
         table: dict[Any, list[Any]] = {}
         key, item = self.key, self.item
         for row in rows:
@@ -254,7 +258,7 @@ class Groups:
 
 
 def become(store: Store, table: dict[Any, Any], values: dict[Any, Any], nothing: Any) -> None:
-    """A dict gets other contents, and that is recorded; `nothing` is the value of keys that it has not."""
+    """Change the contents of a dict, and record the changes. `nothing` is the value that stands for a missing key."""
     if not store.recording:
         table.clear()
         table.update(values)
@@ -272,7 +276,7 @@ def become(store: Store, table: dict[Any, Any], values: dict[Any, Any], nothing:
 
 
 def key_of(positions: tuple[int, ...]) -> Callable[[Row], Any]:
-    """Return what a row is filed under: a bare value for one position, else a tuple."""
+    """Return a function that returns the key of a row: a bare value for one position, else a tuple."""
     if len(positions) == 1:
         (position,) = positions
         return lambda row: row[position]
@@ -280,7 +284,7 @@ def key_of(positions: tuple[int, ...]) -> Callable[[Row], Any]:
 
 
 def net(log: Sequence[Any]) -> tuple[list[Row], list[Row]]:
-    """Rows that a log leaves added, and rows that it leaves removed, in the order in which each was first touched."""
+    """Return the net inserted and net deleted rows of a log, in the order in which each row first occurs."""
     balance: dict[Row, int] = {}
     entries = iter(log)
     for row, came in zip(entries, entries, strict=True):

@@ -1,7 +1,7 @@
-"""Generated functions that change what a view holds: its rows, counts and groups, the journal, and its consumers.
+"""Generate the functions that update a view: its rows, support counts, groups, the journal and its consumers.
 
-One tree for each shape of a view, with nothing in it that the view does not need. What undoes a change is written
-before it is made, so that an interruption leaves no more than the last entry in doubt.
+Each form of a view gets its own code, without unnecessary parts. The undo entry is written before each change, so
+that an interruption leaves only the last entry in doubt.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ Change = Callable[[tuple[Any, ...]], None]
 def changes(
     rows: Rows, counts: dict[Any, int] | None, arity: int
 ) -> tuple[Change, Change, Callable[[], None]]:
-    """Return how a row gains and loses a derivation, and how a queue of both is worked off.
+    """Return the functions that add a derivation of a row, remove a derivation, and process the queue of both.
 
     Args:
-        rows: what is held, with its groups and consumers.
-        counts: derivations of each row, or None if there is one at most.
-        arity: values in a row.
+        rows: the operator, with its groups and consumers.
+        counts: the support count of each row; None if no row has several derivations.
+        arity: the number of values in a row.
     """
     groups = list(rows.groups.values())
     shape = tuple((each.positions, each.item) for each in groups)
@@ -54,14 +54,14 @@ Shape = tuple[tuple[tuple[int, ...], int | None], ...]
 
 @dataclass(frozen=True, slots=True)
 class Form:
-    """What there is to be done when a row is inserted or deleted.
+    """The form of a view, on which the code of its update functions depends.
 
     Attributes:
-        shape: positions of the keys, and of what is kept, of each group.
-        counted: derivations are counted.
-        listed: the rows are kept.
-        added, removing: there are consumers.
-        arity: values in a row.
+        shape: for each group the positions of its key, and the position of its items (None for whole rows).
+        counted: True if support counts are kept.
+        listed: True if the rows are stored.
+        added, removing: True if there are consumers of insertions, and of deletions.
+        arity: the number of values in a row.
     """
 
     shape: Shape
@@ -79,7 +79,7 @@ _ONE: Final = code.Constant(1)
 
 
 def _tree(form: Form) -> code.Function:
-    """Makes the other functions of what they refer to."""
+    """Return the syntax tree of a function that takes the view's data and returns the three update functions."""
     outside = ("rows", "store", "counts", "added", "removing", "tables", "adds", "drops", "queue")
     entries, both, coming = map(code.Local, ("entries", "both", "coming"))
     changes_ = code.If(coming, _gain(form, code.Leave("continue")), _lose(form, code.Leave("continue")))
@@ -110,6 +110,7 @@ def _tree(form: Form) -> code.Function:
 
 
 def _gain(form: Form, leave: code.Statement) -> code.Body:
+    """Return the code that adds a derivation of a row. `leave` ends the processing of the row."""
     found: list[code.Statement] = []
     if form.counted:
         found += [
@@ -145,6 +146,7 @@ def _gain(form: Form, leave: code.Statement) -> code.Body:
 
 
 def _lose(form: Form, leave: code.Statement) -> code.Body:
+    """Return the code that removes a derivation of a row. `leave` ends the processing of the row."""
     found: list[code.Statement] = []
     if form.counted:
         counted = code.Index(_COUNTS, _ROW)
@@ -187,17 +189,19 @@ def _lose(form: Form, leave: code.Statement) -> code.Body:
 
 
 def _recorded(container: code.Name, key: code.Expression, old: code.Expression, opcode: int) -> code.If:
-    """Notes what undoes a change."""
+    """Return code that writes the undo entry of a change to the journal."""
     return code.If(
         _RECORDING, (code.Do(code.call("record", code.tuple_of(container, key, old, code.Constant(opcode)))),)
     )
 
 
 def _deleted(entry: code.Index) -> code.Do:
+    """Return code that deletes a dict entry."""
     return code.Do(code.Text(f"del {code.expression_text(entry)}", reads=(_ROW,)))
 
 
 def _logged(coming: bool) -> code.If:
+    """Return code that appends an insertion or deletion of the row to the log, if there is a log."""
     log = code.Member(_ROWS, "log")
     return code.If(
         code.some(log), (code.Do(code.method(log, "extend", code.tuple_of(_ROW, code.Constant(coming)))),)
@@ -205,11 +209,12 @@ def _logged(coming: bool) -> code.If:
 
 
 def _group(number: int) -> tuple[code.Local, code.Local, code.Name]:
-    """The key of a row in a group, what is held there, and all that is held."""
+    """Return the local variables for a group's key and present items, and the name of the group table."""
     return code.Local(f"key{number}"), code.Local(f"old{number}"), code.Name(f"table{number}")
 
 
 def _looked_up(number: int, positions: tuple[int, ...]) -> code.Body:
+    """Return code that computes the key of the row in a group, and looks up the present items."""
     key, old, table = _group(number)
     values = tuple(map(_item, positions))
     return code.Assign(key, values[0] if len(values) == 1 else code.Tuple(values)), code.Assign(
@@ -218,8 +223,10 @@ def _looked_up(number: int, positions: tuple[int, ...]) -> code.Body:
 
 
 def _is_tuple(old: code.Local) -> code.Operation:
+    """Return code that tests if the items of a group are a tuple."""
     return code.Operation("is", (code.call("type", old), code.Name("tuple")))
 
 
 def _item(item: int | None) -> code.Expression:
+    """Return code for the value of the row at a position; None for the whole row."""
     return _ROW if item is None else code.Index(_ROW, code.Constant(item))

@@ -1,1 +1,1 @@
-"""Watched patterns: kept current, asked about, and their subscribers notified."""
+"""The matcher of watched patterns: view lifecycle, lookups in views, and notification of subscribers."""

@@ -1,4 +1,4 @@
-"""The views of a matcher: kept current with the model, and sound whatever interrupts that."""
+"""The views of a matcher: created, updated with the model, and repaired after interruptions."""
 
 from __future__ import annotations
 
@@ -17,37 +17,38 @@ from envgraph.match.views.watch._partial_lookup import PartialLookup
 from envgraph.pattern import Library
 
 GROWTH, LEAST = 4, 1000
-"""A model that has had so many times the objects, and so many more, is planned for anew."""
+"""The model is planned anew when it has `GROWTH` times as many objects as before, plus `LEAST`."""
 
 
 class KeptViews:
-    """What follows a model for a matcher: a network of operators, some of which hold the patterns that are watched.
+    """The views of one matcher: a network of operators that follows the model and contains the watched patterns.
 
-    A rollback or checkout brings the views back without evaluating a query.
+    A rollback or checkout restores the views without evaluating a query.
 
-    Views whose update was interrupted, such as by Ctrl-C, are counted anew when they are next asked: their rows may
-    then be in another order. If that fails, because a value cannot be computed, patterns are searched for until a
-    rollback or checkout has brought the views back, or there is no state to go back to and they are built anew.
+    Views whose update was interrupted, for example by Ctrl-C, are recomputed at the next use; their rows may then have
+    another order. If a value cannot be computed, patterns are searched instead, until a rollback or checkout restores
+    the views, or they can be rebuilt because no earlier state can be restored.
 
-    Only one matcher of a model has views: the store calls the functions of one network.
+    Only one matcher of a model can have views, because the store calls the functions of one network.
 
     Args:
-        model: what is followed.
+        model: the model.
         library: the patterns.
-        demand: finds what is not kept.
+        demand: the matcher that searches for unwatched patterns.
 
     Attributes:
-        views: of the watched patterns.
-        partly: questions about views with some values given.
-        listeners: who is notified of what changes.
-        too_large: patterns whose views were too large to be used by `aside`.
-        user: who asks the matcher, weakly; None if that is not known. The views of a matcher whose user is gone are
-            given up when another one of the model watches.
+        views: the views of the watched patterns.
+        partly: lookups in views with some bound values.
+        listeners: the subscriptions.
+        too_large: patterns whose views were too large for `aside`.
+        user: weak reference to the user of the matcher; None if unknown. If the user no longer exists, the views are
+            discarded when another matcher of the model watches patterns.
 
-    Invariants: while `_broken` is None and no load is under way, the network hears of every change. If not None it is
-    the least number of open savepoints since the interruption: a rollback to fewer brings the views back. Whatever the
-    views hold, and the journal, then agree; counting anew is recorded (`_countable`), so that a rollback undoes it,
-    then what was interrupted. While `_spoilt`, a version may have been made of views that were broken.
+    Invariants: while `_broken` is None and no load is under way, the network is notified of every change. Else
+        `_broken` is
+    the smallest number of open savepoints since the interruption: a rollback to fewer savepoints restores the views.
+    The views and the journal agree. A recomputation is journalled (if `_countable`), so a rollback undoes it and then
+    the interrupted change. While `_spoilt` is True, a version may contain broken views.
     """
 
     def __init__(self, model: Model, library: Library, demand: CompiledMatcher) -> None:
@@ -70,6 +71,7 @@ class KeptViews:
         self._brief: int | None = None
 
     def _new_network(self) -> Network:
+        """Return a new, empty network."""
         return Network(
             self.model.graph.store,
             self._library,
@@ -82,11 +84,11 @@ class KeptViews:
 
     @property
     def lasting(self) -> Mapping[str, Rows]:
-        """The views that somebody has asked for, not a loop for its time."""
+        """Return the views that a user has requested, without temporary views of loops."""
         return self.views if self._brief is None else {}
 
     def current(self, pattern: str) -> Rows | None:
-        """The view of a pattern, up to date; None if it is not watched."""
+        """Return the updated view of a pattern; None if the pattern is not watched or its view cannot be used."""
         if pattern not in self.views or not self.up_to_date():
             return None
         if self.model.graph.store.next_id > self._outgrown:
@@ -94,16 +96,16 @@ class KeptViews:
         return self.views[pattern]
 
     def watch_briefly(self, patterns: Sequence[str], aside: Sequence[str], most: int) -> bool:
-        """Watch patterns inside a transaction, until `give_up`; return whether this is possible.
+        """Make temporary views inside a transaction, until `give_up`; return True if this was possible.
 
-        A rollback to a state before the call gives the views up. Views that exist for the same patterns keep the order
-        of their rows.
+        A rollback to a state before the call discards the views. If the same patterns had temporary views, these keep
+        the order of their rows.
 
         Args:
             patterns: patterns whose rows are listed in the order of their views.
-            aside: patterns whose rows only the method `aside` returns. They are not watched if an operator would have
-                more than `most` rows.
-            most: the largest number of pairs in a closure, too.
+            aside: patterns whose views are only used through `aside`; not watched if any operator has more than `most`
+                rows.
+            most: also the largest number of pairs in a closure.
         """
         if (self.views and self._brief is None) or self._suspended or self.rival() is not None:
             return False
@@ -126,16 +128,16 @@ class KeptViews:
         return False
 
     def aside(self, pattern: str) -> Rows | None:
-        """Return the view of a pattern given to `watch_briefly` as `aside`; None if it has none or is out of date."""
+        """Return the `aside` view of a pattern (see `watch_briefly`); None if there is none or it is out of date."""
         return self._aside.get(pattern) if self._aside and self.up_to_date() else None
 
     def give_up(self) -> None:
-        """End `watch_briefly`."""
+        """Discard temporary views."""
         if self._brief is not None:
             self.leave()
 
     def leave(self) -> None:
-        """Follow the model no longer."""
+        """Discard all views, and unsubscribe from the store."""
         followers = self.model.graph.store.followers
         if any(follower is self for follower in followers):
             followers[:] = [follower for follower in followers if follower is not self]
@@ -148,36 +150,36 @@ class KeptViews:
         self._brief = None
 
     def rival(self) -> KeptViews | None:
-        """Another matcher of the model that has views."""
+        """Return the views of another matcher of the model, if there are any; else None."""
         for other in self.model.graph.store.followers:
             if isinstance(other, KeptViews) and other is not self:
                 return other
         return None
 
     def _be_alone(self) -> None:
-        """The functions that the store calls belong to one matcher.
+        """Check that no other matcher in use has views of the model; discard the views of a matcher without a user.
 
         Raises:
-            InvalidArgument: to another, which somebody may still ask.
+            InvalidArgument: another matcher has views, and its user may still exist.
         """
         rival = self.rival()
         if rival is None:
             return
         if rival.user is not None:
-            collect()  # engines are part of cycles
+            collect()  # engines are only freed by the cycle collector
         if rival.user is None or rival.user() is not None:
             has = "has listeners or event rules" if rival.listeners else "watches patterns"
             names = ", ".join(f"`{name}`" for name in rival.views)
             raise InvalidArgument(
-                f"another engine of model {self.model.name!r} {has}, and only one can watch: let that one `unwatch` "
-                f"{names}, or give this one a copy of the model"
+                f"another engine of model {self.model.name!r} {has}, but only one engine of a model can watch: "
+                f"`unwatch` {names} there, or give this engine a copy of the model"
             )
         rival.leave()
 
     def make(self, patterns: Iterable[str], most: float = inf) -> None:
-        """Make a network for these patterns, planned for the current sizes; closures may have at most `most` pairs.
+        """Build a network for these patterns, planned for the present sizes; closures may have at most `most` pairs.
 
-        Log how the new rows differ from those of broken views.
+        Append the differences between broken views and their new rows to the logs.
         """
         self._be_alone()
         store, old, known = self.model.graph.store, self.network, self.views
@@ -202,22 +204,23 @@ class KeptViews:
             raise
 
     def plan_anew(self) -> None:
-        """What was planned for a small model is slow in a large one: build it once more, if nobody can go back."""
+        """Rebuild the views if the model has outgrown their plans and no savepoint or version is open."""
         if self.model.graph.store.next_id > self._outgrown and self.views and self.model.graph.history.idle:
             self.make(self.views)
 
     # --- Follower
 
     def settle(self) -> None:
-        """Bring all views up to date: a savepoint or version follows."""
+        """Update all views, before a savepoint or version is created."""
         if self._broken is None:
             self._bring_up()
-            self.plan_anew()  # not after it: the order of the rows has to be the same then
+            self.plan_anew()  # not later: the order of rows must not change after a savepoint
         elif not self._mended():
             self._broken = min(self._broken, self.model.graph.history.depth)
             self._spoilt |= not self._broken
 
     def _bring_up(self) -> None:
+        """Process all pending changes. If this fails, mark the store as interrupted."""
         if self._suspended:
             return
         try:
@@ -227,16 +230,17 @@ class KeptViews:
             interrupted.append(self)
             interrupted.repair()
             if isinstance(problem, EvaluationError):
-                self._countable = False  # it would fail again
+                self._countable = False  # a recomputation would fail again
             raise
 
     def _break(self) -> None:
+        """Mark the views as broken, and unsubscribe them."""
         depth = self.model.graph.history.depth
         self._broken = depth if self._broken is None else min(self._broken, depth)
         self.network.wiring.unhang()
 
     def interrupted(self) -> None:
-        """A change or a turn has been interrupted."""
+        """Mark the views as broken, after a change or an update has been interrupted."""
         self.partly.forget()
         self._aside = {}
         if not self.views:
@@ -250,7 +254,7 @@ class KeptViews:
         self._break()
 
     def up_to_date(self) -> bool:
-        """Bring all views up to date, if they can be used; whether they can."""
+        """Update all views. Return True if they can be used."""
         store = self.model.graph.store
         if store.interrupted:
             store.interrupted.repair()
@@ -264,7 +268,7 @@ class KeptViews:
         return True
 
     def _mended(self) -> bool:
-        """Count broken views anew, or build them, if there is no state to go back to; whether that was possible."""
+        """Recompute broken views, or rebuild them if no earlier state can be restored. Return True on success."""
         model = self.model
         assert self._broken is not None
         try:
@@ -277,7 +281,7 @@ class KeptViews:
             self._tried = model.graph.store.revision
             self.make(self.views)
             return True
-        except EvaluationError:  # reported to whoever asks for that very pattern
+        except EvaluationError:  # raised again by the search for that pattern
             self._countable = False
             return False
         except BaseException:
@@ -286,7 +290,7 @@ class KeptViews:
             raise
 
     def rolled_back(self) -> None:
-        """Views are as they were: the journal has brought them back."""
+        """Update the bookkeeping after a rollback; the journal has restored the views."""
         if self._brief is not None and self.model.graph.history.depth < self._brief:
             self.leave()
             return
@@ -300,17 +304,18 @@ class KeptViews:
                 view.rows.log.shorten()
 
     def _hear_again(self) -> None:
+        """Subscribe restored views again."""
         self.network.wiring.hang()
         self._broken, self._countable = None, False
 
     def released(self) -> None:
-        """The outermost transaction has ended: tell what has changed."""
+        """Notify subscribers at the end of the outermost transaction."""
         self.give_up()
         if self.listeners.subscriptions:
             self.listeners.deliver()
 
     def checked_out(self) -> None:
-        """Another version: tell what differs."""
+        """Notify subscribers of the differences after the checkout of another version."""
         self.give_up()
         if self._broken is not None:
             if self._spoilt:
@@ -321,12 +326,12 @@ class KeptViews:
             self.listeners.tell(restored=True)
 
     def suspend(self) -> None:
-        """A load begins: until it ends, patterns are searched for."""
+        """Stop following the model while it is loaded; patterns are searched until then."""
         self._suspended, self._aside = True, {}
         self.network.wiring.unhang()
 
     def loaded(self) -> None:
-        """A load has ended."""
+        """Rebuild the views after a load."""
         self._suspended = False
         if self.views:
             self._break()
@@ -335,7 +340,7 @@ class KeptViews:
 
 
 def _continued(old: MatchSet, new: MatchSet, broken: bool) -> Log | None:
-    """The log of new rows that take the place of old ones; those of broken views may differ."""
+    """Return a log for new rows that replace old ones, with the differences if the old view was broken; else None."""
     if old.log is None:
         return None
     log = BoundedLog()

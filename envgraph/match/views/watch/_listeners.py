@@ -1,4 +1,4 @@
-"""Notification of the changes of watched patterns."""
+"""Notify subscribers of the changes of watched patterns."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ if TYPE_CHECKING:
     from envgraph.match.views.watch._kept import KeptViews
 
 Change = Callable[[list[Row], list[Row]], object]
-"""Called with the rows that have appeared, and those that have disappeared."""
+"""A subscriber's callback. Arguments: the inserted matches and the deleted matches."""
 
 
 MOST_ROUNDS: Final = 1_000
-"""How often listeners may change the model again when they are notified of a change."""
+"""The largest number of notification rounds in which callbacks change the model again."""
 
 
 class BoundedLog(Log):
-    """A log that is shortened when it has grown: edits outside of transactions may go on without an end."""
+    """A log of row changes that is shortened when it has doubled: edits outside of transactions have no limit."""
 
     __slots__ = ("_most",)
 
@@ -32,15 +32,15 @@ class BoundedLog(Log):
         self._most = 2 * LONG
 
     def extend(self, parts: Iterable[Any]) -> None:
-        """Add rows, each followed by whether it came."""
-        if len(self) > self._most:  # before: what comes last is what an interruption leaves in doubt
+        """Append rows, each followed by True if it was inserted, False if it was deleted."""
+        if len(self) > self._most:  # first, since an interruption leaves only the last entry in doubt
             self.shorten()
             self._most = 2 * (len(self) + LONG)
         super().extend(parts)
 
 
 class Subscription:
-    """Somebody who wants to hear of the changes of a pattern; made by `ViewMatcher.listen`."""
+    """A subscription to the changes of a pattern; created by `ViewMatcher.listen`."""
 
     __slots__ = ("changed", "pattern", "restored")
 
@@ -51,15 +51,14 @@ class Subscription:
 
 
 class Listeners:
-    """Those who are notified of the net changes of watched patterns; true if there are any.
+    """The subscriptions to net changes of watched patterns; true if there are any.
 
-    Listeners are notified at the end of the outermost transaction, at a commit, and by `deliver`, but of nothing
-    that was rolled back. The rows that have appeared are in the order of the view, those that have disappeared in
-    ascending order.
+    Subscribers are notified at the end of the outermost transaction, at a commit, and by `deliver`. Changes that were
+    rolled back are not reported. Inserted matches have the order of the view, deleted matches ascending order.
 
     Attributes:
-        subscriptions: in the order in which they are notified.
-        notifying: whether they are being notified: of what they change they are notified after that.
+        subscriptions: in the order of notification.
+        notifying: True while callbacks run. Their changes are reported in a further round.
     """
 
     def __init__(self, kept: KeptViews) -> None:
@@ -73,12 +72,12 @@ class Listeners:
 
     @property
     def patterns(self) -> tuple[str, ...]:
-        """The patterns that somebody listens to."""
+        """Return the names of the subscribed patterns, each once."""
         return tuple(dict.fromkeys(each.pattern for each in self.subscriptions))
 
     def add(self, subscription: Subscription) -> Subscription:
-        """Tell somebody from now on; the pattern is watched."""
-        self._kept.up_to_date()  # what is pending is no news
+        """Add a subscription, and return it; its pattern must be watched."""
+        self._kept.up_to_date()  # changes before the subscription are not reported
         rows = self._kept.views[subscription.pattern].rows
         if rows.log is None:
             rows.log = BoundedLog()
@@ -88,7 +87,7 @@ class Listeners:
         return subscription
 
     def remove(self, subscription: Subscription) -> None:
-        """Stop notifying somebody; once is enough."""
+        """Remove a subscription. Do nothing if it is already removed."""
         self.subscriptions = [each for each in self.subscriptions if each is not subscription]
         if not any(each.pattern == subscription.pattern for each in self.subscriptions):
             view = self._kept.views.get(subscription.pattern)
@@ -96,18 +95,18 @@ class Listeners:
                 view.rows.log = None
 
     def deliver(self) -> None:
-        """Bring the views up to date and notify the listeners of what has changed since the last time.
+        """Update the views, and notify the subscribers of the net changes since the last notification.
 
-        If listeners raise exceptions, the first is raised after all have been notified; a `KeyboardInterrupt` rather
-        than others.
+        If callbacks raise exceptions, the first one is raised after all callbacks have run; a `KeyboardInterrupt` has
+        priority.
         """
         if self._kept.up_to_date():
             if not self.notifying:
-                self._kept.plan_anew()  # not when a listener asks: it has been notified of rows in their order by then
+                self._kept.plan_anew()  # not inside callbacks: their rows have the present order
             self.tell(restored=False)
 
     def tell(self, restored: bool) -> None:
-        """Tell, until listeners have nothing more to hear; those that change the model are notified in turn."""
+        """Notify subscribers in rounds until no change is left. `restored`: the first round follows a checkout."""
         if self.notifying:
             return
         self.notifying = True
@@ -121,18 +120,20 @@ class Listeners:
                 if not self._kept.up_to_date():
                     return
             raise EvaluationError(
-                f"listeners of {', '.join(f'`{name}`' for name in changing)} change the model each time they are told"
+                f"callbacks of {', '.join(f'`{name}`' for name in changing)} change the model at every notification: "
+                "a callback must stop changing the pattern that it listens to"
             )
         finally:
             self.notifying = False
 
     def _notify_all(self) -> None:
+        """Run the callbacks of all noted changes."""
         first: BaseException | None = None
         while self._news:
             _, call, appeared, disappeared = self._news[0]
             try:
                 call(appeared, disappeared)
-            except BaseException as problem:  # Ctrl-C, too: the others would never hear of this
+            except BaseException as problem:  # Ctrl-C, too: the other callbacks must still run
                 if first is None or isinstance(first, Exception) > isinstance(problem, Exception):
                     first = problem
             finally:
@@ -141,7 +142,7 @@ class Listeners:
             raise first
 
     def _note(self, restored: bool) -> list[str]:
-        """Note who is to be notified of what, and empty the logs; returns the patterns that have changed."""
+        """Collect the callbacks to run with their net changes, and empty the logs. Return the changed patterns."""
         views = self._kept.views
         for each in self.subscriptions:
             if views[each.pattern].rows.log:
@@ -168,7 +169,7 @@ class Listeners:
 
     @guarded
     def muted(self) -> Iterator[None]:
-        """Notify nobody of what happens in the block; at its end the state must be that at its start."""
+        """Suppress notifications in a block. At its end the state of the model must be the same as at its start."""
         self._kept.settle()
         logs = {pattern: view.rows.log for pattern, view in self._kept.views.items()}
         try:
@@ -181,6 +182,6 @@ class Listeners:
 
 
 def net_changes(rows: MatchSet) -> tuple[list[Row], list[Row]]:
-    """Return the rows that were inserted into a view and deleted, in the order in which listeners are notified."""
+    """Return the inserted rows of a view in the view's order, and the deleted rows in ascending order."""
     appeared, disappeared = net(rows.log or ())
     return sorted(appeared, key=rows.position.__getitem__), sorted(disappeared)

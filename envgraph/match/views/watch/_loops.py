@@ -1,4 +1,4 @@
-"""Patterns that a loop lists again and again are watched until it ends."""
+"""Temporary views for patterns that a running loop lists repeatedly."""
 
 from __future__ import annotations
 
@@ -12,35 +12,35 @@ from envgraph.match.views.watch._kept import KeptViews
 from envgraph.metamodel import reached
 
 LONG: Final = 100_000
-"""Rows that are listed in the time that it takes to make a view: 10 ms, see `benchmarks/bench_questions.py`."""
+"""The number of rows listed in the time needed to make a view: 10 ms, see `benchmarks/bench_questions.py`."""
 SPREAD: Final = 4
-"""Matches for each object up to which a view is made; patterns with more are searched in every round."""
+"""The largest number of matches per object for which a view is made; other patterns are searched every round."""
 SORTED: Final = 16
-"""Accesses to the model in the time that it takes to sort one row into the order of a search; see the benchmark
-`growth`."""
+"""Accesses to the model in the time needed to sort one row into the order of a search; see the benchmark `growth`."""
 
 
 class Loops:
-    """Decides which patterns the running loops of units watch; loops may be nested.
+    """The running loops of units, and the patterns that are watched for their duration. Loops may be nested.
 
     Listing the matches of a pattern in each round takes time quadratic in their number. A view avoids this, but takes
-    time to make. It is made when listing rows has taken as long as making it would. From then on rows are listed in the
-    order of the view.
+    time to make. It is made after listing rows has taken as long. From then on rows are listed in the order of the
+    view.
 
-    Searches that list few rows may also take that long. Their views are used differently: the rows are sorted into the
-    order of the search, so results do not depend on whether and when a view is made.
+    Searches with few results may also take that long. From their views, the rows are sorted into the order of the
+    search, so results do not depend on when a view is made.
 
-    A view that is made inside a transaction cannot be rolled back to a state before it was made. So it is made when a
-    round begins, and given up when that loop ends: any rollback in between undoes only later changes.
+    A view made inside a transaction cannot be rolled back to a state before it was made. So it is made when a round
+    begins,
+    and discarded when that loop ends: rollbacks in between only undo later changes.
 
     Args:
         kept: makes the views.
         demand: counts the matches of patterns.
 
     Attributes:
-        depth: how many loops run.
-        due: whether there is something for `turn` to do.
-        orders: for each search the key that sorts rows as it lists them; None if there is no such key.
+        depth: the number of running loops.
+        due: True if `turn` has work to do.
+        orders: for each search function the key that sorts rows into its order; None if there is no such key.
     """
 
     def __init__(self, kept: KeptViews, demand: CompiledMatcher) -> None:
@@ -57,11 +57,11 @@ class Loops:
         self.orders: dict[Callable[[], list[Row]], Callable[[Row], list[int]] | None] = {}
 
     def begin(self) -> None:
-        """Enter a loop."""
+        """Record that a loop begins."""
         self.depth += 1
 
     def turn(self) -> None:
-        """Begin a round of the innermost loop: watch the patterns that are worth it, unless an outer loop has views."""
+        """Begin a round of the innermost loop: make views that pay off, unless an outer loop owns views."""
         if self._owner in (0, self.depth) or (self._wanted and not self._made[0]):
             costly = {name: depth for name, depth in self._costly.items() if name not in self._wanted}
             made = [*self._wanted], [name for name, depth in costly.items() if depth >= self.depth]
@@ -72,17 +72,19 @@ class Loops:
                     self._owner = self.depth
 
     def end(self) -> None:
-        """Leave the innermost loop."""
+        """Record that the innermost loop has ended."""
         self.back_to(self.depth - 1)
 
     def back_to(self, depth: int) -> None:
-        """Leave all loops but the outermost `depth`, which have ended or which an exception has left."""
+        """Leave all loops but the outermost `depth`, after they have ended or an exception has left them."""
         if self._owner > depth:
             self._owner = 0
             self._made = [], []
             self._kept.give_up()
             self.due = depth > 0
-            self._costly = dict.fromkeys(self._costly, depth)  # other inner loops would make the views again
+            self._costly = dict.fromkeys(
+                self._costly, depth
+            )  # so that other inner loops do not make the views again
             self._searches.clear()
         self.depth = depth
         if not depth:
@@ -92,10 +94,11 @@ class Loops:
             self.due = False
 
     def rows(self, pattern: str, search: Callable[[], list[Row]]) -> list[Row]:
-        """Return the rows that a search lists, in its order."""
+        """Return the rows of a search in its order, from a view if there is one."""
         view, key = self._kept.aside(pattern), self.orders[search]
 
         def few(number: int) -> bool:
+            """Return True if sorting this number of rows is cheaper than a search."""
             return number < 2 or (key is not None and SORTED * number < self._demand.work(pattern))
 
         if view is not None and few(len(view.rows)):
@@ -109,7 +112,7 @@ class Loops:
         return rows
 
     def _is_costly(self, pattern: str) -> bool:
-        """Count a search; return whether all so far have cost as much as making a view, and none is due yet."""
+        """Count a search. Return True if the searches so far have cost as much as a view, and no view is due yet."""
         number = self._searches[pattern] = self._searches.get(pattern, 0) + 1
         if self._costly.get(pattern, 0) >= self.depth or number * len(self._kept.model) <= LONG:
             return False
@@ -118,26 +121,27 @@ class Loops:
         return dear and pattern not in self._kept.too_large and self._watchable(pattern)
 
     def listed(self, pattern: str, rows: int) -> None:
-        """Record that a search has listed so many matches of a pattern."""
+        """Count the matches that a search of a pattern has listed, and decide once if a view is worth its cost."""
         seen = self._listed[pattern] = self._listed.get(pattern, 0) + rows
         if seen > LONG:
-            self._listed[pattern] = -inf  # is decided once
+            self._listed[pattern] = -inf  # so that this is decided only once
             if self._worth_watching(pattern):
                 self._wanted[pattern] = None
                 self.due = True
 
     def sought(self, pattern: str) -> None:
-        """Record a search for the first match of a pattern; it counts as if it had looked at all objects."""
+        """Count a search for the first match of a pattern as if it had listed all objects."""
         if not self._demand.calls.of(pattern).searches:
             self.listed(pattern, len(self._kept.model))
 
     def _worth_watching(self, pattern: str) -> bool:
-        """Return whether a pattern can be watched and has few enough matches."""
+        """Return True if a pattern can be watched and has few enough matches."""
         free = (FREE,) * len(self._demand.library.parameter_types(pattern))
         most = SPREAD * len(self._kept.model)
         return self._watchable(pattern) and self._demand.count(pattern, free) <= most
 
     def _watchable(self, pattern: str) -> bool:
+        """Return True if a pattern can be watched: it has no `search` strategy, no inputs, and no recursion."""
         calls, library = self._demand.calls, self._demand.library
         asked = library.get(pattern).strategy == "search" or library.inputs(pattern)
         return not asked and not any(map(calls.recursive, reached([pattern], calls.called)))

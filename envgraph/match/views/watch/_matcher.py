@@ -1,4 +1,4 @@
-"""The matcher that keeps some patterns current, and looks for the others when it is asked."""
+"""The view matcher: keeps views of watched patterns up to date, and searches for the matches of others."""
 
 from __future__ import annotations
 
@@ -21,20 +21,19 @@ from envgraph.pattern import Library
 
 
 class ViewMatcher(Matcher):
-    """A `Matcher` whose watched patterns are views: kept current with every change of the model.
+    """A `Matcher` whose watched patterns are views, updated after every change of the model.
 
-    The matches of a watched pattern are listed in the order of the view, which is a function of the version like every
-    other order.
+    The matches of a watched pattern have the order of the view, which depends only on the version of the model.
 
     Args:
-        model: what is searched.
+        model: the model.
         library: the patterns; more may be added later.
 
     Attributes:
-        demand: searches for what is not watched.
-        kept: the views, and what they are made of.
-        listeners: who is notified of changes.
-        loops: who runs a loop says so here.
+        demand: the matcher for unwatched patterns.
+        kept: the views.
+        listeners: the subscriptions to changes.
+        loops: the running loops of units, which register here.
     """
 
     def __init__(self, model: Model, library: Library) -> None:
@@ -51,20 +50,19 @@ class ViewMatcher(Matcher):
 
     @property
     def watched(self) -> tuple[str, ...]:
-        """The patterns that are kept current, in the order in which they were asked for."""
+        """Return the names of the watched patterns, in the order of the requests."""
         if self._wanted:
             self._watch_wanted()
         return tuple(self.kept.lasting)
 
     def watch(self, *patterns: str) -> None:
-        """Keep patterns current from now on.
+        """Make views of patterns, and keep them up to date from now on.
 
         Raises:
-            InvalidArgument: an unknown pattern, a `search` pattern, one that needs values for parameters, or another
-                matcher of this model watches.
-            EvaluationError: closures and recursive patterns stand inside each other too deep.
-            TransactionError: there is a state to go back to (a savepoint is open, or a version is held), in which the
-                pattern was not watched.
+            InvalidArgument: a pattern is unknown, a `search` pattern, or needs values for parameters; or another
+                matcher of this model has views.
+            EvaluationError: closures and recursive patterns are nested too deeply.
+            TransactionError: a savepoint is open or a version exists: in that state the pattern had no view.
         """
         new = [pattern for pattern in dict.fromkeys(patterns) if pattern not in self.kept.lasting]
         for pattern in new:
@@ -73,35 +71,36 @@ class ViewMatcher(Matcher):
             return
         if not self.model.graph.history.idle:
             raise TransactionError(
-                f"cannot begin to watch `{new[0]}` inside a transaction or while a version is held: "
-                "watch before the first commit"
+                f"cannot begin to watch `{new[0]}` inside a transaction or while a version exists: "
+                "call `watch` before the first commit"
             )
         self.kept.up_to_date()
         self.kept.make((*self.kept.views, *new))
 
     def watch_later(self, *patterns: str) -> None:
-        """Watch patterns when something is next asked, there is no state to go back to, and no other matcher watches.
+        """Watch patterns at the next query when no savepoint or version is open and no other matcher has views.
 
-        For patterns declared `incremental`. Those that cannot be enumerated, or are nested too deeply, are passed over.
+        For patterns declared `incremental`. Patterns that cannot be enumerated or are nested too deeply are skipped.
         """
         calls = self.demand.calls
         possible = (name for name in patterns if not self.library.inputs(name))
         self._wanted.update((name, None) for name in possible if calls.of(name).nesting <= MOST_NESTED)
 
     def _watch_wanted(self) -> None:
+        """Watch the patterns of `watch_later`, if this is possible now."""
         if self.model.graph.history.idle and self.kept.rival() is None:
             wanted, self._wanted = self._wanted, {}
             self.watch(*wanted)
 
     def unwatch(self, *patterns: str) -> None:
-        """Keep patterns current no longer; those that are not watched are passed over.
+        """Discard the views of patterns; patterns without a view are skipped.
 
         Raises:
-            InvalidArgument: somebody listens to the pattern.
+            InvalidArgument: a pattern has subscribers.
         """
         for pattern in patterns:
             if pattern in self.listeners.patterns:
-                raise InvalidArgument(f"somebody listens to `{pattern}`")
+                raise InvalidArgument(f"`{pattern}` has listeners: remove them before `unwatch`")
         for pattern in patterns:
             self.kept.views.pop(pattern, None)
             self._wanted.pop(pattern, None)
@@ -110,12 +109,12 @@ class ViewMatcher(Matcher):
             self.kept.leave()
 
     def listen(self, pattern: str, changed: Change, restored: Change | None = None) -> Subscription:
-        """Hear of the net changes of a pattern, which is watched from now on: see `Listeners`.
+        """Subscribe to the net changes of a pattern, which is then watched: see `Listeners`. Return the subscription.
 
         Args:
             pattern: qualified name.
-            changed: called with the rows that have appeared and those that have disappeared since it was last called.
-            restored: called instead after a checkout; `changed` if None.
+            changed: called with the inserted and the deleted matches since its last call.
+            restored: called instead after a checkout; None for `changed`.
 
         Raises:
             InvalidArgument, TransactionError: as `watch`.
@@ -124,24 +123,27 @@ class ViewMatcher(Matcher):
         return self.listeners.add(Subscription(pattern, changed, restored or changed))
 
     def _check_watchable(self, pattern: str) -> None:
+        """Raise an `InvalidArgument` or `EvaluationError` if a pattern cannot be watched."""
         if self.library.get(pattern).strategy == "search":
-            raise InvalidArgument(f"`{pattern}` is a `search` pattern: it is never watched")
+            raise InvalidArgument(f"`{pattern}` is a `search` pattern and cannot be watched: remove `search`")
         inputs = self.library.inputs(pattern)
         if inputs:
             name = self.library.get(pattern).parameters[inputs[0]].name
-            raise InvalidArgument(f"`{pattern}` cannot be watched: nothing enumerates its parameter `{name}`")
+            raise InvalidArgument(
+                f"`{pattern}` cannot be watched: its parameter `{name}` always needs a value"
+            )
         check_nesting(self.demand.calls, pattern)
 
     # --- Matcher
 
     def _current(self, pattern: str) -> Rows | None:
-        """The view of a pattern, up to date; None if it is not watched."""
+        """Return the updated view of a pattern; None if the pattern is not watched."""
         if self._wanted:
             self._watch_wanted()
         return self.kept.current(pattern)
 
     def rows(self, pattern: str, arguments: tuple[object, ...]) -> Sequence[Row]:
-        """All matches that agree with the arguments."""
+        """Return all matches that agree with the arguments."""
         view = self._current(pattern)
         if view is None:
             return self.demand.rows(pattern, arguments)
@@ -153,7 +155,7 @@ class ViewMatcher(Matcher):
         return [] if known is None else list(self._partly.rows(pattern, view, positions, known))
 
     def first(self, pattern: str, arguments: tuple[object, ...]) -> Row | None:
-        """The first of `rows`, or None."""
+        """Return the first match of `rows`, or None."""
         view = self._current(pattern)
         if view is None:
             return self.demand.first(pattern, arguments)
@@ -165,27 +167,28 @@ class ViewMatcher(Matcher):
         return None if known is None else self._partly.first(pattern, view, positions, known)
 
     def exists(self, pattern: str, arguments: tuple[object, ...]) -> bool:
-        """Return whether there is a match that agrees with the arguments."""
+        """Return True if at least one match agrees with the arguments."""
         view = self._current(pattern)
         if view is None:
             return self.demand.exists(pattern, arguments)
         return self._number(pattern, view, arguments) > 0
 
     def count(self, pattern: str, arguments: tuple[object, ...]) -> int:
-        """The number of `rows`."""
+        """Return the number of matches that agree with the arguments."""
         view = self._current(pattern)
         if view is None:
             return self.demand.count(pattern, arguments)
         return self._number(pattern, view, arguments)
 
     def _number(self, pattern: str, view: Rows, arguments: tuple[object, ...]) -> int:
+        """Return the number of rows of a view that agree with the arguments."""
         positions, known = self._known(pattern, arguments)
         if not positions:
             return len(view.rows)
         return 0 if known is None else self._partly.count(pattern, view, positions, known)
 
     def _known(self, pattern: str, arguments: tuple[object, ...]) -> tuple[tuple[int, ...], Any]:
-        """The positions with a value, and what rows with these are filed under; None if an object is gone."""
+        """Return the bound positions, and the key of their values (None if there are none or an object is deleted)."""
         types = self.library.parameter_types(pattern)
         if arguments.count(FREE) == len(arguments) == len(types):
             return (), None
@@ -194,7 +197,7 @@ class ViewMatcher(Matcher):
         return positions, None if checked is None else key_of(positions)(checked)
 
     def prepare(self, pattern: str, bound: tuple[int, ...]) -> Callable[..., list[Row]]:
-        """`rows` for one set of bound positions; arguments are not checked, see `Matcher.prepare`."""
+        """Return a function like `rows` for fixed bound positions; it checks no arguments, see `Matcher.prepare`."""
         search = self._search(pattern) if not bound else self.demand.prepare(pattern, bound)
         if not bound:
             return lambda: (
@@ -213,7 +216,7 @@ class ViewMatcher(Matcher):
         return rows
 
     def seeker(self, pattern: str, bound: tuple[int, ...]) -> Callable[..., Iterator[Row]]:
-        """The rows of `prepare`; those of a view are there."""
+        """Return a function like `prepare` that yields the matches; those of unwatched patterns are found on demand."""
         seek = self.demand.seeker(pattern, bound)
         if bound and not self._partly.possible(pattern, bound):
             return seek
@@ -229,16 +232,17 @@ class ViewMatcher(Matcher):
         return rows
 
     def _listed(self, pattern: str, search: Callable[[], list[Row]]) -> list[Row]:
+        """Return the rows of a search; inside a loop perhaps from a temporary view."""
         return self.loops.rows(pattern, search) if self.loops.depth else search()
 
     def _search(self, pattern: str) -> Callable[[], list[Row]]:
-        """The search of a pattern without arguments."""
+        """Return the function that lists all matches of a pattern by a search."""
         search = self.demand.prepare(pattern, ())
         self.loops.orders[search] = self.demand.order(pattern)
         return search
 
     def lister(self, pattern: str) -> Callable[[], Sequence[Row]]:
-        """All rows, as they are held if the pattern is watched."""
+        """Return a function that returns all matches; for a watched pattern it returns the list of the view itself."""
         search = self._search(pattern)
 
         def rows() -> Sequence[Row]:
@@ -248,7 +252,7 @@ class ViewMatcher(Matcher):
         return rows
 
     def tester(self, pattern: str) -> Callable[[Row], bool]:
-        """Return whether a row is a match; a watched pattern only has to be looked up."""
+        """Return a function that returns True if a row is a match; a watched pattern needs one lookup."""
         search = self.demand.tester(pattern)
 
         def test(row: Row) -> bool:
@@ -258,29 +262,29 @@ class ViewMatcher(Matcher):
         return test
 
     def explain(self, pattern: str, bound: tuple[int, ...] = (), values: Sequence[Any] = ()) -> str:
-        """Explain how matches are found, as `CompiledMatcher` does, or, of a watched pattern, kept current."""
+        """Return as text how matches are found, or for a watched pattern how its view is updated."""
         if not bound and self._current(pattern) is not None:
             return self.kept.network.explain(pattern, self.demand.build)
         return self.demand.explain(pattern, bound, values)
 
     def why_not(self, pattern: str, given: Mapping[int, Value]) -> WhyNot:
-        """Why there is no match for values at some positions: see `WhyNot`."""
+        """Return the explanation why there is no match for values at some positions: see `WhyNot`."""
         return self.demand.why_not(pattern, given)
 
     def analyze(self) -> None:
-        """Measure the model, for plans that are made from now on: see `CompiledMatcher.analyze`."""
+        """Measure the sizes of the model, for plans made from now on: see `CompiledMatcher.analyze`."""
         self.demand.analyze()
         self._partly.forget()
         if self.kept.views and self.model.graph.history.idle and self.kept.up_to_date():
             self.kept.make(self.kept.views)
 
     def forget(self) -> None:
-        """Names of patterns may mean something else from now on, but for those that are watched."""
+        """Discard cached plans of unwatched patterns, because pattern names may now refer to other definitions."""
         self.demand.forget()
         self._partly.forget()
 
     def check_integrity(self) -> None:
-        """Assert that every view in use holds what a new computation finds; for tests."""
+        """Assert that every usable view contains the rows that a new computation finds. For tests."""
         if not self.kept.up_to_date():
             return
         self.kept.network.check()

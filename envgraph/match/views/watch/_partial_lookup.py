@@ -1,4 +1,4 @@
-"""The rows of a view that agree with some values."""
+"""Lookups in a view: the rows that have given values at some positions."""
 
 from __future__ import annotations
 
@@ -10,24 +10,24 @@ from envgraph.match.views.operators._operators import Rows
 from envgraph.match.views.operators._sets import Index, Row, key_of
 
 EXPENSIVE: Final = 400.0
-"""Estimated accesses of a search below which nothing else is faster."""
+"""The estimated accesses of a search below which a search is as fast as a lookup."""
 READ: Final = 2.0
-"""Accesses of a search that take as long as a look at one row of a view."""
+"""The number of accesses of a search that take as long as reading one row of a view."""
 
 Positions = tuple[int, ...]
 
 
 class PartialLookup:
-    """Questions about views with values at some positions.
+    """Lookups in views by values at some positions.
 
-    They are answered by searches until these have cost as much as a look at all rows; then once by that; then by an
-    index, which is kept current from there on.
+    A lookup is a search until searches have cost as much as scanning all rows. Then one lookup scans; later ones use an
+    index, which is kept up to date from then on.
 
-    The order of the rows must not depend on what was asked before. If the view keeps those that agree together, for
-    its consumers, it is their order there; else that of the view, however they are found.
+    The order of the rows does not depend on earlier lookups. If the view stores groups by these positions for its
+    consumers, it is the order of the group, else the order of the view.
 
     Args:
-        demand: searches.
+        demand: the matcher that searches.
     """
 
     def __init__(self, demand: CompiledMatcher) -> None:
@@ -36,27 +36,27 @@ class PartialLookup:
         self._spent: dict[tuple[str, Positions], float] = {}
 
     def forget(self) -> None:
-        """There are other views, or other estimates."""
+        """Discard the cached costs, because views or estimates have changed."""
         self._costs.clear()
         self._spent.clear()
 
     def worthwhile(self, pattern: str, view: Rows, positions: Positions) -> bool:
-        """Return whether the view is read for values at some positions (ascending); else a search is about as fast."""
+        """Return True if a lookup in the view is faster than a search, for values at these positions (ascending)."""
         held = (positions, None) in view.groups and self._demand.calls.of(pattern).searches
         return held or self._cost(pattern, positions) >= EXPENSIVE
 
     def possible(self, pattern: str, positions: Positions) -> bool:
-        """Return whether it may be `worthwhile` for some view."""
+        """Return True if `worthwhile` may return True for some view of the pattern."""
         return self._cost(pattern, positions) >= EXPENSIVE or self._demand.calls.of(pattern).searches
 
     def rows(self, pattern: str, view: Rows, positions: Positions, wanted: Any) -> Sequence[Row]:
-        """The rows in order; not to be changed, nor kept.
+        """Return the rows in order. The sequence must not be modified or stored.
 
         Args:
-            pattern: qualified name; its view is of use.
+            pattern: qualified name; a lookup in its view is worthwhile.
             view: its view, up to date.
-            positions: where there are values, ascending.
-            wanted: what rows with these values are filed under: see `key_of`.
+            positions: the positions with values, ascending.
+            wanted: the key of these values, as returned by `key_of`.
         """
         groups = view.groups.get((positions, None))
         if groups is not None:
@@ -65,7 +65,7 @@ class PartialLookup:
         return sorted(found, key=view.rows.position.__getitem__) if len(found) > 1 else tuple(found)
 
     def first(self, pattern: str, view: Rows, positions: Positions, wanted: Any) -> Row | None:
-        """The first of `rows`, or None."""
+        """Return the first row of `rows`, or None."""
         groups = view.groups.get((positions, None))
         if groups is not None:
             return next(iter(groups.table[wanted]), None)
@@ -73,12 +73,13 @@ class PartialLookup:
         return min(found, key=view.rows.position.__getitem__, default=None)
 
     def count(self, pattern: str, view: Rows, positions: Positions, wanted: Any) -> int:
-        """The number of `rows`, of any view."""
+        """Return the number of `rows`, for any view."""
         groups = view.groups.get((positions, None))
         found = self._found(pattern, view, positions, wanted) if groups is None else groups.table[wanted]
         return len(found)
 
     def _cost(self, pattern: str, positions: Positions) -> float:
+        """Return the estimated cost of a search; cached."""
         place = pattern, positions
         cost = self._costs.get(place)
         if cost is None:
@@ -86,7 +87,7 @@ class PartialLookup:
         return cost
 
     def _found(self, pattern: str, view: Rows, positions: Positions, wanted: Any) -> Collection[Row]:
-        """The rows in any order, by what is least work."""
+        """Return the rows in any order, by the cheapest of index, search and scan."""
         rows, place = view.rows, (pattern, positions)
         index = rows.indexes.get(positions)
         if index is not None:
