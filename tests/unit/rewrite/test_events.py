@@ -294,7 +294,7 @@ def test_a_rule_that_does_not_match_does_nothing() -> None:
         ({"pattern": "number", "update": "finish", "key": "x"}, "`key` takes several names"),
         ({"pattern": "number", "update": "finish", "key": ("y",)}, "no variable `y`"),
         ({"pattern": "number", "update": "finish", "key": ("n", "x")}, "is ever updated"),
-        ({"pattern": "sought", "appear": "finish"}, "never watched"),
+        ({"pattern": "sought", "appear": "finish"}, "cannot be watched"),
     ],
 )
 def test_wrong_registrations_are_refused(options: dict[str, object], message: str) -> None:
@@ -317,7 +317,7 @@ def test_the_naive_matcher_has_no_events() -> None:
 def test_registering_while_there_is_a_state_to_go_back_to_is_refused() -> None:
     made = items()
     version = made.commit()
-    with pytest.raises(TransactionError, match="watch before the first commit"):
+    with pytest.raises(TransactionError, match="`watch` before the first commit"):
         made.on("done", appear="finish")
     del version
     with made.transaction(), pytest.raises(TransactionError):
