@@ -26,7 +26,7 @@ FREE: Final = Free.FREE
 """The marker for an unbound argument of a pattern."""
 
 Row = tuple[Value, ...]
-"""One match: a tuple with a value for each parameter. Objects are given by their ids."""
+"""A match: a tuple with a value for each parameter. Objects are given by their ids."""
 
 
 class Matcher(ABC):

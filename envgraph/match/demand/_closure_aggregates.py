@@ -14,7 +14,7 @@ MOST_CLASSES: Final = 256
 CLASS: Final = 2
 """The number of reached nodes that a search visits in the time needed for one class."""
 SLOW_BITS: Final = 1024
-"""The number of bits that double the time needed for one class."""
+"""The number of bits of an integer that add the time of one visited node to the work for each class."""
 DENSE: Final = 8
 """All nodes are scanned if at least one of this many nodes is reached."""
 

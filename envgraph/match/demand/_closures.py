@@ -108,7 +108,7 @@ class ClosureView:
             each.clear()
         self._size = size
 
-    # --- what is reached
+    # --- reached nodes
 
     def search(self, forward: bool) -> Search:
         """Return a function that lists the nodes reached from a node in a direction, nearest first."""
@@ -172,7 +172,7 @@ class ClosureView:
 
         return pairs
 
-    # --- values of what is reached
+    # --- values of the set of reached nodes
 
     def size(self, forward: bool) -> Callable[[Any], int]:
         """Return a function that returns the number of nodes reached from a node in a direction."""
@@ -258,7 +258,7 @@ class ClosureView:
         aggregate.catch_up(condensed.nodes)
         return aggregate.value(reached)
 
-    # --- whether it is reached
+    # --- reachability tests
 
     def holds(self) -> Callable[[Any, Any], bool]:
         """Return a function that returns True if a source reaches a target."""
@@ -348,7 +348,7 @@ class ClosureView:
 
         return holds
 
-    # --- what is kept
+    # --- cache
 
     def _remember(self, size: int) -> None:
         """Count `size` more cached nodes. If there are too many, discard the cache."""

@@ -177,7 +177,7 @@ class CompiledMatcher(Matcher):
             self._program.planner, self._program.key(pattern, bound, Mode.ROWS), Mode.ROWS
         ).text
 
-    # --- from a question to a function
+    # --- lookup of compiled functions
 
     def _types(self, pattern: str) -> tuple[StaticType, ...]:
         """Return the types of a pattern's parameters; cached."""

@@ -204,7 +204,7 @@ class Calls:
             run.grow(self.pattern)
         return found
 
-    # --- what evaluations do
+    # --- called by generated evaluation functions
 
     def read(self, values: tuple[Any, ...], goes_on: Suspended, known: tuple[Any, ...]) -> None:
         """Run a continuation with each row of a call."""
@@ -338,7 +338,7 @@ class Recursion:
         """Discard all cached tables if the model has changed."""
         if self._revision != self._store.revision:
             self._forget()
-            self._revision = self._store.revision  # last: safe if interrupted before
+            self._revision = self._store.revision  # last: an interruption before leaves no outdated table
 
     def _solved(self, calls: Calls, values: tuple[Any, ...]) -> Table:
         """Return the complete table of a call."""

@@ -55,21 +55,21 @@ class ValueIndex:
         return found if isinstance(found, list) else list(dict.fromkeys(found))
 
     def some(self, entries: Entries, key: Any, *bounds: Any) -> Iterable[int]:
-        """Return the same objects in any order, perhaps repeated; they may be found on demand."""
+        """Return the objects with a key and a value within bounds in any order, perhaps repeated or found on demand."""
         if not self._ready(entries):
             return self.look(entries, key, bounds)
         bucket = self._table.get(key, ())
         return (bucket[place][1] for place in self._between(bucket, bounds)) if self._operators else bucket
 
     def count(self, entries: Entries, key: Any, *bounds: Any) -> int:
-        """Return the number of these objects, if each has one value."""
+        """Return the number of objects with a key and a value within bounds, if each object has one value."""
         if not self._ready(entries):
             return sum(1 for _ in self.look(entries, key, bounds))
         bucket = self._table.get(key, ())
         return len(self._between(bucket, bounds)) if self._operators else len(bucket)
 
     def look(self, entries: Entries, key: Any, bounds: Sequence[Any]) -> Iterable[int]:
-        """Yield these objects by a scan, without an index."""
+        """Yield the objects with a key and a value within bounds, by a scan of all objects without the index."""
         tests = [(_HOLDS[operator], bound) for operator, bound in zip(self._operators, bounds, strict=True)]
         for own, value, node in entries(chain.from_iterable(self._extents)):
             if own == key and (not tests or (value is not None and all(test(value, w) for test, w in tests))):
@@ -175,7 +175,7 @@ def by_attributes(
         return ((first[node], None, node) for node in nodes)
 
     def look(_: Entries, key: Any, bounds: Sequence[Any]) -> list[int]:
-        """Return these objects by a scan like `ValueIndex.look`, but faster."""
+        """Return the objects with a key by a scan of all objects, like `ValueIndex.look`, but faster."""
         value = key[0] if others else key
         if many:
             return [node for extent in extents for node in extent if value in many[node]]

@@ -1,4 +1,4 @@
-"""Generate code that evaluates calls of recursive patterns , suspended at each call of the same component."""
+"""Generate code that evaluates calls of recursive patterns, suspended at each call of the same component."""
 
 from __future__ import annotations
 

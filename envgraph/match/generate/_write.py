@@ -103,7 +103,7 @@ class Module:
         return code.Call(self.function(self.fresh("x"), inputs, body), inputs)
 
     def function(self, name: str, parameters: Sequence[code.Local], body: code.Body) -> code.Name:
-        """Add an inner function, and return its name."""
+        """Add an inner function to the source, and return the function's name."""
         self._functions.append(code.Function(name, tuple(parameters), body))
         return code.Name(name)
 

@@ -34,7 +34,7 @@ class Bodies:
     def of(self, pattern: str) -> tuple[Conjunction, ...]:
         """Return the rewritten bodies of a pattern, one conjunction for each body in the library."""
         if pattern not in self._done:
-            # Bottom up, so that a long chain of calls needs no deep stack.
+            # Bottom up, so that a long chain of calls does not exhaust the stack.
             for names, _ in components([pattern], lambda n: [] if n in self._done else self._calls.called(n)):
                 for name in names:
                     if name not in self._done:

@@ -10,15 +10,15 @@ from envgraph.pattern import CallAtom, Closure, ClosureAtom, Conjunction, Goal, 
 
 
 def closures_as_calls(body: Conjunction, bodies: Bodies) -> Conjunction:
-    """Return the body with such closures replaced: one or more steps exist from `a` exactly if one step exists.
+    """Return the body with each closure `p+(a, b)` replaced by the call `p(a, b)` if one end is used nowhere else.
 
-    A closure is replaced if one of its ends occurs in no other goal, is no parameter and has no fixed value.
+    One or more steps exist from `a` exactly if one step exists. The unused end must be no parameter and no constant.
     """
     uses = Counter(variable for goal in body.goals for variable in mentioned(goal))
     fixed = {*body.parameters, *(number for number, _ in body.constants)}
 
     def simple(goal: Goal) -> Goal:
-        """Return the call of the closure's step pattern if the goal is such a closure; else the goal itself."""
+        """Return the call that may replace the goal; the goal itself if it is no closure or uses both ends."""
         if isinstance(goal, ClosureAtom) and goal.closure is Closure.PLUS:
             ends = (goal.source, goal.target)
             if any(uses[end] == 1 and end not in fixed for end in ends):

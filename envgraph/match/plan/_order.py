@@ -246,7 +246,7 @@ class Search:
         return bool(groups)
 
     def _names(self, goals: Iterable[Goal]) -> set[int]:
-        """Return all variables of some goals."""
+        """Return all variables that occur in some goals."""
         return {v for goal in goals for v in self._variables[id(goal)]}
 
     def _groups(self, draft: Draft) -> list[list[Goal]]:

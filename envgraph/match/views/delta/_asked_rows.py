@@ -93,5 +93,5 @@ def _at(values: tuple[int, ...], positions: Iterable[int]) -> tuple[int, ...]:
 
 
 def _with(values: tuple[int, ...], position: int, *new: int) -> tuple[int, ...]:
-    """Return the values with the one at a position replaced by new values."""
+    """Return the tuple of values with the value at a position replaced by new values."""
     return (*values[:position], *new, *values[position + 1 :])

@@ -52,7 +52,7 @@ def joined_by_value(store: Store, planner: ViewPlanner, body: Conjunction) -> fr
     if not possible:
         return frozenset()
     fixed = {number for number, _ in body.constants}
-    found: set[int] = set()  # for membership alone
+    found: set[int] = set()  # used only for membership tests
     for known, others in _searches(body):
         try:
             plan = planner.plan(body, [body.goals[number] for number in others], frozenset(known))
@@ -99,7 +99,7 @@ def _met_elsewhere(body: Conjunction, goal: Goal) -> bool:
 def _telling(store: Store, metamodel: Metamodel, attribute: Attribute) -> bool:
     """Return True if a sample of the objects has many different values of an attribute."""
     column = store.values[attribute.index]
-    different: set[Value | Values] = set()  # for its size alone
+    different: set[Value | Values] = set()  # only its size is used
     for cls, extent in zip(metamodel.class_list, store.extents, strict=True):
         if metamodel.is_a(cls.name, attribute.owner):
             values = (value for node in extent[:SAMPLE] if (value := column[node]) is not None)

@@ -552,7 +552,7 @@ class NetworkBuilder:
         except NotIncremental:
             return None
 
-    # --- who reads whom
+    # --- dependencies between operators
 
     def read(self) -> set[str]:
         """Return the names of the operators that other operators read, and of all recursive views."""

@@ -67,7 +67,7 @@ class Network:
         """Return the operator of a recursive pattern; None if the pattern has no delta functions."""
         return self._builder.recursive(pattern)
 
-    # --- what plans ask
+    # --- sizes for planning
 
     def rows(self, view: str) -> float:
         """Return the number of matches of a view, at least 0.5; before its creation the number of objects."""
@@ -97,7 +97,7 @@ class Network:
         starts = max(len(operator.begun), 1)
         return operator.forward, float(starts), max(operator.size() / starts, 1.0)
 
-    # --- turns
+    # --- updates
 
     def settle(self) -> None:
         """Process all operators with pending changes, each once, in the order of the network."""

@@ -143,7 +143,7 @@ class Wiring:
                         delta = Delta(
                             name, number, body, place, later, symmetric, queued=name in self._queued
                         )
-                        # What is looked up in the rows must not be a row of another body.
+                        # Rows found by a lookup in the view must not belong to another body.
                         if name not in self._queued and len(definition.bodies) == 1:
                             delta = self._with_own(delta, definition.view)
                         found.append((key, delta))
@@ -188,7 +188,7 @@ class Wiring:
         if symmetric:  # both directions at one occurrence, then both at the next: they change together
             pairs = [self._both(each) if isinstance(each, Delta) else each for each in consumers]
             consumers = [(_both_ways(added), _both_ways(removing)) for added, removing in pairs]
-        # A deletion is the mirror of an insertion.
+        # Deletions call the consumers in reverse order.
         return (
             _fan(self._hooks(consumers, True), arity),
             _fan(self._hooks(consumers[::-1], False), arity),

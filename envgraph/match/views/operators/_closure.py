@@ -100,7 +100,7 @@ class ClosureOperator(Operator):
         assert positions == ((0,) if self.forward else (1,))
         return self.reached
 
-    # --- what it hears
+    # --- notifications
 
     def ask(self, start: Any) -> None:
         """Record that a start is requested."""
@@ -118,7 +118,7 @@ class ClosureOperator(Operator):
         """Record a deleted edge."""
         self._lost.append((source, target) if self.forward else (target, source))
 
-    # --- what it answers
+    # --- queries
 
     def pairs(self) -> Iterator[tuple[Any, Any]]:
         """Yield all pairs of a source and a target."""
@@ -130,7 +130,7 @@ class ClosureOperator(Operator):
         """Return the starts that reach a node."""
         return [start for (start,) in self.begun if other in self.reached[start]]
 
-    # --- keeping it current
+    # --- updates
 
     def process(self) -> None:
         lost, gained, asked = self._lost[:], self._gained[:], self._asked

@@ -128,7 +128,7 @@ class Component(Operator):
             come: inserts a row.
         """
         sure = len(found) if doubtful else 0
-        coming: set[tuple[Member, Row]] = set()  # for membership alone
+        coming: set[tuple[Member, Row]] = set()  # used only for membership tests
         for number, (member, row) in enumerate(found):
             if row in member.rows.position:
                 continue

@@ -30,7 +30,7 @@ class Log(list[Any]):
             self[:] = [
                 *gone,
                 *(part for row in appeared for part in (row, True)),
-            ]  # in one step, for interruptions
+            ]  # in one step, so that an interruption leaves a valid log
             self._shortest = len(self)
 
 
@@ -120,10 +120,10 @@ class MatchSet(IndexedSet[Row]):
         for index in self.indexes.values():
             index.delete(row)
 
-    # --- replay: the journal is the caller
+    # --- called by the journal during undo and redo
 
     def take(self, item: Row) -> int:
-        """Remove a row during undo or redo, update log and indexes, and return the position where the row stood."""
+        """Remove a row during undo or redo, update log and indexes, and return its position before the removal."""
         if self.log is not None:
             self.log.extend((item, False))
         index = super().take(item)

@@ -208,10 +208,10 @@ class KeptViews:
         if self.model.graph.store.next_id > self._outgrown and self.views and self.model.graph.history.idle:
             self.make(self.views)
 
-    # --- Follower
+    # --- the interface of `Follower`
 
     def settle(self) -> None:
-        """Update all views, before a savepoint or version is created."""
+        """Update all views before a savepoint or version is created."""
         if self._broken is None:
             self._bring_up()
             self.plan_anew()  # not later: the order of rows must not change after a savepoint

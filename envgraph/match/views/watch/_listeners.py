@@ -32,7 +32,7 @@ class BoundedLog(Log):
         self._most = 2 * LONG
 
     def extend(self, parts: Iterable[Any]) -> None:
-        """Append rows, each followed by True if it was inserted, False if it was deleted."""
+        """Append entries to the log, flat: a row, then True if it was inserted or False if it was deleted."""
         if len(self) > self._most:  # first, since an interruption leaves only the last entry in doubt
             self.shorten()
             self._most = 2 * (len(self) + LONG)
@@ -127,7 +127,7 @@ class Listeners:
             self.notifying = False
 
     def _notify_all(self) -> None:
-        """Run the callbacks of all noted changes."""
+        """Run the collected callbacks with their net changes. Raise the first exception after all have run."""
         first: BaseException | None = None
         while self._news:
             _, call, appeared, disappeared = self._news[0]

@@ -134,7 +134,7 @@ class ViewMatcher(Matcher):
             )
         check_nesting(self.demand.calls, pattern)
 
-    # --- Matcher
+    # --- the interface of `Matcher`
 
     def _current(self, pattern: str) -> Rows | None:
         """Return the updated view of a pattern; None if the pattern is not watched."""
