@@ -34,7 +34,10 @@ Ends = dict[Any, set[Any] | None]
 
 
 class Steps(Protocol):
-    """The interface to the searches along a step pattern. Each search function is created when it is first needed."""
+    """The interface to the searches along a step pattern, the binary pattern that a closure repeats.
+
+    Each search function is created when it is first needed.
+    """
 
     @property
     def backward_is_better(self) -> bool:

@@ -97,7 +97,7 @@ class Program:
         self._closures: dict[tuple[str, bool], ClosureView] = {}
 
     def key(self, pattern: str, bound: tuple[int, ...], mode: Mode) -> ViewKey:
-        """Return the adorned pattern for values at some positions (ascending)."""
+        """Return the pattern query for values at some positions (ascending)."""
         width = len(self.library.parameter_types(pattern))
         free = tuple(position for position in range(width) if position not in bound)
         return ViewKey(pattern, bound, () if mode is Mode.EXISTS else free)
@@ -131,7 +131,7 @@ class Program:
         return rows or self._recursion.solver(pattern, bound)
 
     def function(self, key: ViewKey, mode: Mode, inside: frozenset[str] = _NOWHERE) -> Function:
-        """Return the function of an adorned pattern. `inside` is the recursive component whose tables it uses.
+        """Return the function of a pattern query. `inside` is the recursive component whose tables it uses.
 
         The functions that it calls are compiled first, in a loop, since chains of calls may be long.
         """
@@ -267,7 +267,7 @@ class Program:
 
 
 class _Steps:
-    """The searches along a step pattern, compiled at first use."""
+    """The searches along a step pattern (the binary pattern that a closure repeats), compiled at first use."""
 
     def __init__(self, program: Program, step: str, reflexive: bool) -> None:
         self._program = program

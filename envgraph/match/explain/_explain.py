@@ -53,11 +53,11 @@ class Explanation(str):
 
 
 def explain_view(planner: Planner, key: ViewKey, actual: Actual | None) -> str:
-    """Return as text the plan of every body of an adorned pattern, and its generated source.
+    """Return as text the plan of every body of a pattern query, and its generated source.
 
     Args:
         planner: makes the plan.
-        key: the adorned pattern.
+        key: the pattern query.
         actual: runs a plan and counts rows; None if rows cannot be counted.
 
     Raises:

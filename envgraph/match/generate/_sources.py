@@ -39,7 +39,7 @@ from envgraph.match.plan._sharing import (
 
 
 def view_source(planner: Planner, key: ViewKey, mode: Mode) -> Source:
-    """Return the source of the function of an adorned pattern.
+    """Return the source of the function of a pattern query.
 
     Raises:
         Unplannable: a parameter without a value cannot be enumerated.

@@ -71,7 +71,7 @@ class Suspending(Translation):
     """A translation of a plan that turns the steps after a call of the recursive component into continuations.
 
     Attributes:
-        key: the adorned pattern that is evaluated.
+        key: the pattern query that is evaluated.
         first: the first step of the body, or an empty list.
     """
 

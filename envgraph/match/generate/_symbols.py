@@ -74,7 +74,7 @@ class Literal:
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """The generated function of an adorned pattern."""
+    """The generated function of a pattern query."""
 
     key: ViewKey
     mode: Mode

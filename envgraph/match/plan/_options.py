@@ -70,7 +70,7 @@ class Views(Protocol):
     sizes: Sizes
 
     def view(self, key: ViewKey) -> ViewPlan:
-        """Return the plan of an adorned pattern, or raise `Unplannable`."""
+        """Return the plan of a pattern query, or raise `Unplannable`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -371,7 +371,7 @@ def _free(goal: CallAtom, bound: Bound) -> tuple[int, ...]:
 
 
 def call_key(goal: CallAtom, bound: Bound, needed: Sequence[int]) -> ViewKey:
-    """Return the adorned pattern of a call: bound arguments have values, the `needed` variables are wanted."""
+    """Return the pattern query of a call: bound arguments have values, the values of `needed` variables are wanted."""
     given = tuple(position for position, v in enumerate(goal.arguments) if v in bound)
     wanted = tuple(position for position, v in enumerate(goal.arguments) if v in needed)
     return ViewKey(goal.pattern, given, wanted)

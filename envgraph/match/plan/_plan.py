@@ -71,7 +71,7 @@ class Plan:
 
 @dataclass(frozen=True, slots=True)
 class ViewKey:
-    """An adorned pattern (Datalog): a pattern, the positions of bound arguments, and those whose values are wanted."""
+    """A pattern query: a pattern, the positions of bound arguments, and the positions whose values are wanted."""
 
     pattern: str
     bound: tuple[int, ...]
@@ -80,7 +80,7 @@ class ViewKey:
 
 @dataclass(frozen=True, slots=True)
 class BodyPlan:
-    """The plan of one body of an adorned pattern.
+    """The plan of one body of a pattern query.
 
     Attributes:
         conjunction: the body.
@@ -95,7 +95,7 @@ class BodyPlan:
 
 @dataclass(frozen=True, slots=True)
 class ViewPlan:
-    """The plans of all bodies of an adorned pattern. `distinct` is True if they never repeat wanted values."""
+    """The plans of all bodies of a pattern query. `distinct` is True if they never repeat wanted values."""
 
     key: ViewKey
     bodies: tuple[BodyPlan, ...]

@@ -50,7 +50,7 @@ class Planner:
         self._views: dict[ViewKey, ViewPlan | Unplannable] = {}
 
     def view(self, key: ViewKey) -> ViewPlan:
-        """Return the plan of an adorned pattern; plans are cached.
+        """Return the plan of a pattern query; plans are cached.
 
         Raises:
             Unplannable: a parameter without a value cannot be enumerated.
@@ -66,7 +66,7 @@ class Planner:
         return found
 
     def expanded(self, key: ViewKey) -> ViewPlan:
-        """Return the plan of an adorned pattern whose called bodies are multiplied out if that gives few bodies.
+        """Return the plan of a pattern query whose called bodies are multiplied out if that gives few bodies.
 
         Raises:
             Unplannable: a parameter without a value cannot be enumerated.
@@ -85,7 +85,7 @@ class Planner:
         return Search(self, conjunction, known, frozenset(wanted) - known).plan(conjunction.goals)
 
     def _plan_view(self, key: ViewKey, conjunctions: tuple[Conjunction, ...]) -> ViewPlan:
-        """Return the plans of these bodies for an adorned pattern."""
+        """Return the plans of these bodies for a pattern query."""
         bodies = tuple(self._plan_body(key, conjunction) for conjunction in conjunctions)
         distinct = not any(body.repeats for body in bodies) and disjoint(
             self.library.metamodel, (*key.outputs, *key.bound), conjunctions
@@ -94,7 +94,7 @@ class Planner:
         return ViewPlan(key, bodies, distinct, rows, fsum(body.plan.cost for body in bodies))
 
     def _plan_body(self, key: ViewKey, conjunction: Conjunction) -> BodyPlan:
-        """Return the plan of one body for an adorned pattern."""
+        """Return the plan of one body for a pattern query."""
         fixed = frozenset(number for number, _ in conjunction.constants)
         bound = fixed | {conjunction.parameters[position] for position in key.bound}
         wanted = frozenset(conjunction.parameters[position] for position in key.outputs) - bound

@@ -150,7 +150,7 @@ class Alike:
     """An aggregate whose value depends on the start of a closure only through the set of nodes that it reaches.
 
     Attributes:
-        start: the start: a variable of the aggregate's relation, or a position of an adorned pattern.
+        start: the start: a variable of the aggregate's relation, or a position of a pattern query.
         closure: the closure in the called pattern.
         forward: True if the start is the source of the closure.
         ends: the nodes that the closure may reach, if they can be found without it; else None.

@@ -70,7 +70,7 @@ class ViewPlanner:
         raise AssertionError(key)
 
     def plan(self, conjunction: Conjunction, goals: Sequence[Goal], bound: frozenset[int]) -> Plan:
-        """Return a plan for some goals that binds every variable that is not existential.
+        """Return a plan for some goals that binds all variables, except where only existence matters.
 
         Raises:
             Unplannable: a variable cannot be enumerated.
