@@ -1,1 +1,1 @@
-"""Models compared up to isomorphism."""
+"""Compare models up to isomorphism: a canonical hash and an exact test."""

@@ -1,4 +1,4 @@
-"""A hash that does not tell isomorphic models apart."""
+"""Compute a hash that is equal for isomorphic models."""
 
 from __future__ import annotations
 
@@ -15,13 +15,12 @@ if TYPE_CHECKING:
 
 
 def canonical_hash(model: Model) -> int:
-    """A 64-bit hash that isomorphic models share, whatever their ids and orders; computed anew on each call.
+    """Return a 64-bit hash that is equal for isomorphic models. Ids, orders and names of objects do not count.
 
-    By colour refinement (Weisfeiler and Leman 1968): models that differ may share it too if they are so regular that it
-    cannot tell them apart. Names of objects do not count.
-
-    A node's first colour is its class and values; each round adds the colours of its neighbours, by reference and
-    direction, until a round tells no more nodes apart. The hash is that of all colours, sorted.
+    The hash is computed anew on each call, by colour refinement (Weisfeiler and Leman 1968). The first colour of a
+    node is a hash of its class and values. Each round adds the colours of its neighbours, by reference and direction,
+    until a round distinguishes no more nodes. The result is the hash of all colours, sorted. Very regular models that
+    are not isomorphic may have equal hashes.
     """
     store = model.graph.store
     relations = [relation for relation in store.relations if not relation.flipped]
@@ -31,7 +30,7 @@ def canonical_hash(model: Model) -> int:
             node: _digest([colour, *_around(node, relations, colours)]) for node, colour in colours.items()
         }
         if len(set(refined.values())) == len(set(colours.values())):
-            # This round counts as well: it holds the links among the final colours.
+            # The colours of this round are hashed, because only they include the links among the final colours.
             return int.from_bytes(_digest(sorted(refined.values()))[:8], "little")
         colours = refined
 

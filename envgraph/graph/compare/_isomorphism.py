@@ -1,4 +1,4 @@
-"""Whether models are isomorphic: by colour refinement, and by search where that cannot decide."""
+"""Decide if models are isomorphic, by colour refinement and, where colours do not decide, by search."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ from envgraph.graph.store._store import Store
 from envgraph.metamodel import Value, Values
 
 Colours = dict[int, int]
-"""A number for each node; nodes of different colours are distinguished."""
+"""A number (colour) for each node. Nodes of different colours cannot correspond in an isomorphism."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Shape:
-    """What a model is without its ids and orders.
+    """A model without its ids and orders, as stable colours and links.
 
     Attributes:
-        colours: stable: nodes of one colour have neighbours of the same colours.
-        around: for each node its links, by side of a relation, without the sides that have none.
+        colours: the colour of each node. Colours are stable: nodes of one colour have neighbours of equal colours.
+        around: for each node its links, grouped by reference and direction, without empty groups.
     """
 
     colours: Colours
@@ -26,12 +26,12 @@ class _Shape:
 
 
 class Shapes:
-    """Gives isomorphic models the same number, and others another one.
+    """A numbering of models: isomorphic models get the same number, other models get different numbers.
 
-    An isomorphism maps the objects of one model to those of the other and keeps classes, values and links; ids, names
-    and orders do not count. Colours (Weisfeiler and Leman 1968) are numbers of what they stand for, the same for all
-    models that are shown to one instance, so nothing rests on a hash. Where equal colours do not say how to map two
-    models to each other, nodes are mapped by trial, and the colours refined again (McKay 1981).
+    An isomorphism maps the objects of one model to the objects of another and keeps classes, values and links. Ids,
+    names and orders do not count. Colours (Weisfeiler and Leman 1968) are interned numbers that are the same for all
+    models given to one instance, so the result does not rest on a hash. If the colours do not determine an
+    isomorphism, nodes are mapped by trial and the colours are refined again (McKay 1981).
 
     >>> from envgraph.graph import Model
     >>> from envgraph.metamodel import Class, Metamodel, Reference
@@ -54,14 +54,14 @@ class Shapes:
         self._count = 0
 
     def number(self, store: Store) -> int:
-        """The number of the present state, from 0."""
+        """Return the number (from 0) of the isomorphism class of the current state."""
         shape = self._shape(store)
         key = tuple(sorted(shape.colours.values()))
         found = self._known.setdefault(key, [])
         for number, other in found:
             if self._isomorphic(other, shape):
                 return number
-        # One that all others with these colours are isomorphic to need not be kept whole.
+        # If equal colours imply isomorphism, the colours are the key already and the shape is not needed.
         found.append((self._count, _Shape({}, {}) if _decided(shape) else shape))
         self._count += 1
         return self._count - 1
@@ -92,7 +92,7 @@ class Shapes:
         return _Shape(self._refined(first, around), around)
 
     def _refined(self, colours: Colours, around: dict[int, list[tuple[int, tuple[int, ...]]]]) -> Colours:
-        """Stable colours; those of the last round hold the links among them."""
+        """Return stable colours. They are the colours of the last round, which also encode the links between colours."""
         intern, distinct = self._intern, len(set(colours.values()))
         while True:
             found: Colours = {}
@@ -108,7 +108,7 @@ class Shapes:
             colours, distinct = found, now
 
     def _isomorphic(self, left: _Shape, right: _Shape) -> bool:
-        """Return whether two shapes of equal colours are isomorphic."""
+        """Return True if two shapes with equal numbers of nodes of each colour are isomorphic."""
         if not left.colours or _decided(right):
             return True
         trials = [self._trials(left, right)]
@@ -123,7 +123,10 @@ class Shapes:
         return False
 
     def _trials(self, left: _Shape, right: _Shape) -> Iterator[tuple[_Shape, _Shape]]:
-        """Map a node of the smallest ambiguous colour to each of that colour, and refine."""
+        """Map a node of the smallest ambiguous colour to each node of that colour, and yield the refined pairs.
+
+        Pairs of shapes whose colours differ after the refinement are skipped.
+        """
         classes = _classes(left.colours)
         colour = min(
             (c for c, nodes in classes.items() if len(nodes) > 1), key=lambda c: (len(classes[c]), c)
@@ -138,7 +141,7 @@ class Shapes:
 
 
 def _unordered(value: Value | Values | None) -> object:
-    """A value; many without their order."""
+    """Return a value of an attribute. A sequence of values is returned sorted."""
     return tuple(sorted(value)) if isinstance(value, tuple | list) else value
 
 
@@ -150,7 +153,10 @@ def _classes(colours: Colours) -> dict[int, list[int]]:
 
 
 def _decided(shape: _Shape) -> bool:
-    """Whether models of these colours are isomorphic: links lead only to objects that are alone of their colour."""
+    """Return True if all models with these colours are isomorphic.
+
+    This is the case if each node with a shared colour has only neighbours whose colour is unique.
+    """
     alone = {nodes[0] for nodes in _classes(shape.colours).values() if len(nodes) == 1}
     if len(alone) == len(shape.colours):
         return True

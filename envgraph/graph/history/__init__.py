@@ -1,1 +1,1 @@
-"""Transactions, savepoints and versions, and repair after exceptions."""
+"""Transactions, savepoints, versions, and the repair of interrupted writes after exceptions."""

@@ -1,4 +1,4 @@
-"""Savepoints, loads, ways between versions, and what makes good what exceptions leave half done."""
+"""Savepoints, loads and checkouts of a model, and the repair of interrupted writes."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 class Savepoint:
-    """A place in the journal to roll back to; made by `History.savepoint`."""
+    """A position in the journal to roll back to. `History.savepoint` creates it."""
 
     __slots__ = ("_mark", "_next_id", "_total")
 
@@ -30,7 +30,7 @@ class Savepoint:
 
 
 class Shelf:
-    """Changes that were undone and can be made again, as often as wanted; made by `History.shelve`."""
+    """Changes that were rolled back and can be redone, any number of times. `History.shelve` creates it."""
 
     __slots__ = ("_entries", "_next_id", "_total")
 
@@ -45,14 +45,14 @@ _WRITES: Final = {type(None), tuple, Vertex}
 
 
 class History:
-    """Owner of a model's journal: open savepoints, ways between versions, and what may be forgotten.
+    """The owner of a model's journal, its open savepoints and its versions.
 
-    Invariants: the store records exactly while a savepoint is open or a version was held at the last look; the
-    journal holds the changes since `versions.current`, or since the outermost savepoint if no version describes the
-    state.
+    Invariants: the store records changes exactly if a savepoint is open or a version was in use at the last check. The
+    journal contains the changes since `versions.current`, or since the outermost savepoint if `versions.current` is
+    None.
 
     Attributes:
-        versions: the states that somebody may go to.
+        versions: the tree of the states that can be checked out.
     """
 
     def __init__(self, model: Model, store: Store) -> None:
@@ -65,7 +65,7 @@ class History:
         store.interrupted.repair = self.repair
 
     def _mended(self) -> Store:
-        """Return the store, after what was interrupted is made good."""
+        """Repair interrupted writes, and return the store."""
         if self._store.interrupted:
             self.repair()
         return self._store
@@ -73,7 +73,7 @@ class History:
     # --- savepoints
 
     def savepoint(self) -> Savepoint:
-        """Open a savepoint; they nest. Close it with `rollback` or `release`, innermost first.
+        """Open a savepoint. Savepoints nest; close them with `rollback` or `release`, the innermost first.
 
         Raises:
             TransactionError: the model is loading.
@@ -85,7 +85,7 @@ class History:
             follower.settle()
         savepoint = Savepoint(len(store.journal), store.next_id, store.total)
         try:
-            store.recording = True  # from now on there is a state to go back to
+            store.recording = True  # from now on changes can be undone
             store.epoch += 1
             self._stack.append(savepoint)
         except BaseException:
@@ -95,10 +95,10 @@ class History:
         return savepoint
 
     def rollback(self, savepoint: Savepoint) -> None:
-        """Restore the state at the innermost savepoint exactly (ids, order, hash), and close it.
+        """Restore the state at the innermost savepoint exactly (ids, order, hash), and close the savepoint.
 
         Raises:
-            TransactionError: it is not the innermost open one.
+            TransactionError: `savepoint` is not the innermost open savepoint.
         """
         store = self._mended()
         self._check_innermost(savepoint)
@@ -112,12 +112,12 @@ class History:
             store.replaced()
 
     def _roll_back(self, savepoint: Savepoint) -> bool:
-        """Roll back to a savepoint, whatever is open inside it; whether anything had changed."""
+        """Roll back to a savepoint and close it with all savepoints inside it. Return True if the state had changed."""
         store, stack = self._store, self._stack
         changed = len(store.journal) > savepoint._mark
         if changed:
             self._revert(savepoint._mark)
-        while stack.pop() is not savepoint:  # after an interruption, those inside it are open too
+        while stack.pop() is not savepoint:  # after an interruption, savepoints inside it may be open too
             pass
         if changed:
             self._replayed(savepoint._next_id, savepoint._total)
@@ -126,7 +126,7 @@ class History:
         return changed
 
     def _revert(self, mark: int) -> None:
-        """Undo and drop the entries of the journal from `mark` on."""
+        """Undo and remove the entries of the journal from `mark` on."""
         journal = self._store.journal
         entries = journal[mark:]
         backwards = reversed(entries)
@@ -135,14 +135,14 @@ class History:
         journal[mark:], self._reverting = (), None
 
     def unwind(self, depth: int) -> None:
-        """Roll back until only so many savepoints are open."""
+        """Roll back until at most `depth` savepoints are open."""
         self._mended()
         if len(self._stack) > depth:
             del self._stack[depth + 1 :]
             self.rollback(self._stack[depth])
 
     def shelve(self, savepoint: Savepoint) -> Shelf:
-        """As `rollback`, and return what was undone, for `resume`."""
+        """Roll back to the innermost savepoint, close it, and return the undone changes, which `resume` can redo."""
         store = self._mended()
         for follower in store.followers:
             follower.settle()
@@ -165,9 +165,9 @@ class History:
         return shelf
 
     def resume(self, shelf: Shelf) -> Savepoint:
-        """Open a savepoint and make the changes of a shelf again, exactly (ids, order, hash).
+        """Open a savepoint and redo the changes of a shelf exactly (ids, order, hash).
 
-        The state must be the one at the savepoint that was shelved: that is not checked.
+        The current state must be the state at the savepoint that was given to `shelve`. This is not checked.
         """
         savepoint, store = self.savepoint(), self._store
         try:
@@ -190,10 +190,10 @@ class History:
             follower.rolled_back()
 
     def release(self, savepoint: Savepoint) -> None:
-        """Close the innermost savepoint and keep what was changed since.
+        """Close the innermost savepoint and keep the changes made since.
 
         Raises:
-            TransactionError: it is not the innermost open one.
+            TransactionError: `savepoint` is not the innermost open savepoint.
         """
         self._mended()
         self._check_innermost(savepoint)
@@ -216,15 +216,15 @@ class History:
 
     @contextmanager
     def transaction(self) -> Iterator[Savepoint]:
-        """Keep what is done inside, or, if an exception leaves the block, undo it."""
+        """Open a savepoint for a `with` block. Keep the changes, or undo them if an exception leaves the block."""
         depth, savepoint = self.depth, None
-        outermost = not depth and guard()  # as `guarded` does, written out because transactions are many
+        outermost = not depth and guard()  # same as `guarded`, inlined because transactions are frequent
         try:
             savepoint = self.savepoint()
             yield savepoint
             self.release(savepoint)
         except BaseException:
-            # Nothing to do if a listener raises: the transaction has ended by then.
+            # If `release` raises because of a listener, the savepoint is closed already and repair does nothing.
             self._store.interrupted.append(depth if savepoint is None else savepoint)
             self._store.interrupted.repair()
             raise
@@ -234,7 +234,7 @@ class History:
 
     @guarded
     def all_or_nothing(self) -> Iterator[None]:
-        """Open a transaction, but not while loading."""
+        """Open a transaction for a `with` block, or only run the block while the model is loading."""
         if self._store.loading:
             yield
         else:
@@ -243,7 +243,7 @@ class History:
 
     @property
     def depth(self) -> int:
-        """How many savepoints are open."""
+        """Return the number of open savepoints."""
         self._mended()
         return len(self._stack)
 
@@ -251,7 +251,10 @@ class History:
 
     @guarded
     def load(self) -> Iterator[None]:
-        """Build the model without a journal: nothing that is done inside can be undone, and followers hear its end."""
+        """Build the model in a `with` block without a journal. The changes cannot be undone.
+
+        Followers are not notified of the changes, only of the start and the end of the load.
+        """
         self._mended()
         self._settle()
         self._refuse_inside("load")
@@ -280,7 +283,7 @@ class History:
     # --- versions
 
     def version(self) -> Version | None:
-        """The version that the model is in, or None after uncommitted changes."""
+        """Return the version that equals the current state, or None if there are uncommitted changes or no version."""
         self._mended()
         if self._stack:
             return None
@@ -288,7 +291,7 @@ class History:
         return self.versions.present
 
     def commit(self) -> Version:
-        """Name the present state; without changes since the last version, that one."""
+        """Create a version of the current state, or return the last version if nothing has changed since."""
         store = self._mended()
         self._refuse_inside("commit")
         self._settle()
@@ -299,7 +302,12 @@ class History:
         return version
 
     def checkout(self, version: Version, discard: bool) -> None:
-        """Go to another version along the tree."""
+        """Restore the state of another version, and notify followers.
+
+        Args:
+            version: a version of this model.
+            discard: undo uncommitted changes instead of raising TransactionError.
+        """
         if not isinstance(version, Version):
             raise InvalidArgument(f"a version is what `commit` gives, not {version!r}")
         if version.model is not self.versions.model():
@@ -340,7 +348,7 @@ class History:
 
     @property
     def idle(self) -> bool:
-        """Whether nothing is under way: no savepoint is open, nobody holds a version, and it is not loading."""
+        """Return True if no savepoint is open, no version is in use, and the model is not loading."""
         self._mended()
         self._settle()
         return not self._stack and not self.versions.held and not self._store.loading
@@ -354,7 +362,7 @@ class History:
             raise TransactionError(f"cannot {action} while the model is loading")
 
     def _settle(self) -> None:
-        """Free what nobody holds any more, and stop recording when nobody can go anywhere."""
+        """Free unused versions. If no savepoint is open and no version is in use, stop recording and clear the journal."""
         try:
             versions = self.versions
             if versions.released:
@@ -370,10 +378,10 @@ class History:
     # --- after an exception
 
     def repair(self) -> None:
-        """Make good what exceptions have left half done; see `Interrupted`.
+        """Complete or undo all interrupted writes; see `Interrupted`.
 
-        What is in doubt in the journal is settled, what follows from other data is made anew, and then writes are
-        finished, transactions rolled back, and checkouts finished.
+        First the doubtful last entries of the journal are decided, then derived data are recomputed. Then writes are
+        completed, transactions are rolled back, and checkouts are completed.
         """
         if self._repairing:
             return
@@ -412,13 +420,17 @@ class History:
             elif isinstance(goal, Vertex):
                 self._check_out(goal)
         if writes:
-            store.recording = True  # until it turns out that nobody can go back
+            store.recording = True  # until `_settle` finds that no savepoint or version is left
             self.versions.tidy()
             self._settle()
         goals.clear()
 
     def _settle_journal(self) -> None:
-        """Nothing is in doubt: an interrupted replay is undone, an interrupted rollback has just so much left to do."""
+        """Decide the last journal entry after an exception.
+
+        An interrupted replay of changes is undone. An interrupted rollback keeps only the entries that are not undone
+        yet.
+        """
         journal = self._store.journal
         take_back(self._inverse or [], 0)
         self.versions.take_back()
@@ -429,7 +441,7 @@ class History:
         settle(journal)
 
     def check_integrity(self) -> None:
-        """Assert that nothing is kept that nobody can go back to, and that the versions are connected."""
+        """Assert that no unneeded journal entries are stored, and that the tree of versions is consistent."""
         assert self._store.recording or not (self._store.journal or self.versions.held or self._stack)
         assert len(self._store.journal) % 4 == 0
         self.versions.check_integrity()

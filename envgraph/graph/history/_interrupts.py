@@ -1,4 +1,4 @@
-"""Ctrl-C at a place of our choice: for exceptions anywhere else there is `History.repair`."""
+"""Delay Ctrl-C in places where no code can catch its exception. Elsewhere `History.repair` handles exceptions."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ T = TypeVar("T")
 
 _signals: Final[Any] = import_module(
     "_signal"
-)  # what `signal` is made of: its functions take ten times as long
+)  # the C functions behind `signal`, which are ten times as fast
 _SIGINT: Final = int(signal.SIGINT)
 _USUAL: Final = signal.default_int_handler
 _WITH: Final = (contextlib.__file__, __file__)
-"""Where Ctrl-C waits."""
+"""The files in whose functions Ctrl-C is delayed."""
 
 
 def guarded(function: Callable[P, Iterator[T]]) -> Callable[P, AbstractContextManager[T]]:
-    """As `contextlib.contextmanager`, for generators that Ctrl-C must not keep from being resumed: see `guard`."""
+    """Decorate a generator function as `contextlib.contextmanager` does, and delay Ctrl-C as `guard` describes."""
 
     @contextmanager
     @wraps(function)
@@ -41,7 +41,7 @@ def guarded(function: Callable[P, Iterator[T]]) -> Callable[P, AbstractContextMa
 
 
 class _Guard:
-    """What Ctrl-C does inside a guarded block; `waiting` if it has come."""
+    """The signal handler for Ctrl-C during a guarded block. `waiting` is True if Ctrl-C was pressed and is delayed."""
 
     __slots__ = ("waiting",)
 
@@ -59,24 +59,25 @@ _guard: Final = _Guard()
 
 
 def guard() -> bool:
-    """Ctrl-C does not come between a `with` statement and its generator until `unguard`; False if nothing is different.
+    """Delay Ctrl-C between a `with` statement and its generator until `unguard`. Return False if nothing was changed.
 
-    Python looks for signals where a function begins, such as `__exit__`; what the block should have ended would go on.
-    There Ctrl-C waits for the end of the block; anywhere else it takes effect at once. Nothing is different inside
-    another guarded block, where Ctrl-C does something else than to raise `KeyboardInterrupt`, and in other threads than
-    the main one.
+    Python handles signals where a function begins, such as `__exit__`. A KeyboardInterrupt there would skip the rest
+    of the generator. So at these places Ctrl-C waits for the end of the block; anywhere else it takes effect at once.
+
+    Nothing is changed inside another guarded block, if Ctrl-C has a handler other than Python's, and outside the main
+    thread.
     """
     if _signals.getsignal(_SIGINT) is not _USUAL:
         return False
     try:
         _signals.signal(_SIGINT, _guard)
-    except ValueError:  # another thread
+    except ValueError:  # not the main thread
         return False
     return True
 
 
 def unguard() -> None:
-    """Ctrl-C has its usual effect again, and now if it has waited."""
+    """Restore the usual handler of Ctrl-C, and raise KeyboardInterrupt if Ctrl-C was pressed and delayed."""
     if _signals.getsignal(_SIGINT) is _guard:
         _signals.signal(_SIGINT, _USUAL)
     if _guard.waiting:
@@ -86,11 +87,10 @@ def unguard() -> None:
 
 @contextmanager
 def deferred() -> Iterator[Callable[[], None]]:
-    """Ctrl-C does not break into what happens inside the block.
+    """Delay Ctrl-C until the end of a `with` block or the next call of the yielded function.
 
-    It takes effect in the next call of the function that is given, or at the end of the block; the second one takes
-    effect at once. Where Ctrl-C does something else than to raise `KeyboardInterrupt`, or in other threads than the
-    main one, nothing is different.
+    A second Ctrl-C takes effect at once. Nothing is changed if Ctrl-C has a handler other than Python's, and outside
+    the main thread.
     """
     before = signal.getsignal(signal.SIGINT)
     if threading.current_thread() is not threading.main_thread() or before not in (_USUAL, _guard):

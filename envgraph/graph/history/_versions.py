@@ -1,4 +1,4 @@
-"""The versions of a model: a tree, whose edges are the changes between them."""
+"""The tree of a model's versions, whose edges are the changes between them."""
 
 from __future__ import annotations
 
@@ -16,17 +16,18 @@ if TYPE_CHECKING:
 
 
 _LONG = 256
-"""Items (four to an entry) from which on a spliced segment is worth reducing to its net changes."""
+"""Spliced segments with more items than this (four an entry) are reduced to their net changes."""
 
 
 @short_repr
 class Version:
-    """A committed state of a model. Holding it keeps the state reachable; made by `Model.commit`.
+    """A committed state of a model, created by `Model.commit`. While a program refers to it, it can be checked out.
 
-    A version costs its changes against the one before. It is freed when nobody holds it any more.
+    A version needs memory only for its changes since the version before. The memory is freed when no references are
+    left.
 
     Attributes:
-        model: the model it is a state of.
+        model: the model of which this is a state.
         number: 1 for the model's first version, and so on.
     """
 
@@ -38,14 +39,14 @@ class Version:
 
     @property
     def number(self) -> int:
-        """Number of the commit, from 1."""
+        """Return the number of the commit, from 1."""
         return self._vertex.number
 
     def __copy__(self) -> Version:
         return self
 
     def __deepcopy__(self, _: object) -> Version:
-        """The same: a copy of the model has no versions."""
+        """Return the same version, because a copy of the model has no versions."""
         return self
 
     def __reduce__(self) -> NoReturn:
@@ -59,15 +60,16 @@ class Vertex:
     """A state in the tree of versions.
 
     Attributes:
-        parent: the state that `segment` leads from or to.
-        children: states whose parent this is, but for one that is being made; a dict for its order.
-        segment: entries between this state and its parent. `upwards`: undoing them leads from here to the parent (the
-            vertex lies on the path from the root to the current state); else from the parent to here.
-        back: entries that lead the other way, once the segment has been undone as it is; else None.
-        depth: grows from parent to child.
-        spliced: the segment spans versions that are gone, so it may write a place more than once.
-        reduced: length of the segment when each place in it was written once.
-        handle: the `Version` that somebody holds, or a dead reference.
+        parent: the state at the other end of `segment`, or None for a root.
+        children: the vertices with this parent, except a vertex under construction; a dict, because its order is fixed.
+        segment: journal entries between this state and its parent. If `upwards` is True, undoing them leads from here
+            to the parent, because the vertex is on the path from the root to the current state. Else it leads down to
+            here.
+        back: entries that lead the other way, cached if the segment was undone unchanged; else None.
+        depth: a number that increases from parent to child.
+        spliced: True if the segment includes changes of freed versions, so it may write a cell more than once.
+        reduced: the length of the segment when it was last reduced to one write for each cell.
+        handle: a weak reference to the `Version` that is in use, or a dead reference, or None.
     """
 
     __slots__ = (
@@ -103,17 +105,17 @@ class Vertex:
 
     @property
     def overgrown(self) -> bool:
-        """Whether the segment has doubled since it was reduced: time to walk it there and back."""
+        """Return True if the segment has doubled since it was reduced, so that it should be reduced again."""
         return self.spliced and len(self.segment) > 2 * self.reduced + 16 * _LONG
 
     @property
     def held(self) -> bool:
-        """Whether somebody can ask for this state."""
+        """Return True if a program still refers to the version of this state."""
         return self.handle is not None and self.handle() is not None
 
 
 class Handle(weakref.ref[Version]):
-    """Tells whether somebody holds a version; what is called when nobody does gets this, not the version."""
+    """A weak reference to a version. Its callback receives this object, which knows the vertex of the version."""
 
     __slots__ = ("vertex",)
 
@@ -121,18 +123,19 @@ class Handle(weakref.ref[Version]):
 
 
 class VersionTree:
-    """The states of a model that somebody may go to, and what lies between them.
+    """The states of a model that can be checked out, and the changes between them.
 
-    What has been freed is decided at fixed points (`free`), never inside the interpreter's callbacks, and only
-    affects memory.
+    Unused versions are freed at fixed points (`free`), never inside callbacks of the interpreter. Freeing affects
+    only memory.
 
     Attributes:
-        model: whose states they are.
-        current: the state from which the journal leads to the present one; None if no version describes that.
-        held: how many versions somebody held at the last look.
-        released: those that nobody holds any more, since then.
-        turning: what is left of a segment while that is turned round, and the entries that lead back.
-        inverse: entries that undo what had been undone of a segment when that was interrupted.
+        model: a weak reference to the model.
+        current: the state from which the journal leads to the current state of the model, or None if there is none.
+        held: the number of versions in use at the last check.
+        released: weak references to the versions that have become unused since the last check.
+        turning: during the reversal of a segment: its length, an iterator of its remaining items, and the entries that
+            lead back. Otherwise None.
+        inverse: entries that redo the undone part of a segment after an interruption.
     """
 
     def __init__(self, model: Model, store: Store) -> None:
@@ -147,16 +150,16 @@ class VersionTree:
 
     @property
     def changed(self) -> bool:
-        """Whether the state differs from the current version by recorded changes, or no version describes it."""
+        """Return True if there are uncommitted changes, or if there is no current version."""
         return self.current is None or bool(self._store.journal)
 
     @property
     def present(self) -> Version | None:
-        """The version that the model is in; None if there are uncommitted changes."""
+        """Return the version that equals the current state, or None if there are uncommitted changes."""
         return None if self.current is None or self.changed else self._handle(self.current)
 
     def commit(self) -> Version:
-        """Name the present state; without changes since the last version, that one."""
+        """Create a version of the current state, or return the last version if nothing has changed since."""
         store = self._store
         before = self.current
         if before is not None and not self.changed:
@@ -164,7 +167,7 @@ class VersionTree:
         segment = store.journal[:] if before is not None else []
         vertex = Vertex(self._commits + 1, before, segment, store.next_id, store.total)
         try:
-            store.recording = True  # from now on there is a state to go back to
+            store.recording = True  # from now on changes can be undone
             store.epoch += 1
             if before is not None:
                 before.children[vertex] = None
@@ -182,7 +185,7 @@ class VersionTree:
         return handle
 
     def walk(self, goal: Vertex) -> None:
-        """Go to a state; the changes since the current one are undone already."""
+        """Move the model to the state of `goal` along the tree. Uncommitted changes must be undone already."""
         assert self.current is not None
         up, down = _path(self.current, goal)
         for vertex in up:
@@ -191,7 +194,12 @@ class VersionTree:
             self._turn(vertex, vertex)
 
     def _turn(self, vertex: Vertex, end: Vertex | None) -> None:
-        """Undo the segment of a vertex, which leads to one of its ends; what leads back is found out once."""
+        """Undo the segment of a vertex, and store its reversal.
+
+        Args:
+            vertex: the vertex whose segment is undone.
+            end: the vertex at which the undoing arrives, the new `current`.
+        """
         segment, inverse = vertex.segment, vertex.back
         backwards = reversed(segment)
         if inverse is None:
@@ -217,13 +225,13 @@ class VersionTree:
         ) = (inverse, back, not vertex.upwards, False, reduced, end, None)
 
     def take_back(self) -> None:
-        """After an exception: what has been undone of a segment is made again."""
+        """Redo the undone part of a segment after an exception has interrupted its reversal."""
         if self.turning is not None:
             length, backwards, inverse = self.turning
             self.inverse, self.turning = inverse[: length - length_hint(backwards)], None
         take_back(self.inverse, 0)
 
-    # --- who holds what
+    # --- versions in use
 
     def _handle(self, vertex: Vertex) -> Version:
         handle = None if vertex.handle is None else vertex.handle()
@@ -241,21 +249,21 @@ class VersionTree:
         return handle
 
     def free(self) -> None:
-        """Free what nobody holds any more."""
+        """Free the versions that have become unused."""
         while self.released:
             handle = self.released.pop()
             self.held -= 1
             self.prune(handle.vertex)
 
     def tidy(self) -> None:
-        """Look at all vertices, after an interruption: which are held, and which nobody needs."""
+        """Recount the versions in use and drop unneeded vertices of the whole tree, after an interruption."""
         vertices = [] if self.current is None else [self.current]
         while vertices and vertices[0].parent is not None:
             vertices[0] = vertices[0].parent
         for vertex in vertices:
             vertices.extend(vertex.children)
             if vertex.handle is not None:
-                vertex.handle.vertex = vertex  # if it was interrupted before it knew
+                vertex.handle.vertex = vertex  # an interruption may have come before this assignment
         waiting = {handle.vertex for handle in self.released}
         self.held = sum(vertex.held for vertex in vertices) + len(self.released)
         for vertex in vertices:
@@ -263,7 +271,7 @@ class VersionTree:
                 self.prune(vertex)
 
     def prune(self, vertex: Vertex | None) -> None:
-        """Drop a vertex that is neither held nor current nor a fork, and what it alone kept."""
+        """Remove a vertex from the tree, and its ancestors, if they are not in use, not current, and not a fork."""
         while vertex is not None and vertex is not self.current and not vertex.held:
             parent = vertex.parent
             if len(vertex.children) > 1:
@@ -277,7 +285,7 @@ class VersionTree:
             vertex = parent
 
     def _reduce(self, current: Vertex) -> None:
-        """Shorten the last two segments, if long, by walking them there and back."""
+        """Reduce the last two segments if they are too long, by undoing and redoing them."""
         path = [current] if current.parent is None else [current, current.parent]
         while path and not path[-1].overgrown:
             path.pop()
@@ -292,7 +300,7 @@ class VersionTree:
                 raise
 
     def check_integrity(self) -> None:
-        """Assert that the tree is connected, and holds nothing that could have been freed."""
+        """Assert that the tree is consistent and contains no vertex that could have been freed."""
         path = []
         vertex = self.current
         while vertex is not None:
@@ -317,7 +325,10 @@ class VersionTree:
 
 
 def _path(start: Vertex, goal: Vertex) -> tuple[list[Vertex], list[Vertex]]:
-    """Vertices to leave towards the lowest common ancestor, and those to enter from there, both bottom up."""
+    """Return the vertices on the way from `start` up to the lowest common ancestor, and from `goal` up to it.
+
+    Both lists are in bottom-up order, without the ancestor.
+    """
     up: list[Vertex] = []
     down: list[Vertex] = []
     while start is not goal:
@@ -333,10 +344,13 @@ def _path(start: Vertex, goal: Vertex) -> tuple[list[Vertex], list[Vertex]]:
 
 
 def _splice(vertex: Vertex, child: Vertex) -> None:
-    """Take a vertex with one child out of the tree; the child's segment then spans both. May be called once more."""
+    """Remove a vertex with one child from the tree. The child's segment then includes the segment of the vertex.
+
+    The function may be called again after an interruption.
+    """
     parent = vertex.parent
     if child.parent is vertex:
-        # The vertex is not current, so both segments lead the same way. Undoing reads backwards.
+        # The vertex is not current, so both segments have the same direction. Undoing reads entries backwards.
         assert parent is None or child.upwards == vertex.upwards
         first, second = (vertex, child) if child.upwards else (child, vertex)
         spliced = parent is not None

@@ -1,1 +1,1 @@
-"""Models as JSON and XMI, and to and from networkx."""
+"""Write models as JSON and XMI, read JSON, and convert to and from networkx."""

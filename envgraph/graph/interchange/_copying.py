@@ -1,4 +1,4 @@
-"""Copies of models, and models on the way to a worker process: made from their JSON, without versions and views."""
+"""Copy and pickle models by way of their JSON, without versions and views."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from envgraph.metamodel import Metamodel, Value
 
 
 def reduced(model: Model) -> tuple[Callable[..., Model], tuple[object, ...]]:
-    """Return what `copy` and `pickle` make a model from."""
-    from envgraph.graph.interchange._json import model_to_json  # few programs need it
+    """Return the function and arguments from which `copy` and `pickle` rebuild a model."""
+    from envgraph.graph.interchange._json import model_to_json  # imported here because few programs need it
 
     return _made, (model_to_json(model), model.metamodel, model.graph.places, model.graph.digits)
 

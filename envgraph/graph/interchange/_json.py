@@ -1,4 +1,4 @@
-"""Models as JSON: written so that reading restores ids and every order, read with all problems at once."""
+"""Write models as JSON and read them with ids and every order restored. Reading reports all problems at once."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ from envgraph.metamodel import (
 FORMAT = "envgraph-model-1"
 
 JsonPath = tuple[str | int, ...]
-"""Keys and indices from the root to a value."""
+"""The keys and indices on the way from the root of JSON data to a value."""
 
 _INFINITIES = {"inf": float("inf"), "-inf": float("-inf")}
 
 
 def model_to_json(model: Model) -> dict[str, Any]:
-    """The present state as data for `json.dump`, the same for the same state.
+    """Return the current state as data for `json.dump`. Equal states give equal data.
 
         {
           "format": "envgraph-model-1",
@@ -45,11 +45,11 @@ def model_to_json(model: Model) -> dict[str, Any]:
           ]
         }
 
-    Objects stand in the order of the extents. `features` has every attribute value, a list of many, null for an
-    attribute without one, and every reference with links: an id, or for a many-reference a list of ids. The two
-    references of an opposite pair are one set of links, which the one declared first shows. Infinite floats are "inf"
-    and "-inf". A list "orders" of {"node": 2, "reference": "Agent.currentState", "sources": [5, 3]} follows where the
-    order of the links that lead to an object is not the one in which they are read.
+    Objects are in the order of the extents. `features` has every attribute: its value, null if unset, or a list if
+    multi-valued. It also has every reference with links: an id, or a list of ids for a many-reference. Of two opposite
+    references only the one declared first is written. Infinite floats are "inf" and "-inf". If reading would give
+    another order of the links that lead to an object, a list "orders" follows with entries such as {"node": 2,
+    "reference": "Agent.currentState", "sources": [5, 3]}.
     """
     store = model.graph.store
     data: dict[str, Any] = {
@@ -66,11 +66,11 @@ def model_to_json(model: Model) -> dict[str, Any]:
 
 
 def model_schema() -> dict[str, Any]:
-    """The JSON Schema (2020-12) of the format; it is the file `model.schema.json` in this package.
+    """Return the JSON Schema (2020-12) of the format, from the file `model.schema.json` in this package.
 
-    It says what a file looks like, not which classes and features the metamodel allows.
+    The schema does not include the classes and features of a metamodel.
     """
-    from importlib.resources import files  # takes as long to import as a small model to read
+    from importlib.resources import files  # its import takes as long as reading a small model
 
     text = files("envgraph.graph.interchange").joinpath("model.schema.json").read_text("utf-8")
     schema: dict[str, Any] = json.loads(text)
@@ -98,7 +98,7 @@ def _object(model: Model, node: int) -> dict[str, Any]:
 
 
 def _orders(model: Model, relation: Relation) -> Iterator[dict[str, Any]]:
-    """Sources of the nodes where reading the objects gives another order."""
+    """Yield the "orders" entries: nodes whose sources would be in another order after reading the objects."""
     if relation.flipped:
         return
     read: dict[int, list[int]] = {}
@@ -118,16 +118,16 @@ def _orders(model: Model, relation: Relation) -> Iterator[dict[str, Any]]:
 
 
 def model_from_json(data: str | Mapping[str, Any], metamodel: Metamodel, *, file: str = "<json>") -> Model:
-    """Read what `model_to_json` wrote, or somebody by hand; "name", "next_id" and "orders" may be missing.
+    """Read a model from JSON as `model_to_json` writes it. "name", "next_id" and "orders" are optional.
 
     Args:
         data: the decoded JSON, or its text.
-        metamodel: what the objects are instances of; its name must be the one in the data, if that has one.
-        file: name for diagnostics.
+        metamodel: the metamodel of the objects. If the data name a metamodel, it must have the same name.
+        file: the name of the file in diagnostics.
 
     Raises:
-        LoadError: the data is malformed or breaks a rule of the metamodel; messages start with the place in the
-            data, such as `objects[3].features.x`.
+        LoadError: the data are malformed or violate the metamodel. Messages start with the place in the data, such as
+            `objects[3].features.x`.
     """
     decoded = _decoded(data, file) if isinstance(data, str) else data
     reader = _Reader(metamodel)
@@ -164,11 +164,11 @@ def _value_hint(attribute: Attribute) -> str:
 
 
 class _TooMany(Exception):
-    """Enough has been said about a model."""
+    """An exception that stops the reading after the maximal number of problems."""
 
 
 def json_place(path: JsonPath) -> str:
-    """Return how messages name a value.
+    """Return the text for a place in JSON data, for messages.
 
     >>> json_place(("objects", 3, "features", "name"))
     'objects[3].features.name'
@@ -177,7 +177,7 @@ def json_place(path: JsonPath) -> str:
 
 
 class _Reader:
-    """Reads one model; goes on after a problem as far as that makes sense."""
+    """A reader of one model, which collects problems and continues after most of them."""
 
     def __init__(self, metamodel: Metamodel) -> None:
         self.metamodel = metamodel
@@ -280,7 +280,7 @@ class _Reader:
             found = [] if value is None else [self._value(path, attribute, value)]
         values = [one for one in found if one is not None]
         if len(values) < len(found):
-            return  # which has been reported
+            return  # the wrong values have been reported
         try:
             self.model.graph.set_value(
                 node, attribute, values if attribute.many else values[0] if values else None
@@ -289,7 +289,7 @@ class _Reader:
             self._problem(path, "wrong-value", error.message, error.hint or "leave some of them out")
 
     def _value(self, path: JsonPath, attribute: Attribute, value: Any) -> Value | None:
-        """A value as the model takes it; None if it takes no such value, which is reported."""
+        """Return a value as the model takes it. Report a value of the wrong type and return None."""
         if attribute.type is Scalar.FLOAT and isinstance(value, str):
             value = _INFINITIES.get(value, value)
         if accepts(attribute.type, value):
@@ -307,7 +307,7 @@ class _Reader:
         if type(target) is not int or not model.graph.alive(target):
             self._problem(path, "unknown-object", f"there is no object {target!r}", _ID)
             return
-        if model.graph.has_link(source, reference, target):  # also listed by the opposite
+        if model.graph.has_link(source, reference, target):  # the opposite reference lists the link too
             return
         relation = model.graph.store.relations[reference.index]
         child = target if relation.containment else source if relation.contained else None
@@ -373,7 +373,7 @@ class _Reader:
         if type(value) is not int or value < 0:
             self._problem(path, "bad-id", f"expected an int from 0, not {value!r}", "ids are whole numbers")
         elif value > self._largest:
-            # Columns are as long as the largest id: a stray digit must not take all memory.
+            # Columns are as long as the largest id, so a wrong digit must not use up the memory.
             message = f"{value} is far too large for so few objects"
             self._problem(path, "bad-id", message, "number the objects from 0")
         else:

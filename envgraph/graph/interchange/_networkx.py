@@ -1,4 +1,4 @@
-"""Models as networkx graphs, and back."""
+"""Convert models to networkx graphs and back."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ _NAME = "object_name"
 
 
 def to_networkx(model: Model) -> nx.MultiDiGraph:
-    """The present state as a `networkx.MultiDiGraph`.
+    """Return the current state as a `networkx.MultiDiGraph`.
 
-    Nodes are the ids; node attributes are "class", "object_name" (if the object has one) and every attribute that has a
-    value, a list if it may have many. Edges go from source to target under the name of the reference as key; a link of
+    Nodes are the ids. Node attributes are "class", "object_name" (if the object has a name) and every attribute with a
+    value, as a list if multi-valued. Edges lead from source to target, with the name of the reference as key. A link of
     an opposite pair is an edge in each direction.
 
     Raises:
@@ -57,14 +57,14 @@ def _attributes(model: Model, node: int) -> dict[str, object]:
 
 
 def from_networkx(graph: nx.MultiDiGraph, metamodel: Metamodel) -> Model:
-    """A model of a graph as `to_networkx` makes them.
+    """Return a model for a graph in the form that `to_networkx` returns.
 
-    If all nodes are ints from 0 they are the ids; else the ids follow the order of the nodes. An opposite need not be
-    there as an edge of its own. Attributes that a node lacks have no value.
+    If all nodes are ints from 0, they are the ids. Else objects are numbered in the order of the nodes. Edges of
+    opposite references may be omitted. Attributes that a node lacks are unset.
 
     Raises:
-        InvalidArgument: not a directed multigraph; a node without a class, or with an unknown feature; an edge whose
-            key is no reference of its source.
+        InvalidArgument: not a directed multigraph; a node without a class or with an unknown feature; an edge whose key
+            is not a reference of its source.
         TypeMismatch: a class, value or target that the metamodel does not allow.
         RuleError: too many edges for a reference, two containers for an object, or cyclic containment.
     """

@@ -1,4 +1,4 @@
-"""Models as `.xmi` files, which Eclipse's tools and pyecore read."""
+"""Write models as `.xmi` files, which the tools of Eclipse and pyecore can read."""
 
 from __future__ import annotations
 
@@ -29,24 +29,24 @@ _VALUE = re.compile(r"[\w.-]+")
 
 
 def model_to_xmi(model: Model) -> str:
-    """The text of an `.xmi` file with the present state, the same for the same state.
+    """Return the text of an `.xmi` file with the current state. Equal states give equal texts.
 
-    Objects stand where they are contained, in the order of the links. The name of an object is its `xmi:id`, by which
-    references name it; other objects are named by the value of their `iD` attribute, if no other object has that, else
-    by their place, as in `//@regions.0/@sensors.3`. A value that is the default of Ecore is left out. Ids are not kept;
-    `model_to_json` keeps everything.
+    Objects are nested in their containers, in the order of the links. The name of an object is its `xmi:id`, which
+    references use. An object without a name is referred to by the value of its `iD` attribute if that is unique, else
+    by its path, as in `//@regions.0/@sensors.3`. Values equal to the default of Ecore are omitted. Ids are not
+    written; `model_to_json` writes everything.
 
     Args:
         model: the model.
 
     Raises:
-        InvalidArgument: a string has a character that XML does not have.
+        InvalidArgument: a string has a character that XML does not allow.
     """
     return "\n".join(_Writer(model).lines()) + "\n"
 
 
 class _Writer:
-    """One writing of one model."""
+    """A writer of the `.xmi` text of one model."""
 
     def __init__(self, model: Model) -> None:
         self.model = model
@@ -64,7 +64,7 @@ class _Writer:
         self._identified = self._identifiers(everyone)
 
     def lines(self) -> Iterator[str]:
-        """The file, line by line."""
+        """Yield the lines of the file."""
         yield '<?xml version="1.0" encoding="UTF-8"?>'
         head = f'xmi:version="2.0" xmlns:xmi="{_XMI}" xmlns:xsi="{_XSI}"'
         for path, uri in self._uris.items():
@@ -79,7 +79,7 @@ class _Writer:
             yield "</xmi:XMI>"
 
     def _tree(self, root: int, head: str, depth: int) -> Iterator[str]:
-        """An object and what it contains, without recursion: containment may be deep."""
+        """Yield the lines of an object and everything that it contains. Deep containment needs no recursion."""
         tag = self._qualified(self.model.graph.class_of(root))
         waiting: list[tuple[int, str, str, int]] = [(root, tag, head, depth)]
         while waiting:
@@ -107,7 +107,7 @@ class _Writer:
                 waiting.append((target, reference.name, exact, level + 1))
 
     def _lists(self, node: int) -> Iterator[tuple[str, str]]:
-        """Each value of the attributes with many, which stands in a tag of its own."""
+        """Yield the name and text of each value of the multi-valued attributes, which are written as nested tags."""
         for attribute in self._attributes(node):
             for value in self.model.graph.values(node, attribute) if attribute.many else ():
                 text = self._checked(self._text(node, attribute, value), node)
@@ -120,7 +120,7 @@ class _Writer:
                     yield feature, target
 
     def _parts(self, node: int) -> str:
-        """The attributes of a tag."""
+        """Return the XML attributes of an object's tag."""
         model, written = self.model, []
         name = model.graph.object_name(node)
         if name is not None:
@@ -143,11 +143,11 @@ class _Writer:
         return (one for one in self._features[self.model.graph.class_of(node)] if isinstance(one, Attribute))
 
     def _is_nil(self, node: int, attribute: Attribute) -> bool:
-        """Return whether to say that there is no value: leaving it out would mean the default."""
+        """Return True if the tag must state that an attribute is unset, because omitting it would mean the default."""
         return not self.model.graph.values(node, attribute) and usual_value(attribute) is not None
 
     def _implied(self, feature: Feature) -> bool:
-        """Return whether the place of an object says it: the link to its container."""
+        """Return True if the nesting of tags implies the feature, because it is the link to the container."""
         return isinstance(feature, Reference) and self.model.graph.store.relations[feature.index].contained
 
     def _named(self, node: int) -> str:
@@ -166,7 +166,7 @@ class _Writer:
         return "/".join([root, *reversed(steps)])
 
     def _identifiers(self, nodes: Sequence[int]) -> Mapping[int, str]:
-        """What objects are called by their `iD` attributes, as far as that is written and leads to them alone."""
+        """Return by object the text of its `iD` attribute, for objects whose text is written and unique."""
         found: dict[int, str] = {}
         for cls, features in self._features.items():
             own = next((one for one in features if isinstance(one, Attribute) and one.identifier), None)
@@ -183,7 +183,7 @@ class _Writer:
         return {node: text for node, text in found.items() if counts[text] == 1 and _VALUE.fullmatch(text)}
 
     def _place(self, container: int, reference: Reference, node: int) -> int:
-        """The index of an object in its container."""
+        """Return the index of an object among the targets of its container."""
         if node not in self._places.setdefault(reference.index, {}):
             targets = self.model.graph.targets(container, reference)
             self._places[reference.index].update((target, index) for index, target in enumerate(targets))
@@ -205,13 +205,13 @@ class _Writer:
 
 
 def arrange_targets(model: Model, node: int, reference: Reference, targets: Sequence[int]) -> None:
-    """Lists the targets of an object in this order, while a model is loading; they have to be its targets already."""
+    """Reorder the targets of an object while a model is loading. `targets` must be its current targets."""
     column = model.graph.store.forward[reference.index]
     column[node] = model.graph.store.grouped(targets)
 
 
 def usual_value(attribute: Attribute) -> Value | None:
-    """Return the value of an object whose tag lacks the attribute, as in Ecore: for a string without default none.
+    """Return the value of an object whose tag lacks the attribute, as in Ecore. None for a string without a default.
 
     >>> usual_value(Attribute("a", Scalar.INT)), usual_value(Attribute("a", Scalar.STRING))
     (0, None)
@@ -224,7 +224,7 @@ def usual_value(attribute: Attribute) -> Value | None:
 
 
 def _prefixes(wanted: Mapping[str, str]) -> dict[str, str]:
-    """Different prefixes that are names in XML, as near as may be to those that are wanted."""
+    """Return distinct XML prefixes for packages, the wanted prefixes where they are valid and unused."""
     found: dict[str, str] = {}
     for path, prefix in wanted.items():
         plain = (

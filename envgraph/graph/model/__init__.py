@@ -1,1 +1,1 @@
-"""The model as callers see it, handles of its objects, its conformance and its pictures."""
+"""The model for users and for programs, handles of its objects, its conformance and its pictures."""

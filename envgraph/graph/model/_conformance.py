@@ -1,4 +1,4 @@
-"""Conformance: what a model still lacks of the metamodel's demands that writing does not enforce."""
+"""Check the demands of a metamodel that writing does not enforce, such as lower bounds."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from envgraph.metamodel import Attribute, Feature
 
 @dataclass(frozen=True, slots=True)
 class Violation:
-    """One demand that an object does not meet.
+    """A multiplicity of a feature that an object violates.
 
     Attributes:
         kind: "missing-value", "too-few" or "too-many" targets or values.
         node: id of the object.
-        feature: the feature that is at fault.
+        feature: the feature with the wrong number of targets or values.
         message: one line; objects by name, else by class and id.
     """
 
@@ -31,13 +31,15 @@ class Violation:
 
 
 def check_conformance(model: Model) -> list[Violation]:
-    """All violations of multiplicities: attributes without a value, references with too few or too many targets.
+    """Return all violations of multiplicities: unset attributes, and features with too few or too many values or targets.
 
-    An attribute with 0..1 needs no value. An object without a container is a root, which is no violation. Types,
-    containment, opposites and upper bounds hold whatever is written. Features that queries define are left out.
+    A single-valued optional attribute (0..1) needs no value. An object without a container is a root, which is no
+    violation. Types, containment, opposites and upper bounds are enforced by every write. Features defined by queries
+    are not checked.
 
     Returns:
-        Class by class, then object by object in the order of the extents, then by feature; [] if the model conforms.
+        The violations class by class, then by object in the order of the extents, then by feature; [] if the model
+        conforms.
     """
     violations: list[Violation] = []
     for cls in model.metamodel.class_list:

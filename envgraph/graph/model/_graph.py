@@ -1,4 +1,4 @@
-"""Read and write a model by ids of objects; the functions that write are in the room `write`."""
+"""The model for programs: objects are ids. The functions that write are in the package `write`."""
 
 from __future__ import annotations
 
@@ -25,22 +25,23 @@ class Graph:
     Objects are ids: ints from 0, never used twice within the history of one version. Features are the resolved
     `Attribute` and `Reference` objects of `metamodel`.
 
-    Every write is type-checked and raises `TypeMismatch`. What else is refused raises `RuleError` with a reason: "full"
+    Every write is type-checked and raises `TypeMismatch`. Other refused writes raise `RuleError` with a reason: "full"
     (upper bound), "containment" (a cycle), "dangling", "lost-link". Lower bounds are not checked on writing; see
     `check_conformance`.
 
-    The order in which objects and links are listed is that of their creation until something is removed; a
-    removal from an extent, or from an object with more than 32 links of a reference, moves the last
-    one into the gap. In any case the order belongs to the state: it is the same however a version was reached.
+    Objects and links are listed in the order of their creation until the first removal. A removal from an extent, or
+    from an object with more than 32 links of a reference, moves the last element into the gap. The order belongs to
+    the state: it is the same however a version was reached.
 
     Attributes:
-        store: the columns that hold everything.
+        store: the columns with all data.
         history: savepoints and versions.
-        layout: what writes look up of the metamodel.
+        layout: lookup tables of the metamodel, for writes.
         defined: the derived features whose values queries compute, see `define`.
-        places: what a file calls objects that have no name, `tile[3,1]` in a grid; for `find_object`.
-        titles: the same the other way round, made when it is asked for.
-        digits: the text of a decimal in its file, by object, index of the attribute, and value as a float.
+        places: object ids by grid position in a file, such as `tile[3,1]`, for objects without names; for
+            `find_object`.
+        titles: grid positions by object id, the inverse of `places`, computed on request.
+        digits: the text of a decimal number in its file, by object, index of the attribute, and value as a float.
     """
 
     def __init__(self, model: Model, metamodel: Metamodel, name: str) -> None:
@@ -54,7 +55,7 @@ class Graph:
         self.history = History(model, self.store)
         self.layout = Layout(metamodel, self.store)
 
-    # Functions, and no methods of parts: a write calls nothing before it does what it is for.
+    # These functions are methods here, not methods of separate objects, so that a write costs only one call.
 
     new = _objects.new
     new_at = _objects.new_at
@@ -82,10 +83,10 @@ class Graph:
     container = _links.container
 
     def class_of(self, node: int) -> str:
-        """Name of an object's class.
+        """Return the name of an object's class.
 
         Raises:
-            InvalidArgument: there is no such object.
+            InvalidArgument: no object has this id.
         """
         index = self.store.classes[node] if 0 <= node < len(self.store.classes) else -1
         if index < 0:
@@ -93,13 +94,13 @@ class Graph:
         return self.metamodel.class_list[index].name
 
     def alive(self, node: int) -> bool:
-        """Return whether there is an object with this id."""
+        """Return True if an object with this id exists."""
         return isinstance(node, int) and 0 <= node < self.store.next_id and self.store.classes[node] >= 0
 
     def extent(self, cls: str) -> Sequence[int]:
-        """Instances of a class and its subclasses, concrete classes in the order of declaration.
+        """Return the instances of a class and its subclasses, concrete classes in the order of declaration.
 
-        Not to be kept, nor written to the model while iterating.
+        The sequence may change with the model: do not store it, and do not write to the model while iterating.
         """
         index = self.layout.numbers.get(cls)
         if index is None:
@@ -110,49 +111,52 @@ class Graph:
         return [node for extent in extents for node in extent]
 
     def exact_extent(self, cls: str) -> Sequence[int]:
-        """Instances of exactly this class. Not to be kept, nor written to the model while iterating."""
+        """Return the direct instances of a class. Do not store the sequence, nor write while iterating."""
         index = self.layout.numbers.get(cls)
         if index is None:
             raise refusals.unknown_class(self.metamodel, cls)
         return self.store.extents[index]
 
     def object_name(self, node: int) -> str | None:
-        """Name of an object, or None."""
+        """Return the name of an object, or None."""
         return self.store.names[node]
 
     # --- attributes
 
     def value(self, node: int, attribute: Attribute) -> Value | None:
-        """Value of an attribute, or None: unset, or not an attribute of the object's class. For many see `values`."""
+        """Return the value of an attribute. None means unset, or that the object's class lacks the attribute.
+
+        For a multi-valued attribute the result is a tuple; see `values`.
+        """
         found = self.store.values[attribute.index][node]
         return tuple(found) if type(found) is Ordered else found  # type: ignore[return-value]
 
     def values(self, node: int, attribute: Attribute) -> Values:
-        """Values of an attribute with many, in their order; of any other its value, or () without one."""
+        """Return the values of a multi-valued attribute in order, or a single value as a tuple. () if unset."""
         found = self.store.values[attribute.index][node]
         return tuple(found) if isinstance(found, tuple | list) else () if found is None else (found,)
 
     # --- links
 
     def targets(self, node: int, reference: Reference) -> Sequence[int]:
-        """Targets of an object's links. Not to be kept, nor written to the model while iterating."""
+        """Return the targets of an object's links. Do not store the sequence, nor write while iterating."""
         return self.store.forward[reference.index][node]
 
     def target(self, node: int, reference: Reference) -> int | None:
-        """The first target, or None."""
+        """Return the first target of an object's links, or None if there are none."""
         ends = self.store.forward[reference.index][node]
         return ends[0] if ends else None
 
     def sources(self, node: int, reference: Reference) -> Sequence[int]:
-        """Objects with a link to this one. Not to be kept, nor written to the model while iterating."""
+        """Return the objects with a link to `node`. Do not store the sequence, nor write while iterating."""
         return self.store.backward[reference.index][node]
 
     def has_link(self, source: int, reference: Reference, target: int) -> bool:
-        """Return whether there is such a link."""
+        """Return True if the link exists."""
         return target in self.store.forward[reference.index][source]
 
     def check_integrity(self) -> None:
-        """Assert that all columns, indexes, hash and journal agree, from scratch."""
+        """Assert that all columns, indexes, the hash and the journal are consistent, by recomputing them."""
         if self.store.interrupted:
             self.store.interrupted.repair()
         check_store(self.store)

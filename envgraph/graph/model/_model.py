@@ -1,4 +1,4 @@
-"""The model: what people use of it, with handles; programs use its `Graph`, by ids."""
+"""The model for users, with handles of objects. Programs use its `Graph`, with ids."""
 
 from __future__ import annotations
 
@@ -22,11 +22,12 @@ from envgraph.metamodel import Metamodel
 class Model:
     """A typed attributed graph that instantiates a metamodel.
 
-    Its objects are `Node`s (`create`, `nodes`, `model["name"]`); writing to them raises what `Graph` says.
+    Its objects are `Node`s (`create`, `nodes`, `model["name"]`). Writes to them raise the errors that `Graph`
+    describes.
 
     Args:
-        metamodel: what the objects are instances of.
-        name: for reports.
+        metamodel: the metamodel that defines the classes of the objects.
+        name: the name in reports.
 
     Attributes:
         graph: the same objects by ids, for programs.
@@ -46,7 +47,7 @@ class Model:
 
     @property
     def name(self) -> str:
-        """Name of the model, for reports."""
+        """Return the name of the model in reports."""
         return self.graph.name
 
     @name.setter
@@ -61,11 +62,11 @@ class Model:
         Args:
             cls: a concrete class.
             object_name: unique name of the object, or None.
-            **features: attribute values; targets as `Node`s, for a many-reference an iterable of them.
+            **features: attribute values; targets as `Node`s, for a many-reference an iterable of `Node`s.
 
         Raises:
             TypeMismatch: an unknown or abstract class, an unknown feature, a value of the wrong type.
-            InvalidArgument: the object name is taken.
+            InvalidArgument: another object has the name.
             RuleError: a reference is full. The object is not created then.
         """
         if self.graph.store.loading:
@@ -74,25 +75,25 @@ class Model:
             return _create(self, cls, object_name, features)
 
     def node(self, id: int) -> Node:
-        """A handle to an object.
+        """Return a handle to the object with an id.
 
         Raises:
-            InvalidArgument: there is no such object.
+            InvalidArgument: no object has this id.
         """
         if not self.graph.alive(id):
             raise refusals.missing(self.graph, id)
         return Node(self, id)
 
     def nodes(self, cls: str | None = None) -> list[Node]:
-        """Handles to all objects, or to the instances of a class, subclasses included."""
+        """Return handles to all objects, or to the instances of a class and its subclasses."""
         ids = self.graph.store.nodes() if cls is None else self.graph.extent(cls)
         return [Node(self, id) for id in ids]
 
     def __getitem__(self, object_name: str) -> Node:
-        """The object with this name.
+        """Return the object with a name.
 
         Raises:
-            InvalidArgument: no object has it.
+            InvalidArgument: no object has the name.
         """
         found = self.graph.find_object(object_name)
         if found is None:
@@ -100,25 +101,25 @@ class Model:
         return Node(self, found)
 
     def __contains__(self, item: object) -> bool:
-        """Return whether an object has this name, or this handle stands for an object of the model."""
+        """Return True if `item` is the name of an object of the model, or a handle to an existing object of it."""
         if isinstance(item, Node):
             return item.model is self and self.graph.alive(item.id)
         return isinstance(item, str) and self.graph.find_object(item) is not None
 
     def __iter__(self) -> Iterator[Node]:
-        """Handles to all objects, as they are at the start."""
+        """Iterate over handles to all objects that exist at the start of the iteration."""
         return iter(self.nodes())
 
     def __len__(self) -> int:
         return sum(map(len, self.graph.store.extents))
 
     def __bool__(self) -> bool:
-        """True: a model without objects is a model."""
+        """Return True, also for a model without objects."""
         return True
 
     def copy(self) -> Model:
-        """Another model in the same state (ids, every order, hash), without versions, savepoints and views."""
-        return copy(self)  # `envgraph.graph.interchange._copying` says how
+        """Return another model in the same state (ids, every order, hash), without versions, savepoints and views."""
+        return copy(self)  # implemented in `envgraph.graph.interchange._copying`
 
     def __deepcopy__(self, _: object) -> Model:
         return self.copy()
@@ -129,31 +130,31 @@ class Model:
     # --- transactions and versions
 
     def transaction(self) -> AbstractContextManager[Savepoint]:
-        """Everything inside happens, or, if an exception leaves the block, nothing of it."""
+        """Return a context manager that keeps the changes of its block, or undoes all if an exception leaves it."""
         return self.graph.history.transaction()
 
     def unwind(self) -> None:
         """Roll back until no savepoint is open.
 
-        Ctrl-C may come before what `savepoint` returns has reached anybody. Then only this closes it.
+        Ctrl-C may arrive before a program has received a new savepoint. Only this method can close that savepoint.
         """
         self.graph.history.unwind(0)
 
     def loading(self) -> AbstractContextManager[None]:
-        """Build a model without a journal; views are made anew at the end.
+        """Return a context manager for building a model without a journal. Views are recomputed at its end.
 
         Raises:
-            TransactionError: a savepoint is open or a version is held; or, inside the block, a savepoint is asked for.
+            TransactionError: a savepoint is open or a version is in use, or a savepoint is requested inside the block.
         """
         return self.graph.history.load()
 
     @property
     def version(self) -> Version | None:
-        """The version that the model is in; None if there are uncommitted changes, or nobody holds a version."""
+        """Return the version that equals the current state. None after uncommitted changes or if no version is in use."""
         return self.graph.history.version()
 
     def commit(self) -> Version:
-        """Name the present state. The version lives as long as somebody holds it.
+        """Create a version of the current state. The version exists as long as a program refers to it.
 
         Raises:
             TransactionError: a savepoint is open.
@@ -161,20 +162,20 @@ class Model:
         return self.graph.history.commit()
 
     def checkout(self, version: Version, *, discard: bool = False) -> None:
-        """Put the model into a committed state, exactly as it was then: ids, order, hash.
+        """Restore a committed state exactly: ids, order, hash.
 
         Args:
             version: a version of this model.
-            discard: lose uncommitted changes instead of refusing.
+            discard: undo uncommitted changes instead of refusing.
 
         Raises:
-            InvalidArgument: that is no version.
+            InvalidArgument: `version` is not a version.
             TransactionError: a version of another model, an open savepoint, or uncommitted changes.
         """
         self.graph.history.checkout(version, discard)
 
     def check_integrity(self) -> None:
-        """Assert that all that is stored agrees, by a computation from scratch: a failure is a bug of envgraph."""
+        """Assert that all stored data are consistent, by recomputing them. A failure is a bug of envgraph."""
         self.graph.check_integrity()
 
 

@@ -1,4 +1,4 @@
-"""Handles: objects and their many-references, for people."""
+"""Handles of objects, and live lists of their targets and values, for users."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ if TYPE_CHECKING:
     from envgraph.graph.model._model import Model
 
 _SHOWN = 10
-"""Of a longer list, so many are in its repr."""
+"""The number of items in the repr of a longer list."""
 
 
 @short_repr
 class Node:
-    """An object of a model: light, compared by model and id.
+    """A handle to an object of a model. Handles are compared by model and id.
 
-    Features are attributes of the handle: `tile.x`, `tile.x = 3`, `tile.right = other`, `forest.states.append(tile)`. A
-    reference with more than one target reads as `Targets`, an attribute with many values as `ValueList`. None is an
-    attribute without a value or an empty single reference. `node["id"]` reaches a feature whose name the handle itself
+    Features are attributes of the handle: `tile.x`, `tile.x = 3`, `tile.right = other`, `forest.states.append(tile)`.
+    Reading a many-reference returns `Targets`, and reading a multi-valued attribute returns a `ValueList`. An unset
+    attribute and an empty single reference read as None. `node["id"]` accesses a feature whose name the handle itself
     uses (`id`, `model`, `cls`, ...).
     """
 
@@ -38,12 +38,12 @@ class Node:
 
     @property
     def cls(self) -> str:
-        """Name of the object's class."""
+        """Return the name of the object's class."""
         return self.model.graph.class_of(self.id)
 
     @property
     def object_name(self) -> str | None:
-        """Name of the object, or None; assign to rename it."""
+        """Return the name of the object, or None. Assigning renames the object."""
         self.model.graph.class_of(self.id)
         return self.model.graph.object_name(self.id)
 
@@ -53,17 +53,17 @@ class Node:
 
     @property
     def container(self) -> Node | None:
-        """The object that contains this one, or None."""
+        """Return the object that contains this object, or None."""
         self.model.graph.class_of(self.id)
         found = self.model.graph.container(self.id)
         return Node(self.model, found[0]) if found else None
 
     def is_a(self, cls: str) -> bool:
-        """Return whether the object is an instance of a class or of one of its subclasses."""
+        """Return True if the object is an instance of a class or of one of its subclasses."""
         return self.model.metamodel.is_a(self.cls, cls)
 
     def delete(self, semantics: Literal["dpo", "spo"] = "dpo") -> None:
-        """Delete the object and what it contains; see `Graph.delete`."""
+        """Delete the object and everything that it contains; see `Graph.delete`."""
         self.model.graph.delete(self.id, semantics)
 
     def retype(self, cls: str, lossy: bool = False) -> None:
@@ -71,7 +71,7 @@ class Node:
         self.model.graph.retype(self.id, cls, lossy)
 
     def __getattr__(self, name: str) -> Any:
-        # Special names are never features: looking them up must not depend on a model (copying, pickling).
+        # Special names are never features. Looking them up must work without a model, for copying and pickling.
         if name.startswith("__"):
             raise AttributeError(name)
         return _read(self, _feature(self, name))
@@ -87,11 +87,11 @@ class Node:
         _write(self, _feature(self, name), value)
 
     def __getitem__(self, name: str) -> Any:
-        """A feature by name."""
+        """Return the value of a feature by name."""
         return _read(self, _feature(self, name))
 
     def __setitem__(self, name: str, value: object) -> None:
-        """Set a feature by name."""
+        """Set the value of a feature by name."""
         _write(self, _feature(self, name), value)
 
     def __dir__(self) -> list[str]:
@@ -104,11 +104,11 @@ class Node:
         return self
 
     def __deepcopy__(self, _: object) -> Node:
-        """The same handle: it stands for an object, which has no copy in its model."""
+        """Return the same handle, because the object has no copy in its model."""
         return self
 
     def __reduce__(self) -> tuple[type[Node], tuple[Model, int]]:
-        """With its model, which is copied once for all handles that are pickled together."""
+        """Return the data for pickling: the model, which is pickled once for all handles together, and the id."""
         return Node, (self.model, self.id)
 
     def __eq__(self, other: object) -> bool:
@@ -132,7 +132,7 @@ _Item = TypeVar("_Item")
 
 
 class _HeldList(Sequence[_Item]):
-    """Show the values or targets of a feature with many as a sequence; each access reads the model."""
+    """A sequence of the values or targets of a feature. Each access reads the model."""
 
     __slots__ = ("_feature", "_node")
 
@@ -141,7 +141,7 @@ class _HeldList(Sequence[_Item]):
         self._feature = feature
 
     def _made(self, held: Any) -> _Item:
-        """Return what stands for a value, or for the id of a target."""
+        """Return the item for a stored value: the value itself, or the handle for the id of a target."""
         return held  # type: ignore[no-any-return]
 
     def __len__(self) -> int:
@@ -156,7 +156,7 @@ class _HeldList(Sequence[_Item]):
         return [*map(self._made, held[index])] if isinstance(index, slice) else self._made(held[index])
 
     def __eq__(self, other: object) -> bool:
-        """Equal to a list, tuple or other view of the same items in the same order."""
+        """Return True if `other` is a list, tuple or sequence of the same kind with equal items in the same order."""
         if isinstance(other, list | tuple | type(self)):
             return list(self) == list(other)
         return NotImplemented
@@ -164,7 +164,7 @@ class _HeldList(Sequence[_Item]):
     __hash__ = None  # type: ignore[assignment]
 
     def __repr__(self) -> str:
-        """A list of the first ones, and how many there are."""
+        """Return the text of a list; if the list is long, only its first items and the number of all items."""
         if len(self) <= _SHOWN:
             return repr(list(self))
         return f"[{', '.join(map(repr, self[:_SHOWN]))}, ... {len(self):,} in all]"
@@ -172,10 +172,10 @@ class _HeldList(Sequence[_Item]):
 
 @short_repr
 class Targets(_HeldList[Node]):
-    """The targets of a many-reference, live: reading and writing it reads and writes the model.
+    """The live targets of a many-reference: reading and writing accesses the model.
 
-    Iterating goes over the targets as they were at the start. They are in the order in which they were added; of more
-    than 32, the last one takes the place of one that is removed.
+    An iteration covers the targets that exist at its start. Targets are in the order in which they were added. If there
+    are more than 32, a removal moves the last target into the gap.
     """
 
     __slots__ = ()
@@ -184,18 +184,19 @@ class Targets(_HeldList[Node]):
         return Node(self._node.model, held)
 
     def append(self, target: Node) -> None:
-        """Add a target; nothing happens if it is one already.
+        """Add a target. A target linked already is left unchanged.
 
-        As an assignment does, it takes the object out of its container, and from what has it by a single opposite.
+        As an assignment does, this unlinks the target from its old container, or from the old source of a single
+        opposite.
         """
         model = self._node.model
         model.graph.add_target(self._node.id, self._feature, _target(model, self._feature, target))
 
     def insert(self, index: int, target: Node) -> None:
-        """Add a target at a position, as a list does; one that is there already moves.
+        """Add a target at a position, as `list.insert` does. A target linked already is moved.
 
         Raises:
-            InvalidArgument: the position is no number.
+            InvalidArgument: the position is not an int.
         """
         if type(index) is not int:
             raise InvalidArgument(f"a position is a whole number, not {index!r}")
@@ -211,7 +212,7 @@ class Targets(_HeldList[Node]):
         """Remove a target.
 
         Raises:
-            InvalidArgument: it is none.
+            InvalidArgument: the object is not a target.
         """
         model = self._node.model
         if model.graph.defined and self._feature in model.graph.defined:
@@ -235,10 +236,10 @@ class Targets(_HeldList[Node]):
 
 @short_repr
 class ValueList(_HeldList[Value], MutableSequence[Value]):
-    """The values of an attribute with many, live: a list that reads and writes the model.
+    """The live values of a multi-valued attribute: a list that reads and writes the model.
 
-    Iterating goes over the values as they were at the start. Where each value stands once, inserting one that is there
-    changes nothing. Errors are those of `Graph.set_value`.
+    An iteration covers the values that exist at its start. If values must be unique, inserting an existing value
+    changes nothing. Errors are the errors of `Graph.set_value`.
     """
 
     __slots__ = ()
@@ -247,7 +248,7 @@ class ValueList(_HeldList[Value], MutableSequence[Value]):
         self._node.model.graph.set_value(self._node.id, self._feature, values)
 
     def insert(self, index: int, value: Value) -> None:
-        """Put a value before the one at an index."""
+        """Insert a value before the value at an index."""
         self._node.model.graph.insert_value(self._node.id, self._feature, index, value)
 
     def __setitem__(self, index: Any, value: Any) -> None:
@@ -264,7 +265,7 @@ class ValueList(_HeldList[Value], MutableSequence[Value]):
             self._node.model.graph.remove_value_at(self._node.id, self._feature, index)
 
     def reverse(self) -> None:
-        """Reverse the order in one write: swapping values one by one would repeat a unique value."""
+        """Reverse the order in one write, because swapping values one by one would repeat a unique value."""
         self._set(list(self)[::-1])
 
     def __iter__(self) -> Iterator[Value]:
@@ -275,7 +276,7 @@ class ValueList(_HeldList[Value], MutableSequence[Value]):
 
 
 def assign_features(node: Node, features: Mapping[str, object]) -> None:
-    """Set several features."""
+    """Set several features of an object by name."""
     for name, value in features.items():
         _write(node, _feature(node, name, TypeMismatch), value)
 
@@ -309,7 +310,7 @@ def _read(node: Node, feature: Feature) -> Value | ValueList | Node | Targets | 
 
 def _held(node: Node, feature: Feature) -> Sequence[Any]:
     """Return the values of a feature, or the ids of its targets."""
-    node.cls  # noqa: B018 - raises for an object that is gone
+    node.cls  # noqa: B018 - raises for a deleted object
     return node.model.graph.read(node.id, feature)
 
 

@@ -1,4 +1,4 @@
-"""Models as pictures: boxes for objects, lines for links."""
+"""Draw models as pictures: boxes for objects, lines for links."""
 
 from __future__ import annotations
 
@@ -24,34 +24,35 @@ if TYPE_CHECKING:
     from envgraph.graph.model._model import Model
 
 LIMIT = 100
-"""How many objects a picture has at most, unless something else is asked for."""
+"""The default of the maximal number of objects in a picture."""
 
 _FAN = 16
-"""With more lines than this at one object a picture in layers is far wider than high."""
+"""If an object has more lines than this, a layout in layers would be far wider than high."""
 
 Marked = Node | Mapping[str, object] | Iterable["Node | Mapping[str, object]"]
-"""Nodes to highlight: one, those among the values of a match, or several of either."""
+"""Nodes to highlight: a node, a match (the nodes among its values), or several nodes and matches."""
 
 
 class PictureOptions(TypedDict, total=False):
-    """What a picture of a model shows.
+    """The options of a picture of a model.
 
     Names of features may be qualified (`Tile.right`).
 
     Attributes:
-        classes: only instances of these, subclasses included; else everything.
-        references: only links of these; else all. `()` for none.
-        attributes: only these; else all that have a value. `()` for none.
-        labels: write the names of references at the lines; True if nothing is said.
+        classes: draw only instances of these classes and their subclasses. The default is all objects.
+        references: draw only links of these references. The default is all links; `()` draws none.
+        attributes: show only these attributes. The default is all attributes with a value; `()` shows none.
+        labels: write the names of references at the lines; True by default.
         highlight: a match, a node, or several of them: drawn with a red border and the names of the variables.
-        around: as `highlight`: only these objects and those at most `distance` links away from them.
-        distance: 1 if nothing is said.
-        limit: at most so many objects, `LIMIT` if nothing is said: what is highlighted and what is near to it first,
-            else the first object and what is near to it. A note says how many there are.
-        layout: one of Graphviz; if nothing is said "dot" (layers, containers on top), or "neato" where some object has
-            many links.
-        position: two attributes with numbers for where an object stands, x to the right and y down, in units that fit a
-            box; the layout is "neato" then.
+        around: a match, a node, or several: draw only these objects and objects at most `distance` links away.
+        distance: the maximal number of links from `around`; 1 by default.
+        limit: the maximal number of objects; `LIMIT` by default. Objects close to highlighted objects are chosen
+            first, or close to the first object if none are highlighted. A note on the picture states the total
+            number.
+        layout: a layout of Graphviz. The default is "dot" (layers, containers on top), or "neato" if an object has many
+            links.
+        position: two numeric attributes with the coordinates of an object, x to the right and y down, in units of about
+            one box. The layout is "neato" then.
     """
 
     classes: Iterable[str] | None
@@ -80,7 +81,7 @@ def picture(
     layout: str | None = None,
     position: tuple[str, str] | None = None,
 ) -> Picture:
-    """A picture of the present state; `PictureOptions` says what can be asked for.
+    """Return a picture of the current state; see `PictureOptions` for the options.
 
     Raises:
         InvalidArgument: an unknown name or layout, a limit or distance below 0, a node of another model.
@@ -120,27 +121,27 @@ def picture(
 
 
 def to_dot(model: Model, **options: Unpack[PictureOptions]) -> str:
-    """The picture as DOT, the text that Graphviz draws: the same state gives the same text."""
+    """Return the picture as DOT, the language of Graphviz. Equal states give equal texts."""
     return model.picture(**options).to_dot()
 
 
 def to_svg(model: Model, **options: Unpack[PictureOptions]) -> str:
-    """The picture as an `<svg>` element: drawn by Graphviz, without it by us; see `Picture.to_svg`."""
+    """Return the picture as an `<svg>` element, drawn by Graphviz if it is installed; see `Picture.to_svg`."""
     return model.picture(**options).to_svg()
 
 
 def as_svg(model: Model) -> str | None:
-    """The picture, for notebooks."""
+    """Return the picture as SVG for notebooks, or None if notebooks should not draw it."""
     return model.picture()._repr_svg_()
 
 
 def _widest_fan(edges: Iterable[PictureEdge]) -> int:
-    """The most lines at one object."""
+    """Return the largest number of lines at one object."""
     return max(Counter(end for edge in edges for end in (edge.source, edge.target)).values(), default=0)
 
 
 def _marks(model: Model, marked: Marked) -> dict[int, list[str]]:
-    """The objects among what is highlighted, and what they are called there."""
+    """Return the highlighted objects, each with the names of the variables bound to it in the given matches."""
     found: dict[int, list[str]] = {}
 
     def add(item: object, name: str | None) -> None:
@@ -167,7 +168,7 @@ def _marks(model: Model, marked: Marked) -> dict[int, list[str]]:
 
 
 def _classes(metamodel: Metamodel, names: Iterable[str] | None) -> tuple[bool, ...]:
-    """For each class by its index, whether its objects are drawn; one more entry is for no object."""
+    """Return for each class index if its objects are drawn. A last entry, False, is for deleted objects (index -1)."""
     if names is None:
         return (*(True for _ in metamodel.class_list), False)
     wanted = _texts(names, "classes")
@@ -180,7 +181,7 @@ def _classes(metamodel: Metamodel, names: Iterable[str] | None) -> tuple[bool, .
 def _named(
     metamodel: Metamodel, features: Sequence[Feature], names: Iterable[str] | None, kind: str
 ) -> Iterator[int]:
-    """Indexes of the features with these names, simple or qualified by a class that has them."""
+    """Yield the indexes of the features with the given names, which may be qualified by a class (`Tile.right`)."""
     if names is None:
         yield from (feature.index for feature in features)
         return
@@ -209,7 +210,7 @@ def _unknown(kind: str, name: str, known: Iterable[str]) -> str:
 
 
 class _View:
-    """The part of a model that is asked for: some classes and some references."""
+    """The part of a model to draw: the instances of selected classes and the links of selected references."""
 
     def __init__(self, model: Model, classes: Sequence[bool], references: set[int]) -> None:
         self.store = model.graph.store
@@ -223,12 +224,12 @@ class _View:
         return self.classes[self.store.classes[node]]
 
     def choose(self, first: Sequence[int], distance: int | None, limit: int) -> tuple[list[int], int]:
-        """The objects to draw, by id, and how many there would be without a limit.
+        """Return the objects to draw, sorted by id, and their number without the limit.
 
         Args:
-            first: where to begin.
-            distance: how far to go from there; None for everywhere.
-            limit: how many objects at most.
+            first: the objects from which to start.
+            distance: the maximal number of links from these objects; None for no maximum.
+            limit: the maximal number of objects.
         """
         near = self._nearest(first, distance)
         if distance is not None:
@@ -240,7 +241,7 @@ class _View:
         return sorted(node for node, _ in zip(near, range(limit), strict=False)), total
 
     def _nearest(self, first: Sequence[int], distance: int | None) -> Iterator[int]:
-        """Objects breadth first from those given; then, if any distance will do, from the others in order."""
+        """Yield objects in breadth-first order from the first ones. Without a distance, yield all other objects too."""
         seen = dict.fromkeys(node for node in first if self._visible(node))
         level = list(seen)
         depth = 0
@@ -269,7 +270,7 @@ class _View:
             yield from relation.backward[node]
 
     def edges(self, shown: Sequence[int], labels: bool) -> Iterator[PictureEdge]:
-        """The links between the objects that are drawn, a link and its opposite once."""
+        """Yield the links between the drawn objects. A link and its opposite are one line."""
         inside = set(shown)
         for relation in self.relations:
             opposite = relation.opposite
@@ -289,14 +290,14 @@ class _View:
 
 
 def _leads(relation: Relation, opposite: Reference) -> bool:
-    """Return whether this one of a pair is drawn: the containment, else the one declared first."""
+    """Return True if this reference of an opposite pair is drawn: the containment, else the first declared."""
     if relation.containment or relation.contained:
         return relation.containment
     return relation.reference.index <= opposite.index
 
 
 class _Objects:
-    """How objects look."""
+    """The appearance of objects: shown attributes, colours, highlights and positions."""
 
     def __init__(
         self,
@@ -317,7 +318,7 @@ class _Objects:
                     raise InvalidArgument(_unknown("attribute with numbers", name, numbers))
 
     def node(self, model: Model, id: int) -> PictureNode:
-        """The box of an object."""
+        """Return the box of an object."""
         cls = model.graph.class_of(id)
         name = model.graph.object_name(id)
         features = self.metamodel.features(cls)

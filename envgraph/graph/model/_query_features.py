@@ -1,4 +1,4 @@
-"""Derived features whose values queries compute: handles read them, and nothing writes them."""
+"""Derived features, whose values are computed by queries. They can be read by handles and cannot be written."""
 
 from __future__ import annotations
 
@@ -15,7 +15,10 @@ if TYPE_CHECKING:
 
 @short_repr
 class Defined(NamedTuple):
-    """A derived feature: its pattern, a function that reads the values or target ids of an object, the matcher."""
+    """The definition of a derived feature by a query.
+
+    It consists of the query's name, a function from an object to its values or target ids, and the matcher.
+    """
 
     query: str
     read: Callable[[int], Sequence[Any]]
@@ -23,7 +26,7 @@ class Defined(NamedTuple):
 
 
 def first_with(graph: Graph, feature: Feature) -> int | None:
-    """Return the first object that has a target or a value other than the initial one; None if there is none."""
+    """Return the first object with a target, or with a value other than the initial one. None if no object has."""
     columns = graph.store.values if isinstance(feature, Attribute) else graph.store.forward
     usual = (feature.initial,) if isinstance(feature, Attribute) else ()
     held = ((node, columns[feature.index][node]) for node in graph.store.nodes())
@@ -31,7 +34,7 @@ def first_with(graph: Graph, feature: Feature) -> int | None:
 
 
 def read(graph: Graph, node: int, feature: Feature) -> Sequence[Any]:
-    """Return the values of a feature, or the ids of its targets: those of a query, if one defines the feature."""
+    """Return the values of a feature, or the ids of its targets. A query computes them if it defines the feature."""
     if graph.defined and feature in graph.defined:
         return graph.defined[feature].read(node)
     columns = graph.store.values if isinstance(feature, Attribute) else graph.store.forward
@@ -40,7 +43,10 @@ def read(graph: Graph, node: int, feature: Feature) -> Sequence[Any]:
 
 
 def define(graph: Graph, defined: Mapping[Feature, Defined]) -> None:
-    """Set the derived features, replacing earlier ones, and refuse to write them. No object may have stored values."""
+    """Set the derived features, replace earlier definitions, and refuse writes to them.
+
+    No object may have stored values of these features.
+    """
     if graph.defined == defined:
         return
     graph.defined, graph.layout = dict(defined), Layout(graph.metamodel, graph.store)

@@ -1,4 +1,4 @@
-"""What follows from the primary columns of a store: computed from scratch, and made right after an exception."""
+"""Recompute the derived columns of a store from its primary columns after an exception."""
 
 from __future__ import annotations
 
@@ -9,7 +9,11 @@ from envgraph.graph.store._store import Store
 
 
 def derive(store: Store) -> None:
-    """Make right what follows from names, values, targets and members of extents; for `History.repair`."""
+    """Recompute all derived data of a store after an exception.
+
+    Derived are the extents' positions, the name index, the distinct values, the sources of links, and the hash sum.
+    `History.repair` calls this function.
+    """
     store.lengthen(max(len(store.classes), len(store.place), len(store.salts[0])))
     _classes(store)
     for name, node in list(store.by_name.items()):
@@ -33,10 +37,10 @@ def derive(store: Store) -> None:
 
 
 def _classes(store: Store) -> None:
-    """Objects are in the extents of their classes, once."""
+    """Make each object a member of the extent of its class exactly once, and correct its position there."""
     members = [set(extent) for extent in store.extents]
     for extent, inside in zip(store.extents, members, strict=True):
-        if len(inside) < len(extent):  # `put` has copied what makes room
+        if len(inside) < len(extent):  # an interrupted `put` has appended a second copy of a member
             extent.pop()
     for node, cls in enumerate(store.classes):
         if cls >= 0 and node not in members[cls]:
@@ -47,7 +51,10 @@ def _classes(store: Store) -> None:
 
 
 def _sources(store: Store, forward: Ends, backward: Ends) -> None:
-    """Links that are known at one end only are those of the target's column; a symmetric one stays."""
+    """Make the sources column of a reference agree with its targets column, which decides.
+
+    Entries of `backward` without a counterpart in `forward` are removed, and missing entries are added.
+    """
     for ends in (*forward, *backward):
         if isinstance(ends, IndexedSet):
             ends.mend()

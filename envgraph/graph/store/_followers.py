@@ -1,4 +1,4 @@
-"""Followers of the changes of a model, and the note of what exceptions leave half done."""
+"""The protocol of listeners to changes of a model, and the list of interrupted writes that must be repaired."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ from typing import Any, Protocol
 
 
 class Interrupted(list[Any]):
-    """What exceptions have left half done, such as that of Ctrl-C; empty but for the time until it is made good.
+    """A list of writes that exceptions such as `KeyboardInterrupt` have interrupted, until `repair` empties it.
 
-    Whoever catches an exception in the middle of a write (`except BaseException`) adds how it is to be ended, before
-    anything else is called, and then calls `repair`. If that is interrupted, too, the next use of the model does it.
-    What is added is one of:
+    Code that catches an exception in the middle of a write (`except BaseException`) first appends how to end the write,
+    and then calls `repair`. If `repair` is interrupted too, the next use of the model calls it again.
+    Each entry is one of:
 
-    - None, if it was a single change, and what follows the model (a `Follower`), if it was what that does;
-    - a function and its arguments, which may be called when some, all or none of it is done already;
-    - a savepoint to roll back to and close, or (an int) how many to leave open;
-    - a version to go to.
+    - None, if a single change was interrupted, or a `Follower` while it handled the change;
+    - a function and its arguments, which may be called if its work is already done fully, partly or not at all;
+    - a savepoint to roll back to and close, or an int, the number of savepoints to leave open;
+    - a vertex of the version tree to check out.
 
     Attributes:
         repair: see `History.repair`.
@@ -28,34 +28,34 @@ class Interrupted(list[Any]):
 
 
 class Follower(Protocol):
-    """What keeps something current with a model, such as views do.
+    """A listener that keeps its own data consistent with a model, as views do.
 
-    It is notified of changes through the functions that it registers in the store (`Relation.added` and `removing`,
-    `Store.value_added` and `value_removing`, `class_added` and `class_removing`, `retyping`): `added` after the fact
-    has been inserted, `removing` before it is deleted. What it does then is recorded in the journal, so that a
-    rollback undoes it.
+    A follower is notified of changes through the callbacks that it registers in the store (`Relation.added` and
+    `removing`, `Store.value_added` and `value_removing`, `class_added` and `class_removing`, `retyping`). `added`
+    callbacks run after a fact is inserted, `removing` callbacks before a fact is deleted. A follower records the
+    changes of its own data in the journal, so that a rollback undoes them.
     """
 
     def settle(self) -> None:
-        """Work off what is pending: a savepoint or a commit follows."""
+        """Process all pending changes now, because a savepoint or a commit follows."""
 
     def rolled_back(self) -> None:
-        """A rollback has restored everything that was recorded: what is pending is void."""
+        """Discard all pending changes after a rollback, which has already restored the data recorded in the journal."""
 
     def released(self) -> None:
-        """The outermost transaction has ended well, or the present state has become a version."""
+        """Handle the successful end of the outermost transaction, or a commit of the current state."""
 
     def checked_out(self) -> None:
-        """The model is in another version, and what was recorded has been replayed: what is pending is void."""
+        """Discard all pending changes after a checkout, which has already replayed the data recorded in the journal."""
 
     def interrupted(self) -> None:
-        """A change has been interrupted, before or after the notification or meanwhile: it may be made or not."""
+        """Handle an interrupted change of the model, which may have been made or not, and notified or not."""
 
     def suspend(self) -> None:
-        """The model is about to be loaded: nobody will be notified of changes."""
+        """Prepare for a load of the model, during which no change is notified."""
 
     def loaded(self) -> None:
-        """The load has ended."""
+        """Handle the end of a load of the model."""
 
 
 NodeHook = Callable[[int], object]

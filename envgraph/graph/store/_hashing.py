@@ -1,14 +1,14 @@
-"""The state hash by identity: an exact sum over all facts, condensed to 64 bits when asked for.
+"""The state hash by identity: an exact sum over all facts, condensed to 64 bits on request.
 
-Every object has two fixed pseudo-random 64-bit numbers a, b, every class c and reference r has one, and so has every
-pair v of attribute and value. The terms are
+Every object has two fixed pseudo-random 64-bit numbers a and b. Every class c, every reference r, and every pair v of
+an attribute and a value has one number. The terms of the sum are
 
     a[node] * c,    a[node] * v,    r * a[source] * b[target]
 
-summed as exact integers, which takes one or two multiplications a change. A sum of ready-made hashes would need a
-mixing function for each fact, ten times as slow in Python. Different sets of facts are different polynomials in the
-random numbers; that they agree at one point has negligible probability (Schwartz 1980, Zippel 1979), and reducing
-only at the end avoids the zero divisors of arithmetic modulo 2^64.
+The sum is an exact integer, so a change takes one or two multiplications. A sum of precomputed hashes would need a
+mixing function for each fact, which is ten times as slow in Python. Different sets of facts are different polynomials
+in the random numbers. The probability that they agree at one point is negligible (Schwartz 1980, Zippel 1979).
+Reducing only at the end avoids the zero divisors of arithmetic modulo 2^64.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ if TYPE_CHECKING:
     from envgraph.graph.store._store import Store
 
 BLOCK = 1024
-"""Numbers of nodes are drawn in blocks of this size."""
+"""The pseudo-random numbers of nodes are generated in blocks of this size."""
 
 
 def node_salts(start: int, stop: int) -> tuple[list[int], list[int]]:
-    """The numbers a and the numbers b of the nodes start..stop-1."""
+    """Return the pseudo-random numbers a and b of the nodes `start` to `stop - 1`, as two lists."""
     first_salts: list[int] = []
     second_salts: list[int] = []
     while start < stop:
@@ -45,24 +45,24 @@ def node_salts(start: int, stop: int) -> tuple[list[int], list[int]]:
 
 
 def code(text: str) -> int:
-    """A 64-bit number for a text, the same in every process."""
+    """Return a 64-bit number for a text. The number is the same in every process."""
     return int.from_bytes(blake2b(text.encode("utf-8", "surrogatepass"), digest_size=8).digest(), "little")
 
 
 def class_code(cls: Class) -> int:
-    """The number of a class."""
+    """Return the 64-bit number of a class in the state hash."""
     return code(f"class {cls.name}")
 
 
 def reference_code(reference: Reference) -> int:
-    """The number of a reference."""
+    """Return the 64-bit number of a reference in the state hash."""
     return code(f"reference {reference}")
 
 
 def value_code(attribute: Attribute, value: Value | Values) -> int:
-    """The number of a value in an attribute; equal values have one number, so -0.0 counts as 0.0.
+    """Return the number of a value of an attribute in the state hash. Equal values have equal numbers (-0.0 and 0.0).
 
-    That of many values is the sum of theirs: their order does not count, as that of links does not.
+    The number of a sequence of values is the sum of the numbers of its values, so their order does not count.
     """
     if isinstance(value, tuple | list):
         return sum(value_code(attribute, one) for one in value)
@@ -72,14 +72,16 @@ def value_code(attribute: Attribute, value: Value | Values) -> int:
 
 
 def state_hash(model: Model, since: int | None = None) -> int:
-    """A 64-bit hash of all facts by identity: (node, class), (node, attribute, value), (source, reference, target).
+    """Return a 64-bit hash of all facts by identity.
 
-    Kept incrementally, and the same in every process. Names of objects and the order of links do not count.
+    The facts are (node, class), (node, attribute, value) and (source, reference, target). The sum behind the hash is
+    updated with every change. The hash is the same in every process. Names of objects and the order of links do not
+    count.
 
     Args:
         model: the model.
-        since: objects with this id and greater ones count as if they had the ids from here on, in their order; that
-            takes a look at every fact, unless they have.
+        since: if given, objects with this id or a greater one are renumbered consecutively from `since` for the hash,
+            in the order of their ids. All facts are visited, unless these ids are consecutive already.
     """
     total = model.graph.store.total if since is None else _total_since(model.graph.store, since)
     return int.from_bytes(
@@ -88,7 +90,7 @@ def state_hash(model: Model, since: int | None = None) -> int:
 
 
 def _total_since(store: Store, first: int) -> int:
-    """`total`, where the objects with ids from `first` on count as if their ids had no gaps."""
+    """Return the sum behind the state hash as if the objects with ids from `first` on had consecutive ids."""
     nodes = [node for node in range(first, store.next_id) if store.classes[node] >= 0]
     if nodes == [*range(first, first + len(nodes))]:
         return store.total
@@ -99,9 +101,11 @@ def _total_since(store: Store, first: int) -> int:
 
 
 def recomputed_total(store: Store, salts: tuple[Sequence[int], Sequence[int]] | None = None) -> int:
-    """Return the sum behind the state hash, from the facts alone; with other numbers of the nodes, if they are given.
+    """Return the sum behind the state hash, recomputed from all facts of the store.
 
-    An object whose change of class was interrupted is in no class, and has its values and links.
+    Args:
+        store: the store. An object whose change of class was interrupted has no class, but its values and links count.
+        salts: the numbers a and b of the nodes, if they differ from `node_salts`.
     """
     first, second = salts or node_salts(0, len(store.classes))
     total = 0

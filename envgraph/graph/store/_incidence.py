@@ -1,4 +1,4 @@
-"""The links of an object, and which of them its deletion would leave without an end."""
+"""The links of an object, its containment tree, and the links that its deletion would leave dangling."""
 
 from __future__ import annotations
 
@@ -13,16 +13,22 @@ Link = tuple[Relation, int, int]
 
 
 def links_of(store: Store, layout: Layout, node: int) -> Iterator[Link]:
-    """All links of an object, each once."""
+    """Yield all links of an object, each once."""
     return links_at(node, layout.incident[store.classes[node]])
 
 
 def links_at(node: int, ends: Iterable[tuple[Relation, bool]]) -> Iterator[Link]:
-    """The links of an object in some relations, where it is the source (True) or the target (False)."""
+    """Yield the links of an object in the given relations, each once.
+
+    Args:
+        node: the object.
+        ends: pairs of a relation and a bool: True for links with the object as source, False for links with it as
+            target.
+    """
     loops = set()
     for relation, outgoing in ends:
         for other in (relation.forward if outgoing else relation.backward)[node]:
-            if other == node:  # listed from both its ends
+            if other == node:  # a link to itself is listed at both of its ends
                 if relation.fact.index in loops:
                     continue
                 loops.add(relation.fact.index)
@@ -30,7 +36,7 @@ def links_at(node: int, ends: Iterable[tuple[Relation, bool]]) -> Iterator[Link]
 
 
 def contained_tree(store: Store, layout: Layout, root: int) -> list[int]:
-    """An object and all that it contains, containers first."""
+    """Return an object and all objects that it contains, directly or indirectly, containers before their contents."""
     tree = [root]
     for node in tree:
         for relation in layout.containments[store.classes[node]]:
@@ -39,7 +45,16 @@ def contained_tree(store: Store, layout: Layout, root: int) -> list[int]:
 
 
 def dangling_links(store: Store, layout: Layout, tree: Sequence[int]) -> Iterator[Link]:
-    """Links between the objects of a containment tree and others, but for its container; and loops of its root."""
+    """Yield the links that deleting a containment tree would leave dangling.
+
+    These are the links between an object of the tree and an object outside, except the link from the container of the
+    root. Links from the root to itself are included.
+
+    Args:
+        store: the store.
+        layout: the tables of the metamodel.
+        tree: the objects of the tree, the root first.
+    """
     inside = set(tree)
     root = tree[0]
     for node in tree:

@@ -1,4 +1,4 @@
-"""Checks of everything that a store promises, from scratch; for tests."""
+"""Check all invariants of a store from scratch, for tests."""
 
 from __future__ import annotations
 
@@ -14,7 +14,11 @@ from envgraph.metamodel import accepts
 
 
 def check_store(store: Store) -> None:
-    """Assert the invariants of a store; raises AssertionError."""
+    """Check all invariants of a store.
+
+    Raises:
+        AssertionError: an invariant does not hold.
+    """
     _check_sizes(store)
     for extent in store.extents:
         _check_extent(store, extent)

@@ -1,14 +1,14 @@
-"""The undo log: one flat list, and the sequences whose changes it can undo exactly.
+"""The undo log (journal): one flat list of entries, and the sequences whose changes it undoes exactly.
 
-An entry is four items, `container, key, old, opcode`, the opcode last because undoing reads backwards. Flat, because
-entries that were tuples would keep the garbage collector busy. Undoing a stretch of entries gives the inverse
-stretch, so redo is the same mechanism.
+An entry is four items, `container, key, old, opcode`. The opcode is last because undoing reads backwards. The list is
+flat because tuples as entries would cost time in the garbage collector. Undoing some entries yields the inverse
+entries, so redo is the same mechanism.
 
-Whatever must follow rollbacks and versions keeps its state in lists, dicts and `IndexedSet`s and records here. A
-structure with another shape has a method `exchange`, see `EXCHANGE`.
+Data that must follow rollbacks and versions is stored in lists, dicts and `IndexedSet`s, and its changes are recorded
+here. A structure of another kind has a method `exchange`, see `EXCHANGE`.
 
-An entry is written before the change that it undoes (a write-ahead log). So an exception in the middle of a change,
-such as that of Ctrl-C, leaves only the last entry in doubt: `take_back` settles it.
+An entry is written before its change is made (a write-ahead log). So an exception in the middle of a change leaves
+only the last entry in doubt. `take_back` and `settle` decide about that entry.
 """
 
 from __future__ import annotations
@@ -31,23 +31,24 @@ MOVE: Final = 4
 """Undone by `container.move(key, old)`; `old` is the position."""
 
 _NEAR: Final = 64
-"""An element that moves have shifted by less is looked for; see the benchmark `growth`."""
+"""Largest shift for which an element is searched before all positions are recomputed; see the benchmark `growth`."""
 
 Journal = list[Any]
 
 
 Contents = tuple[int, dict[int, Item]]
-"""Length of a sequence, and elements by position; those that are not named are as they are."""
+"""Length of a sequence, and new elements by position. Elements at other positions stay unchanged."""
 
 
 class IndexedSet(list[Item]):
-    """A set in a list, and the position of each element: adding, removing and random choice take constant time.
+    """A set stored as a list with the position of each element. Insertion, removal and random choice take O(1) time.
 
-    A removal moves the last element into the gap. `put` reverses it, so the order is a function of the changes that
-    are in force, not of those that were made and undone. Only `add`, `take`, `put` and `move` may change it.
+    A removal moves the last element into the gap, and `put` reverses the removal. So the order depends only on the
+    changes that are in force, not on changes that were made and undone. Only `add`, `take`, `put` and `move` may
+    change the set.
 
-    After a `move` the positions of the elements between are out of date. The elements are distinct, so a look at the
-    list tells, and a question whose element is not near its old position corrects all positions.
+    After a `move` the recorded positions of the elements between are out of date. `where` notices an outdated position,
+    because elements are distinct. If the element is not close to that position, `where` corrects all positions.
     """
 
     __slots__ = ("position",)
@@ -65,7 +66,7 @@ class IndexedSet(list[Item]):
         self.append(item)
 
     def take(self, item: Item) -> int:
-        """Remove an element; the last one moves into its place, which is returned."""
+        """Remove an element, move the last element into the gap, and return the index of the gap."""
         index = self.where(item)
         del self.position[item]
         last = self.pop()
@@ -75,7 +76,7 @@ class IndexedSet(list[Item]):
         return index
 
     def move(self, item: Item, index: int) -> None:
-        """Move an element to another position; those between shift by one. An exception leaves all or nothing done."""
+        """Move an element to another index and shift the elements between by one, as one atomic change."""
         at = self.where(item)
         if at < index:
             self[at : index + 1] = [*self[at + 1 : index + 1], item]
@@ -84,7 +85,7 @@ class IndexedSet(list[Item]):
         self.position[item] = index
 
     def put(self, item: Item, index: int) -> None:
-        """Take back a `take` that returned `index`."""
+        """Insert an element that `take` removed from `index`, so that the former order is restored."""
         if index < len(self):
             moved = self[index]
             self.position[moved] = len(self)
@@ -95,7 +96,7 @@ class IndexedSet(list[Item]):
         self.position[item] = index
 
     def where(self, item: Item) -> int:
-        """Position of an element."""
+        """Return the index of an element of the set."""
         index = self.position[item]
         if index < len(self) and self[index] == item:
             return index
@@ -106,11 +107,11 @@ class IndexedSet(list[Item]):
         return self.position[item]
 
     def contents(self, state: Contents[Item]) -> Contents[Item]:
-        """Return what undoes an `exchange`."""
+        """Return the argument for a second `exchange` that would undo `exchange` with this state."""
         return _overwritten(self, *state)
 
     def exchange(self, _: None, state: Contents[Item]) -> Contents[Item]:
-        """Overwrite elements, and return what undoes that."""
+        """Overwrite the length and some elements of the set, and return the state that undoes it."""
         before = self.contents(state)
         for item in before[1].values():
             self.position.pop(item, None)
@@ -120,27 +121,30 @@ class IndexedSet(list[Item]):
         return before
 
     def mend(self, item: Item | None = None) -> bool:
-        """After an interrupted `add`, `take` or `put` decide whether the element is in, and return that."""
+        """Complete or undo an interrupted `add`, `take` or `put`. Return True if the element is in the set afterwards.
+
+        Without an element only the consistency of the list and the positions is restored.
+        """
         items = dict.fromkeys(self)
-        if len(items) < len(self):  # `put` has copied what makes room
+        if len(items) < len(self):  # an interrupted `put` has appended a second copy of an element
             self.pop()
-        else:  # `add` has not appended the element yet, or `take` not put back the one that fills the gap
+        else:  # `add` has not appended the element yet, or `take` has not moved the last element into the gap
             end = len(self)
             self.extend([each for each, at in self.position.items() if at >= end and each not in items])
         self.reindex()
         return item in self.position
 
     def reindex(self) -> None:
-        """Make the positions those of the elements."""
+        """Recompute the recorded positions of all elements from the list."""
         self.position.clear()
         self.position.update({item: index for index, item in enumerate(self)})
 
 
 class Extent(list[int]):
-    """The objects of exactly one class, as an `IndexedSet` whose positions stand in a column shared by all extents.
+    """The objects of exactly one class, ordered as in an `IndexedSet`.
 
-    It also keeps the class of its members in the shared column `classes`, so that entering and leaving an extent is
-    all there is to creating, retyping and deleting.
+    The positions are in a column shared by all extents. An extent also writes the class of its members to the shared
+    column `classes`. So creating, retyping and deleting an object only take insertions into and removals from extents.
     """
 
     __slots__ = ("classes", "number", "place")
@@ -152,13 +156,13 @@ class Extent(list[int]):
         self.place = place
 
     def add(self, node: int) -> None:
-        """Append an object that is in no extent."""
+        """Append an object that is in no extent, and record its class."""
         self.place[node] = len(self)
         self.append(node)
         self.classes[node] = self.number
 
     def take(self, node: int) -> int:
-        """Remove a member; the last one moves into its place, which is returned."""
+        """Remove a member, move the last member into the gap, and return the index of the gap."""
         index = self.place[node]
         last = self.pop()
         if index < len(self):
@@ -168,7 +172,7 @@ class Extent(list[int]):
         return index
 
     def put(self, node: int, index: int) -> None:
-        """Take back a `take` that returned `index`."""
+        """Insert a member that `take` removed from `index`, so that the former order is restored."""
         if index < len(self):
             moved = self[index]
             self.place[moved] = len(self)
@@ -180,18 +184,18 @@ class Extent(list[int]):
         self.classes[node] = self.number
 
     def where(self, node: int) -> int:
-        """Position of a member."""
+        """Return the index of a member."""
         return self.place[node]
 
     def contents(self, state: Contents[int]) -> Contents[int]:
-        """Return what undoes an `exchange`."""
+        """Return the argument for a second `exchange` that would undo `exchange` with this state."""
         return _overwritten(self, *state)
 
     def exchange(self, _: None, state: Contents[int]) -> Contents[int]:
-        """Overwrite members, and return what undoes that."""
+        """Overwrite the length and some members of the extent, and return the state that undoes it."""
         before = self.contents(state)
         for node in before[1].values():
-            if self.classes[node] == self.number:  # else it is in another extent already
+            if self.classes[node] == self.number:  # otherwise the object is already in another extent
                 self.classes[node] = -1
         self[:] = _overwrite(self, *state)
         for index, node in state[1].items():
@@ -200,11 +204,11 @@ class Extent(list[int]):
         return before
 
     def mend(self, node: int) -> bool:
-        """After an interrupted `add`, `take` or `put` decide whether the object is a member, and return that."""
+        """Complete or undo an interrupted `add`, `take` or `put`. Return True if the object is a member afterwards."""
         members = dict.fromkeys(self)
-        if len(members) < len(self):  # `put` has copied what makes room
+        if len(members) < len(self):  # an interrupted `put` has appended a second copy of a member
             self.pop()
-        else:  # `take` has not put back the member that fills the gap
+        else:  # `take` has not moved the last member into the gap
             own = self.number
             known = enumerate(self.classes)
             self.extend([n for n, cls in known if cls == own and n != node and n not in members])
@@ -218,27 +222,27 @@ class Extent(list[int]):
 
 
 class Ordered(list[Any]):
-    """Values in an order, not all of them distinct; they are inserted and removed at positions.
+    """A list of attribute values with an order and possible duplicates. Values are inserted and removed at positions.
 
-    A key of the journal is the position, the value, and the number of values with it.
+    A key in the journal is a tuple of the position, the value, and the length of the list that contains the value.
     """
 
     __slots__ = ()
 
     def take(self, key: tuple[int, Any, int]) -> None:
-        """Remove a value."""
+        """Remove the value at the position of the key."""
         del self[key[0]]
 
     def put(self, key: tuple[int, Any, int], _: object) -> None:
-        """Insert a value."""
+        """Insert the value of the key at its position. The second argument is ignored."""
         self.insert(key[0], key[1])
 
     def where(self, key: tuple[int, Any, int]) -> int:
-        """Position of a value."""
+        """Return the position of the key."""
         return key[0]
 
     def mend(self, key: tuple[int, Any, int]) -> bool:
-        """Return whether the value is in; an exception leaves nothing half done."""
+        """Return True if the value of the key is in the list after an interruption. Nothing needs repair."""
         return len(self) == key[2]
 
 
@@ -250,10 +254,10 @@ def _overwritten(sequence: list[Item], length: int, items: Iterable[int]) -> Con
 
 
 def _overwrite(sequence: list[Item], length: int, items: dict[int, Item]) -> list[Item]:
-    """A copy with other elements."""
+    """Return a copy of a sequence with another length and with some elements replaced."""
     after = list(sequence)
     if length > len(after):
-        # Every position past the old end is among the items: the filler never stays.
+        # The items contain every position past the old end, so each filler is overwritten.
         after.extend(repeat(next(iter(items.values())), length - len(after)))
     del after[length:]
     for index, item in items.items():
@@ -265,7 +269,11 @@ def _overwrite(sequence: list[Item], length: int, items: dict[int, Item]) -> lis
 
 
 def undo(backwards: Iterator[Any]) -> None:
-    """Undo entries."""
+    """Undo entries of the journal.
+
+    Args:
+        backwards: the items of the entries from the last to the first, four items an entry.
+    """
     for opcode, old, key, container in zip(backwards, backwards, backwards, backwards, strict=True):
         if opcode == SET:
             container[key] = old
@@ -280,9 +288,10 @@ def undo(backwards: Iterator[Any]) -> None:
 
 
 def take_back(journal: Journal, mark: int) -> None:
-    """Undo and drop all entries from `mark` on, of which the last one may be made, undone, or half of either.
+    """Undo and remove all journal entries from `mark` on after an exception.
 
-    If it is interrupted it can be called again.
+    The change of the last entry may have been made, undone, or interrupted. The function may be called again if it is
+    interrupted itself.
     """
     settle(journal)
     while len(journal) > mark:
@@ -291,7 +300,7 @@ def take_back(journal: Journal, mark: int) -> None:
 
 
 def settle(journal: Journal) -> None:
-    """After an exception: the change of the last entry is made, or it is not, and the entry is dropped."""
+    """Decide about the last journal entry after an exception: remove the entry if its change was not made."""
     if journal:
         container, key, _, opcode = journal[-4:]
         if opcode in (OUT, IN) and container.mend(key) == (opcode == IN):
@@ -301,7 +310,14 @@ def settle(journal: Journal) -> None:
 
 
 def invert(backwards: Iterator[Any], inverse: Journal) -> None:
-    """Undo entries, and add those that undo the undoing to `inverse`, each before its entry is undone."""
+    """Undo entries of the journal, and append the inverse entries to `inverse`.
+
+    Each inverse entry is appended before its entry is undone.
+
+    Args:
+        backwards: the items of the entries from the last to the first, four items an entry.
+        inverse: the journal to extend.
+    """
     for opcode, old, key, container in zip(backwards, backwards, backwards, backwards, strict=True):
         if opcode == SET:
             inverse.extend((container, key, container[key], SET))
@@ -323,9 +339,10 @@ def invert(backwards: Iterator[Any], inverse: Journal) -> None:
 
 
 def net_changes(journal: Journal) -> Journal:
-    """Entries that undo what these undo, from the present state, and name each place once.
+    """Return a shorter journal that has the same effect when undone from the current state.
 
-    Those of a sequence whose elements were shifted stay as they are.
+    The result writes each cell at most once. Entries of sequences with shifted elements (`MOVE` and `Ordered`) are
+    returned unchanged.
     """
     places: dict[tuple[int, Any], tuple[Any, Any, Any, int]] = {}
     sequences: dict[int, _Sequence] = {}
@@ -357,7 +374,7 @@ def net_changes(journal: Journal) -> Journal:
 
 
 class _Sequence:
-    """What a sequence would be if entries were undone."""
+    """The simulated contents of a sequence after entries are undone. The sequence itself does not change."""
 
     def __init__(self, now: IndexedSet[Any] | Extent) -> None:
         self.now = now
@@ -366,7 +383,7 @@ class _Sequence:
         self._places: dict[Any, int] = {}
 
     def undo(self, key: Any, old: Any, opcode: int) -> None:
-        """As undoing the entry does."""
+        """Apply the undoing of an entry to the simulated contents."""
         if opcode == OUT:
             self._length -= 1
             place = self._places[key] if key in self._places else self.now.where(key)
@@ -390,7 +407,7 @@ class _Sequence:
         return self._items[place] if place in self._items else self.now[place]
 
     def net(self) -> Contents[Any]:
-        """Length, and elements where they differ from those of now."""
+        """Return the simulated length, and by index the simulated elements that differ from the current ones."""
         now = self.now
         items = self._items.items()
         return self._length, {

@@ -1,4 +1,4 @@
-"""Tables of what follows from a metamodel, for the hot paths of a model."""
+"""Lookup tables computed from a metamodel, for the hot paths of a model."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ Retyping = tuple[tuple[int, ...], Initials, tuple[tuple[Relation, bool], ...]]
 T = TypeVar("T")
 
 _FEW: Final = 256
-"""Up to so many classes, a table has a row for each from the beginning."""
+"""Metamodels with at most this many classes have full tables, computed at once."""
 
 
 class _Rows(dict[int, T]):
-    """A table whose rows are made when they are read: all together may be the square of the classes."""
+    """A table whose rows are computed on first access, because a full table may take space quadratic in the classes."""
 
     def __init__(self, make: Callable[[int], T]) -> None:
         self._make = make
@@ -41,7 +41,7 @@ def _rows(count: int, make: Callable[[int], T]) -> Rows[T]:
 
 
 class Layout:
-    """What follows from the metamodel, in tables for the hot paths; class and feature numbers are indexes."""
+    """Lookup tables of a metamodel, indexed by the numbers of classes and attributes, for the hot paths of a model."""
 
     def __init__(self, metamodel: Metamodel, store: Store) -> None:
         classes = metamodel.class_list
@@ -55,12 +55,12 @@ class Layout:
         self.kinds: tuple[type, ...] = tuple(
             str if isinstance(a.type, EnumType) else _KINDS[a.type] for a in metamodel.attributes
         )
-        # The type of the value does not tell everything: NaN, a string that is no literal, or many values.
+        # The Python type alone does not validate NaN, strings that are not literals of an enum, or sequences of values.
         self.checked = tuple(
             a.many or isinstance(a.type, EnumType) or a.type is Scalar.FLOAT for a in metamodel.attributes
         )
         self.containments = _rows(len(classes), self._containments)
-        # One more, for objects that are gone.
+        # The last row is for the class index -1 of deleted objects.
         self.containers = _rows(len(classes) + 1, self._containers)
         self.incident = _rows(len(classes), self._incident)
         self._retypings: dict[tuple[int, int], Retyping] = {}
@@ -80,7 +80,10 @@ class Layout:
         return tuple(r for r in self._store.relations if r.containment and r.target_ok[cls])
 
     def _incident(self, cls: int) -> tuple[tuple[Relation, bool], ...]:
-        """The relations that objects of a class take part in; True as source, False as target."""
+        """Return the relations of the links that objects of a class may have, with True as source and False as target.
+
+        A reference with an opposite is listed as source only, because the opposite lists the other end.
+        """
         found = []
         for relation in self._store.relations:
             if relation.source_ok[cls]:
@@ -90,7 +93,12 @@ class Layout:
         return tuple(found)
 
     def retyping(self, old: int, new: int) -> Retyping:
-        """Attributes that go, attributes that come with their values, and links that must not be there."""
+        """Return the effects of a change from class `old` to class `new`.
+
+        Returns:
+            The indexes of lost attributes, pairs of an added attribute's index and initial value, and pairs of a
+            relation and an end whose links the new class does not allow. The result is cached.
+        """
         found = self._retypings.get((old, new))
         if found is None:
             before = {attribute for attribute, _ in self.initials[old]}

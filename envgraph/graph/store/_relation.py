@@ -1,4 +1,4 @@
-"""Storage of links: two columns of adjacency for each pair of opposite references."""
+"""Storage of links: two adjacency columns for each pair of opposite references."""
 
 from __future__ import annotations
 
@@ -10,25 +10,25 @@ from envgraph.graph.store._journal import IndexedSet
 from envgraph.metamodel import Metamodel, Reference
 
 Ends = list[tuple[int, ...] | IndexedSet[int]]
-"""Column of adjacency: for each node the objects at the other ends of its links."""
+"""An adjacency column: for each node the objects at the other ends of its links."""
 
 
 class Relation:
-    """How one reference is stored; the two references of an opposite pair share columns, crossed over.
+    """The storage of one reference. The two references of an opposite pair share their columns in swapped roles.
 
     Attributes:
         fact: the reference that facts about these links name (see `LinkFact`).
-        flipped: facts have source and target the other way round.
-        symmetric: the reference is its own opposite; `forward` and `backward` are one column.
-        forward, backward: targets of each source, sources of each target.
-        source_ok, target_ok: by index of a class, whether its objects may stand there; one more entry at the end,
-            False, is what the class index -1 of a missing object finds.
-        upper, opposite_upper: how many links a source and a target may have.
-        containment, contained: the source owns the target, or the other way round.
-        plain: single-valued, no containment, and never refuses to replace a target.
-        code: the reference's number in the hash.
-        added, removing: what follows the links, see `Follower`; called with the ends of the fact.
-        connect, disconnect: add a link that is not there, and remove one that is; made by the `Store`.
+        flipped: True if `fact` is the opposite, so that facts swap source and target.
+        symmetric: True if the reference is its own opposite. `forward` and `backward` are then one column.
+        forward, backward: for each source its targets, and for each target its sources.
+        source_ok, target_ok: for each class index, True if its objects may be sources or targets. The last entry is
+            False, because the class index -1 of a missing object selects it.
+        upper, opposite_upper: the maximal number of links of a source and of a target.
+        containment, contained: True if the source contains the target, or the target contains the source.
+        plain: True if single-valued and no containment, and if setting a target is never refused.
+        code: the number of the reference in the hash.
+        added, removing: the callbacks of followers, or None, see `Follower`. Arguments are the ends of the fact.
+        connect, disconnect: functions of the `Store` that add a missing link and remove an existing link.
     """
 
     __slots__ = (
@@ -80,14 +80,14 @@ class Relation:
         self.disconnect: Callable[[int, int], object]
 
     def ends(self, source: int, target: int) -> tuple[int, int]:
-        """Source and target of the fact for a link of this reference."""
+        """Return the source and target of the fact that states a link of this reference."""
         if self.flipped or (self.symmetric and source > target):
             return target, source
         return source, target
 
 
 def columns(metamodel: Metamodel) -> tuple[tuple[Ends, ...], tuple[Ends, ...]]:
-    """Forward and backward columns of every reference."""
+    """Return the forward columns and the backward columns of all references."""
     forward: list[Ends] = []
     backward: list[Ends] = []
     for reference in metamodel.references:

@@ -1,7 +1,7 @@
-"""The data of a model in id-indexed columns, and the elementary changes to it.
+"""The data of a model in columns indexed by object id, and the elementary changes.
 
-Nothing here says what is allowed: `Graph` does. Every change is recorded in the journal (while recording), added to
-the hash, and what follows the model is notified of it.
+The store does not validate changes: `Graph` does. Every change is recorded in the journal (while recording), added to
+the hash sum, and notified to the followers.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ Change = TypeVar("Change", bound=Callable[..., None])
 
 
 def _mended(change: Change) -> Change:
-    """Let a change mend what was interrupted before, or what interrupts it."""
+    """Decorate a change: earlier interrupted writes are repaired first, and an exception in the change is repaired."""
 
     @wraps(change)
     def mended(store: Store, *arguments: Any) -> None:
@@ -40,44 +40,44 @@ def _mended(change: Change) -> Change:
 
 
 class Store:
-    """Columns of a model. Lists keep their identity for the life of the model, so that others may hold them.
+    """The columns of a model. Each list stays the same Python object for the life of the model.
 
-    Reading them directly is for matchers; writing is for `Graph` alone.
+    Matchers may read the columns directly and keep references to the lists. Only `Graph` may write to them.
 
     Attributes:
-        classes: index of each node's class in `metamodel.class_list`, -1 for no such object.
-        place: position of each node in its extent.
+        classes: the index of each node's class in `metamodel.class_list`, or -1 if the node does not exist.
+        place: the position of each node in its extent.
         extents: for each class the objects of exactly that class.
-        values: for each attribute (by `index`) the column of values, None where there is none; many are a tuple, or
-            an `Ordered`.
-        distinct: for each attribute with many values the column of those that differ, which is what patterns see: a
-            relation, of which one pair after the other changes. Empty lists for the others.
+        values: for each attribute (by `index`) its column: a value, or None if unset. The values of a multi-valued
+            attribute are a tuple or an `Ordered`.
+        distinct: for each multi-valued attribute the column of its distinct values; empty lists for other attributes.
+            Patterns see these columns as relations, which change by one pair at a time.
         forward, backward: for each reference (by `index`) the columns of targets and of sources.
-        relations: for each reference how it is stored.
-        names: name of each object, or None; `by_name` maps back (to None for names no longer in use).
-        next_id: id of the next new object; the columns are longer, and empty from there on.
-        journal: see `_journal`.
-        recording: whether there is a state to go back to, so that changes are journalled.
-        epoch: grows at each state that undoing may lead to; what is journalled as a whole is copied once in each.
-        loading: whether the model is being built without a journal.
+        relations: for each reference its storage.
+        names: the name of each object, or None. `by_name` maps names to ids, or to None if a name is no longer used.
+        next_id: the id of the next created object. The columns are longer, and empty from this index on.
+        journal: the undo log, see `_journal`.
+        recording: True if a savepoint is open or a version exists, so that changes are written to the journal.
+        epoch: a counter, increased at each state that undoing may restore. Data that is journalled as a whole is copied
+            once in each epoch.
+        loading: True while the model is loaded without a journal.
         total: the sum behind the state hash.
-        revision: grows with every change and every restoration.
-        touched: the objects whose values have changed since somebody set it to {}, and inverted (`~node`) those whose
-            class or place in the extent has, each with the revision of its last change, the latest last; None while
-            nobody asks, and after a restoration.
-        followers: see `Follower`.
-        value_added, value_removing: for each attribute (by `index`) a function of node and value, or None.
-        class_added, class_removing: for each class (by index) a function of the node, or None.
-        retyping: gives the two functions for a change from one class index to another, or None.
-        interrupted: what is to be made good before anything else is done.
-        crowd: an adjacency of more elements than this is an `IndexedSet`, of fewer a tuple; nothing else decides. Many
-            values are an `Ordered` and a tuple in the same way.
+        revision: a counter, increased by every change and every restoration.
+        touched: the objects changed since the dict was set to {}, each with the revision of its last change, the latest
+            last. A key `node` means changed values, `~node` a changed class or place. None if no matcher has requested
+            the record, and after a restoration.
+        followers: the listeners, see `Follower`.
+        value_added, value_removing: for each attribute (by `index`) a callback of node and value, or None.
+        class_added, class_removing: for each class (by index) a callback of the node, or None.
+        retyping: None, or a function that returns the two callbacks for a change from one class index to another.
+        interrupted: interrupted writes, which must be repaired before any other use.
+        crowd: a limit. An adjacency with more elements is an `IndexedSet`, otherwise a tuple. The values of a
+            multi-valued attribute are an `Ordered` or a tuple by the same limit.
 
-    No more than 30 attributes: CPython reads those of objects with more of them in a slower way.
+    A store has at most 30 attributes, because CPython reads the attributes of larger objects more slowly.
 
-    Invariants: `distinct` has the values of `values`, each once; an adjacency is a tuple if it has at most `crowd`
-    elements, else an `IndexedSet`; forward and backward hold the same links; a node that does not exist has no name,
-    value or link.
+    Invariants: `distinct` has each of the `values` once. `forward` and `backward` contain the same links. A node that
+    does not exist has no name, value or link.
     """
 
     crowd: ClassVar[int] = 32
@@ -120,14 +120,14 @@ class Store:
         self.reserve(64)
 
     def reserve(self, count: int) -> None:
-        """Make the columns long enough for ids below `count`, and one more that never exists."""
+        """Lengthen the columns for all ids below `count`, and for one more id that never exists."""
         size = count + 1
         if len(self.classes) >= size:
             return
         self.lengthen(size)
 
     def lengthen(self, size: int) -> None:
-        """Each column by what it lacks, as it may have been interrupted."""
+        """Lengthen each column to `size`. The columns may have different lengths after an interruption."""
         first, second = self.salts
         start = min(len(first), len(second))
         first[start:], second[start:] = node_salts(start, size)
@@ -143,9 +143,9 @@ class Store:
         self.classes.extend(repeat(-1, size - len(self.classes)))
 
     def record(self, container: Any, key: Any, old: Any, opcode: int) -> None:
-        """Journal a change to something that follows the model, such as a view: see `_journal` for the four parts.
+        """Record a change of a follower's data, such as a view, in the journal. See `_journal` for the four arguments.
 
-        It is then undone and redone with the model's own changes, and in their order.
+        The change is then undone and redone together with the changes of the model, in their order.
         """
         if self.recording:
             self.journal.extend((container, key, old, opcode))
@@ -153,7 +153,7 @@ class Store:
     # --- elementary changes
 
     def enter(self, node: int, cls: int) -> None:
-        """The object becomes an instance of a class; it was none of any."""
+        """Make an object that has no class an instance of a class, and notify followers."""
         self._enter(node, cls)
         hook = self.class_added[cls]
         if hook is not None:
@@ -170,19 +170,19 @@ class Store:
             self._touch(~node)
 
     def leave(self, node: int) -> None:
-        """The object is no longer an instance of its class."""
+        """Notify followers, and remove an object from its class."""
         hook = self.class_removing[self.classes[node]]
         if hook is not None:
             hook(node)
         self._leave(node)
 
     def move(self, node: int, cls: int) -> None:
-        """The object becomes an instance of another class; what both classes are it never ceases to be."""
+        """Change the class of an object. Followers are notified of lost and gained classes, not of shared ones."""
         old = self.classes[node]
         removing, added = self.retyping(old, cls) if self.retyping else (None, None)
         if removing is not None:
             removing(node)
-        if old >= 0:  # else it has been interrupted
+        if old >= 0:  # otherwise an earlier call was interrupted
             self._leave(node)
         self._enter(node, cls)
         if added is not None:
@@ -200,7 +200,7 @@ class Store:
             self._touch(~node, *(~moved for moved in extent[place : place + 1]))
 
     def put(self, node: int, attribute: int, value: Any) -> None:
-        """The object gets another value in an attribute, or None."""
+        """Set the value of an attribute of an object, or clear it (None), and notify followers."""
         if self.interrupted:
             self.interrupted.repair()
         if self.distinct[attribute]:
@@ -236,7 +236,7 @@ class Store:
 
     @_mended
     def _put_many(self, node: int, attribute: int, values: Values | None) -> None:
-        """The object gets other values; whoever follows hears of one after the other."""
+        """Set the values of a multi-valued attribute. Followers are notified of each removed and each added value."""
         column, distinct = self.values[attribute], self.distinct[attribute]
         old, after = column[node], dict.fromkeys(values or ())
         before = dict.fromkeys(distinct[node])
@@ -261,7 +261,10 @@ class Store:
 
     @_mended
     def splice(self, node: int, attribute: int, index: int, value: Value, inserting: bool) -> None:
-        """Insert a value before the one at an index of an attribute with many, or remove it from there."""
+        """Insert a value before the value at `index` of a multi-valued attribute, or remove the value at `index`.
+
+        Followers are notified if the set of distinct values changes.
+        """
         column, distinct = self.values[attribute], self.distinct[attribute]
         old = column[node] or ()
         many = distinct[node]
@@ -292,19 +295,19 @@ class Store:
             hook(node, value)
 
     def keep_distinct(self, distinct: Any, node: int, values: Values) -> None:
-        """Make these the distinct values, or the targets, of an object, in their order."""
+        """Replace the distinct values (or targets) of an object by `values`, in this order, and journal the change."""
         if tuple(distinct[node]) != values:
             self.record(distinct, node, distinct[node], SET)
             distinct[node] = self.grouped(values)
 
     @_mended
     def move_target(self, relation: Relation, source: int, target: int, index: int) -> None:
-        """Move a target of an object to another position among them."""
+        """Move a target of a source object to another index among its targets."""
         self.move_end(relation.forward, source, target, index)
         self.revision += 1
 
     def _connector(self, relation: Relation) -> Callable[[int, int], object]:
-        """Adds links of one reference. Most objects have few of them, so these are dealt with on the spot."""
+        """Return the function that adds links of one reference. Code for objects with few links is inlined."""
         store, record, symmetric, flipped = self, self.journal.extend, relation.symmetric, relation.flipped
         forward, backward, crowd = relation.forward, relation.backward, self.crowd
         code, (first_salts, second_salts) = relation.code, self.salts
@@ -344,7 +347,7 @@ class Store:
         return connect
 
     def _disconnector(self, relation: Relation) -> Callable[[int, int], object]:
-        """Removes links of one reference."""
+        """Return the function that removes links of one reference."""
         store, record, symmetric, flipped = self, self.journal.extend, relation.symmetric, relation.flipped
         forward, backward = relation.forward, relation.backward
         code, (first_salts, second_salts) = relation.code, self.salts
@@ -385,7 +388,7 @@ class Store:
 
     @_mended
     def rename(self, node: int, name: str | None) -> None:
-        """The object gets another name, or none. Names are no facts: views and the hash ignore them."""
+        """Set the name of an object, or remove it (None). Views and the hash ignore names."""
         old = self.names[node]
         if old is not None:
             self.map_name(old, None)
@@ -395,19 +398,19 @@ class Store:
         self.names[node] = name
         self.revision += 1
 
-    # --- parts of them
+    # --- parts of elementary changes
 
     def map_name(self, name: str, node: int | None) -> None:
-        """A name is that of an object, or of none."""
+        """Map a name to an object, or to None if no object has the name any more."""
         self.record(self.by_name, name, self.by_name.get(name), SET)
         self.by_name[name] = node
 
     def grouped(self, items: Sequence[Item]) -> tuple[Item, ...] | IndexedSet[Item]:
-        """These elements as an adjacency holds them."""
+        """Return elements as an adjacency: a tuple, or an `IndexedSet` if there are more than `crowd`."""
         return tuple(items) if len(items) <= self.crowd else IndexedSet(tuple(items))
 
     def add_end(self, column: Any, key: Any, item: Any) -> None:
-        """Add an element under a key: to what a column, or a table that follows the model, holds there."""
+        """Append an element to the adjacency at `key` of a column, or of a follower's table, and journal the change."""
         old = column[key]
         if isinstance(old, IndexedSet):
             if self.recording:
@@ -419,7 +422,7 @@ class Store:
         column[key] = self.grouped((*old, item))
 
     def drop_end(self, column: Any, key: Any, item: Any) -> None:
-        """Remove an element under a key."""
+        """Remove an element from the adjacency at `key` of a column, and journal the change."""
         old = column[key]
         if isinstance(old, tuple):
             index = old.index(item)
@@ -439,7 +442,7 @@ class Store:
         column[key] = rest
 
     def move_end(self, column: Any, key: Any, item: Any, index: int) -> None:
-        """Move an element under a key to a position, at most to the end; those between shift by one."""
+        """Move an element of the adjacency at `key` to `index`, at most to the end, and shift the elements between."""
         old = column[key]
         index = min(index, len(old) - 1)
         at = old.where(item) if isinstance(old, IndexedSet) else old.index(item)
@@ -461,12 +464,12 @@ class Store:
         return number
 
     def replaced(self) -> None:
-        """Begin a new revision that differs from the last one nobody knows in what."""
+        """Begin a new revision after changes that `touched` does not list, and set `touched` to None."""
         self.revision += 1
         self.touched = None
 
     def _touch(self, *nodes: int) -> None:
-        """Note that objects have changed in the present revision, if somebody wants to know."""
+        """Record that nodes have changed in the current revision, if `touched` is a dict."""
         if self.touched is not None:
             for node in nodes:
                 self.touched.pop(node, None)
@@ -475,13 +478,13 @@ class Store:
     # --- reading
 
     def nodes(self) -> Iterator[int]:
-        """All objects, class by class in the order of declaration."""
+        """Yield all objects, class by class in the order of declaration."""
         for extent in self.extents:
             yield from extent
 
 
 def _splice(store: Store, column: list[Any], node: int, index: int, value: Value, inserting: bool) -> None:
-    """Insert a value into those of an object, or remove it, and journal that."""
+    """Insert a value into the values of an object, or remove it, in the column alone, and journal the change."""
     old = column[node] or ()
     if isinstance(old, Ordered) and (inserting or len(old) > store.crowd + 1):
         key = (index, value, len(old) + inserting)

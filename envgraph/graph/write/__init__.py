@@ -1,1 +1,1 @@
-"""Checked writes of a model: objects, names, values and links, and the messages of refused writes."""
+"""Checked writes of a model: objects, names, values and links, and the errors of refused writes."""

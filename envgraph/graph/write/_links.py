@@ -1,4 +1,4 @@
-"""Links of a model are written, and containers change with them."""
+"""Write links of a model, containment included."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ if TYPE_CHECKING:
 
 
 def link(graph: Graph, source: int, reference: Reference, target: int) -> bool:
-    """Add a link, and so its opposite; False if it was there already.
+    """Add a link and its opposite. Return False if the link exists already.
 
-    An object moves out of its old container when it is linked into another.
+    If an object is linked into a container, it is first removed from its old container.
 
     Raises:
-        TypeMismatch: an end is not of the class that the reference demands.
-        RuleError: the reference, or its opposite at the target, is "full"; the link would be a cycle of
+        TypeMismatch: an end is not of the class that the reference requires.
+        RuleError: the reference, or its opposite at the target, is "full", or the link would close a cycle of
             "containment".
     """
     relation = graph.store.relations[reference.index]
@@ -46,7 +46,7 @@ def link(graph: Graph, source: int, reference: Reference, target: int) -> bool:
 
 
 def add_target(graph: Graph, source: int, reference: Reference, target: int) -> bool:
-    """As `link`, but where the opposite of a single target is taken, the object that holds it lets go.
+    """Add a link as `link` does, but replace the current source of the target if a single-valued opposite is full.
 
     Raises:
         TypeMismatch, RuleError: as `link`.
@@ -59,7 +59,7 @@ def add_target(graph: Graph, source: int, reference: Reference, target: int) -> 
 
 
 def insert_target(graph: Graph, source: int, reference: Reference, index: int, target: int) -> None:
-    """Link a target and place it at `index`, as `list.insert` counts. If it is linked already, only move it.
+    """Link a target and move it to `index`, with the meaning of `list.insert`. A target linked already is only moved.
 
     Raises:
         TypeMismatch, RuleError: as `link`.
@@ -73,7 +73,11 @@ def insert_target(graph: Graph, source: int, reference: Reference, index: int, t
 
 
 def _house(graph: Graph, relation: Relation, container: int, node: int) -> bool:
-    """Put an object into a container that is not inside it, after taking it out of another."""
+    """Move an object into a container, out of its old container.
+
+    Raises:
+        RuleError: the container is the object itself, or inside it.
+    """
     above: int | None = container
     while above is not None:
         if above == node:
@@ -93,7 +97,7 @@ def _house(graph: Graph, relation: Relation, container: int, node: int) -> bool:
 
 
 def unlink(graph: Graph, source: int, reference: Reference, target: int) -> bool:
-    """Remove a link, and so its opposite; False if there is none."""
+    """Remove a link and its opposite. Return False if the link does not exist."""
     relation = graph.store.relations[reference.index]
     if target not in relation.forward[source]:
         return False
@@ -102,14 +106,14 @@ def unlink(graph: Graph, source: int, reference: Reference, target: int) -> bool
 
 
 def set_target(graph: Graph, source: int, reference: Reference, target: int | None) -> None:
-    """Make `target` the only target; None clears the reference.
+    """Make `target` the only target of a reference. None clears the reference.
 
-    Unlike `link` this replaces: the old target goes, and where the opposite of a single reference is taken,
-    the object that holds it lets go.
+    Unlike `link` this function replaces: the old target is unlinked. If a single-valued opposite of the target is
+    full, its old source is unlinked too.
 
     Raises:
-        TypeMismatch: an end is not of the class that the reference demands.
-        RuleError: a cycle of "containment", or a full many-valued opposite; then nothing has changed.
+        TypeMismatch: an end is not of the class that the reference requires.
+        RuleError: a cycle of "containment", or a full many-valued opposite. Nothing has changed then.
     """
     relation = graph.store.relations[reference.index]
     if not relation.plain:
@@ -137,10 +141,10 @@ def set_target(graph: Graph, source: int, reference: Reference, target: int | No
 
 
 def set_targets(graph: Graph, source: int, reference: Reference, targets: Sequence[int]) -> None:
-    """Make these the targets, in this order, as `set_target` does for one.
+    """Replace the targets of a reference by `targets`, in this order. Links are replaced as in `set_target`.
 
     Raises:
-        InvalidArgument: a target is named twice.
+        InvalidArgument: a target occurs twice.
     """
     relation = graph.store.relations[reference.index]
     classes = graph.store.classes
@@ -152,7 +156,7 @@ def set_targets(graph: Graph, source: int, reference: Reference, targets: Sequen
     old = relation.forward[source]
     if len(old) == len(targets) and tuple(old) == tuple(targets):
         return
-    if not targets:  # nothing can be refused, so nothing has to be undone
+    if not targets:  # clearing is never refused, so no transaction is needed
         try:
             _clear(graph, relation, source)
         except BaseException:
@@ -177,7 +181,7 @@ def _replace(graph: Graph, relation: Relation, source: int, targets: Sequence[in
     old = tuple(relation.forward[source])
     wanted = set(targets)
     kept = [target for target in old if target in wanted]
-    # Fewer changes if those that stay come first in the new order; else the order needs all of them anew.
+    # Retained targets are not relinked if they come first in the new order. Otherwise all are relinked to get the order.
     in_place = kept == list(targets[: len(kept)])
     for target in old:
         if not in_place or target not in wanted:
@@ -189,13 +193,13 @@ def _replace(graph: Graph, relation: Relation, source: int, targets: Sequence[in
                 relation.disconnect(holders[0], target)
     for target in targets:
         graph.link(source, relation.reference, target)
-    # Among more than 32 targets, the last one takes the place of a removed one.
+    # With more than 32 targets, removals have moved the last targets into the gaps.
     graph.store.keep_distinct(relation.forward, source, tuple(targets))
     graph.store.revision += 1
 
 
 def container(graph: Graph, node: int) -> tuple[int, Reference] | None:
-    """The object that contains this one, and by which reference; None for a root."""
+    """Return the object that contains `node`, and the containment reference. Return None for a root."""
     for relation in graph.layout.containers[graph.store.classes[node]]:
         holders = relation.backward[node]
         if holders:

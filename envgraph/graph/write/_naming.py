@@ -1,4 +1,4 @@
-"""Names of objects of a model, and the places of those in grids."""
+"""Names of the objects of a model, and their grid positions such as `tile[3, 1]`, which serve as names."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 def find_object(graph: Graph, object_name: str) -> int | None:
-    """The object with this name, or None; one of a grid has that of its place, such as `tile[3, 1]`."""
+    """Return the object with a name, or None. Objects of a grid are also found by position, such as `tile[3, 1]`."""
     found = graph.store.by_name.get(object_name)
     if found is None and graph.places:
         place = graph.places.get(object_name.replace(" ", ""), -1)
@@ -21,10 +21,10 @@ def find_object(graph: Graph, object_name: str) -> int | None:
 
 
 def set_object_name(graph: Graph, node: int, object_name: str | None) -> None:
-    """Give an object another name, or none.
+    """Set the name of an object, or remove it (None).
 
     Raises:
-        InvalidArgument: the name is taken by another object.
+        InvalidArgument: another object has the name.
     """
     check_alive(graph, node)
     if object_name == graph.store.names[node]:
@@ -35,14 +35,17 @@ def set_object_name(graph: Graph, node: int, object_name: str | None) -> None:
 
 
 def title(graph: Graph, node: int) -> str | None:
-    """Return the name of an object in files, for `find_object`, else its place in a grid, `tile[3, 1]`; or None."""
+    """Return the name of an object in files: its own name, else its grid position such as `tile[3, 1]`, else None."""
     if len(graph.titles) != len(graph.places):
         graph.titles = {there: place.replace(",", ", ") for place, there in graph.places.items()}
     return graph.store.names[node] or graph.titles.get(node)
 
 
 def describe(graph: Graph, node: int) -> str:
-    """An object for messages: what a file calls it, else its class with its key, `Box {label = a}`, or its id."""
+    """Return the text for an object in messages.
+
+    It is its name in files, else its class with its key (`Box {label = a}`), else its class with its id (`Box#3`).
+    """
     if not graph.alive(node):
         return f"object {node!r}"
     cls = graph.class_of(node)

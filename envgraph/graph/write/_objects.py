@@ -1,4 +1,4 @@
-"""Objects of a model: created, deleted, and made instances of other classes."""
+"""Create, delete and retype objects of a model."""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ def new(graph: Graph, cls: str, object_name: str | None = None) -> int:
 
     Raises:
         TypeMismatch: an unknown or abstract class.
-        InvalidArgument: the object name is taken.
+        InvalidArgument: another object has the name.
     """
     return graph.new_at(graph.store.next_id, cls, object_name)
 
 
 def new_at(graph: Graph, node: int, cls: str, object_name: str | None = None) -> int:
-    """As `new`, with a given id, for reading models back.
+    """Create an object with a given id, for reading stored models.
 
     The columns are as long as the largest id, so ids should be dense.
 
     Raises:
-        InvalidArgument: the id is negative or that of an object; the object name is taken.
+        InvalidArgument: the id is negative or in use, or another object has the name.
         TypeMismatch: an unknown or abstract class.
     """
     store = graph.store
@@ -66,16 +66,16 @@ def _new(graph: Graph, node: int, cls: int, object_name: str | None) -> int:
 
 
 def delete(graph: Graph, node: int, semantics: Semantics = "dpo") -> None:
-    """Delete an object and everything it contains.
+    """Delete an object and everything that it contains.
 
     Args:
         node: the object.
-        semantics: "dpo" refuses while other links would be left dangling: links between a deleted object and one
-            that stays, except the link from the container, and links from the object to itself. "spo" deletes
-            those too.
+        semantics: "dpo" (double pushout) refuses if links would be left dangling. These are links between a deleted
+            object and a remaining object, except the link from the container, and links from the object to itself.
+            "spo" (single pushout) deletes these links too.
 
     Raises:
-        RuleError: reason "dangling"; `details` has a line for each such link.
+        RuleError: reason "dangling"; `details` has a line for each dangling link.
     """
     if semantics not in ("dpo", "spo"):
         raise InvalidArgument(f'semantics is "dpo" or "spo", not {semantics!r}')
@@ -102,7 +102,7 @@ def delete(graph: Graph, node: int, semantics: Semantics = "dpo") -> None:
 
 
 def _delete(graph: Graph, tree: Sequence[int]) -> None:
-    """Delete what is there of a tree."""
+    """Delete the objects of a containment tree that still exist, with all their links."""
     store, layout = graph.store, graph.layout
     for gone in tree:
         if store.classes[gone] >= 0:
@@ -124,18 +124,18 @@ def _erase(graph: Graph, node: int) -> None:
 
 
 def retype(graph: Graph, node: int, cls: str, lossy: bool = False) -> None:
-    """Make an object a direct instance of another class; identity, name and shared features stay.
+    """Make an object a direct instance of another class. Its identity, name and shared features are kept.
 
-    Values of attributes that the new class lacks go; attributes that it adds get their initial values.
+    Values of attributes that the new class lacks are removed. Added attributes get their initial values.
 
     Args:
         node: the object.
         cls: a concrete class.
-        lossy: drop links that the new class does not allow, instead of refusing.
+        lossy: remove links that the new class does not allow, instead of refusing.
 
     Raises:
         TypeMismatch: an unknown or abstract class.
-        RuleError: reason "lost-link"; `details` has a line for each such link.
+        RuleError: reason "lost-link"; `details` has a line for each link that would be lost.
     """
     store = graph.store
     old = store.classes[node]
@@ -164,7 +164,7 @@ def _retype(
     dropped: Sequence[int],
     gained: Sequence[tuple[int, Value | Values]],
 ) -> None:
-    """Do what is left of `retype`."""
+    """Change the class of an object, with its links and attributes. Steps that are done already are skipped."""
     store = graph.store
     for relation, source, target in lost:
         if target in relation.forward[source]:

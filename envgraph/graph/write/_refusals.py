@@ -1,4 +1,4 @@
-"""Messages of refused writes."""
+"""Return the errors for refused writes to a model."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ if TYPE_CHECKING:
 
 
 def missing(graph: Graph, node: object) -> InvalidArgument:
-    """There is no such object."""
+    """Return the error for an id that belongs to no object."""
     return InvalidArgument(
         f"`{graph.name}` has no object {node!r}: it was never created, was deleted, or was undone"
     )
 
 
 def unknown_object(graph: Graph, object_name: object) -> InvalidArgument:
-    """No object has this name."""
+    """Return the error for a name that belongs to no object."""
     if not isinstance(object_name, str):
         return InvalidArgument(
             f"objects are found by name, not by {object_name!r}; for an id write `model.node(id)`"
@@ -44,7 +44,7 @@ def unknown_object(graph: Graph, object_name: object) -> InvalidArgument:
 
 
 def not_instantiable(metamodel: Metamodel, cls: str) -> TypeMismatch:
-    """The class is unknown or abstract."""
+    """Return the error for creating an instance of an unknown or abstract class."""
     if cls not in metamodel.classes:
         return unknown_class(metamodel, cls)
     below = ", ".join(f"`{name}`" for name in metamodel.concrete(cls)) or "none"
@@ -52,12 +52,12 @@ def not_instantiable(metamodel: Metamodel, cls: str) -> TypeMismatch:
 
 
 def unknown_class(metamodel: Metamodel, cls: str) -> TypeMismatch:
-    """The class is unknown."""
+    """Return the error for an unknown class."""
     return TypeMismatch(f"unknown class `{cls}`", metamodel.likely(cls))
 
 
 def lacks(graph: Graph, node: int, feature: Feature) -> EnvgraphError:
-    """The object's class does not have the feature, or there is no such object."""
+    """Return the error for writing a feature that the class lacks, or that a query defines, or of a missing object."""
     if not graph.alive(node):
         return missing(graph, node)
     if feature in graph.defined:
@@ -67,12 +67,12 @@ def lacks(graph: Graph, node: int, feature: Feature) -> EnvgraphError:
 
 
 def no_list(attribute: Attribute, value: object) -> TypeMismatch:
-    """One value where the attribute takes many."""
+    """Return the error for a single value given to a multi-valued attribute."""
     return TypeMismatch(f"`{attribute}` takes several values: write a list of them, not {value!r}")
 
 
 def wrong_value(attribute: Attribute, value: object) -> TypeMismatch:
-    """The attribute does not take the value."""
+    """Return the error for a value of the wrong type, or outside the range of the attribute's type."""
     hint = None
     if isinstance(attribute.type, EnumType) and isinstance(value, str):
         hint = did_you_mean(value, attribute.type.literals)
@@ -82,27 +82,30 @@ def wrong_value(attribute: Attribute, value: object) -> TypeMismatch:
         hint = f"an int has 64 bits: it is {LARGEST_INT} at most, and {-LARGEST_INT - 1} at least"
     try:
         shown = repr(value)
-    except ValueError:  # Python does not show ints of thousands of digits
+    except ValueError:  # Python refuses to format ints of thousands of digits
         shown = "one of thousands of digits"
     shown = shown if len(shown) <= 80 else f"{shown[:77]}..."
     return TypeMismatch(f"`{attribute}` takes {kind}, not {shown} ({type(value).__name__})", hint)
 
 
 def repeated(attribute: Attribute, values: Values) -> InvalidArgument:
-    """A value is given twice."""
+    """Return the error for a duplicate in the values of an attribute whose values must be unique."""
     twice = next(value for place, value in enumerate(values) if value in values[:place])
     message = f"`{attribute}` has each value once, and {twice!r} is given twice"
     return InvalidArgument(message, "`@nonunique` allows that")
 
 
 def too_many(graph: Graph, node: int, attribute: Attribute, values: Values) -> RuleError:
-    """More values than the attribute may have."""
+    """Return the error for more values than the upper bound of an attribute allows."""
     text = f"{graph.describe(node)} would have {len(values)} of at most {attribute.upper} values of `{attribute.name}`"
     return RuleError(text, reason="full", details=[repr(value) for value in values])
 
 
 def wrong_link(graph: Graph, source: int, reference: Reference, target: int | None) -> EnvgraphError:
-    """An end of the link does not exist or is of the wrong class; target None stands for one that is right."""
+    """Return the error for a link whose end does not exist or has the wrong class.
+
+    If `target` is None, only the source and its reference are wrong.
+    """
     for end in (source, target):
         if end is not None and not graph.alive(end):
             return missing(graph, end)
@@ -114,7 +117,7 @@ def wrong_link(graph: Graph, source: int, reference: Reference, target: int | No
 
 
 def full(graph: Graph, node: int, reference: Reference) -> RuleError:
-    """The reference of the object has as many targets as it may have."""
+    """Return the error for adding a target to a reference that already has its maximal number of targets."""
     ends = graph.targets(node, reference)
     limit = f"{len(ends)} of at most {reference.upper} targets of `{reference.name}` already"
     relation = graph.store.relations[reference.index]
@@ -123,26 +126,26 @@ def full(graph: Graph, node: int, reference: Reference) -> RuleError:
 
 
 def inside(graph: Graph, node: int, container: int) -> RuleError:
-    """The object cannot be put into the container, being the container or around it."""
+    """Return the error for moving an object into itself or into an object that it contains."""
     text = f"{graph.describe(node)} cannot be put into {graph.describe(container)}, "
     text += "itself" if node == container else "which is inside it"
     return RuleError(text, reason="containment")
 
 
 def dangling(graph: Graph, node: int, links: list[Link]) -> RuleError:
-    """Deleting the object would leave links without an end."""
+    """Return the error for deleting an object, which would leave links dangling."""
     text = f"{graph.describe(node)} cannot be deleted: {_number(links)} would be left dangling"
     return RuleError(text, reason="dangling", details=describe_links(graph, links))
 
 
 def lost(graph: Graph, node: int, cls: str, links: list[Link]) -> RuleError:
-    """The object cannot become an instance of the class and keep these links."""
+    """Return the error for retyping an object, which would lose links."""
     text = f"{graph.describe(node)} cannot become `{cls}`: {_number(links)} would be lost"
     return RuleError(text, reason="lost-link", details=describe_links(graph, links))
 
 
 def describe_links(graph: Graph, links: Iterable[Link]) -> list[str]:
-    """Links, for messages."""
+    """Return a text for each link, `source -reference-> target`, for messages."""
     return [
         f"{graph.describe(source)} -{relation.reference.name}-> {graph.describe(target)}"
         for relation, source, target in links

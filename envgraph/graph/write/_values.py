@@ -1,4 +1,4 @@
-"""Values of attributes are written."""
+"""Write values of attributes."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ if TYPE_CHECKING:
 
 
 def set_value(graph: Graph, node: int, attribute: Attribute, value: Value | Sequence[Value] | None) -> None:
-    """Set or (None) clear an attribute; an int for a float attribute becomes a float.
+    """Set an attribute, or clear it (None). An int for a float attribute is converted to a float.
 
-    An attribute with many values takes a list or tuple of them.
+    A multi-valued attribute takes a list or tuple of values.
 
     Raises:
         TypeMismatch: the value is not of the attribute's type, or the object's class lacks the attribute.
-        InvalidArgument: a value is given twice that the attribute has once.
-        RuleError: more values than the attribute may have ("full").
+        InvalidArgument: a duplicate value of an attribute whose values must be unique.
+        RuleError: more values than the upper bound allows ("full").
     """
     index = attribute.index
     layout = graph.layout
@@ -39,11 +39,13 @@ def set_value(graph: Graph, node: int, attribute: Attribute, value: Value | Sequ
 
 
 def insert_value(graph: Graph, node: int, attribute: Attribute, index: int, value: Value) -> bool:
-    """Insert a value before the one at an index, as a list does; False if each stands once, and it is there.
+    """Insert a value before the value at `index`, as `list.insert` does.
+
+    Return False if values must be unique and the value exists already.
 
     Raises:
         TypeMismatch: as for `set_value`.
-        RuleError: the attribute has as many values as it may have ("full").
+        RuleError: the attribute has its maximal number of values ("full").
     """
     held, value = _held(graph, node, attribute), _coerced(graph, attribute, value)
     if attribute.unique and value in graph.store.distinct[attribute.index][node]:
@@ -56,10 +58,10 @@ def insert_value(graph: Graph, node: int, attribute: Attribute, index: int, valu
 
 
 def remove_value_at(graph: Graph, node: int, attribute: Attribute, index: int) -> None:
-    """Remove the value at an index, from 0, from an attribute with many.
+    """Remove the value at `index` (from 0; negative from the end) of a multi-valued attribute.
 
     Raises:
-        IndexError: there is none.
+        IndexError: the attribute has no value at `index`.
     """
     held = _held(graph, node, attribute)
     place = range(len(held))[index]
