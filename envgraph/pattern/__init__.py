@@ -1,4 +1,4 @@
-"""Queries and rules as frozen data, independent of any text; their checks, their types and their normal form."""
+"""Queries and rules as frozen data, independent of any text: their checks, types and normal form."""
 
 from typing import TYPE_CHECKING
 

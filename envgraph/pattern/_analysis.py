@@ -1,4 +1,4 @@
-"""Patterns seen together: whom they call, and what callers know of them."""
+"""Analyse patterns together: resolve their calls, and infer the types and inputs that callers use."""
 
 from __future__ import annotations
 
@@ -31,19 +31,19 @@ from envgraph.pattern.expressions._operations import FUNCTIONS
 
 
 def calls_of(body: Body) -> Iterator[tuple[PatternCall, str]]:
-    """Yield all calls of a body, each with what it stands under, as `relations_of` does."""
+    """Yield all calls of a body, each with its context: "neg", the name of an aggregate, or ""."""
     return ((one, word) for one, word in relations_of(body) if isinstance(one, PatternCall))
 
 
 @dataclass(frozen=True, slots=True)
 class UnknownNames:
-    """Names of definitions that could not be read or have errors: what they stand for is unknown.
+    """Names whose definitions could not be read or have errors. Checks report nothing about these names.
 
-    A check that meets one of them is silent. The last part of a qualified name counts.
+    Only the last part of a qualified name counts.
 
     Attributes:
-        names: some of them.
-        all: whether any name may be one, for example because a file is missing.
+        names: the unknown names.
+        all: True if any name may be unknown, for example because a file is missing.
     """
 
     names: frozenset[str] = frozenset()
@@ -60,11 +60,11 @@ class UnknownNames:
 
 
 class Names:
-    """Finds patterns by the names that calls use.
+    """A lookup of patterns by the names that calls use.
 
     A name is looked up as a simple name in the caller's package, then as a qualified name, then as a simple name that
-    is unique among all visible patterns. A private pattern is visible in its own file; in Python, which has no files,
-    in its own package.
+    is unique among all visible patterns. A private pattern is visible in its own file. Patterns made in Python have
+    no file; their private patterns are visible in their own package.
     """
 
     def __init__(self, patterns: Iterable[Pattern]) -> None:
@@ -77,7 +77,7 @@ class Names:
     def candidates(
         self, name: str, package: str, caller: Pattern | None = None
     ) -> tuple[list[Pattern], list[Pattern]]:
-        """The visible patterns that a name may mean, best kind only, and those that are hidden from the caller."""
+        """Return the visible patterns that a name may denote, and patterns of that name hidden from the caller."""
         qualified = f"{package}.{name}" if package else name
         found = [self._qualified[key] for key in dict.fromkeys((qualified, name)) if key in self._qualified]
         hidden: list[Pattern] = []
@@ -90,7 +90,7 @@ class Names:
         return [pattern for pattern in others if visible(pattern, package, caller)], hidden
 
     def visible_names(self, package: str, caller: Pattern | None = None) -> list[str]:
-        """Return what a text may call, for hints: simple names, and qualified ones of other packages."""
+        """Return the names that a call may use, for hints: simple names, and qualified names of other packages."""
         names = []
         for qualified, pattern in self._qualified.items():
             if "#" not in qualified and visible(pattern, package, caller):
@@ -101,7 +101,7 @@ class Names:
 
 
 def visible(pattern: Pattern, package: str, caller: Pattern | None) -> bool:
-    """Return whether a pattern may be called from a package, and from the file of the caller where both have one."""
+    """Return True if a pattern may be called from a package, and from the caller's file if both files are known."""
     if not pattern.private:
         return True
     if pattern.package != package:
@@ -113,7 +113,7 @@ def visible(pattern: Pattern, package: str, caller: Pattern | None) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class Read:
-    """A place that reads a derived feature; `word` is "neg", an aggregate or a closure, "" for none of them."""
+    """A place that reads a derived feature. `word` is its context: "neg", an aggregate, a closure ("+", "*") or ""."""
 
     feature: Feature
     word: str
@@ -121,7 +121,7 @@ class Read:
 
 
 def defining(pattern: Pattern) -> tuple[str, Span | None] | None:
-    """Return the name of the derived feature that an annotation makes a pattern define, and its place."""
+    """Return the feature name in a pattern's annotation `@QueryBasedFeature`, with its span. None if not annotated."""
     found = next((one for one in pattern.annotations if one.name == "QueryBasedFeature"), None)
     if found is None:
         return None
@@ -129,7 +129,7 @@ def defining(pattern: Pattern) -> tuple[str, Span | None] | None:
 
 
 def defined_feature(pattern: Pattern, source: StaticType | None, metamodel: Metamodel) -> Feature | None:
-    """Return the feature of the class of its first parameter that a pattern defines, if there is one."""
+    """Return the derived feature that a pattern defines for the class of its first parameter, or None."""
     found = defining(pattern)
     if found is None or len(pattern.parameters) != 2 or not isinstance(source, ObjectType):
         return None
@@ -168,12 +168,13 @@ class Entry:
     """A pattern of a library, with its calls resolved.
 
     Attributes:
-        calls: name in a call -> qualified name; kept, because patterns added later must not change what it means.
-        types: of the parameters, declared or else inferred; None where unknown.
+        calls: the qualified name for each name in a call. They are stored, because patterns added later must not change
+            the meaning.
+        types: the types of the parameters, declared or inferred; None where unknown.
         inputs: numbers of the `in` parameters that callers have to bind.
-        written: the pattern as it was added, where it is another one.
-        bodies: types of the variables, body by body; none where there is an error.
-        defines: the derived feature whose values are the matches.
+        written: the pattern as it was added, if `pattern` differs from it, else None.
+        bodies: types of the variables for each body; () if the pattern has errors.
+        defines: the derived feature whose values are the matches, or None.
         reads: the places that read derived features.
     """
 
@@ -188,12 +189,12 @@ class Entry:
 
     @property
     def signature(self) -> Signature:
-        """What callers know."""
+        """Return the types and inputs that callers use."""
         return Signature(self.pattern, self.types, self.inputs)
 
     @property
     def known_types(self) -> tuple[StaticType, ...]:
-        """The types of a pattern without errors: each is known."""
+        """Return the parameter types of a pattern without errors, in which no type is unknown."""
         types = tuple(type_ for type_ in self.types if type_ is not None)
         assert len(types) == len(self.types)
         return types
@@ -201,11 +202,11 @@ class Entry:
 
 @dataclass(slots=True)
 class Analysis:
-    """New patterns together with those of a library: resolved calls, types of parameters, inputs.
+    """New patterns together with the patterns of a library: resolved calls, types of parameters, inputs.
 
     Attributes:
-        unknown: names of other patterns, of which nothing is known.
-        entries: by qualified name, the known ones and (after `solve`) the new ones.
+        unknown: names of patterns whose definitions are unknown.
+        entries: the known and the new patterns, by qualified name.
     """
 
     metamodel: Metamodel
@@ -216,11 +217,11 @@ class Analysis:
     entries: dict[str, Entry] = field(init=False)
     _new: dict[str, Pattern] = field(init=False)
     _short: tuple[str, ...] = field(init=False)
-    """The new patterns whose bodies are looked into: none is too long."""
+    """Names of the new patterns whose bodies are analysed, because none of their bodies is too long."""
     _types: dict[tuple[str, int], tuple[Sequence[object], BodyTypes]] = field(
         default_factory=dict, init=False
     )
-    """By the pattern and the id of a body, which `BodyTypes` holds: what callees gave it, and what followed."""
+    """A cache by pattern name and id of a body: the types of callees, and the types inferred from them."""
 
     def __post_init__(self) -> None:
         self.names = Names([*(entry.pattern for entry in self.known.values()), *self.patterns])
@@ -240,7 +241,7 @@ class Analysis:
 
     @property
     def new_patterns(self) -> list[Pattern]:
-        """The patterns that are to be added; of several with one name the first."""
+        """Return the patterns to add. Of several patterns with one name only the first is included."""
         return list(self._new.values())
 
     def _resolved(self, pattern: Pattern) -> dict[str, str]:
@@ -253,7 +254,7 @@ class Analysis:
         return calls
 
     def callee(self, caller: Pattern) -> Callee:
-        """Finds the signature behind a name in the calls of a pattern."""
+        """Return a function that finds the signature for a name in the calls of a pattern."""
         calls = self.entries[caller.qualified_name].calls
 
         def find(name: str) -> Signature | None:
@@ -262,7 +263,7 @@ class Analysis:
         return find
 
     def callers(self, names: Iterable[str]) -> frozenset[str]:
-        """Patterns by qualified name, and those new ones that call one of them or something that is unknown."""
+        """Return the given patterns, and all new patterns that call them (directly or not) or call unknown names."""
         found = {
             name
             for name, pattern in self._new.items()
@@ -279,7 +280,7 @@ class Analysis:
         return frozenset(found)
 
     def body_types(self, pattern: Pattern, body: Body) -> BodyTypes:
-        """The types of the variables of one body: inferred once, as long as callees do not get better ones."""
+        """Return the types of the variables of one body. The result is cached until the types of callees change."""
         calls = self.entries[pattern.qualified_name].calls
         given = [self.entries[called].types for called in calls.values()]
         known = self._types.get((pattern.qualified_name, id(body)))
@@ -291,7 +292,7 @@ class Analysis:
         return found
 
     def _keep_types(self) -> None:
-        """What was inferred stays with the patterns, and knows no more of others than their final signatures."""
+        """Store the inferred types with the entries, and make them refer to callees by final signatures only."""
         for name in self._short:
             pattern = self._new[name]
             bodies = tuple(self.body_types(pattern, body) for body in pattern.bodies)
@@ -306,7 +307,7 @@ class Analysis:
                 types.callee = callees.get
 
     def _solve_types(self) -> None:
-        """Undeclared types, from the bodies; recursive patterns take several rounds, in which types only grow."""
+        """Infer undeclared parameter types from the bodies. Recursive patterns need several rounds."""
         pending = [
             name for name in self._short if any(one.type is None for one in self._new[name].parameters)
         ]
@@ -332,7 +333,7 @@ class Analysis:
             yield above[0] if above else None
 
     def _spell_out(self) -> None:
-        """`text.length` becomes the call that it is, `length(text)`, where types tell that it is no feature."""
+        """Replace `text.length` by the call `length(text)`, if types show that it is not a feature."""
         for name in self._short:
             pattern = self._new[name]
             bodies = tuple(self._spelled_out(pattern, body) for body in pattern.bodies)
@@ -353,7 +354,10 @@ class Analysis:
         return rewritten(body, call)
 
     def _solve_inputs(self) -> None:
-        """The `in` parameters of data types that some body cannot enumerate; the fewest that explain each other."""
+        """Find the inputs of each pattern: the `in` parameters of data types that some body cannot enumerate.
+
+        All of them are inputs at first. Parameters that all bodies enumerate, given the other inputs, are removed in rounds.
+        """
         pending: list[str] = []
         for name in self._short:
             places = enumerate(self._new[name].parameters)
@@ -385,7 +389,7 @@ class Analysis:
 
 
 def _may_be_method(expression: Expression) -> bool:
-    """Return whether a path in an expression ends as a function is called; without recursion, as `depth` is."""
+    """Return True if a path in an expression ends with the name of a function. No recursion is used, as in `depth`."""
     waiting = [expression]
     for one in waiting:
         if isinstance(one, Navigation) and one.feature in FUNCTIONS:
@@ -395,5 +399,5 @@ def _may_be_method(expression: Expression) -> bool:
 
 
 def definitions(entries: Mapping[str, Entry]) -> dict[Feature, str]:
-    """Return the derived features that patterns define, each with the qualified name of its first pattern."""
+    """Return the derived features that patterns define, each with the qualified name of the first defining pattern."""
     return {one.defines: name for name, one in reversed([*entries.items()]) if one.defines is not None}

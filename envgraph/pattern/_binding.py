@@ -1,4 +1,4 @@
-"""Enumeration: which variables of a body have values that can be listed."""
+"""Find the variables of a body whose values can be enumerated."""
 
 from __future__ import annotations
 
@@ -32,16 +32,17 @@ from envgraph.pattern._types import static_type
 
 
 class Binding:
-    """The variables of a body that get their values from it.
+    """The set of variables of a body whose values can be enumerated.
 
-    Positive relations bind their variables; an eval or an aggregate binds its result once everything it reads is
-    bound, and a call of a pattern with `in` parameters the rest once those are.
+    Positive relations bind their variables. An eval or aggregate binds its result as soon as all variables that it
+    reads are bound. A call of a pattern with `in` parameters binds its other arguments as soon as the `in` arguments
+    are bound.
 
     Args:
         body_types: the body with its types.
-        parameters: of the pattern.
+        parameters: the parameters of the pattern.
         given: names of parameters that the caller binds.
-        by_type: whether the type of a variable enumerates its values; see `bound_by_type`.
+        by_type: True if the type of a variable may enumerate its values; see `bound_by_type`.
     """
 
     def __init__(
@@ -67,7 +68,7 @@ class Binding:
             self._comparisons()
 
     def binds(self, name: str) -> bool:
-        """Return whether the values of a variable can be enumerated."""
+        """Return True if the values of a variable can be enumerated."""
         return self._reading.root(name) in self.bound
 
     def _at_once(self, parameters: Sequence[Parameter]) -> Iterator[str]:
@@ -128,7 +129,7 @@ class Binding:
 
 
 def declared_enum(parameter: Parameter, metamodel: Metamodel) -> EnumType | None:
-    """The enum that a parameter is declared to be; None for one that the caller binds, and for other types."""
+    """Return the enum that is the declared type of a parameter. None for other types and for `in` parameters."""
     if parameter.type is None or parameter.direction == "in":
         return None
     type_ = static_type(parameter.type, metamodel)
@@ -138,9 +139,10 @@ def declared_enum(parameter: Parameter, metamodel: Metamodel) -> EnumType | None
 def bound_by_type(
     body_types: BodyTypes, parameters: Sequence[Parameter]
 ) -> tuple[tuple[str, AttributeType], ...]:
-    """Variables that nothing but their type enumerates: they have the values of that type that occur in the model.
+    """Return the variables that are enumerated by their type alone, each with the type.
 
-    `Kind(k)` and `int(n)` do that for a value, and the declared type of a parameter if it is an enum.
+    Such a variable takes the values of the type that occur in the model. Type constraints of data types (`Kind(k)`,
+    `int(n)`) and parameters declared with an enum are enumerated in this way.
     """
     metamodel, reading = body_types.metamodel, body_types.reading
     found: list[tuple[str, AttributeType]] = [
@@ -160,7 +162,7 @@ def bound_by_type(
 
 
 def is_data_type(relation: Relation, metamodel: Metamodel) -> bool:
-    """Return whether a relation is the type constraint of a data type: it says what a value is, and enumerates none."""
+    """Return True if a relation is a type constraint with a data type, which does not enumerate values by itself."""
     if not isinstance(relation, TypeConstraint):
         return False
     type_ = static_type(relation.type, metamodel)
@@ -168,7 +170,7 @@ def is_data_type(relation: Relation, metamodel: Metamodel) -> bool:
 
 
 def inputs_of(relation: Relation, body_types: BodyTypes) -> tuple[int, ...]:
-    """The positions of a relation that its caller has to bind."""
+    """Return the positions of the arguments that must be bound before a relation can be evaluated."""
     if not isinstance(relation, PatternCall):
         return ()
     signature = body_types.callee(relation.pattern)

@@ -1,4 +1,4 @@
-"""Occurrences of the variables of a body, and how each place refers to them."""
+"""Occurrences of the variables of a body, and traversals of constraints and expressions."""
 
 from __future__ import annotations
 
@@ -38,26 +38,27 @@ from envgraph.pattern._terms import (
 Data = TypeVar("Data")
 
 LONGEST_NESTED: Final = 4
-"""How many operators of a chain are compiled inside each other; a longer one has one level."""
+"""Chains with at most this many operators are compiled to nested operations; longer chains have one level."""
 
 
 class Use(Enum):
-    """How a place refers to a variable."""
+    """The way in which an occurrence uses a variable."""
 
     POSITIVE = "positive"
-    """Binds it: type, path, positive find, `==` with a constant, an eval or an aggregate, `x.attr`."""
+    """The occurrence binds it: type, path, positive find, `==` with a constant, an eval or an aggregate, `x.attr`."""
     NEGATIVE = "negative"
     """An argument of a negation or an aggregate, or `x.attr == none`."""
     READ = "read"
-    """Needs its value: check, eval, `!=`, variable == variable."""
+    """The occurrence needs its value: check, eval, `!=`, variable == variable."""
 
 
 @dataclass(frozen=True, slots=True)
 class Occurrence:
-    """One place of a variable.
+    """An occurrence of a variable in a body.
 
     Attributes:
-        relation: number of the negated or aggregated relation (in the order of the text) it is an argument of.
+        relation: the number (in the order of the text) of the negated or aggregated relation with this argument, or
+            None.
     """
 
     variable: Variable
@@ -66,7 +67,7 @@ class Occurrence:
 
 
 def terms_of(relation: Relation) -> tuple[Term, ...]:
-    """The arguments of a relation, in order."""
+    """Return the arguments of a relation, in order."""
     match relation:
         case TypeConstraint():
             return (relation.term,)
@@ -77,7 +78,7 @@ def terms_of(relation: Relation) -> tuple[Term, ...]:
 
 
 def terms_in(constraint: Constraint) -> tuple[Term, ...]:
-    """The terms that stand in a constraint directly; a check has none."""
+    """Return the direct terms of a constraint. A check has none."""
     match constraint:
         case Negation():
             return terms_of(constraint.relation)
@@ -90,7 +91,7 @@ def terms_in(constraint: Constraint) -> tuple[Term, ...]:
 
 
 def subterms(terms: Sequence[Term]) -> Iterator[Term]:
-    """The terms and those nested in aggregates, outermost first."""
+    """Yield the terms and the terms nested in aggregates, outer terms first."""
     for term in terms:
         yield term
         if isinstance(term, Aggregate):
@@ -98,7 +99,10 @@ def subterms(terms: Sequence[Term]) -> Iterator[Term]:
 
 
 def grouped_relations(body: Body) -> list[tuple[Relation, Aggregate | None]]:
-    """The relations under a negation (None) or an aggregate, in the order that numbers them."""
+    """Return the negated relations (with None) and the aggregated ones (with the aggregate), in text order.
+
+    A relation's number is its position in this list.
+    """
     found: list[tuple[Relation, Aggregate | None]] = []
     for constraint in body.constraints:
         if isinstance(constraint, Negation):
@@ -110,18 +114,18 @@ def grouped_relations(body: Body) -> list[tuple[Relation, Aggregate | None]]:
 
 
 def positive_relations(body: Body) -> list[Relation]:
-    """The relations that stand in the body as constraints themselves."""
+    """Return the relations that are constraints of the body themselves."""
     return [c for c in body.constraints if isinstance(c, TypeConstraint | PathConstraint | PatternCall)]
 
 
 def relations_of(body: Body) -> Iterator[tuple[Relation, str]]:
-    """Yield all relations of a body, each with "neg", the name of the aggregate that it stands under, or ""."""
+    """Yield all relations of a body, each with its context: "neg", the name of an aggregate, or "" if positive."""
     yield from ((relation, "") for relation in positive_relations(body))
     yield from ((one, fold.function if fold else "neg") for one, fold in grouped_relations(body))
 
 
 def expressions(body: Body) -> Iterator[tuple[Expression, Check | Evaluation]]:
-    """The expressions of all checks and evals, in the order of the text."""
+    """Yield the expressions of all checks and evals with their owners, in the order of the text."""
     for constraint in body.constraints:
         if isinstance(constraint, Check):
             yield constraint.expression, constraint
@@ -131,7 +135,7 @@ def expressions(body: Body) -> Iterator[tuple[Expression, Check | Evaluation]]:
 
 
 def children(expression: Expression) -> tuple[Expression, ...]:
-    """The operands of an expression, in the order of the text; `a + b - c` has three, as it stands."""
+    """Return the operands of an expression, in the order of the text. A chain `a + b - c` has three operands."""
     match expression:
         case Navigation():
             return (expression.object,)
@@ -149,7 +153,7 @@ def children(expression: Expression) -> tuple[Expression, ...]:
 
 
 def with_children(expression: Expression, parts: Sequence[Expression]) -> Expression:
-    """The same node over other operands."""
+    """Return a copy of an expression with other operands."""
     match expression:
         case Navigation():
             return replace(expression, object=parts[0])
@@ -169,15 +173,15 @@ def with_children(expression: Expression, parts: Sequence[Expression]) -> Expres
 
 
 def rewritten(data: Data, change: Callable[[Expression], Expression]) -> Data:
-    """A definition, or a part of one, with other expressions; itself if none changes.
+    """Return a definition, or a part of it, with its expressions rewritten. Return the same object if nothing changes.
 
     Args:
-        data: frozen data, also tuples of it.
-        change: what becomes of an expression, whose operands are the changed ones.
+        data: frozen data, also tuples of frozen data.
+        change: returns the replacement of an expression, whose operands have been replaced already.
     """
     try:
         return _rewritten(data, change)  # type: ignore[no-any-return]
-    except RecursionError:  # expressions that are nested too deeply are refused where they are checked
+    except RecursionError:  # too deeply nested expressions are reported by their check
         return data
 
 
@@ -206,7 +210,7 @@ def _same(parts: Sequence[object], others: Sequence[object]) -> bool:
 
 
 def variables_in(expression: Expression) -> Iterator[Variable]:
-    """The variables of an expression, each place, in the order of the text."""
+    """Yield the variables of an expression, every occurrence, in the order of the text."""
     if isinstance(expression, Variable):
         yield expression
     for child in children(expression):
@@ -214,7 +218,7 @@ def variables_in(expression: Expression) -> Iterator[Variable]:
 
 
 def variables_of_terms(terms: Sequence[Term]) -> Iterator[Variable]:
-    """The same of terms, those nested in aggregates included."""
+    """Yield the variables of terms, also of terms nested in aggregates, every occurrence."""
     for term in subterms(terms):
         if isinstance(term, Variable):
             yield term
@@ -223,9 +227,9 @@ def variables_of_terms(terms: Sequence[Term]) -> Iterator[Variable]:
 
 
 def depth(expression: Expression) -> int:
-    """Number of levels; a long chain such as `a + b - c ...` is one, a short one as many as it has operators.
+    """Return the number of nesting levels. A long chain such as `a + b - c ...` counts as one level.
 
-    Counted without recursion, so that no input exhausts the stack.
+    In a short chain each operator is a level. The count needs no recursion, so that no input exhausts the stack.
     """
     deepest = 0
     waiting = [(expression, 1)]
@@ -239,7 +243,7 @@ def depth(expression: Expression) -> int:
 
 
 def size(expression: Expression) -> int:
-    """Number of operands and operators, each place; counted without recursion, as `depth` is."""
+    """Return the number of operands and operators. The count needs no recursion, as in `depth`."""
     count = 0
     waiting = [expression]
     while waiting:
@@ -250,7 +254,7 @@ def size(expression: Expression) -> int:
 
 
 def none_test(expression: Expression) -> Navigation | None:
-    """The path of `x.f == none` or `x.f != none`, if the expression is such a test."""
+    """Return the path of a test `x.f == none` or `x.f != none`, or None if the expression is no such test."""
     if isinstance(expression, Binary) and expression.operator in ("==", "!="):
         sides = (expression.left, expression.right)
         for side, other in (sides, sides[::-1]):
@@ -260,7 +264,7 @@ def none_test(expression: Expression) -> Navigation | None:
 
 
 def base_of(navigation: Navigation) -> tuple[Expression, tuple[str, ...]]:
-    """Return what a chain `x.f.g` starts at, and its features in order."""
+    """Return the start of a path `x.f.g`, and its features in order."""
     features: list[str] = []
     node: Expression = navigation
     while isinstance(node, Navigation):
@@ -270,7 +274,7 @@ def base_of(navigation: Navigation) -> tuple[Expression, tuple[str, ...]]:
 
 
 def navigations(expression: Expression) -> list[Navigation]:
-    """The longest chains that must have a value, each once; not the one that a `none` test asks about."""
+    """Return the longest paths that must have a value, each once. The path of a `none` test is excluded."""
     chain = none_test(expression) or expression
     if isinstance(chain, Navigation):
         base = base_of(chain)[0]
@@ -280,7 +284,7 @@ def navigations(expression: Expression) -> list[Navigation]:
 
 
 def variables_read(expression: Expression) -> Iterator[Occurrence]:
-    """The variables of an expression, `_` included: each place, in the order of the text."""
+    """Yield the occurrences of variables in an expression, also of `_`, in the order of the text."""
     if isinstance(expression, Variable):
         yield Occurrence(expression, Use.READ)
         return
@@ -297,16 +301,16 @@ def variables_read(expression: Expression) -> Iterator[Occurrence]:
 
 
 def names_read(expression: Expression) -> list[str]:
-    """Names of the variables of an expression, once for each place; without `_`."""
+    """Return the names of the variables of an expression, once for each occurrence, without `_`."""
     return [o.variable.name for o in variables_read(expression) if not o.variable.anonymous]
 
 
 class Reading:
-    """The occurrences of every variable of a body, and which variables `==` unites.
+    """The occurrences of every variable of a body, and the groups of variables that `==` unites.
 
     Attributes:
-        names: parameters first, then local variables as they appear; without `_`.
-        occurrences: places of each name, in the order of the text.
+        names: parameters first, then local variables in the order of the text; without `_`.
+        occurrences: the occurrences by name, in the order of the text.
     """
 
     def __init__(self, body: Body, parameters: Sequence[Parameter]) -> None:
@@ -374,17 +378,20 @@ class Reading:
                 self._parent[other] = one
 
     def root(self, name: str) -> str:
-        """The name that stands for all variables united with this one."""
+        """Return the representative of the group of united variables that contains the name."""
         while name in self._parent:
             name = self._parent[name]
         return name
 
     def group(self, name: str) -> list[str]:
-        """The names united with this one, itself included, in the order of `names`."""
+        """Return the names united with this one, the name included, in the order of `names`."""
         return self._groups[self.root(name)]
 
     def quantified(self, name: str) -> int | None:
-        """The number of the one negated or aggregated relation that quantifies a local variable; else None."""
+        """Return the number of the only negated or aggregated relation that contains a local variable, else None.
+
+        Such a variable is quantified inside the relation. Parameters and united variables are never quantified.
+        """
         if name in self.parameters or len(self.group(name)) > 1:
             return None
         places = {(occurrence.use, occurrence.relation) for occurrence in self.occurrences[name]}
@@ -394,5 +401,5 @@ class Reading:
         return None
 
     def span(self, name: str) -> Span | None:
-        """The first place of a variable in the body."""
+        """Return the span of the first occurrence of a variable in the body, or None."""
         return next((o.variable.span for o in self.occurrences[name] if o.variable.span), None)

@@ -1,4 +1,4 @@
-"""Conformance as queries: each match is a violation."""
+"""Generate patterns whose matches are violations of a metamodel's lower bounds and keys."""
 
 from __future__ import annotations
 
@@ -19,15 +19,16 @@ from envgraph.pattern._queries import (
 from envgraph.pattern._terms import Binary, Constant, Variable
 
 _PREFIX = "conformance"
-"""Part of the names, and no package: a call of `size` never means `conformance.Box.size`."""
+"""A prefix of names, not a package, so that a call of `size` never means `conformance.Box.size`."""
 _OBJECT = "object"
 
 
 def conformance_patterns(metamodel: Metamodel) -> tuple[Pattern, ...]:
-    """Patterns whose matches are the objects that a metamodel does not allow in a finished model.
+    """Return patterns whose matches are objects that a metamodel does not allow in a finished model.
 
-    A reference with too few targets, an attribute without a value. Upper bounds, types and containment are refused by
-    the model at once and need no query. The pattern of feature `f` of class `C` is `conformance.C.f`.
+    The matches are objects with too few targets of a reference, or without a value of an attribute. Upper bounds, types
+    and containment need no pattern, because the model refuses violations. The pattern of feature `f` of class `C` is
+    `conformance.C.f`.
     """
     return tuple(
         _pattern(cls, feature)
@@ -39,10 +40,9 @@ def conformance_patterns(metamodel: Metamodel) -> tuple[Pattern, ...]:
 
 
 def key_patterns(metamodel: Metamodel, classes: Iterable[str]) -> tuple[Pattern, ...]:
-    """Patterns that match where two objects of a class have one key, or one lacks its own; they have no parameters.
+    """Return a pattern without parameters for each class with a key, which matches if keys are equal or unset.
 
-    They are kept current: few changes touch keys, and then nothing has to be looked at. That of class `C`, which has a
-    key, is `conformance.C`.
+    The patterns are views, because changes of keys are rare. The pattern of class `C` is `conformance.C`.
     """
     return tuple(
         Pattern(f"{_PREFIX}.{cls}", (), tuple(_wrong_keys(cls, key)), strategy="incremental")

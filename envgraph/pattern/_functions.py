@@ -1,4 +1,4 @@
-"""Functions that expressions call and Python carries out: their declarations, and those of one engine."""
+"""Functions that expressions call and users implement in Python: their declarations, and their code in an engine."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ from envgraph.pattern.expressions._operations import FUNCTIONS, MOST_CHARACTERS
 
 @dataclass(frozen=True, slots=True)
 class FunctionDeclaration:
-    """`function name(x : T, ...) : U;`: a pure function of values, whose code an engine is given from Python.
+    """A declaration `function name(x : T, ...) : U;` of a pure function, whose code an engine receives from Python.
 
     Attributes:
-        parameters: each with the name of a data type or enum.
-        result: name of a data type or enum.
+        parameters: the parameters, each with the name of a data type or enum.
+        result: the name of a data type or enum.
     """
 
     name: str
@@ -37,28 +37,28 @@ class FunctionDeclaration:
 
     @property
     def package(self) -> str:
-        """None: the name means the same in all packages."""
+        """Return "", because the name of a function is the same in all packages."""
         return ""
 
     @property
     def qualified_name(self) -> str:
-        """The name."""
+        """Return the name."""
         return self.name
 
     @property
     def signature(self) -> str:
-        """As it is declared: `distance(x : int, y : int) : float`."""
+        """Return the declaration as text: `distance(x : int, y : int) : float`."""
         parameters = ", ".join(f"{one.name} : {one.type}" for one in self.parameters)
         return f"{self.name}({parameters}) : {self.result}"
 
 
 class DeclaredFunction:
-    """A declared function of an engine. Its code may be given later, and then stays.
+    """A declared function of an engine. Its code may be set after the declaration.
 
     Attributes:
         parameters: types of the parameters.
         result: type of the result. None if the declaration has errors, which have been reported.
-        code: what computes it; None as long as none was given.
+        code: the Python function that computes it, or None if not set.
     """
 
     def __init__(
@@ -74,16 +74,16 @@ class DeclaredFunction:
 
     @property
     def name(self) -> str:
-        """See `FunctionDeclaration`."""
+        """Return the declared name."""
         return self.declaration.name
 
     @property
     def types(self) -> tuple[AttributeType | None, ...]:
-        """What tells two declarations of one name apart: the types of the parameters, then that of the result."""
+        """Return the types of the parameters, then the type of the result. Declarations with equal types agree."""
         return (*self.parameters, self.result)
 
     def at(self, span: Span | None) -> Callable[..., Value]:
-        """Return what a call at this place of a text does."""
+        """Return a Python function that calls this function. `span` is the place of the call, for errors."""
         return partial(self._call, span)
 
     def _call(self, span: Span | None, *arguments: Value) -> Value:
@@ -101,7 +101,7 @@ class DeclaredFunction:
                 message, self.name, span, "a function gives a value for all arguments"
             ) from error
         assert self.result is not None, "an expression with an error is not evaluated"
-        if isinstance(result, float):  # numbers of NumPy are floats of a class of their own
+        if isinstance(result, float):  # floats of NumPy have a class of their own
             result = float(result)
         if _fits(result, self.result):
             return coerced(result, self.result)  # type: ignore[arg-type]
@@ -124,9 +124,9 @@ Functions = Mapping[str, DeclaredFunction]
 def declared(
     declarations: Iterable[FunctionDeclaration], known: Functions, metamodel: Metamodel
 ) -> tuple[Functions, list[Diagnostic]]:
-    """The known functions with those of new declarations, and what is wrong with these.
+    """Return the known functions together with newly declared ones, and the diagnostics of the declarations.
 
-    To declare a function again, with the same types, is no mistake: each file may say what it needs.
+    A second declaration with the same types is no error, because each file may declare the functions that it uses.
     """
     found = dict(known)
     problems: list[Diagnostic] = []
@@ -151,7 +151,7 @@ def declared(
 def _types(
     declaration: FunctionDeclaration, metamodel: Metamodel, problems: list[Diagnostic]
 ) -> tuple[list[AttributeType], AttributeType | None]:
-    """The types of a declaration; no result if there is something wrong with it."""
+    """Return the parameter types and the result type of a declaration. After an error return no types and None."""
     before = len(problems)
     names = [one.name for one in declaration.parameters]
     for number, one in enumerate(declaration.parameters):
@@ -183,7 +183,7 @@ def _types(
 
 
 def resolved(data: Data, functions: Functions) -> Data:
-    """A definition whose calls of functions know those that are declared; itself if that is so already."""
+    """Return a definition whose function calls refer to the declared functions. If nothing changes, return `data`."""
 
     def known(expression: Expression) -> Expression:
         if isinstance(expression, FunctionCall) and expression.declared is not functions:

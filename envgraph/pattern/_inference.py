@@ -1,4 +1,4 @@
-"""Types of the variables of a body, from the places where they stand."""
+"""Infer the types of the variables of a body from the places where they occur."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from envgraph.pattern.expressions._expressions import ExpressionChecker
 
 @dataclass(frozen=True, slots=True)
 class Signature:
-    """What callers know of a pattern: its types (None where unknown) and the parameters they have to bind."""
+    """The interface of a pattern for its callers: its types (None where unknown) and the parameters they must bind."""
 
     pattern: Pattern
     types: tuple[StaticType | None, ...]
@@ -39,16 +39,16 @@ class Signature:
 
 
 Callee = Callable[[str], Signature | None]
-"""Finds a called pattern by the name that stands in the call; None where that failed, which is reported once."""
+"""Returns the signature of a called pattern by the name in the call, or None if not found (reported elsewhere)."""
 
 
 @dataclass(frozen=True, slots=True)
 class Fact:
-    """A place that gives a term a type.
+    """A place that gives a type to a term.
 
     Attributes:
-        origin: "declaration", "constraint", "call" or "value"; a value is an eval or an aggregate.
-        what: names the place in messages.
+        origin: "declaration", "constraint", "call" or "value"; "value" means an eval or an aggregate.
+        what: the name of the place in messages.
     """
 
     term: Term
@@ -59,10 +59,10 @@ class Fact:
 
 
 class BodyTypes:
-    """The static type of every variable of a body, as far as the body tells.
+    """The static types of the variables of a body, as far as the body determines them.
 
     Attributes:
-        types: by variable name; united variables share one.
+        types: by variable name; united variables share a type.
         facts: every place that gave a type, in the order of the text.
     """
 
@@ -75,8 +75,8 @@ class BodyTypes:
         self._declared = list(_declarations(parameters, metamodel))
         self._roots: dict[str, StaticType] = {}
         self.facts: list[Fact] = []
-        # What an arrow, an eval or a union says depends on the types of other variables, so it may take a round
-        # more for every step of such a chain; each round but the last gives at least one variable a better type.
+        # The types from an arrow, an eval or a union depend on the types of other variables, so each link of such a
+        # chain may need one more round. Each round but the last gives at least one variable a better type.
         for _ in range(2 * len(reading.names) + 2):
             before = self._roots
             self.facts = self._collect()
@@ -87,15 +87,15 @@ class BodyTypes:
 
     @property
     def types(self) -> Mapping[str, StaticType | None]:
-        """Type of every variable by name; None where the body does not tell."""
+        """Return the type of every variable by name, None where unknown."""
         return {name: self.of(name) for name in self.reading.names}
 
     def of(self, name: str) -> StaticType | None:
-        """The type of a variable, or None where the body does not tell."""
+        """Return the type of a variable, or None if unknown."""
         return self._roots.get(self.reading.root(name))
 
     def of_term(self, term: Term) -> StaticType | None:
-        """The type of what stands in an argument; None for `_`, `#` and an enum literal without its enum."""
+        """Return the type of an argument. None if unknown, and for `_`, `#` and an enum literal without its enum."""
         match term:
             case Variable():
                 return None if term.anonymous else self.of(term.name)
@@ -114,9 +114,9 @@ class BodyTypes:
                 return None
 
     def path(self, path: PathConstraint) -> ResolvedPath | None:
-        """The path with its features looked up; without a type it starts at the static type of its source.
+        """Return the resolved path, or None if a name in it is unknown. Without a class it starts at its source's type.
 
-        The steps of a closure start at any object that has the feature, not only at those of the source's own class.
+        The steps of a closure start at any object with the feature, not only at objects of the source's own class.
         """
         cls: str | None = path.type
         if not cls:
@@ -131,7 +131,7 @@ class BodyTypes:
         return resolved if isinstance(resolved, ResolvedPath) else None
 
     def columns(self, relation: Relation) -> list[StaticType | None]:
-        """The types that a relation gives its arguments; None where they are unknown."""
+        """Return the types that a relation requires of its arguments, None where unknown."""
         match relation:
             case TypeConstraint():
                 return [static_type(relation.type, self.metamodel)]
@@ -148,7 +148,7 @@ class BodyTypes:
                 return self._call_columns(relation)
 
     def may_hold(self, relation: Relation) -> bool:
-        """Return whether the types of the arguments allow any tuple: a number is no object, though both are ints."""
+        """Return True if the argument types allow a tuple of the relation. A number is never equal to an object."""
         arguments = zip(map(self.of_term, terms_of(relation)), self.columns(relation), strict=True)
         return all(
             own is None or type_ is None or comparable(own, type_, self.metamodel) for own, type_ in arguments
@@ -164,7 +164,7 @@ class BodyTypes:
         return types
 
     def aggregate_type(self, aggregate: Aggregate) -> StaticType | None:
-        """The type of the result of an aggregate."""
+        """Return the type of the result of an aggregate, or None if unknown."""
         if aggregate.function == "count":
             return Scalar.INT
         if aggregate.function == "avg":
@@ -203,7 +203,7 @@ class BodyTypes:
                 both = meet(roots[root], fact.type, self.metamodel) if root in roots else fact.type
                 roots[root] = both or roots[root]
         for constraint in self.reading.body.constraints:
-            # A number may stand for an int or a float, so a literal tells the type only where nothing else does.
+            # A number may be an int or a float, so a literal only decides the type of a variable without another type.
             if isinstance(constraint, Comparison) and constraint.operator == "==":
                 for term, other in ((constraint.left, constraint.right), (constraint.right, constraint.left)):
                     if (
@@ -217,7 +217,7 @@ class BodyTypes:
         return roots
 
     def _quantify(self) -> None:
-        """Give the variables that are quantified inside a negation or an aggregate the types it tells."""
+        """Add the types of variables that are local to a negation or an aggregate, from its relation."""
         for number, (relation, _) in enumerate(grouped_relations(self.reading.body)):
             for term, type_ in zip(terms_of(relation), self.columns(relation), strict=True):
                 if not isinstance(term, Variable) or term.anonymous or type_ is None:
@@ -236,7 +236,7 @@ def _declarations(parameters: Sequence[Parameter], metamodel: Metamodel) -> Iter
 
 
 def relation_text(relation: Relation) -> str:
-    """Return how messages name a relation."""
+    """Return the name of a relation for messages."""
     match relation:
         case TypeConstraint():
             return f"`{relation.type}`"

@@ -1,4 +1,4 @@
-"""The patterns that an engine knows."""
+"""The library of patterns that an engine knows, with their types and lowered forms."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ from envgraph.pattern.check._check import check_patterns
 from envgraph.pattern.lowering._normal import lower_body
 
 PATHS = "#path"
-"""Package of the patterns that are generated for paths; no text spells it."""
+"""The package of patterns generated for paths. The name cannot be written in a file."""
 VALUES = "#values"
-"""Package of those that are generated for the values of data types and enums."""
+"""The package of patterns generated for the values of data types and enums."""
 
 
 class Checked(NamedTuple):
-    """New patterns as they have been looked at, and what is wrong with them.
+    """New patterns with their analysis and diagnostics.
 
     Attributes:
         problems: all errors and warnings, in the order of the text.
-        unsound: those, by qualified name, that have errors, or call one with some or something unknown.
+        unsound: qualified names of patterns that have errors, or that call such a pattern or an unknown name.
     """
 
     given: Sequence[Pattern]
@@ -41,21 +41,21 @@ class Checked(NamedTuple):
 
     @property
     def entries(self) -> tuple[Entry, ...]:
-        """The patterns as `add` would register them, for libraries that know the same others."""
+        """Return the entries that `add` would register, for other libraries with the same registered patterns."""
         return tuple(self.analysis.entries[one.qualified_name] for one in self.analysis.new_patterns)
 
 
 class Library:
-    """Patterns over one metamodel, checked together, with their types and their normal forms.
+    """Patterns over one metamodel, checked together, with their types and their lowered forms.
 
-    What a name in a registered pattern means never changes: a pattern is removed together with those that call it.
+    The meaning of a name in a registered pattern never changes: a pattern is removed together with its callers.
 
     Args:
-        metamodel: what the names of classes and features mean.
+        metamodel: the metamodel that defines classes and features.
 
     Attributes:
-        functions: that are declared, by name; `declare` gives others, and never changes these.
-        unknown: names that patterns and rules may mention although nothing is known about them.
+        functions: the declared functions by name. `declare` replaces this mapping and never changes it.
+        unknown: names that patterns and rules may mention although their definitions are unknown.
     """
 
     def __init__(self, metamodel: Metamodel) -> None:
@@ -71,34 +71,34 @@ class Library:
 
     @property
     def patterns(self) -> tuple[Pattern, ...]:
-        """The registered patterns, in the order they were added."""
+        """Return the registered patterns, in the order of registration."""
         return tuple(entry.written or entry.pattern for entry in self._entries.values())
 
     def names(self) -> tuple[str, ...]:
-        """Qualified names of the registered patterns, in the order they were added."""
+        """Return the qualified names of the registered patterns, in the order of registration."""
         return tuple(self._entries)
 
     def declare(self, *declarations: FunctionDeclaration) -> list[Diagnostic]:
-        """Declare functions for expressions to call; returns what is wrong with the declarations."""
+        """Declare functions for expressions to call, and return the diagnostics of the declarations."""
         if not declarations:
             return []
         self.functions, problems = declared(declarations, self.functions, self.metamodel)
-        self._checked = None  # what was unknown then may be known now
+        self._checked = None  # names that were unknown may be known now
         return problems
 
     def resolved(self, data: Data) -> Data:
-        """The same definition, in which calls of declared functions know what they call."""
+        """Return the same definition with its function calls resolved to the declared functions."""
         return resolved(data, self.functions) if self.functions else data
 
     def check(self, *patterns: Pattern) -> list[Diagnostic]:
-        """All errors and warnings that adding these patterns would bring, in the order of their text."""
+        """Return all errors and warnings of adding these patterns, in the order of their text."""
         return list(self.checked(*patterns).problems)
 
     def add(self, *patterns: Pattern) -> None:
-        """Register patterns, which may call each other and those that are registered already.
+        """Register patterns, which may call each other and registered patterns.
 
         Raises:
-            ResolutionError: at least one of them has an error; all errors together. Nothing is added.
+            ResolutionError: at least one pattern has an error. It contains all errors, and nothing is added.
         """
         checked = self.checked(*patterns)
         if has_errors(checked.problems) or checked.unsound:
@@ -108,7 +108,10 @@ class Library:
         self._checked = None
 
     def with_sound(self, *patterns: Pattern) -> Library:
-        """A library that has also those of the patterns that can be added; what the others are is unknown to it."""
+        """Return a copy of the library extended by those of the patterns that have no errors.
+
+        The names of the other patterns are unknown names of the copy.
+        """
         twin = copy(self)
         new = {
             one.qualified_name: one for one in reversed(patterns) if one.qualified_name not in self._entries
@@ -121,13 +124,13 @@ class Library:
         return twin
 
     def take(self, entries: Iterable[Entry]) -> None:
-        """Register patterns that were checked already."""
+        """Register patterns that have been checked already."""
         self._entries = {**self._entries, **{entry.pattern.qualified_name: entry for entry in entries}}
         self._names = Names([entry.pattern for entry in self._entries.values()])
         self._checked = None
 
     def update(self, grown: Library) -> None:
-        """Know all that a copy of this library has come to know."""
+        """Replace the contents by the contents of a copy of this library that has been extended."""
         self._entries, self._names = grown._entries, grown._names
         self.functions, self.unknown = grown.functions, grown.unknown
         self._generated.update(grown._generated)
@@ -135,17 +138,17 @@ class Library:
         self._checked = None
 
     def remove(self, names: Collection[str]) -> None:
-        """Forget patterns (qualified names), which no others call."""
+        """Remove patterns by their qualified names. No remaining pattern may call them."""
         self._entries = {name: entry for name, entry in self._entries.items() if name not in names}
         self._names = Names([entry.pattern for entry in self._entries.values()])
         self._lowered = {name: lowered for name, lowered in self._lowered.items() if name not in names}
         self._checked = None
 
     def called(self, qualified_name: str) -> tuple[str, ...]:
-        """Qualified names of the patterns that a registered one calls.
+        """Return the qualified names of the patterns that a registered pattern calls.
 
         Raises:
-            InvalidArgument: there is no such pattern.
+            InvalidArgument: no pattern has this name.
         """
         entry, defined = self._entry(qualified_name), self.definitions
         read = (defined[one.feature] for one in entry.reads if one.feature in defined)
@@ -153,13 +156,13 @@ class Library:
 
     @property
     def definitions(self) -> Mapping[Feature, str]:
-        """The derived features that patterns define, each with the qualified name of its pattern."""
+        """Return the derived features that patterns define, each with the qualified name of its pattern."""
         if self._definitions[0] is not self._entries:
             self._definitions = self._entries, definitions(self._entries)
         return self._definitions[1]
 
     def checked(self, *patterns: Pattern) -> Checked:
-        """Return what is known about new patterns; nothing is worked out again if they are those of the last time."""
+        """Return the analysis and diagnostics of new patterns. The result of the last call is cached."""
         last = self._checked
         if (
             last is None
@@ -177,18 +180,22 @@ class Library:
         return last
 
     def resolve(self, name: str, package: str = "") -> Pattern | None:
-        """The pattern that a name means in a package, or None if it means none or several.
+        """Return the pattern that a name denotes in a package, or None if no pattern or several patterns are possible.
 
-        First a pattern of the package, then a qualified name, then a simple name that only one visible pattern has.
+        The order is: a pattern of the package, a qualified name, a simple name that only one visible pattern has.
         """
         found, _ = self._names.candidates(name, package)
         return found[0] if len(found) == 1 else None
 
     def callee(self, caller: str, name: str) -> Pattern:
-        """The pattern that a name means in the calls of a registered pattern (qualified name).
+        """Return the pattern that a name denotes in the calls of a registered pattern.
+
+        Args:
+            caller: the qualified name of the calling pattern.
+            name: the name in the call.
 
         Raises:
-            InvalidArgument: there is no such caller, or it calls nothing by that name.
+            InvalidArgument: the caller does not exist, or calls no pattern by that name.
         """
         calls = self._entry(caller).calls
         if name not in calls:
@@ -196,52 +203,52 @@ class Library:
         return self._entries[calls[name]].pattern
 
     def get(self, qualified_name: str) -> Pattern:
-        """A registered pattern, or one generated for a path.
+        """Return a registered or generated pattern.
 
         Raises:
-            InvalidArgument: there is none of that name.
+            InvalidArgument: no pattern has this name.
         """
         return self._entry(qualified_name).pattern
 
     def parameter_types(self, qualified_name: str) -> tuple[StaticType, ...]:
-        """Types of the parameters, declared or else inferred.
+        """Return the types of the parameters, declared or inferred.
 
         Raises:
-            InvalidArgument: there is no such pattern.
+            InvalidArgument: no pattern has this name.
         """
         return self._entry(qualified_name).known_types
 
     def inputs(self, qualified_name: str) -> tuple[int, ...]:
-        """Positions of the `in` parameters that nothing enumerates: whoever asks has to bind them.
+        """Return the positions of `in` parameters that callers must bind, because the pattern does not enumerate them.
 
         Raises:
-            InvalidArgument: there is no such pattern.
+            InvalidArgument: no pattern has this name.
         """
         return self._entry(qualified_name).inputs
 
     def may_hold(self, qualified_name: str, body: Body) -> Callable[[Relation], bool]:
-        """Return the test whether the types of a body allow a tuple of a relation under `neg` or in an aggregate.
+        """Return a test that is True if the types in a body allow a tuple of a negated or aggregated relation.
 
         Raises:
-            InvalidArgument: there is no such pattern.
+            InvalidArgument: no pattern has this name.
         """
         entry = self._entry(qualified_name)
         return entry.bodies[entry.pattern.bodies.index(body)].may_hold
 
     def lowered(self, qualified_name: str) -> LoweredPattern:
-        """The normal form of a pattern. Its calls may name generated patterns, which are found here, too.
+        """Return the lowered form of a pattern. Its calls may name generated patterns, which this method also accepts.
 
         Raises:
-            InvalidArgument: there is no such pattern.
+            InvalidArgument: no pattern has this name.
         """
         if qualified_name not in self._lowered:
             self._lowered[qualified_name] = self._lower(self._entry(qualified_name))
         return self._lowered[qualified_name]
 
     def __copy__(self) -> Library:
-        """An independent library with the same patterns: what is added to one is unknown to the other."""
+        """Return an independent library with the same patterns. Additions to one library do not affect the other."""
         twin = Library(self.metamodel)
-        twin._entries = self._entries  # which is replaced, and never changed
+        twin._entries = self._entries  # entries are replaced as a whole and never changed
         twin._names = self._names
         twin._generated = dict(self._generated)
         twin._lowered = dict(self._lowered)
@@ -272,7 +279,7 @@ class Library:
         )
 
     def variable_types(self, pattern: Pattern) -> Mapping[str, StaticType | None]:
-        """Types of the variables of a new pattern with one body, as far as it tells, whatever is wrong with it."""
+        """Return the types of the variables of a new pattern with one body, None where unknown. Errors are ignored."""
         (body,) = self.resolved(pattern).bodies
 
         def callee(name: str) -> Signature | None:
@@ -283,7 +290,10 @@ class Library:
         return BodyTypes(reading, pattern.parameters, self.metamodel, callee).types
 
     def _generate(self, wanted: ResolvedPath | AttributeType | Feature) -> str:
-        """Register the pattern of a path or of the values of a type; the same one always has the same name."""
+        """Register a pattern for a path or for the values of a type, and return its name. Equal input has one name.
+
+        For a derived feature return the name of the pattern that defines it, or "".
+        """
         if isinstance(wanted, ResolvedPath):
             return self._path_pattern(wanted)
         if isinstance(wanted, Attribute | Reference):
@@ -305,7 +315,7 @@ class Library:
         return name
 
     def _made(self, pattern: Pattern, *types: StaticType) -> Entry:
-        """A pattern that calls no other."""
+        """Return the entry of a generated pattern, which calls no other pattern."""
         bodies = (
             BodyTypes(
                 Reading(body, pattern.parameters), pattern.parameters, self.metamodel, lambda name: None

@@ -1,8 +1,8 @@
-"""The resolved, normalised form of a pattern: the one representation of a conjunction from the library to the plan.
+"""The lowered (resolved and normalised) form of patterns, which all passes, planners and views use.
 
-Variables are numbered within a body: parameters first, in their order, then local ones. Paths are split into
-single steps, nested terms have become variables of their own, variables equal to each other are one variable,
-every class and feature is resolved, and every parameter type is an atom.
+Variables are numbered within a body: first the parameters in their order, then local variables. Paths are split into
+single steps. Nested terms have variables of their own. Variables that are equal to each other are one variable. Every
+class and feature is resolved, and every parameter type is an atom.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from envgraph.pattern._terms import Expression
 
 @dataclass(frozen=True, slots=True)
 class ObjectType:
-    """The static type of a variable that stands for an object: an instance of this class."""
+    """The static type of a variable for objects: an instance of this class."""
 
     cls: str
 
@@ -30,7 +30,7 @@ StaticType = ObjectType | AttributeType
 
 @dataclass(frozen=True, slots=True)
 class InstanceAtom:
-    """`variable` is an object of class `cls` (of exactly that class, if `exact`)."""
+    """The goal that `variable` is an object of class `cls` (a direct instance, if `exact`)."""
 
     cls: str
     variable: int
@@ -39,7 +39,7 @@ class InstanceAtom:
 
 @dataclass(frozen=True, slots=True)
 class AttributeAtom:
-    """`object` has `value` in an attribute with one; an attribute without a value has no tuple."""
+    """The goal that `object` has `value` in a single-valued attribute. It fails if the attribute is unset."""
 
     attribute: Attribute
     object: int
@@ -48,7 +48,7 @@ class AttributeAtom:
 
 @dataclass(frozen=True, slots=True)
 class LinkAtom:
-    """There is a link from `source` to `target`, or `target` is one of the values of an attribute with many."""
+    """The goal that `source` has a link to `target`, or `target` as a value of a multi-valued attribute."""
 
     reference: Reference | Attribute
     source: int
@@ -57,7 +57,7 @@ class LinkAtom:
 
 @dataclass(frozen=True, slots=True)
 class CallAtom:
-    """The tuple of `arguments` is a match of the pattern with this qualified name."""
+    """The goal that the tuple of `arguments` is a match of the pattern with this qualified name."""
 
     pattern: str
     arguments: tuple[int, ...]
@@ -65,11 +65,10 @@ class CallAtom:
 
 @dataclass(frozen=True, slots=True)
 class ClosureAtom:
-    """`target` is reached from `source` by one or more (`+`) or any number (`*`) of steps.
+    """The goal that `target` can be reached from `source` by one or more (`+`) or any number (`*`) of steps.
 
-    A step is a match of the binary pattern `step`; `closure` is never `ONCE`. A path with closure is lowered to a
-    generated binary pattern. With `*`, source and target are also related when they are the same object (of
-    the step's source type).
+    A step is a match of the binary pattern `step`. `closure` is never `ONCE`. A path with a closure is lowered to a
+    generated binary pattern. With `*`, each object of the step's source type is also related to itself.
     """
 
     step: str
@@ -83,11 +82,11 @@ RelationAtom = InstanceAtom | AttributeAtom | LinkAtom | CallAtom | ClosureAtom
 
 @dataclass(frozen=True, slots=True)
 class AggregateAtom:
-    """`result` is the aggregate over the tuples of `relation` that agree with the variables of the body.
+    """The goal that `result` is the aggregate over the tuples of `relation` that agree with the variables of the body.
 
     Attributes:
         local: variables that are free inside; distinct tuples of the relation are aggregated.
-        column: the local variable that `#` marks; None for count.
+        column: the local variable marked by `#`; None for count.
     """
 
     function: Literal["count", "sum", "min", "max", "avg"]
@@ -99,7 +98,7 @@ class AggregateAtom:
 
 @dataclass(frozen=True, slots=True)
 class UnequalAtom:
-    """The two variables have different values."""
+    """The goal that two variables have different values."""
 
     left: int
     right: int
@@ -107,11 +106,11 @@ class UnequalAtom:
 
 @dataclass(frozen=True, slots=True)
 class Condition:
-    """A boolean expression holds.
+    """The goal that a boolean expression is true.
 
     Attributes:
-        expression: without navigation; enum literals are string constants.
-        reads: each name in the expression with the number of the variable that it stands for.
+        expression: an expression without navigation, in which enum literals are string constants.
+        reads: each name in the expression, with the number of its variable.
     """
 
     expression: Expression
@@ -120,7 +119,7 @@ class Condition:
 
 @dataclass(frozen=True, slots=True)
 class Valuation:
-    """`result` has the value of an expression (as in `Condition`); no value, no match."""
+    """The goal that `result` has the value of an expression (as in `Condition`). It fails if there is no value."""
 
     expression: Expression
     reads: tuple[tuple[str, int], ...]
@@ -129,11 +128,11 @@ class Valuation:
 
 @dataclass(frozen=True, slots=True)
 class Absence:
-    """None of the alternatives has a solution.
+    """The goal that none of the alternatives has a solution.
 
     Attributes:
-        alternatives: conjunctions; one relation as a text says it, more when called patterns are inlined.
-        outer: the variables of the body that stand inside; all others there are free.
+        alternatives: conjunctions of goals. A negation as written has one relation; inlining patterns can add more.
+        outer: the variables of the body that occur inside. All other variables inside are local.
     """
 
     alternatives: tuple[tuple[Goal, ...], ...]
@@ -146,17 +145,16 @@ Goal = RelationAtom | UnequalAtom | Condition | Valuation | AggregateAtom | Abse
 
 @dataclass(frozen=True, slots=True)
 class Conjunction:
-    """One body: what planners order and views are made of.
+    """The lowered form of one body, which planners order and views are built from.
 
     Attributes:
-        types: static type of every variable.
-        constants: value of every variable that is fixed.
-        parameters: for each parameter the number of the variable that stands for it: its own, or the one it equals.
-        goals: what must hold; of a pattern as it is written, in the order of the text.
-        names: unique name of every variable that the body as it is written has; an identifier, or "#n" for one that
-            no text names. Variables of inlined bodies follow without names.
-        spans: of each goal of a body as it is written the constraint that it comes from, if that was read from a
-            text; () after goals have been rewritten.
+        types: the static type of every variable.
+        constants: the value of every fixed variable.
+        parameters: for each parameter the number of its variable, or of the variable that it equals.
+        goals: the goals that must hold; in the order of the text, unless they were rewritten.
+        names: the unique name of every variable of the written body: an identifier, or "#n" if it has no name in the
+            text. Variables of inlined bodies follow without names.
+        spans: for each goal of a written body the span of its constraint, or None; () after goals were rewritten.
     """
 
     types: tuple[StaticType, ...]
@@ -169,10 +167,10 @@ class Conjunction:
 
 @dataclass(frozen=True, slots=True)
 class LoweredPattern:
-    """A resolved pattern; its matches are the union over the bodies, projected to the parameters.
+    """A resolved pattern. Its matches are the union over the bodies, projected to the parameters.
 
     Attributes:
-        inputs: numbers of the `in` parameters that nothing enumerates; whoever asks has to bind them.
+        inputs: numbers of the `in` parameters that the pattern does not enumerate, so that callers must bind them.
     """
 
     name: str
@@ -183,12 +181,12 @@ class LoweredPattern:
 
 
 def is_relation(goal: Goal) -> TypeGuard[RelationAtom]:
-    """Return whether a goal is met by the tuples of one relation."""
+    """Return True if the goal is satisfied by the tuples of one relation."""
     return isinstance(goal, InstanceAtom | AttributeAtom | LinkAtom | CallAtom | ClosureAtom)
 
 
 def arguments(relation: RelationAtom) -> tuple[int, ...]:
-    """The variables of a relation, in the order of its columns."""
+    """Return the variables of a relation, in the order of its columns."""
     match relation:
         case InstanceAtom(_, variable):
             return (variable,)
@@ -201,7 +199,7 @@ def arguments(relation: RelationAtom) -> tuple[int, ...]:
 
 
 def inputs(goal: Goal) -> tuple[int, ...]:
-    """The variables that must have a value before the goal can be met; relations need none."""
+    """Return the variables that must have a value before the goal can be evaluated. Relations need none."""
     match goal:
         case Condition(_, reads) | Valuation(_, reads):
             return tuple(variable for _, variable in reads)
@@ -216,7 +214,7 @@ def inputs(goal: Goal) -> tuple[int, ...]:
 
 
 def outputs(goal: Goal) -> tuple[int, ...]:
-    """The variables that the goal can give a value."""
+    """Return the variables to which the goal can give a value."""
     match goal:
         case Valuation() | AggregateAtom():
             return (goal.result,)
@@ -227,12 +225,12 @@ def outputs(goal: Goal) -> tuple[int, ...]:
 
 
 def variables(goal: Goal) -> tuple[int, ...]:
-    """All variables of a goal that its surroundings can see; some may stand twice."""
+    """Return all variables of a goal except those local to a negation or aggregate. A variable may occur twice."""
     return (*inputs(goal), *outputs(goal))
 
 
 def mentioned(goal: Goal) -> tuple[int, ...]:
-    """All variables of a goal, those that are free inside a negation or an aggregate as well; some may stand twice."""
+    """Return all variables of a goal, also those local to a negation or aggregate. A variable may occur twice."""
     match goal:
         case Absence(alternatives):
             return tuple(v for alternative in alternatives for inner in alternative for v in mentioned(inner))
@@ -243,7 +241,7 @@ def mentioned(goal: Goal) -> tuple[int, ...]:
 
 
 def renumbered(goal: Goal, numbers: Mapping[int, int]) -> Goal:
-    """The same goal over other variables: each replaced by what `numbers` has for it."""
+    """Return a copy of the goal with each variable replaced by its number in `numbers`."""
 
     def reads(pairs: tuple[tuple[str, int], ...]) -> tuple[tuple[str, int], ...]:
         return tuple((name, numbers[number]) for name, number in pairs)
@@ -273,7 +271,7 @@ def renumbered(goal: Goal, numbers: Mapping[int, int]) -> Goal:
 
 
 def renumbered_relation(relation: RelationAtom, numbers: Mapping[int, int]) -> RelationAtom:
-    """The same relation over other variables."""
+    """Return a copy of the relation with each variable replaced by its number in `numbers`."""
     match relation:
         case InstanceAtom():
             return replace(relation, variable=numbers[relation.variable])

@@ -1,4 +1,4 @@
-"""Feature paths: `Type.f1.f2`, step by step."""
+"""Resolve feature paths (`Type.f1.f2`) step by step."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from envgraph.pattern._types import joins
 
 @dataclass(frozen=True, slots=True)
 class ResolvedPath:
-    """A path whose names mean something; all steps but the last are references."""
+    """A path whose class and features exist. All steps but the last are references."""
 
     cls: str
     steps: tuple[Feature, ...]
 
     @property
     def source(self) -> StaticType:
-        """The type that the path asks of its source."""
+        """Return the type that the path requires of its source."""
         return ObjectType(self.cls)
 
     @property
     def target(self) -> StaticType:
-        """The type of what the path leads to."""
+        """Return the type of the values or objects at the end of the path."""
         return target_type(self.steps[-1])
 
     def __str__(self) -> str:
@@ -33,7 +33,7 @@ class ResolvedPath:
 
 @dataclass(frozen=True, slots=True)
 class BrokenPath:
-    """Where a path stops making sense: `features[position]` is not there on `cls`, or an attribute precedes it."""
+    """The place of an error in a path: class `cls` lacks `features[position]`, or that step follows an attribute."""
 
     position: int
     cls: str
@@ -41,14 +41,14 @@ class BrokenPath:
 
 
 def target_type(feature: Feature) -> StaticType:
-    """The type of what a feature leads to."""
+    """Return the type of the values or targets of a feature."""
     return ObjectType(feature.target) if isinstance(feature, Reference) else feature.type
 
 
 def resolve_path(cls: str, features: tuple[str, ...], metamodel: Metamodel) -> ResolvedPath | BrokenPath:
     """Look up every step of a path that starts at a known class.
 
-    A feature is looked up on the static type only; one of a subclass has to be written on the subclass.
+    Features are looked up on the static type. A feature of a subclass has to be written on the subclass.
     """
     steps: list[Feature] = []
     current = cls
@@ -65,12 +65,12 @@ def resolve_path(cls: str, features: tuple[str, ...], metamodel: Metamodel) -> R
 
 
 def derived(feature: Feature) -> bool:
-    """Return whether the metamodel says that the values of a feature are computed (`@derived`)."""
+    """Return True if the metamodel marks the feature as computed (`@derived`)."""
     return any(annotation.name == "derived" for annotation in feature.annotations)
 
 
 def derived_feature(feature: Feature, span: Span | None) -> Diagnostic:
-    """The warning that a query reads a derived feature."""
+    """Return the warning that a query reads a derived feature that no query defines."""
     message = f"`{feature.name}` is derived: nothing computes it here, it has the values that were stored"
     value = type_name(feature.type) if isinstance(feature, Attribute) else feature.target
     pattern = f"pattern {feature.name}(this : {feature.owner}, value : {value}) {{ .. }}"
@@ -81,9 +81,10 @@ def derived_feature(feature: Feature, span: Span | None) -> Diagnostic:
 def closure_target(
     source: StaticType, target: StaticType, closure: Closure, metamodel: Metamodel
 ) -> StaticType | None:
-    """The type of the far end of a closure whose steps go from `source` to `target`.
+    """Return the type of the targets of a closure whose steps lead from `source` to `target`.
 
-    `*` also relates an object to itself, so its far end may be of the source type, too. None if nothing is both.
+    `*` also relates an object to itself, so its targets may have the source type. None if both types have no common
+    supertype.
     """
     if closure is not Closure.STAR:
         return target

@@ -1,6 +1,6 @@
 """Graph queries as frozen data: patterns, bodies, constraints.
 
-Names of classes, features and patterns are plain strings; `check_pattern` says which of them mean nothing.
+Names of classes, features and patterns are plain strings; `check_pattern` reports unknown names.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ Strategy = Literal["incremental", "search"]
 
 
 class Closure(StrEnum):
-    """How often a binary relation is followed: once, at least once, or any number of times."""
+    """The repetition of a binary relation: once, at least once, or any number of times."""
 
     ONCE = ""
     PLUS = "+"
@@ -27,7 +27,7 @@ class Closure(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Hash:
-    """`#` or `#name`: the column that sum, min, max and avg aggregate; the name only tells the reader what it is."""
+    """The mark `#` or `#name` of the column that sum, min, max and avg aggregate. The name is a comment for readers."""
 
     span: Span | None = field(default=None, compare=False, repr=False)
     name: str | None = field(default=None, compare=False, repr=False)
@@ -35,7 +35,7 @@ class Hash:
 
 @dataclass(frozen=True, slots=True)
 class Evaluation:
-    """`eval(expression)`, standing where a variable may stand."""
+    """A term `eval(expression)`, in the place of a variable."""
 
     expression: Expression
     span: Span | None = field(default=None, compare=False, repr=False)
@@ -43,7 +43,7 @@ class Evaluation:
 
 @dataclass(frozen=True, slots=True)
 class Aggregate:
-    """`count find p(..)`, `sum Type.f(_, #)` ..., standing where a variable may stand."""
+    """A term such as `count find p(..)` or `sum Type.f(_, #)`, in the place of a variable."""
 
     function: Literal["count", "sum", "min", "max", "avg"]
     over: Relation
@@ -55,9 +55,9 @@ Term = Variable | Constant | EnumLiteral | Evaluation | Aggregate | Hash
 
 @dataclass(frozen=True, slots=True)
 class TypeConstraint:
-    """`Type(term)`: the term is an instance of a class, subclasses included, or of an enum.
+    """A constraint `Type(term)`: the term is an instance of a class or its subclasses, or a value of an enum.
 
-    `exact` leaves subclasses out; no text spells it, derived rules use it.
+    `exact` excludes subclasses. It has no syntax in texts; derived rules use it.
     """
 
     type: str
@@ -69,12 +69,11 @@ class TypeConstraint:
 
 @dataclass(frozen=True, slots=True)
 class PathConstraint:
-    """`Type.f1.f2(source, target)`, with `+` or `*` as closure.
+    """A constraint `Type.f1.f2(source, target)`, with `+` or `*` as closure.
 
     Attributes:
-        type: class that the source is an instance of; "" stands for the static type of the source (an arrow
-            `a -ref-> b` of a rule).
-        features: one name a step; all but the last are references.
+        type: the class of the source; "" means the static type of the source (an arrow `a -ref-> b` of a rule).
+        features: one name for each step; all but the last are references.
     """
 
     type: str
@@ -89,7 +88,7 @@ class PathConstraint:
 
 @dataclass(frozen=True, slots=True)
 class PatternCall:
-    """`find p(arguments)`, with `+` or `*` as closure; `pattern` is a simple or a qualified name."""
+    """A constraint `find p(arguments)`, with `+` or `*` as closure. `pattern` is a simple or a qualified name."""
 
     pattern: str
     arguments: tuple[Term, ...]
@@ -103,7 +102,7 @@ Relation = TypeConstraint | PathConstraint | PatternCall
 
 @dataclass(frozen=True, slots=True)
 class Negation:
-    """`neg find p(..)`, `neg Type(x)`, `neg Type.f(x, y)`."""
+    """A constraint `neg find p(..)`, `neg Type(x)` or `neg Type.f(x, y)`: the relation has no matching tuple."""
 
     relation: Relation
     span: Span | None = field(default=None, compare=False, repr=False)
@@ -111,7 +110,7 @@ class Negation:
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """`left == right` or `left != right`."""
+    """A constraint `left == right` or `left != right`."""
 
     operator: Literal["==", "!="]
     left: Term
@@ -121,7 +120,7 @@ class Comparison:
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """`check(expression)`."""
+    """A constraint `check(expression)`: the expression is true."""
 
     expression: Expression
     span: Span | None = field(default=None, compare=False, repr=False)
@@ -132,7 +131,7 @@ Constraint = TypeConstraint | PathConstraint | PatternCall | Negation | Comparis
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """A parameter; `type` is the name of a class, an enum or a scalar (`int`), or None."""
+    """A parameter of a pattern, rule, unit or function. `type` names a class, an enum or a scalar, or is None."""
 
     name: str
     type: str | None = None
@@ -151,7 +150,7 @@ class Body:
 
 
 class InPackage:
-    """A definition that may be in a package; "" is none."""
+    """A definition that may belong to a package. The package "" means none."""
 
     __slots__ = ()
 
@@ -160,7 +159,7 @@ class InPackage:
 
     @property
     def qualified_name(self) -> str:
-        """`package.name`, or the name alone."""
+        """Return `package.name`, or the name alone without a package."""
         return f"{self.package}.{self.name}" if self.package else self.name
 
 
@@ -169,11 +168,11 @@ class Pattern(InPackage):
     """A query: the set of parameter tuples for which one of the bodies holds.
 
     Attributes:
-        package: qualifies the name; "" for none.
-        private: visible in its own file (Python: its own package) only.
-        strategy: "incremental" keeps it current, "search" looks when asked; None leaves it to the engine.
-        unknown: variables of which a mistake elsewhere leaves unknown what they are.
-        mended: whether its text has mistakes that were mended: what it seems to lack may stand there.
+        package: the qualifier of the name; "" for none.
+        private: True if only its own file (in Python: its own package) may call it.
+        strategy: "incremental" makes it a view, "search" searches on request; None lets the engine choose.
+        unknown: variables whose types are unknown because of an error elsewhere.
+        mended: True if its text has errors that the parser repaired, so that parts may be missing.
     """
 
     name: str

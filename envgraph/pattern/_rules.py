@@ -1,6 +1,6 @@
 """Rewrite rules and control units as frozen data.
 
-A rule holds what its author wrote; what it does to a graph is worked out in `envgraph.rewrite`.
+A rule contains what its author wrote. `envgraph.rewrite` computes its effect on a graph.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from envgraph.pattern._terms import Expression, Variable
 
 @dataclass(frozen=True, slots=True)
 class Assignment:
-    """`feature = value` inside the braces of an object literal; a list is one or more targets."""
+    """An assignment `feature = value` in the braces of an object literal. A list is one or more targets."""
 
     feature: str
     value: Expression | tuple[Expression, ...]
@@ -27,7 +27,7 @@ class Assignment:
 
 @dataclass(frozen=True, slots=True)
 class Node:
-    """A node of a rule's graph: `x`, `x : Class`, or on a right side `x : Class { feature = value }`."""
+    """A node of a rule's graph: `x`, `x : Class`, or on a right-hand side `x : Class { feature = value }`."""
 
     name: str
     type: str | None = None
@@ -38,7 +38,7 @@ class Node:
 
 @dataclass(frozen=True, slots=True)
 class Edge:
-    """`source -reference-> target`; `target <-reference- source` is the same edge. `closure` is "", "+" or "*"."""
+    """An edge `source -reference-> target` of a rule, or `target <-reference- source`. `closure` is "", "+" or "*"."""
 
     source: str
     reference: str
@@ -52,7 +52,7 @@ class Edge:
 
 @dataclass(frozen=True, slots=True)
 class LeftSide:
-    """What must be there: nodes (declared, or standing in an edge), edges, and query constraints."""
+    """The left-hand side of a rule: nodes (declared, or named in an edge), edges, and query constraints."""
 
     nodes: tuple[Node, ...] = ()
     edges: tuple[Edge, ...] = ()
@@ -62,7 +62,7 @@ class LeftSide:
 
 @dataclass(frozen=True, slots=True)
 class Create:
-    """`create a -ref-> x : Class { .. }`: nodes with a type are new, edges are added."""
+    """An action `create a -ref-> x : Class { .. }`. Nodes with a type are created, and edges are added."""
 
     nodes: tuple[Node, ...]
     edges: tuple[Edge, ...] = ()
@@ -71,7 +71,7 @@ class Create:
 
 @dataclass(frozen=True, slots=True)
 class DeleteNode:
-    """`delete x`."""
+    """An action `delete x`."""
 
     node: Variable
     span: Span | None = field(default=None, compare=False, repr=False)
@@ -79,7 +79,7 @@ class DeleteNode:
 
 @dataclass(frozen=True, slots=True)
 class DeleteEdge:
-    """`delete a -ref-> b`."""
+    """An action `delete a -ref-> b`."""
 
     edge: Edge
     span: Span | None = field(default=None, compare=False, repr=False)
@@ -87,7 +87,7 @@ class DeleteEdge:
 
 @dataclass(frozen=True, slots=True)
 class Set:
-    """`set object.feature = value`, `+=`, `-=`."""
+    """An action `set object.feature = value`, or with `+=` or `-=`."""
 
     object: Variable
     feature: str
@@ -99,7 +99,7 @@ class Set:
 
 @dataclass(frozen=True, slots=True)
 class Retype:
-    """`retype x : Class`: same identity, exactly that class afterwards."""
+    """An action `retype x : Class`. The object keeps its identity and becomes a direct instance of the class."""
 
     node: Variable
     type: str
@@ -109,7 +109,7 @@ class Retype:
 
 @dataclass(frozen=True, slots=True)
 class Move:
-    """`move x to container.reference`."""
+    """An action `move x to container.reference`."""
 
     node: Variable
     container: Variable
@@ -120,7 +120,7 @@ class Move:
 
 @dataclass(frozen=True, slots=True)
 class Merge:
-    """`merge kept <- absorbed`: links of the absorbed node go over to the kept one."""
+    """An action `merge kept <- absorbed`: links of the absorbed object are moved to the kept object."""
 
     kept: Variable
     absorbed: Variable
@@ -129,7 +129,7 @@ class Merge:
 
 @dataclass(frozen=True, slots=True)
 class Redirect:
-    """`redirect a -ref-> b to c`: the edge gets another target."""
+    """An action `redirect a -ref-> b to c`: the edge gets another target."""
 
     edge: Edge
     target: Variable
@@ -141,18 +141,18 @@ Action = Create | DeleteNode | DeleteEdge | Set | Retype | Move | Merge | Redire
 
 @dataclass(frozen=True, slots=True)
 class RightSide:
-    """`rhs { .. }`: the graph after the rule; what the left side has and this lacks is deleted."""
+    """The right-hand side `rhs { .. }`: the graph after the rule. Left-hand side parts missing here are deleted."""
 
     nodes: tuple[Node, ...] = ()
     edges: tuple[Edge, ...] = ()
     actions: tuple[Action, ...] = ()
-    """Only `set`, and `delete` as the explicit word for an omission."""
+    """Only `set` actions, and `delete` actions, which confirm that a part is omitted."""
     span: Span | None = field(default=None, compare=False, repr=False)
 
 
 @dataclass(frozen=True, slots=True)
 class Modification:
-    """`modify { .. }`: everything stays but what an action changes."""
+    """A right-hand side `modify { .. }`: only the actions change the graph."""
 
     actions: tuple[Action, ...]
     span: Span | None = field(default=None, compare=False, repr=False)
@@ -163,7 +163,10 @@ BlockKind = Literal["not", "require", "forall", "forall+", "optional"]
 
 @dataclass(frozen=True, slots=True)
 class Block:
-    """A nested condition (`not`, `require`) or a nested rule (`forall`, `forall+`, `optional`)."""
+    """A nested condition (`not` or `require`) or a nested rule (`forall`, `forall+`, `optional`) of a rule.
+
+    `not` is a negative application condition.
+    """
 
     kind: BlockKind
     left: LeftSide
@@ -177,11 +180,12 @@ class Rule(InPackage):
     """A rewrite rule.
 
     Attributes:
-        weight: relative frequency of a random choice among rules (`@weight`), > 0.
-        priority: higher goes first (`@priority`).
-        semantics: "dpo" refuses what would leave dangling edges, "spo" removes them (`@semantics`).
-        injective: different object variables are different objects; `homomorphic` lists the groups of names that
-            may still coincide (`@hom`).
+        weight: the relative probability in a random choice among rules (`@weight`), > 0.
+        priority: rules with a higher priority are applied first (`@priority`).
+        semantics: "dpo" refuses an application that would leave dangling edges, "spo" deletes these edges
+            (`@semantics`).
+        injective: True if different object variables must be different objects. `homomorphic` lists the groups of names
+            that may be equal all the same (`@hom`).
     """
 
     name: str
@@ -203,14 +207,16 @@ class Rule(InPackage):
 
 @dataclass(frozen=True, slots=True)
 class Call:
-    """`name(arguments)` in a unit.
+    """A step `name(arguments)` of a unit: a call of a rule or unit.
 
     Attributes:
-        every: `all rule;`, `top 3 rule by ..;`: each match of a snapshot, checked again before firing.
-        first: `first rule;`: the first match instead of one drawn at random.
-        limit: of `top`; then `every` is true, and `by` is given.
-        by: orders the matches of a snapshot, the largest value first; over variables of the rule and of the unit.
-        where: conditions that a match has to meet, over the same variables.
+        every: True for `all rule;` and `top 3 rule by ..;`: each match of a snapshot, checked again before its
+            application.
+        first: True for `first rule;`: the first match instead of a randomly sampled one.
+        limit: the number of `top`, with `every` and `by`; else None.
+        by: the expression that orders the matches of a snapshot, largest value first. It may use variables of the rule
+            and of the unit.
+        where: conditions on a match, over the same variables.
     """
 
     name: str
@@ -226,7 +232,7 @@ class Call:
 
 @dataclass(frozen=True, slots=True)
 class Sequence:
-    """`a; b; c;` in order."""
+    """The steps `a; b; c;`, in order."""
 
     steps: tuple[Step, ...]
     span: Span | None = field(default=None, compare=False, repr=False)
@@ -234,7 +240,10 @@ class Sequence:
 
 @dataclass(frozen=True, slots=True)
 class Choice:
-    """`a | { b; c; }`: one that can be applied, by priority, then by weight; blocks have priority 0 and weight 1."""
+    """A step `a | { b; c; }`: one applicable alternative is chosen, by priority, then at random by weight.
+
+    Blocks have priority 0 and weight 1.
+    """
 
     alternatives: tuple[Step, ...]
     span: Span | None = field(default=None, compare=False, repr=False)
@@ -242,7 +251,7 @@ class Choice:
 
 @dataclass(frozen=True, slots=True)
 class Alap:
-    """`alap { .. }`: as long as possible."""
+    """A loop `alap { .. }`, repeated as long as possible."""
 
     body: Step
     span: Span | None = field(default=None, compare=False, repr=False)
@@ -250,9 +259,9 @@ class Alap:
 
 @dataclass(frozen=True, slots=True)
 class Repeat:
-    """`repeat lower..upper { .. }`: a random number of times, both bounds included.
+    """A loop `repeat lower..upper { .. }` with a random number of rounds, both bounds included.
 
-    A bound may be an expression over the variables of the unit, worked out when the step begins.
+    A bound may be an expression over the variables of the unit, evaluated at the start of the step.
     """
 
     lower: int | Expression
@@ -263,7 +272,7 @@ class Repeat:
 
 @dataclass(frozen=True, slots=True)
 class Try:
-    """`try { .. } else { .. }`."""
+    """A step `try { .. } else { .. }`."""
 
     body: Step
     otherwise: Step | None = None
@@ -272,10 +281,10 @@ class Try:
 
 @dataclass(frozen=True, slots=True)
 class Applicable:
-    """`if rule(x) { .. }`, `if neg rule(x) { .. }`: the rule is applicable at one of its matches.
+    """A condition `if rule(x) { .. }` or `if neg rule(x) { .. }`: the rule is applicable at one of its matches.
 
-    With one argument this is written, and read, like the type of a variable: `TypeConstraint("rule", x)` means the same
-    where `rule` is the name of no type.
+    With one argument the parser reads it as a type constraint: `TypeConstraint("rule", x)` has the same meaning if no
+    type is named `rule`.
     """
 
     name: str
@@ -286,7 +295,7 @@ class Applicable:
 
 @dataclass(frozen=True, slots=True)
 class If:
-    """`if find p(x) { .. } else { .. }`, also with any other constraint of a pattern, or with a rule."""
+    """A step `if find p(x) { .. } else { .. }`. The condition is a constraint of a pattern, or `Applicable`."""
 
     condition: Constraint | Applicable
     then: Step
@@ -296,7 +305,7 @@ class If:
 
 @dataclass(frozen=True, slots=True)
 class Atomic:
-    """`atomic { .. }`: all or nothing."""
+    """A step `atomic { .. }`, which is applied completely or not at all."""
 
     body: Step
     span: Span | None = field(default=None, compare=False, repr=False)
@@ -307,7 +316,7 @@ Step = Call | Sequence | Choice | Alap | Repeat | Try | If | Atomic
 
 @dataclass(frozen=True, slots=True)
 class Unit(InPackage):
-    """A control program over rules, with the same standing as a rule wherever one is named."""
+    """A control program over rules. A unit can be used wherever a rule can be named."""
 
     name: str
     parameters: tuple[Parameter, ...]
@@ -322,9 +331,10 @@ class Unit(InPackage):
 
 @dataclass(frozen=True, slots=True)
 class Derivation(InPackage):
-    """`derive name = retype among { A, B };` or `derive name = operators for Class;`: a group of rules to generate.
+    """A group of rules to generate: `derive name = retype among { A, B };` or `derive name = operators for Class;`.
 
-    `kind` "retype" gives `name.A.B` for every ordered pair; "operators" the operators of the one class.
+    `kind` "retype" generates `name.A.B` for every ordered pair of classes; "operators" generates the operators of one
+    class.
     """
 
     name: str

@@ -14,14 +14,14 @@ if TYPE_CHECKING:
     from envgraph.pattern._functions import DeclaredFunction
 
 _CHAINS: Final = {"+": 1, "-": 1, "*": 2, "/": 2, "%": 2, "&&": 3, "||": 4}
-"""The operators of one number follow each other without brackets: `a - b + c`."""
+"""Operators with the same number form a chain without brackets: `a - b + c`."""
 
 
 @dataclass(frozen=True, slots=True)
 class Variable:
     """A variable, parameter or object name.
 
-    `_` is a different variable at every place; a name that starts with `_` is meant to be used once.
+    `_` is a different variable at every occurrence. A name that starts with `_` is for a variable used once.
     """
 
     name: str
@@ -29,13 +29,13 @@ class Variable:
 
     @property
     def anonymous(self) -> bool:
-        """Whether this is `_`."""
+        """Return True if the name is `_`."""
         return self.name == "_"
 
 
 @dataclass(frozen=True, slots=True)
 class Constant:
-    """A number, truth value or string; None is `none`, the absence of a value."""
+    """A number, truth value or string. The value None is `none`, the absence of a value."""
 
     value: Value | None
     span: Span | None = field(default=None, compare=False, repr=False)
@@ -43,7 +43,7 @@ class Constant:
 
 @dataclass(frozen=True, slots=True)
 class EnumLiteral:
-    """`Enum::literal`, or `::literal` (enum None) where the type follows from the place."""
+    """A literal `Enum::literal`, or `::literal` (enum None), whose enum follows from the context."""
 
     enum: str | None
     literal: str
@@ -54,7 +54,7 @@ class EnumLiteral:
 
 @dataclass(frozen=True, slots=True)
 class Navigation:
-    """`object.feature`: the value of an attribute, or the target of a single-valued reference."""
+    """A path step `object.feature`: the value of an attribute, or the target of a single-valued reference."""
 
     object: Expression
     feature: str
@@ -64,7 +64,7 @@ class Navigation:
 
 @dataclass(frozen=True, slots=True)
 class Unary:
-    """`-x` or `!x`."""
+    """An expression `-x` or `!x`."""
 
     operator: str
     operand: Expression
@@ -73,10 +73,10 @@ class Unary:
 
 @dataclass(frozen=True, slots=True)
 class Binary:
-    """`left operator right`; operators: `+ - * / % == != < <= > >= && ||`.
+    """An expression `left operator right`; operators: `+ - * / % == != < <= > >= && ||`.
 
-    A long sum is thousands of these, each the left side of the next: what is asked of one goes down its left sides in
-    a loop, because recursion would exhaust the stack.
+    A long sum is thousands of these expressions, each the left side of the next. Methods visit left sides in a loop,
+    because recursion would exhaust the stack.
     """
 
     operator: str
@@ -104,16 +104,16 @@ class Binary:
         return opening + repr(first) + "".join(f", right={link.right!r})" for link in links)
 
     def _down(self) -> tuple[Expression, list[Binary]]:
-        """The leftmost operand of all, and the nodes above it, innermost first."""
+        """Return the leftmost operand, and the expressions above it from the inside out."""
         links = [self]
         while isinstance(links[-1].left, Binary):
             links.append(links[-1].left)
         return links[-1].left, links[::-1]
 
     def chain(self) -> tuple[Expression, list[Binary]]:
-        """Return the start of `a + b - c`, and the nodes for `+ b` and `- c`; without precedence and brackets no more.
+        """Return the first operand of a chain such as `a + b - c`, and the expressions for `+ b` and `- c`.
 
-        Comparisons are no chains: of those, there is one node.
+        A chain consists of operators of equal precedence without brackets. A comparison is a chain of one expression.
         """
         links, kind = [self], _CHAINS.get(self.operator)
         while kind is not None and isinstance(links[-1].left, Binary):
@@ -125,7 +125,7 @@ class Binary:
 
 @dataclass(frozen=True, slots=True)
 class Conditional:
-    """`test ? then : otherwise`; only the chosen branch is evaluated."""
+    """An expression `test ? then : otherwise`. Only the chosen branch is evaluated."""
 
     test: Expression
     then: Expression
@@ -135,11 +135,11 @@ class Conditional:
 
 @dataclass(frozen=True, slots=True)
 class FunctionCall:
-    """`function(arguments)`, of the standard library of expressions, or of a function that is declared.
+    """A call `function(arguments)` of a built-in or declared function.
 
     Attributes:
-        owner: the class of Java that stands before it, where the library has no such function.
-        declared: functions of the engine that the call was added to, by name; put there by `Library.resolved`.
+        owner: the Java class before the function, as in `Math.abs(x)`, if the function is not built in; else None.
+        declared: the declared functions of the engine by name, set by `Library.resolved`; None before.
     """
 
     function: str
@@ -151,7 +151,7 @@ class FunctionCall:
 
     @property
     def declaration(self) -> DeclaredFunction | None:
-        """What it calls, unless that is a function of the standard library, or unknown."""
+        """Return the declared function that is called. None for a built-in or unknown function."""
         return None if self.declared is None else self.declared.get(self.function)
 
 

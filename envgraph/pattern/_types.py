@@ -1,4 +1,4 @@
-"""Static types: what their names mean, and when two of them fit together."""
+"""Static types: their names, their compatibility, and hints about them."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _ELSEWHERE: Final = {
     Scalar.BOOL: ("bool", "boolean", "booleanobject"),
     Scalar.STRING: ("string", "str", "char", "character", "text"),
 }
-"""What other languages call the data types, without the `E` of EMF."""
+"""Names of the data types in other languages, in lower case and without the prefix `E` of EMF."""
 
 _EXAMPLES: Final = {
     Scalar.INT: "write a whole number, such as `3`",
@@ -27,11 +27,11 @@ _EXAMPLES: Final = {
     Scalar.STRING: 'write a string, such as `"a"`',
 }
 _LITERALS = 4
-"""Of an enum with more literals only one is shown."""
+"""For an enum with more literals than this, hints show only one literal."""
 
 
 def static_type(name: str | None, metamodel: Metamodel) -> StaticType | None:
-    """The type that a name stands for: a class, an enum or a scalar; None without a name, or if it stands for none.
+    """Return the type with a name: a class, an enum or a scalar. None without a name, or if the name is unknown.
 
     >>> static_type("int", Metamodel("m", ()))
     <Scalar.INT: 'int'>
@@ -46,12 +46,12 @@ def static_type(name: str | None, metamodel: Metamodel) -> StaticType | None:
 
 
 def type_names(metamodel: Metamodel) -> list[str]:
-    """Every name that `static_type` understands."""
+    """Return every name that `static_type` knows."""
     return [*metamodel.classes, *metamodel.enums, *(scalar.value for scalar in Scalar)]
 
 
 def type_hint(name: str, metamodel: Metamodel) -> str | None:
-    """Return what an unknown type may have been meant to be: one of a similar name, or our name for one of Java or EMF.
+    """Return a hint for an unknown type name: a similar name, or the equivalent of a Java or EMF type, or None.
 
     >>> type_hint("EInt", Metamodel("m", ())), type_hint("Integer", Metamodel("m", ()))
     ('write `int`', 'write `int`')
@@ -65,7 +65,7 @@ def type_hint(name: str, metamodel: Metamodel) -> str | None:
 
 
 def data_type_hint(name: str) -> str | None:
-    """Return what to write for a data type by its name in Java or EMF; None if it is none.
+    """Return a hint with the name here for a data type of Java or EMF, or None for other names.
 
     >>> data_type_hint("double"), data_type_hint("EInt"), data_type_hint("Date")
     ('write `float`', 'write `int`', None)
@@ -75,7 +75,7 @@ def data_type_hint(name: str) -> str | None:
 
 
 def _any_object_hint(metamodel: Metamodel) -> str:
-    """Return what to write for Ecore's class of all objects, which is none of ours."""
+    """Return a hint for `EObject`, Ecore's class of all objects, which metamodels here do not have."""
     tops = [cls.name for cls in metamodel.class_list if not cls.supertypes]
     if len(tops) == 1:
         return f"write `{tops[0]}`: all classes extend it"
@@ -85,16 +85,16 @@ def _any_object_hint(metamodel: Metamodel) -> str:
 
 
 def type_text(type_: StaticType) -> str:
-    """Return how a type is written in a file."""
+    """Return the text of a type as in a file."""
     return type_.cls if isinstance(type_, ObjectType) else type_name(type_)
 
 
 def value_hint(type_: StaticType, found: StaticType | None = None) -> str:
-    """Return what to write where a value of a type stands, in the words of a hint.
+    """Return a hint about how to write a value of a type.
 
     Args:
         type_: the type.
-        found: of what type the expression there is now, if something can be made of that.
+        found: the type of the present expression, if the hint should propose to convert it; else None.
 
     >>> value_hint(Scalar.BOOL), value_hint(EnumType("Way", ("east", "west")))
     ('write `true` or `false`', 'write `Way::east` or `Way::west`')
@@ -120,7 +120,7 @@ def value_hint(type_: StaticType, found: StaticType | None = None) -> str:
 
 
 def value_type(value: Value) -> Scalar:
-    """The type of a literal."""
+    """Return the type of a literal value."""
     if isinstance(value, bool):
         return Scalar.BOOL
     if isinstance(value, int):
@@ -129,39 +129,39 @@ def value_type(value: Value) -> Scalar:
 
 
 def is_subtype(type_: StaticType, above: StaticType, metamodel: Metamodel) -> bool:
-    """Return whether every instance of one type is an instance of the other; an int is no float."""
+    """Return True if every instance of `type_` is an instance of `above`. An int is not a float."""
     if isinstance(type_, ObjectType) and isinstance(above, ObjectType):
         return metamodel.is_a(type_.cls, above.cls)
     return type_ == above
 
 
 def assignable(type_: StaticType, target: StaticType, metamodel: Metamodel) -> bool:
-    """Return whether a value of one type may be stored where the other is expected; an int may stand for a float."""
+    """Return True if a value of `type_` may be stored where `target` is expected. An int may be stored as a float."""
     return is_subtype(type_, target, metamodel) or (type_ is Scalar.INT and target is Scalar.FLOAT)
 
 
 def may_fit(type_: StaticType, target: StaticType, metamodel: Metamodel) -> bool:
-    """Return whether some value of a type is assignable: an object of a superclass may be one of the class."""
+    """Return True if some value of a type is assignable. An object of a superclass may be an instance of the class."""
     if isinstance(type_, ObjectType) and isinstance(target, ObjectType):
         return metamodel.overlap(type_.cls, target.cls)
     return assignable(type_, target, metamodel)
 
 
 def compatible(one: StaticType, other: StaticType, metamodel: Metamodel) -> bool:
-    """Return whether something can be an instance of both types."""
+    """Return True if a value can be an instance of both types."""
     return meet(one, other, metamodel) is not None
 
 
 def comparable(one: StaticType, other: StaticType, metamodel: Metamodel) -> bool:
-    """Return whether values of the two types can be equal: as `compatible`, and an int can equal a float."""
+    """Return True if values of the two types can be equal: compatible types, or an int and a float."""
     return compatible(one, other, metamodel) or (one in NUMBERS and other in NUMBERS)
 
 
 def meet(one: StaticType, other: StaticType, metamodel: Metamodel) -> StaticType | None:
-    """The type of what is an instance of both, or None when nothing can be.
+    """Return the type of the common instances of two types, or None if there cannot be any.
 
-    Of two classes that are not sub- and superclass it is the one class that covers all their common instances; where
-    several classes share them and none covers the others, the first type stands for the meet.
+    For two classes, neither a subclass of the other, the result is the class that covers all their common instances.
+    If no single class covers them, the result is the first type.
     """
     if is_subtype(one, other, metamodel):
         return one
@@ -183,12 +183,12 @@ def meet(one: StaticType, other: StaticType, metamodel: Metamodel) -> StaticType
 
 
 def common_subclasses(one: str, other: str, metamodel: Metamodel) -> list[str]:
-    """The concrete classes whose instances are instances of both classes."""
+    """Return the names of the concrete classes that are subclasses of both classes."""
     return [name for name in metamodel.concrete(one) if metamodel.is_a(name, other)]
 
 
 def joins(types: Sequence[StaticType], metamodel: Metamodel) -> list[StaticType]:
-    """The least common supertypes: one in the ordinary case, none when there is no common supertype at all."""
+    """Return the least common supertypes of types: usually one, [] if there is no common supertype."""
     first = types[0]
     if not isinstance(first, ObjectType):
         return [first] if all(type_ == first for type_ in types) else []
@@ -205,18 +205,18 @@ def joins(types: Sequence[StaticType], metamodel: Metamodel) -> list[StaticType]
 
 
 def literal_fits(value: Value, type_: StaticType) -> bool:
-    """Return whether a written constant (no enum literal) may stand where the type is expected."""
+    """Return True if a literal (not of an enum) may be written where the type is expected."""
     own = value_type(value)
     return own == type_ or (own is Scalar.INT and type_ is Scalar.FLOAT)
 
 
 def coerced(value: Value, type_: StaticType | None) -> Value:
-    """The constant as it is stored: an int where a float is expected becomes one."""
+    """Return the constant as it is stored. An int is converted to a float if the type is float."""
     return float(value) if type_ is Scalar.FLOAT and isinstance(value, int) else value
 
 
 def wrong_type(expression: Expression, type_: StaticType, expected: StaticType) -> Diagnostic:
-    """The diagnostic for an expression of one type where another is expected."""
+    """Return the diagnostic for an expression of one type where another is expected."""
     hint = None
     if (
         isinstance(expected, EnumType)
@@ -232,13 +232,13 @@ def wrong_type(expression: Expression, type_: StaticType, expected: StaticType) 
 
 
 def enum_hint(written: str, enum: EnumType) -> str | None:
-    """Return how to write the literal of an enum that someone wrote as a string."""
+    """Return a hint that writes a string as the enum literal with a similar name, or None."""
     near = did_you_mean(written, enum.literals)
     return near.replace("`", f"`{enum.name}::", 1) if near else None
 
 
 def common_number(*types: StaticType | None) -> StaticType | None:
-    """The type of a number that is made of numbers of these types; None where one is unknown."""
+    """Return the type of arithmetic on numbers of these types: float if any is float, else int. None if any is None."""
     if None in types:
         return None
     return Scalar.FLOAT if Scalar.FLOAT in types else Scalar.INT

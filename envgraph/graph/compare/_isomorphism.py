@@ -92,7 +92,7 @@ class Shapes:
         return _Shape(self._refined(first, around), around)
 
     def _refined(self, colours: Colours, around: dict[int, list[tuple[int, tuple[int, ...]]]]) -> Colours:
-        """Return stable colours. They are the colours of the last round, which also encode the links between colours."""
+        """Return stable colours. They are the colours of the last round, which also encode the links of nodes."""
         intern, distinct = self._intern, len(set(colours.values()))
         while True:
             found: Colours = {}

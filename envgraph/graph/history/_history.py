@@ -362,7 +362,7 @@ class History:
             raise TransactionError(f"cannot {action} while the model is loading")
 
     def _settle(self) -> None:
-        """Free unused versions. If no savepoint is open and no version is in use, stop recording and clear the journal."""
+        """Free unused versions. Without open savepoints and versions in use, stop recording and clear the journal."""
         try:
             versions = self.versions
             if versions.released:

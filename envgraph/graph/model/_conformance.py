@@ -31,7 +31,7 @@ class Violation:
 
 
 def check_conformance(model: Model) -> list[Violation]:
-    """Return all violations of multiplicities: unset attributes, and features with too few or too many values or targets.
+    """Return all violations of multiplicities: unset attributes, and too few or too many values or targets of features.
 
     A single-valued optional attribute (0..1) needs no value. An object without a container is a root, which is no
     violation. Types, containment, opposites and upper bounds are enforced by every write. Features defined by queries

@@ -150,7 +150,7 @@ class Model:
 
     @property
     def version(self) -> Version | None:
-        """Return the version that equals the current state. None after uncommitted changes or if no version is in use."""
+        """Return the version of the current state. None after uncommitted changes or if no version is in use."""
         return self.graph.history.version()
 
     def commit(self) -> Version:

@@ -131,7 +131,7 @@ def to_svg(model: Model, **options: Unpack[PictureOptions]) -> str:
 
 
 def as_svg(model: Model) -> str | None:
-    """Return the picture as SVG for notebooks, or None if notebooks should not draw it."""
+    """Return the picture as SVG for notebooks. None if it cannot be drawn, so that notebooks show the `repr`."""
     return model.picture()._repr_svg_()
 
 

@@ -181,7 +181,7 @@ def _replace(graph: Graph, relation: Relation, source: int, targets: Sequence[in
     old = tuple(relation.forward[source])
     wanted = set(targets)
     kept = [target for target in old if target in wanted]
-    # Retained targets are not relinked if they come first in the new order. Otherwise all are relinked to get the order.
+    # Remaining targets keep their links if they come first in the new order. Otherwise all are relinked for the order.
     in_place = kept == list(targets[: len(kept)])
     for target in old:
         if not in_place or target not in wanted:

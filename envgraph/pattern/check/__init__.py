@@ -1,1 +1,1 @@
-"""Everything that can be wrong with patterns."""
+"""Check patterns and report all their errors and warnings."""

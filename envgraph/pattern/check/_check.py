@@ -1,4 +1,4 @@
-"""Checks of patterns: those of one after the other, in the order that hides what follows from an earlier mistake."""
+"""Run all checks of patterns, in an order in which consequences of an earlier error are not reported."""
 
 from __future__ import annotations
 
@@ -54,9 +54,10 @@ from envgraph.pattern.expressions._expressions import check_expression
 
 
 def check_patterns(analysis: Analysis) -> tuple[list[Diagnostic], frozenset[str]]:
-    """All diagnostics of the new patterns of an analysis, in the order of their text, and which cannot be added.
+    """Return all diagnostics of the new patterns of an analysis, in text order, and the patterns that cannot be added.
 
-    These are, by qualified name, the patterns with errors, and those that call one of them or something unknown.
+    The second result contains the qualified names of patterns with errors, and of patterns that call them or unknown
+    names.
     """
     known = {name: entry.pattern for name, entry in analysis.known.items()}
     problems = list(check_duplicates(analysis.patterns, known))
@@ -73,7 +74,7 @@ def check_patterns(analysis: Analysis) -> tuple[list[Diagnostic], frozenset[str]
         problems.append(one)
     unsound = analysis.callers(broken)
     if not unsound:
-        # A type that is still unknown now has no other cause; before, it would repeat another error.
+        # Only now does a type that is still unknown have no other cause; otherwise it would repeat another error.
         untyped = {pattern.qualified_name: list(_untyped(pattern, analysis)) for pattern in patterns}
         problems.extend(
             chain.from_iterable(untyped[one.qualified_name] for one in patterns if not one.mended)
@@ -93,7 +94,7 @@ def _unused(patterns: Sequence[Pattern], analysis: Analysis) -> Iterator[Diagnos
         if analysis.entries[pattern.qualified_name].calls.get(call.pattern) != pattern.qualified_name
     }
     for pattern in patterns:
-        # A search asks for the patterns that are annotated as constraints.
+        # Searches use patterns annotated as constraints.
         annotated = any(annotation.name == "Constraint" for annotation in pattern.annotations)
         if pattern.private and not annotated and pattern.qualified_name not in called:
             message = f"private pattern `{pattern.name}` is never called"
@@ -111,7 +112,7 @@ def _untyped(pattern: Pattern, analysis: Analysis) -> Iterator[Diagnostic]:
 
 
 class _PatternCheck:
-    """Checks one pattern: its header, its bodies, and the types of its parameters over all bodies."""
+    """The check of one pattern: its header, its bodies, and the types of its parameters over all bodies."""
 
     def __init__(self, analysis: Analysis, pattern: Pattern) -> None:
         self._analysis = analysis
@@ -156,7 +157,7 @@ class _PatternCheck:
             yield from self._inferred(parameter, bodies)
             return
         if any(body.types.of(parameter.name) == declared for body in bodies):
-            return  # the body says no more than the declaration
+            return  # the body agrees with the declaration
         inferred = [
             type_ for body in bodies if (type_ := body.without_declaration(parameter.name)) is not None
         ]
@@ -242,7 +243,7 @@ def _definition(pattern: Pattern, analysis: Analysis) -> Iterator[Diagnostic]:
 
 
 def _in_all_bodies(problems: Sequence[Diagnostic], bodies: int) -> Iterator[Diagnostic]:
-    """Says once that a parameter is in none of several bodies."""
+    """Yield the problems, but report only once a parameter that is unreferenced in all bodies."""
     missed = Counter(one.span for one in problems if one.code == "unreferenced-parameter" and one.span)
     told: set[Span] = set()
     for one in problems:
@@ -259,13 +260,14 @@ def _in_all_bodies(problems: Sequence[Diagnostic], bodies: int) -> Iterator[Diag
 
 
 class _BodyCheck:
-    """Checks one body.
+    """The check of one body.
 
-    A variable that takes part in an error is tainted: what else could be said about it may only follow from that.
+    A variable involved in an error is tainted: further problems about it are not reported, because they may be
+    consequences.
 
     Attributes:
-        types: of its variables.
-        types_check: what they conflict in.
+        types: the types of its variables.
+        types_check: the check for type conflicts.
     """
 
     def __init__(self, analysis: Analysis, pattern: Pattern, number: int, tainted: set[str]) -> None:
@@ -305,7 +307,7 @@ class _BodyCheck:
         return found
 
     def without_declaration(self, name: str) -> StaticType | None:
-        """Return what the body alone says about a parameter, its own declaration left out."""
+        """Return the type of a parameter as inferred from the body without the parameter's own declaration."""
         parameters = tuple(
             Parameter(p.name, None if p.name == name else p.type, p.direction)
             for p in self._pattern.parameters
@@ -332,7 +334,7 @@ class _BodyCheck:
         return sound
 
     def _starts_unknown(self, relation: Relation) -> bool:
-        """Return whether a relation starts at something of which a mistake leaves unknown what it is."""
+        """Return True if the source of a path, or the called pattern, is unknown because of an error elsewhere."""
         match relation:
             case PathConstraint("", _, Variable(name)) if self.types.of_term(relation.source) is None:
                 return name in self._tainted
@@ -382,11 +384,11 @@ class _BodyCheck:
     def _untyped_paths(
         self, expression: Expression, scope: Mapping[str, StaticType | None]
     ) -> Iterator[Diagnostic]:
-        """Paths that start at a variable of which nothing says what it is."""
+        """Yield an error for each path that starts at a variable without a type."""
         for occurrence in variables_read(expression):
             variable = occurrence.variable
             if occurrence.use is Use.READ or variable.name not in self.types.reading.occurrences:
-                continue  # `_` and unknown names are told of elsewhere
+                continue  # `_` and unknown names are reported elsewhere
             group = self.types.reading.group(variable.name)
             if self._tainted.intersection(group):
                 continue
@@ -399,7 +401,7 @@ class _BodyCheck:
                 yield Diagnostic("untyped-source", message, where, hint, subject=(variable.name,))
 
     def _taint_results(self, owner: object) -> None:
-        """What an eval without a type is compared with has no type from it, either."""
+        """Taint variables that are compared with the result of an eval or aggregate with an error."""
         for constraint in self._body.constraints:
             if isinstance(constraint, Comparison):
                 for term, other in ((constraint.left, constraint.right), (constraint.right, constraint.left)):
@@ -416,7 +418,7 @@ class _BodyCheck:
 def _trivial(comparison: Comparison) -> Iterator[Diagnostic]:
     left, right = comparison.left, comparison.right
     if any(isinstance(side, Constant) and side.value is None for side in (left, right)):
-        return  # an error of its own
+        return  # reported as an error of its own
     if isinstance(left, Constant | EnumLiteral) and isinstance(right, Constant | EnumLiteral):
         code, message, same = (
             "constant-comparison",

@@ -1,4 +1,4 @@
-"""Checks of a pattern before its bodies are looked at: name, parameters, annotations."""
+"""Check the name, parameters and annotations of a pattern, before its bodies."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ KNOWN_ANNOTATIONS: Final = (
 )
 
 MOST_STEPS: Final = 1000
-"""Constraints of a body, each step of a path counted; planning takes a few seconds then."""
+"""The maximal number of constraints and path steps of a body, for which planning takes a few seconds."""
 
 OF_TOOLS: Final = (
     *("Bind", "ContainsItem", "DerivedFeature", "Edge", "Format", "Item"),
     *("ObservableValue", "PatternUI", "QueryExplorer", "Tooltip"),
 )
-"""Annotations that VIATRA's and IncQuery's viewers read; they say nothing about matches."""
+"""Annotations for the viewers of VIATRA and IncQuery, which do not affect matches."""
 
 _CONSTRAINT: Final = (("key", "{x}"), ("severity", '"error"'), ("message", '"..."'))
 _OLD: Final = {"location": "key"}
@@ -35,7 +35,7 @@ _SEVERITIES: Final = ("error", "warning", "info")
 
 
 def too_long(body: Body) -> bool:
-    """Return whether a body is longer than what can be checked and planned in seconds; inequalities are not counted."""
+    """Return True if a body has too many constraints to be planned in seconds. Inequalities are not counted."""
     steps = 0
     for constraint in body.constraints:
         relation = constraint.relation if isinstance(constraint, Negation) else constraint
@@ -47,14 +47,14 @@ def too_long(body: Body) -> bool:
 
 
 def check_duplicates(patterns: Sequence[Pattern], known: Mapping[str, Pattern]) -> Iterator[Diagnostic]:
-    """Patterns of one qualified name."""
+    """Report patterns with the same qualified name."""
     named = ((one.qualified_name, one.span) for one in patterns)
     first = {name: one.span for name, one in known.items()}
     return defined_twice(named, "pattern `{}` is defined twice", first=first)
 
 
 def check_header(pattern: Pattern, metamodel: Metamodel) -> Iterator[Diagnostic]:
-    """Problems of the parameters, the annotations and the number of bodies."""
+    """Report problems of the parameters, the annotations and the number of bodies."""
     yield from _parameters(pattern, metamodel)
     for annotation in pattern.annotations:
         yield from _annotation(annotation, pattern)
@@ -114,7 +114,7 @@ def _annotation(annotation: Annotation, pattern: Pattern) -> Iterator[Diagnostic
 
 
 def _named(annotation: Annotation) -> Iterator[tuple[str, object, Span | None]]:
-    """The named values of an annotation, with the place of each."""
+    """Yield the named values of an annotation, each with its span."""
     spans = [span for key, span in annotation.places if key != "@"]
     for (key, value), span in zip_longest(annotation.named, spans):
         yield key, value, span or annotation.span

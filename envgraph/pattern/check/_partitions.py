@@ -1,4 +1,4 @@
-"""Bodies that fall apart: every combination of matches of the parts is a match."""
+"""Report bodies with unconnected parts, whose matches are all combinations of the matches of the parts."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from envgraph.pattern._terms import Binary, Constant, EnumLiteral, Expression, N
 
 
 class _Partition:
-    """A partition of names into connected ones."""
+    """A partition of names into connected parts."""
 
     def __init__(self, names: Sequence[str]) -> None:
         self._parent = {name: name for name in names}
@@ -46,14 +46,14 @@ class _Partition:
 
 
 class Partitions:
-    """How tightly the variables of a body are connected.
+    """The connected parts of the variables of a body.
 
-    Variables equal to constants are left out, and so are those that are quantified inside a negation or an aggregate.
-    An eval and an aggregate determine their result, so they tie it to what they read, as long as that is one part.
+    Variables equal to constants and variables quantified inside a negation or an aggregate are excluded. An eval or
+    aggregate determines its result, so it connects the result with its sources if the sources are connected already.
 
     Attributes:
-        strict: connected by any constraint at all.
-        loose: connected by constraints that enumerate.
+        strict: parts connected by constraints of any kind.
+        loose: parts connected by constraints that enumerate values.
     """
 
     def __init__(self, reading: Reading, pattern: Pattern) -> None:
@@ -87,8 +87,8 @@ class Partitions:
                 computed.extend(
                     (self._names([one]), self._sources(other)) for one, other in (sides, sides[::-1])
                 )
-        # A result is tied to what it is computed from once that is known to be one part; several rounds, because a
-        # result may be what connects the sources of the next.
+        # A result is connected with its sources as soon as the sources are one part. Several rounds are needed, because
+        # a result may connect the sources of another one.
         waiting, before = computed, -1
         while before != (before := len(waiting)):
             tied, waiting = waiting, []
@@ -99,7 +99,7 @@ class Partitions:
                     waiting.append((result, sources))
 
     def parts(self, partition: _Partition) -> list[list[str]]:
-        """The parts that a search has to combine; what callers bind is no part of its own."""
+        """Return the parts that a search has to combine. Parts that only contain `in` parameters are excluded."""
         return [part for part in partition.parts() if not set(part) <= set(self._given)]
 
     def _tie(self, names: Sequence[str]) -> None:
@@ -126,7 +126,7 @@ class Partitions:
 
 
 def equations(expression: Expression) -> Iterator[tuple[Expression, Expression]]:
-    """The conjuncts of a check that say that two variables or paths have one value: a join like any other."""
+    """Yield the conjuncts `a == b` of a check between variables or paths, which connect their variables like a join."""
     if isinstance(expression, Binary) and expression.operator == "&&":
         for part in children(expression):
             yield from equations(part)
@@ -137,7 +137,7 @@ def equations(expression: Expression) -> Iterator[tuple[Expression, Expression]]
 
 
 def _constants(reading: Reading) -> set[str]:
-    """The variables that have one value, whatever the others: equal to what is fixed, or computed from such."""
+    """Return the variables with a fixed value: equal to a constant, or computed from fixed values only."""
     equal = [
         (reading.root(term.name), other)
         for constraint in reading.body.constraints
@@ -153,7 +153,7 @@ def _constants(reading: Reading) -> set[str]:
 
 
 def _fixed(term: Term, reading: Reading, fixed: Collection[str]) -> bool:
-    """Return whether a term has one value: a literal, an aggregate over everything, or computed from what is fixed."""
+    """Return True if a term has a fixed value: a literal, an aggregate without outer variables, or an eval of such."""
     if isinstance(term, Evaluation):
         return all(reading.root(name) in fixed for name in names_read(term.expression))
     if isinstance(term, Aggregate):
@@ -169,12 +169,12 @@ def _fixed(term: Term, reading: Reading, fixed: Collection[str]) -> bool:
 
 
 def check_connected(reading: Reading, pattern: Pattern, few: Collection[str]) -> Iterator[Diagnostic]:
-    """A warning if the body is a Cartesian product, or one that only filters tie together.
+    """Warn if the body is a Cartesian product, or if only filters connect its parts.
 
     Args:
         reading: the body.
-        pattern: the pattern that it is of.
-        few: variables of so few values that to try all of them in combination is cheap.
+        pattern: the pattern of the body.
+        few: variables with so few values that trying all combinations is acceptable.
     """
     partitions = Partitions(reading, pattern)
     span = reading.body.span if len(pattern.bodies) > 1 and reading.body.span else pattern.span

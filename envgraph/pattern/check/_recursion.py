@@ -1,4 +1,4 @@
-"""Patterns that call themselves, directly or through others."""
+"""Check patterns that call themselves, directly or through other patterns."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ class _Edge:
 
 
 _MOST_SHOWN: Final = 20
-"""Steps of a cycle that a message names."""
+"""The maximal number of steps of a cycle in a message."""
 
 
 def check_recursion(patterns: Sequence[Pattern], entries: Mapping[str, Entry]) -> Iterator[Diagnostic]:
-    """Recursion that has no meaning (an error), and recursion that VIATRA's default engine gets wrong (a warning).
+    """Report recursion without a meaning (error), and recursion that VIATRA's default engine gets wrong (warning).
 
-    A cycle through a negation or an aggregate has no least fixed point; one through a closure would, but the closure
-    could not be kept apart from the pattern it follows. Each cycle of patterns gives one diagnostic.
+    A cycle through a negation or an aggregate has no least fixed point. A cycle through a closure has one, but the
+    closure cannot be separated from the pattern that it follows. Each cycle of patterns gives one diagnostic.
     """
     defined = definitions(entries)
     edges = [edge for pattern in patterns for edge in _edges(pattern, entries, defined)]
@@ -45,7 +45,7 @@ def check_recursion(patterns: Sequence[Pattern], entries: Mapping[str, Entry]) -
     component = {name: number for number, (names, _) in enumerate(circles) for name in names}
     endless = _without_base(patterns, entries, component)
     reported: set[int] = set()
-    # Edges that are errors come first, so that a cycle with one is not reported as a harmless one.
+    # Edges with errors come first, so that a cycle with an error is not reported as a warning.
     for edge in sorted(edges, key=lambda edge: (edge.monotone, edge.caller not in endless)):
         number = component[edge.caller]
         if number in reported or component.get(edge.callee) != number:
@@ -53,7 +53,7 @@ def check_recursion(patterns: Sequence[Pattern], entries: Mapping[str, Entry]) -
         cycle = [edge, *_way(edge.callee, edge.caller, onward, component)]
         reported.add(number)
         if edge.monotone and edge.caller in endless:
-            if None not in entries[edge.caller].types:  # else that is an error, for the same reason
+            if None not in entries[edge.caller].types:  # otherwise an error about the type has the same cause
                 yield _no_base(edge, cycle)
             continue
         if edge.monotone and any(_declared_safe(entries[link.caller].pattern) for link in cycle):
@@ -76,7 +76,7 @@ def _edges(pattern: Pattern, entries: Mapping[str, Entry], defined: Mapping[Feat
 def _without_base(
     patterns: Sequence[Pattern], entries: Mapping[str, Entry], component: Mapping[str, int]
 ) -> set[str]:
-    """The patterns that need a match of themselves, or of another such one of their circle, in each body."""
+    """Return the patterns whose bodies all need a match of a pattern of the same cycle that has no base case either."""
     missing: dict[tuple[str, int], int] = {}
     waiting: dict[str, list[tuple[str, int]]] = {}
     for pattern in patterns:
@@ -105,7 +105,7 @@ def _without_base(
 def _way(
     start: str, goal: str, onward: Mapping[str, Sequence[_Edge]], component: Mapping[str, int]
 ) -> list[_Edge]:
-    """A shortest way from one pattern to another of its component along calls."""
+    """Return a shortest path of calls from one pattern to another pattern of its component."""
 
     def inside(name: str) -> list[str]:
         return [edge.callee for edge in onward[name] if component.get(edge.callee) == component[start]]

@@ -1,4 +1,4 @@
-"""Checks of single relations: names, the number and kind of the arguments, closures."""
+"""Check single relations: names, the number and kind of arguments, closures."""
 
 from __future__ import annotations
 
@@ -34,16 +34,16 @@ from envgraph.pattern._types import NUMBERS, compatible, static_type, type_hint,
 from envgraph.pattern.expressions._expressions import subclass_hint
 
 _ONCE: Final = {"count": "counted", "sum": "added", "avg": "taken"}
-"""The aggregates for which it matters that a set has each element once, and what they do with it."""
+"""The aggregates whose result depends on duplicates, and the verb for messages."""
 
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """A relation and what it stands under.
+    """A relation of a body and its context.
 
     Attributes:
-        group: its number among the negated and aggregated relations of the body; None for a positive one.
-        aggregate: the aggregate over it, if there is one.
+        group: its number among the negated and aggregated relations of the body; None for a positive relation.
+        aggregate: the aggregate over it, or None.
     """
 
     relation: Relation
@@ -52,12 +52,12 @@ class Place:
 
 
 class RelationCheck:
-    """Checks the relations of one body; a relation with a problem says nothing more about its variables.
+    """The check of the relations of one body. If a relation has an error, its types are not used for further checks.
 
     Args:
         pattern: the pattern.
-        body_types: the body.
-        names: of all patterns.
+        body_types: the body with its types.
+        names: the lookup of all patterns by name.
     """
 
     def __init__(self, pattern: Pattern, body_types: BodyTypes, names: Names) -> None:
@@ -68,7 +68,7 @@ class RelationCheck:
         self._reading: Reading = body_types.reading
 
     def problems(self, place: Place) -> list[Diagnostic]:
-        """Return what is wrong with a relation; empty if it can be used."""
+        """Return the diagnostics of a relation."""
         match place.relation:
             case TypeConstraint():
                 found = list(self._type(place.relation, place))
@@ -254,7 +254,7 @@ class RelationCheck:
     def _step_types(
         self, relation: PathConstraint | PatternCall
     ) -> tuple[StaticType | None, StaticType | None]:
-        """The types of both ends of one step."""
+        """Return the types of both ends of one step of a closure, None where unknown."""
         if isinstance(relation, PathConstraint):
             path = self._types.path(relation)
             return (path.source, path.target) if path else (None, None)
@@ -294,13 +294,13 @@ class RelationCheck:
 
 
 def _branches(path: ResolvedPath) -> list[str]:
-    """The classes of the objects that the steps before the last lead to, where there may be several."""
+    """Return the classes of the targets of all many-valued steps before the last one."""
     steps = (step for step in path.steps[:-1] if isinstance(step, Reference) and step.many)
     return list(dict.fromkeys(step.target for step in steps))
 
 
 def _counted_once(path: ResolvedPath, function: str) -> str:
-    """Return a note that what a path leads to is a set, which matters where it branches on the way."""
+    """Return the message that an aggregate over a path counts each element once, although the path branches."""
     last = path.steps[-1]
     if isinstance(last, Reference):
         return f"one `{last.target}` that `{path}` leads to in several ways is {_ONCE[function]} once"

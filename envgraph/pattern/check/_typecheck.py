@@ -1,4 +1,4 @@
-"""Checks that the places where a variable stands agree on what it is."""
+"""Check that all occurrences of a variable agree about its type."""
 
 from __future__ import annotations
 
@@ -36,10 +36,10 @@ _EMPTY: Final = {
 
 
 class TypeCheck:
-    """Type errors of one body.
+    """The check for type errors of one body.
 
     Args:
-        body_types: the body.
+        body_types: the body with its types.
         tainted: variables about which another error has been reported already.
 
     Attributes:
@@ -54,7 +54,7 @@ class TypeCheck:
         self._tainted = {self._reading.root(name) for name in tainted if name in self._reading.occurrences}
 
     def conflicts(self) -> Iterator[Diagnostic]:
-        """Variables that would have to be of two types at once: the first contradiction of each; it taints them."""
+        """Report variables that need two types at once. Only the first contradiction of each variable is reported."""
         first: dict[str, Fact] = {}
         met: dict[str, StaticType] = {}
         contradicted = set(self._tainted)
@@ -108,7 +108,7 @@ class TypeCheck:
         return Diagnostic("type-conflict", message, fact.span, hint, notes=notes)
 
     def _link(self, one: Term, other: Variable) -> Comparison | None:
-        """The `==` that unites two different variables, if that is why they have one type."""
+        """Return the comparison `==` that unites two different variables, or None."""
         if isinstance(one, Variable) and one.name != other.name:
             for constraint in self._reading.body.constraints:
                 if isinstance(constraint, Comparison) and constraint.operator == "==":
@@ -118,7 +118,7 @@ class TypeCheck:
         return None
 
     def ambiguous(self, name: str) -> list[StaticType]:
-        """The classes that a variable must all be of, when no single class says so; else []."""
+        """Return the classes that a variable must have together, if no single class implies them all; else []."""
         found: list[StaticType] = []
         root = self._reading.root(name)
         for fact in self._types.facts:
@@ -132,7 +132,7 @@ class TypeCheck:
         return found
 
     def arguments(self, place: Place) -> Iterator[Diagnostic]:
-        """Literals of the wrong type in a relation; in a negation or an aggregate, arguments that never match."""
+        """Report literals of the wrong type in a relation, and arguments that a negation or aggregate never matches."""
         for term, type_ in zip(terms_of(place.relation), self._types.columns(place.relation), strict=True):
             span = term.span or place.relation.span
             if isinstance(term, Constant | EnumLiteral):
@@ -168,7 +168,7 @@ class TypeCheck:
     def literal(
         self, term: Constant | EnumLiteral, type_: StaticType | None, span: Span | None
     ) -> Iterator[Diagnostic]:
-        """A literal where a type is expected; None stands for a type that is unknown because of another error."""
+        """Report a literal that does not fit the expected type. `type_` is None if unknown because of another error."""
         if isinstance(term, EnumLiteral):
             yield from self._enum_literal(term, type_, span)
             return
@@ -197,7 +197,7 @@ class TypeCheck:
             yield Diagnostic("wrong-enum", message, term.enum_span or span, value_hint(type_))
 
     def comparison(self, comparison: Comparison) -> Iterator[Diagnostic]:
-        """Sides of different types."""
+        """Report sides of a comparison with different types."""
         left, right = comparison.left, comparison.right
         if isinstance(left, Constant) and isinstance(right, Constant):
             yield from self._constants(left, right, comparison)
@@ -234,7 +234,7 @@ class TypeCheck:
     def _bare_literal(
         self, term: Constant | EnumLiteral, other: Constant | EnumLiteral
     ) -> Iterator[Diagnostic]:
-        """One side of a comparison of two literals, which is a warning of its own."""
+        """Report a wrong enum literal in a comparison of two literals. The comparison itself gets another warning."""
         if isinstance(term, EnumLiteral):
             yield from self.literal(term, self._types.of_term(other), term.span)
 
@@ -245,7 +245,7 @@ class TypeCheck:
             return
         computed = isinstance(left, Evaluation | Aggregate), isinstance(right, Evaluation | Aggregate)
         if comparison.operator == "==" and not all(computed):
-            return  # a variable takes the type of the other side, and `conflicts` sees to it
+            return  # the variable takes the type of the other side, and `conflicts` checks it
         if not compatible(one, other, self._metamodel):
             if comparison.operator == "==":
                 message = f"`==` cannot compare `{type_text(one)}` with `{type_text(other)}`"
@@ -261,12 +261,12 @@ class TypeCheck:
 
 
 def _names(comparison: Comparison) -> set[str]:
-    """Names of the variables on both sides."""
+    """Return the names of the variables on both sides of a comparison."""
     return {side.name for side in (comparison.left, comparison.right) if isinstance(side, Variable)}
 
 
 def shared_classes(types: list[StaticType], body_types: BodyTypes) -> list[str]:
-    """Names of the concrete classes that have all the types, for hints."""
+    """Return the names of the concrete classes that are subclasses of all the types, for hints."""
     classes = [type_.cls for type_ in types if isinstance(type_, ObjectType)]
     shared = common_subclasses(classes[0], classes[0], body_types.metamodel)
     return [name for name in shared if all(body_types.metamodel.is_a(name, cls) for cls in classes)]

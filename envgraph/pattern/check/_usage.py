@@ -1,4 +1,4 @@
-"""Checks that every variable of a body is used in a way that makes sense."""
+"""Check that every variable of a body is bound and used sensibly."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ from envgraph.pattern._types import type_text
 from envgraph.pattern.check._relations import Place
 
 _MOST_COMPARED: Final = 200
-"""Variables of a body beyond which nobody looks for one of a similar name."""
+"""The maximal number of variables of a body for which similar names are searched."""
 
 
 class UsageCheck:
-    """Usage of the variables of one body.
+    """The check of the usage of the variables of one body.
 
     Args:
         pattern: the pattern.
-        body_types: the body.
-        binding: what the body enumerates, given the parameters that callers bind.
+        body_types: the body with its types.
+        binding: the variables that the body can enumerate, given the parameters that callers bind.
         tainted: variables about which another error has been reported already.
-        where: names the body in messages, "" if there is only one.
-        unclear: whether a mistake in the body may be why something stands nowhere, or only once.
+        where: the phrase that names the body in messages, "" if there is only one.
+        unclear: True if an error in the body may be the cause of a variable being unreferenced or used only once.
     """
 
     def __init__(
@@ -54,10 +54,10 @@ class UsageCheck:
         self._once: list[str] | None = None
 
     def problems(self, *, errors: bool) -> Iterator[Diagnostic]:
-        """Errors first for each variable; a variable with an error gets no warning.
+        """Report errors and warnings about variables. A variable with an error gets no warning.
 
         Args:
-            errors: whether there are others, which may be about a variable that seems to be used once.
+            errors: True if other errors exist, which may concern a variable that seems to be used once.
         """
         own = list(self._own_input())
         yield from own
@@ -71,7 +71,7 @@ class UsageCheck:
                 yield from self._local(name)
 
     def _own_input(self) -> Iterator[Diagnostic]:
-        """`x == eval(.. x ..)`."""
+        """Report variables that are computed from themselves, `x == eval(.. x ..)`."""
         for constraint in self._reading.body.constraints:
             if not isinstance(constraint, Comparison) or constraint.operator != "==":
                 continue
@@ -98,7 +98,7 @@ class UsageCheck:
                 yield Diagnostic("unreferenced-parameter", message, span, hint, notes=notes, subject=(name,))
 
     def _mistyped(self, name: str) -> tuple[str | None, tuple[Note, ...]]:
-        """A hint at a local variable that is used once and spelt almost like an unreferenced parameter."""
+        """Return a hint and notes about a once-used local variable with a name similar to an unreferenced parameter."""
         if self._once is None:
             self._once = [
                 n
@@ -129,7 +129,7 @@ class UsageCheck:
                     yield self._not_enumerable(name, group)
         circular = self._not_explained(circular)
         if circular:
-            # What depends on a circle is unbound, too, so all of them are one mistake.
+            # Variables that depend on a cycle are unbound too, so all of them are one error.
             names = ", ".join(f"`{name}`" for name in circular)
             message = f"nothing enumerates {names}{self._where}: what it is computed from depends on it"
             hint = f"take `{circular[0]}` from the model first: from a class, a path or a `find`"
@@ -138,7 +138,7 @@ class UsageCheck:
             )
 
     def _without_values(self) -> Iterator[Diagnostic]:
-        """Variables whose type alone would enumerate them, where no attribute has a value of that type."""
+        """Warn about variables that only their type enumerates, if no attribute has values of that type."""
         metamodel = self._types.metamodel
         for name, type_ in bound_by_type(self._types, self._pattern.parameters):
             if name not in self._tainted and all(one.type != type_ for one in metamodel.attributes):
@@ -153,7 +153,7 @@ class UsageCheck:
                 yield Diagnostic("no-values", message, span, hint, Severity.WARNING, subject=(name,))
 
     def _not_explained(self, names: list[str]) -> list[str]:
-        """Those of the names that would be unbound even if the errors reported so far were mended."""
+        """Return those of the names that would be unbound even without the errors reported so far."""
         root = self._reading.root
         circle = {root(name) for name in names}
         known = [
@@ -165,7 +165,7 @@ class UsageCheck:
         return [name for name in names if not mended.binds(name)]
 
     def _given_to(self, group: list[str]) -> Relation | None:
-        """A positive call that takes one of the variables for an `in` parameter, if there is one."""
+        """Return a positive call with one of the variables as the argument of an `in` parameter, or None."""
         for relation in positive_relations(self._reading.body):
             for position in inputs_of(relation, self._types):
                 term = terms_of(relation)[position]
@@ -185,7 +185,7 @@ class UsageCheck:
         )
 
     def _has_positive(self, group: list[str]) -> bool:
-        """Whether something other than a data type, which enumerates no values, refers to one of the variables."""
+        """Return True if a constraint other than a data type binds one of the variables."""
         uses = [o.use for member in group for o in self._reading.occurrences[member]]
         types = [
             relation
@@ -227,7 +227,7 @@ class UsageCheck:
         return "bind it with a path, a `find` or `==`"
 
     def _literal_hint(self, name: str, type_: StaticType | None) -> str | None:
-        """For the literal of an enum that was written without its enum."""
+        """Return a hint for a name that is also a literal of an enum, or None."""
         if name in self._parameters and self._parameters[name].type is not None:
             return None
         enums = self._types.metamodel.enum_types if type_ is None else (type_,)
@@ -256,7 +256,7 @@ class UsageCheck:
             yield _warning("used-once", f"`{name}` is referenced only once", places[0].variable.span, hint)
 
     def inputs(self, place: Place) -> Iterator[Diagnostic]:
-        """Arguments that the called pattern cannot enumerate and that nothing here binds."""
+        """Report arguments that the called pattern cannot enumerate and that nothing in the body binds."""
         relation = place.relation
         for position in inputs_of(relation, self._types):
             term = terms_of(relation)[position]
@@ -273,7 +273,7 @@ class UsageCheck:
         return isinstance(term, Hash)
 
     def comparison(self, comparison: Comparison) -> Iterator[Diagnostic]:
-        """`_`, `#` and `none` as a side of a comparison."""
+        """Report `_`, `#` and `none` as a side of a comparison."""
         sides = (comparison.left, comparison.right)
         both = all(isinstance(term, Variable) and term.anonymous for term in sides)
         for term in sides[:1] if both else sides:
@@ -290,7 +290,7 @@ class UsageCheck:
                 )
 
     def negation(self, place: Place) -> Iterator[Diagnostic]:
-        """A negation that shares no variable with the rest of the body."""
+        """Warn about a negation that shares no variable with the rest of the body."""
         terms = terms_of(place.relation)
         if place.group is None or place.aggregate or not terms:
             return
@@ -305,16 +305,16 @@ class UsageCheck:
 
 
 def quantified_variable(variable: Variable) -> Diagnostic:
-    """Return the warning about a variable that only one negation or aggregate names."""
+    """Return the warning about a variable that occurs in only one negation or aggregate."""
     message = f"`{variable.name}` is used only here, so it is quantified inside the call"
     hint = f"start its name with `_` (`_{variable.name}`) if that is meant"
     return _warning("quantified-variable", message, variable.span, hint)
 
 
 def mistyped(variable: Variable, known: Iterable[str]) -> Iterator[Diagnostic]:
-    """A warning about a variable that stands once, where only its likeness to another name speaks against it.
+    """Yield a warning about a variable that occurs once, if its name is similar to a known name.
 
-    Names that differ in digits alone are meant to be alike.
+    Names that differ only in digits do not count as similar.
     """
     stem = _without_digits(variable.name)
     hint = did_you_mean(variable.name, [one for one in known if _without_digits(one) != stem])
@@ -329,7 +329,7 @@ def _without_digits(name: str) -> str:
 
 
 def unreferenced(name: str, where: str = "") -> str:
-    """The message about a parameter that a body, or the bodies, do not mention."""
+    """Return the message about a parameter that a body, or all bodies, do not mention."""
     return f"parameter `{name}` is never referenced{where}"
 
 

@@ -1,1 +1,1 @@
-"""Expressions: their types and mistakes, their values, code for them, and why one has no value."""
+"""Expressions: type checks, evaluation, code generation, and the causes of missing values."""

@@ -1,4 +1,4 @@
-"""Code for an expression."""
+"""Emit code for expressions."""
 
 from __future__ import annotations
 
@@ -30,14 +30,13 @@ from envgraph.pattern.expressions._operations import FUNCTIONS
 
 @dataclass(frozen=True, slots=True)
 class CompiledExpression:
-    """An expression of generated code that has the value `evaluate` would give.
+    """Generated code for an expression, with the same value as `evaluate`.
 
     Attributes:
-        tree: it holds what the caller gave for variables and constants, names of `EXPRESSION_NAMESPACE`, and operators;
-            no text of the user's.
-        constants: the literals, and declared functions with the places where they are called, in the order of their
-            names.
-        fallible: whether it can raise `EvaluationError`; if not, no `try` is needed.
+        tree: the syntax tree of the code. It contains the caller's trees for variables and constants, names of
+            `EXPRESSION_NAMESPACE`, and operators, but no text of the user.
+        constants: the literals and the declared functions (bound to the places of their calls), by their numbers.
+        fallible: True if the code can raise `EvaluationError`. Otherwise no `try` is needed.
     """
 
     tree: code.Expression
@@ -46,7 +45,7 @@ class CompiledExpression:
 
     @property
     def source(self) -> str:
-        """The expression as text, in parentheses or atomic."""
+        """Return the code as text, atomic or in parentheses."""
         return code.expression_text(self.tree, code.ATOM)
 
 
@@ -60,14 +59,14 @@ def compile_expression(
         code.Name("k"), code.Constant(number)
     ),
 ) -> CompiledExpression:
-    """Generate the code of a checked expression without paths (as in `CheckAtom`, `EvaluationAtom`).
+    """Return generated code for a checked expression without paths (as in `CheckAtom`, `EvaluationAtom`).
 
     Args:
         expression: the expression.
-        names: what stands for each variable.
-        types: types of the variables. With them, arithmetic on ints, comparisons and concatenation of strings are
-            written out; without, helpers look at the values.
-        part: the expression is one side of a comparison, in which ints are not limited to 64 bits.
+        names: the code for each variable.
+        types: types of the variables. With types, arithmetic on ints, comparisons and concatenation of strings become
+            Python operators. Without types, helper functions inspect the values.
+        part: True if the expression is one side of a comparison, where ints are not limited to 64 bits.
         constant: returns the code for the literal with a given number (from 0).
 
     Raises:
@@ -90,7 +89,7 @@ _EMPTY: Final = Metamodel("none", ())
 
 
 class _Writer:
-    """Makes code, and remembers the literals and whether anything in it can fail."""
+    """A code generator for one expression, which collects the literals and notes if the code can fail."""
 
     def __init__(
         self,
@@ -143,7 +142,10 @@ class _Writer:
         return self._arithmetic(*node.chain())
 
     def _arithmetic(self, first: Expression, links: list[Binary]) -> code.Expression:
-        """`a + b - c`: nested as it is evaluated, but a long one is a call that Python's own parser can take."""
+        """Emit nested operations for a chain such as `a + b - c`, or one call of a helper if the chain is long.
+
+        Python's own parser could not read deeply nested code.
+        """
         tree, rights = self.write(first), [self.write(link.right) for link in links]
         if len(links) > LONGEST_NESTED:
             self.fallible = True
@@ -160,14 +162,14 @@ class _Writer:
         return tree
 
     def type_of(self, node: Expression) -> StaticType | None:
-        """The type as far as it can be told; a literal's enum is not needed, its value is a string."""
+        """Return the type of an expression, or None if unknown. The type of an enum literal is string, as its value."""
         if isinstance(node, EnumLiteral):
             return Scalar.STRING
         return ExpressionChecker(self._types, _EMPTY, True).type_of(node)
 
 
 def _inline(operator: str, left: StaticType | None, right: StaticType | None) -> bool:
-    """Return whether Python's own operator does exactly what ours does: on two ints, or two strings."""
+    """Return True if Python's operator has exactly our semantics: for two ints, or for `+` of two strings."""
     if left is Scalar.INT and right is Scalar.INT:
         return True
     return operator == "+" and Scalar.STRING in (left, right) and _textual(left) and _textual(right)

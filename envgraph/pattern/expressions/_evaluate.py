@@ -1,4 +1,4 @@
-"""The value of an expression, by walking its tree."""
+"""Evaluate expressions by walking their syntax trees."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from envgraph.pattern.expressions._operations import (
 )
 
 Reader = Callable[[int, str], Value | int | None]
-"""Reads a single-valued feature of an object: the value, the id of the target, or None if there is none."""
+"""Returns a single-valued feature of an object: the value, the id of the target, or None if unset."""
 
 STRICT: Final[Mapping[str, Callable[[Any, Any], Any]]] = {
     "+": add,
@@ -48,15 +48,15 @@ STRICT: Final[Mapping[str, Callable[[Any, Any], Any]]] = {
 def evaluate(
     expression: Expression, values: Mapping[str, Value | int | None], read: Reader | None = None
 ) -> Value | int | None:
-    """The value of a checked expression; enum literals are their names, objects their ids.
+    """Return the value of a checked expression. Enum literals are represented by their names, objects by their ids.
 
-    `&&`, `||` and `?:` evaluate only what they need. A path that leads nowhere gives None, which equals `none` alone
-    and which no operator or function takes.
+    `&&`, `||` and `?:` evaluate only the operands that they need. A path without a target gives None. None is equal
+    only to `none`, and operators and functions refuse it.
 
     Args:
-        expression: free of errors, as `check_expression` says.
-        values: of every variable in it.
-        read: reads the features of objects; may be missing when the expression has no path.
+        expression: an expression that `check_expression` has found free of errors.
+        values: the value of every variable in it.
+        read: reads the features of objects; may be None if the expression has no path.
 
     Raises:
         EvaluationError: division by zero, overflow, a function outside its domain, an operand without a value.
@@ -67,7 +67,7 @@ def evaluate(
 
 
 def computes(expression: Expression) -> bool:
-    """Return whether the value may be a new one, which has to stay in bounds, and no truth value or float."""
+    """Return True if the value may be a newly computed int or string, whose size must be limited."""
     match expression:
         case Binary():
             return expression.operator in ("+", "-", "*", "/", "%")
@@ -85,10 +85,10 @@ def computes(expression: Expression) -> bool:
 def holds(
     expression: Expression, values: Mapping[str, Value | int | None], read: Reader | None = None
 ) -> bool:
-    """Return whether a `check` holds.
+    """Return True if the expression of a `check` is true.
 
-    Every path in it (outside `== none`) must have a value, even where `||` would not look: that is what makes
-    `x.attr` a path constraint. An expression without a value does not hold, as in VIATRA.
+    Every path in it (outside `== none`) must have a value, even in an operand that `||` would not evaluate. So
+    `x.attr` is also a path constraint. An expression without a value counts as false, as in VIATRA.
     """
     return value_of(expression, values, read) is True
 
@@ -96,7 +96,10 @@ def holds(
 def value_of(
     expression: Expression, values: Mapping[str, Value | int | None], read: Reader | None = None
 ) -> Value | int | None:
-    """The value of an `eval`, or None when it has none: then the body does not match. Paths as in `holds`."""
+    """Return the value of an `eval`, or None if it has no value, so that its body does not match.
+
+    Paths must have a value as in `holds`.
+    """
     try:
         if any(raw_value(path, values, read) is None for path in navigations(expression)):
             return None
@@ -117,7 +120,7 @@ def raw_value(node: Expression, values: Mapping[str, Any], read: Reader | None) 
             return node.literal
         case Navigation():
             owner = raw_value(node.object, values, read)
-            if isinstance(owner, str):  # `text.length`: objects are ints
+            if isinstance(owner, str):  # `text.length`: a string is not an object, because objects are ints
                 return FUNCTIONS[node.feature].implementation(owner)
             if read is None:
                 raise InvalidArgument(f"no model to read `{node.feature}` from")

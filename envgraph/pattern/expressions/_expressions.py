@@ -1,19 +1,19 @@
-"""Types of expressions, and what can be wrong with them.
+"""Infer the types of expressions and report their errors.
 
-The language, the same in check, eval, set and rewards:
+The expression language is the same in check, eval, set and rewards:
 
-- ints are exact, floats finite; `+ - *` of an int and a float give a float.
+- Ints are exact, floats finite. `+ - *` of an int and a float give a float.
 - `/` of two ints truncates toward zero and `%` takes the sign of its left side (both as in Java and VIATRA; `mod`
   takes the sign of the divisor). With a float, `/` is the ordinary quotient.
-- `+` concatenates as soon as one side is a string: `"p" + (n + 1)`. Floats read as in Python, truth values as `true`
-  and `false`, enum literals as their names.
-- `== !=` compare values of one type (an int with a float, too), or objects; `< <= > >=` numbers or strings.
-- `&& || !` take truth values; `test ? a : b` evaluates one branch, and both have one type.
-- `x.f.g` follows single-valued features of the static type; `x.f == none` asks whether the path leads nowhere.
-- The functions are those of `FUNCTIONS`, and those that are declared: `FunctionDeclaration`.
-- Division by zero, a function outside its domain, a float that is not finite, an int result beyond 64 bits: no value.
-  In a check this is false, in an eval the body does not match (VIATRA does the same, and logs it); elsewhere it is an
-  `EvaluationError`.
+- `+` concatenates as soon as one side is a string: `"p" + (n + 1)`. Floats are written as in Python, truth values as
+  `true` and `false`, enum literals as their names.
+- `== !=` compare values of one type (an int with a float, too), or objects; `< <= > >=` compare numbers or strings.
+- `&& || !` take truth values. `test ? a : b` evaluates one branch, and both branches have one type.
+- `x.f.g` follows single-valued features of the static type. `x.f == none` is true if the path has no value.
+- Functions are the functions in `FUNCTIONS` and declared functions (`FunctionDeclaration`).
+- Division by zero, a function outside its domain, a float that is not finite, and an int result beyond 64 bits have no
+  value. Then a check is false, and a body with such an eval does not match (as in VIATRA, which also logs it).
+  Elsewhere an `EvaluationError` is raised.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ from envgraph.pattern.expressions._function_calls import OF_JAVA, call_type
 from envgraph.pattern.expressions._operations import FUNCTIONS
 
 MOST_PARTS: Final = 50_000
-"""How many operands and operators an expression may have: ints in it are exact, and grow with every product."""
+"""The maximal number of operands and operators of an expression, because exact ints grow with every product."""
 
 
 def check_expression(
@@ -62,17 +62,17 @@ def check_expression(
     expected: StaticType | None = None,
     bare_objects: bool = True,
 ) -> tuple[StaticType | None, list[Diagnostic]]:
-    """The static type of an expression and all that is wrong with it.
+    """Return the static type of an expression and its diagnostics.
 
     Args:
         expression: the expression.
-        scope: type of every variable; None for one whose type is unknown because of an error reported elsewhere.
-        metamodel: what classes and features mean.
-        expected: the type that the place asks for: tells what `::literal` means, and another type is an error.
-        bare_objects: whether an object variable may stand alone, as in `set x.ref = y`; not so in check and eval.
+        scope: the type of every variable; None if the type is unknown because of an error reported elsewhere.
+        metamodel: the metamodel that defines classes and features.
+        expected: the type required by the context. It decides the enum of `::literal`, and other types are errors.
+        bare_objects: True if an object variable may be a value, as in `set x.ref = y`. False in check and eval.
 
     Returns:
-        The type, None where it is unknown or the expression is `none`; and the diagnostics.
+        The type, None if it is unknown or the expression is `none`; and the diagnostics.
     """
     found = _too_large(expression)
     if found:
@@ -92,7 +92,7 @@ def _too_large(expression: Expression) -> str | None:
 
 
 class ExpressionChecker:
-    """Finds the type of one expression; collects `problems`, at most one for each mistake."""
+    """A type checker for one expression. It collects `problems`, at most one for each mistake."""
 
     def __init__(
         self, scope: Mapping[str, StaticType | None], metamodel: Metamodel, bare_objects: bool
@@ -105,11 +105,11 @@ class ExpressionChecker:
     def report(
         self, code: str, message: str, node: Expression, hint: str | None = None, *subject: str
     ) -> None:
-        """Report what is wrong with a part of the expression."""
+        """Report a diagnostic at a part of the expression."""
         self.problems.append(Diagnostic(code, message, node.span, hint, subject=subject))
 
     def type_of(self, node: Expression, expected: StaticType | None = None) -> StaticType | None:
-        """The type, or None where it is unknown; then the reason has been reported, unless it is `none`."""
+        """Return the type of an expression. None if it is `none`, or if unknown, which has been reported then."""
         match node:
             case Variable():
                 return self._variable(node, expected)
@@ -147,7 +147,7 @@ class ExpressionChecker:
         return type_
 
     def is_object(self, node: Expression) -> bool:
-        """Tell whether this is a variable that stands for an object."""
+        """Return True if the expression is a variable whose type is a class."""
         return isinstance(node, Variable) and isinstance(self.scope.get(node.name), ObjectType)
 
     def _bare_hint(self, name: str, type_: ObjectType) -> str:
@@ -156,7 +156,7 @@ class ExpressionChecker:
         return f"use {attribute}; objects are compared by `==` and `!=` outside of check and eval"
 
     def literal(self, node: EnumLiteral, expected: StaticType | None) -> StaticType | None:
-        """The enum of a literal; `::literal` takes the one that the place expects."""
+        """Return the enum of a literal, or None after reporting. `::literal` belongs to the expected enum."""
         enum: EnumType | None
         if node.enum is not None:
             enum = self.metamodel.enums.get(node.enum)
@@ -188,11 +188,11 @@ class ExpressionChecker:
         )
 
     def at(self, code: str, message: str, span: Span | None, hint: str | None) -> None:
-        """Report what is wrong at a place."""
+        """Report a diagnostic at a span."""
         self.problems.append(Diagnostic(code, message, span, hint))
 
     def _navigation(self, node: Navigation) -> StaticType | None:
-        # The start of a path is the one place where an object variable may stand in a check.
+        # Only at the start of a path may an object variable occur in a check.
         if isinstance(node.object, Variable) and not node.object.anonymous and node.object.name in self.scope:
             owner = self.scope[node.object.name]
         else:
@@ -232,13 +232,13 @@ class ExpressionChecker:
     def operand(
         self, node: Expression, what: str, wanted: str, expected: StaticType | None = None
     ) -> StaticType | None:
-        """The type of an operand that has to be of a kind."""
+        """Return the type of an operand. Report an operand that is not of the wanted kind, and return None."""
         return self._of_kind(node, self.type_of(node, expected), what, wanted)
 
     def _of_kind(
         self, node: Expression, type_: StaticType | None, what: str, wanted: str
     ) -> StaticType | None:
-        """The type of an operand, if it is of a kind; else None, and that is reported."""
+        """Return the type of an operand if it is of the wanted kind, else report and return None."""
         if _is_none(node):
             advice = "`none` can be compared with a path: `x.f == none`"
             self.report("operand-type", f"`{what}` does not take `none`", node, advice)
@@ -277,7 +277,7 @@ class ExpressionChecker:
                 return self._arithmetic(node)
 
     def _arithmetic(self, node: Binary) -> StaticType | None:
-        """The type of `a + b - c` and the like; what is left of an operator has the type found so far."""
+        """Return the type of a chain such as `a + b - c`. The operands are checked from left to right."""
         first, links = node.chain()
         type_ = self.operand(first, links[0].operator, "data" if links[0].operator == "+" else "number")
         for link in links:
@@ -334,7 +334,7 @@ class ExpressionChecker:
             self.report("operand-type", message, node, hint)
 
     def _sides(self, node: Binary) -> tuple[StaticType | None, StaticType | None]:
-        """Types of both sides; `::literal` on one side takes its enum from the other."""
+        """Return the types of both sides of a comparison. `::literal` takes its enum from the other side."""
         left, right = node.left, node.right
         if _is_bare_literal(left) and _is_bare_literal(right):
             return self.type_of(left), None
@@ -377,7 +377,7 @@ class ExpressionChecker:
             return self._common_class(node, then, otherwise)
         hint = None
         if {then, otherwise} == set(NUMBERS):
-            # Silently promoting would make the type of a value depend on the branch taken: `1 / 2` or `1.0 / 2`.
+            # Promotion would make the type of a value depend on the branch: `1 / 2` or `1.0 / 2`.
             hint = "write the int as a float (`1.0`), or use `toFloat`"
         message = f"the branches of `?:` are `{type_text(then)}` and `{type_text(otherwise)}`"
         self.report("operand-type", message, node, hint)
@@ -386,7 +386,7 @@ class ExpressionChecker:
     def _optional(
         self, node: Conditional, branch: Expression, expected: StaticType | None
     ) -> StaticType | None:
-        """`test ? x : none`, which a rule may store and a query cannot use."""
+        """Return the type of `test ? x : none`, which a rule may assign. In a query report an error and return None."""
         if not self.bare_objects:
             self.report(
                 "operand-type", "`none` is no value in a query", node, "put the test into a check of its own"
@@ -416,11 +416,11 @@ _KINDS: Final[Mapping[str, tuple[str, tuple[StaticType, ...]]]] = {
     "string": ("strings", (Scalar.STRING,)),
     "ordered": ("numbers or strings", (*NUMBERS, Scalar.STRING)),
 }
-"""Operands of each kind, as messages say it, and their types."""
+"""For each kind of operand its name in messages and its types."""
 
 
 def is_method(node: Navigation, owner: StaticType | None) -> bool:
-    """Return whether `text.length` or `n.intValue` is the function of a value, without its brackets."""
+    """Return True if `text.length` or `n.intValue` calls a function of one value, written without brackets."""
     function = FUNCTIONS.get(node.feature)
     if function is None or len(function.parameters) != 1 or owner is None or isinstance(owner, ObjectType):
         return False
@@ -432,12 +432,12 @@ def _is_none(node: Expression) -> bool:
 
 
 def _is_bare_literal(node: Expression) -> bool:
-    """Return whether this is `::literal`, whose enum the place has to tell."""
+    """Return True if the expression is `::literal`, whose enum depends on the context."""
     return isinstance(node, EnumLiteral) and node.enum is None
 
 
 def subclass_hint(cls: str, feature: str, metamodel: Metamodel) -> str | None:
-    """A hint when it is a subclass that has the feature."""
+    """Return a hint that names a subclass with the feature, or None if no subclass has it."""
     for sub in metamodel.class_list:
         if any(own.name == feature for own in sub.features) and metamodel.is_a(sub.name, cls):
             return f"its subclass `{sub.name}` has one: constrain the object with `{sub.name}(..)`"

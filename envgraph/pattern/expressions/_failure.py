@@ -1,4 +1,4 @@
-"""Why an expression has no value: looked for when it turned out, so that evaluating costs nothing for it."""
+"""Find the cause of a missing value of an expression after its evaluation has failed."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from envgraph.pattern._terms import Binary, Conditional, Constant, Expression, F
 from envgraph.pattern.expressions._evaluate import STRICT, Reader, evaluate, raw_value
 
 _LONGEST = 40
-"""A longer text is not repeated in a hint."""
+"""The maximal number of characters that a hint repeats from the source."""
 
 
 def explained(
@@ -23,12 +23,15 @@ def explained(
     span: Span | None,
     advice: str,
 ) -> EvaluationError:
-    """An error of an expression, with the place of what has no value and how to mend it.
+    """Return an error with the span of the subexpression that has no value, and a hint.
 
     Args:
-        error: that evaluating the expression raised.
-        span: to be shown where the expression has none.
-        advice: how to ask for a condition at this place, with `{}` for the condition.
+        error: the error that the evaluation raised.
+        expression: the evaluated expression.
+        values: the values of its variables.
+        read: the function that reads features, or None.
+        span: the span to report if the expression has none.
+        advice: the hint that proposes a condition at this place, with `{}` for the condition.
     """
     found = cause(expression, values, read) or expression
     hint = _hint(found, values, read, advice) or error.hint
@@ -57,9 +60,9 @@ def _hint(
 def cause(
     expression: Expression, values: Mapping[str, Value | int | None], read: Reader | None = None
 ) -> Expression | None:
-    """The smallest part of an expression without a value that has none itself; None if it has a value after all.
+    """Return the smallest subexpression without a value whose operands have values, or None if all is evaluated.
 
-    For messages: it evaluates again what `evaluate` has given up.
+    The expression is evaluated again, for messages only.
 
     >>> from envgraph.pattern import Binary, Constant
     >>> cause(Binary("+", Constant(1), Binary("/", Constant(2), Constant(0))), {}).operator
@@ -86,7 +89,7 @@ def _cause(node: Expression, values: Mapping[str, Any], read: Reader | None) -> 
         isinstance(node, Binary) and node.operator in ("==", "!=")
     )
     for part in asked:
-        # Those before it did not fail, and did not answer `&&` or `||` alone: else this would not have been asked.
+        # Earlier operands did not fail, nor decide `&&` or `||`. Otherwise this operand would not have been evaluated.
         if _fails(part, values, read):
             return _cause(part, values, read)
         if strict and raw_value(part, values, read) is None:
@@ -95,7 +98,7 @@ def _cause(node: Expression, values: Mapping[str, Any], read: Reader | None) -> 
 
 
 def _cause_in_chain(node: Binary, values: Mapping[str, Any], read: Reader | None) -> Expression:
-    """As `_cause`, along the left sides of a sum that may be long."""
+    """Return the failing subexpression of a chain of operators, without recursion along its left sides."""
     first, links = node.chain()
     if _fails(first, values, read):
         return _cause(first, values, read)
@@ -116,7 +119,7 @@ def _cause_in_chain(node: Binary, values: Mapping[str, Any], read: Reader | None
 
 
 def _fails(node: Expression, values: Mapping[str, Any], read: Reader | None) -> bool:
-    """Return whether evaluating a part raises."""
+    """Return True if evaluating the expression raises an EvaluationError."""
     try:
         raw_value(node, values, read)
     except EvaluationError:

@@ -1,4 +1,4 @@
-"""Types of calls of functions in expressions, and what can be wrong with them."""
+"""Infer the types of function calls in expressions and report their errors."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ OF_JAVA: Final[Mapping[str, str]] = {
     "size": "write `text.length`, or `n == count Type.feature(x, _);` outside of the expression",
     **dict.fromkeys(("class", "eClass", "getClass"), "constrain it outside of the expression: `Type(x)`"),
 }
-"""What to write for methods of Java."""
+"""Hints for methods of Java, by name."""
 
 
 def call_type(checker: ExpressionChecker, node: FunctionCall) -> StaticType | None:
-    """The type of a call of a function, or None where it is unknown; what is wrong with it is reported."""
+    """Return the type of a function call, or None if unknown. Errors of the call are reported."""
     if node.declaration is not None:
         return _declared(checker, node, node.declaration)
     function = FUNCTIONS.get(node.function) if node.owner is None else None
@@ -65,7 +65,7 @@ def _unknown_function(checker: ExpressionChecker, node: FunctionCall) -> None:
 
 
 def _declaring(checker: ExpressionChecker, node: FunctionCall) -> str:
-    """Return how to declare a function for a call."""
+    """Return a hint that shows how to declare the called function."""
     known, parameters = len(checker.problems), []
     for number, argument in enumerate(node.arguments):
         type_ = checker.type_of(argument)
@@ -83,7 +83,7 @@ def _declaring(checker: ExpressionChecker, node: FunctionCall) -> str:
 def _declared(
     checker: ExpressionChecker, node: FunctionCall, function: DeclaredFunction
 ) -> StaticType | None:
-    """The type of a call of a declared function, which takes values of the types that it says."""
+    """Return the result type of a call of a declared function. Check the arguments against the declared types."""
     if function.result is None:
         for argument in node.arguments:
             checker.type_of(argument)
@@ -101,7 +101,7 @@ def _declared(
 
 
 def _getter_hint(checker: ExpressionChecker, node: FunctionCall) -> str | None:
-    """For `x.getLength()` of Java: the feature `x.length`."""
+    """Return a hint that replaces a Java getter `x.getLength()` by the feature `x.length`, or None."""
     owner = node.arguments[0] if len(node.arguments) == 1 else None
     type_ = checker.scope.get(owner.name) if isinstance(owner, Variable) else None
     if not isinstance(owner, Variable) or not isinstance(type_, ObjectType):

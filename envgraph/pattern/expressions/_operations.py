@@ -1,7 +1,7 @@
-"""Operators and functions of the expression language, as functions of values.
+"""The operators and functions of the expression language, as Python functions of values.
 
-These are the functions that `evaluate` uses and that generated code calls by the names in `EXPRESSION_NAMESPACE`.
-Each of them either returns a value or raises `EvaluationError`; nothing else gets out.
+`evaluate` uses these functions, and generated code calls them by the names in `EXPRESSION_NAMESPACE`.
+Each function returns a value or raises `EvaluationError`, and no other exception.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from envgraph.errors import EvaluationError
 from envgraph.metamodel import Scalar, Value
 
 MOST_CHARACTERS: Final = 1_000_000
-"""The longest string that may leave an expression."""
+"""The maximal length of a string that is the value of a whole expression."""
 
 _INT_LOW, _INT_HIGH = -(2**63), 2**63 - 1
 
@@ -25,7 +25,7 @@ Number = int | float
 
 
 def text(value: Value) -> str:
-    """Return how a value reads inside a string: `true` and `false` for truth values, enum literals by their name."""
+    """Return the text of a value for concatenation: `true` and `false` for bools, and the name for an enum literal."""
     if isinstance(value, bool):
         return "true" if value else "false"
     return value if isinstance(value, str) else repr(value)
@@ -35,10 +35,14 @@ _SMALLER: Final = "an `int` has at most 64 bits: ask for smaller numbers, or cal
 
 
 def bounded(value: Any) -> Any:
-    """The value of a whole expression: ints fit 64 bits, strings a million characters.
+    """Return the value of a whole expression if it is an int of 64 bits or a string of at most a million characters.
 
-    Inside an expression ints are exact, however large. The bound is on what leaves it, because that is what a rule
-    stores and reads again: a loop of `x = x * x` ends with an error instead of exhausting the memory.
+    Values of other types are returned unchanged. Inside an expression ints are exact, however large. Only the result is
+    limited, because a rule stores it and reads it again: a loop of `x = x * x` ends with an error instead of
+    exhausting the memory.
+
+    Raises:
+        EvaluationError: the value is too large.
     """
     if type(value) is int and not _INT_LOW <= value <= _INT_HIGH:
         raise EvaluationError("overflow: the result does not fit 64 bits", hint=_SMALLER)
@@ -48,14 +52,18 @@ def bounded(value: Any) -> Any:
 
 
 def finite(value: float) -> float:
-    """The number itself; infinity and NaN are an overflow."""
+    """Return a float that is finite.
+
+    Raises:
+        EvaluationError: the number is infinite or NaN.
+    """
     if value - value != 0:
         raise EvaluationError("overflow: the result is no finite number")
     return value
 
 
 def add(left: Value, right: Value) -> Value:
-    """`left + right`: concatenation as soon as one side is a string."""
+    """Return `left + right`: a concatenation if one side is a string, else a finite sum."""
     if isinstance(left, str) or isinstance(right, str):
         return text(left) + text(right)
     try:
@@ -66,7 +74,7 @@ def add(left: Value, right: Value) -> Value:
 
 
 def _exact(operation: Callable[[Any, Any], Number]) -> Callable[[Number, Number], Number]:
-    """An operation whose result is a finite number."""
+    """Return an arithmetic operation that raises `EvaluationError` if the result is not finite."""
 
     def computed(left: Number, right: Number) -> Number:
         try:
@@ -84,7 +92,7 @@ _rest: Final = _exact(operator.mod)
 
 
 def chain(first: Any, *rest: Any) -> Any:
-    """`first`, and then operation and operand in turn, from left to right.
+    """Apply operations to `first` from left to right. `rest` alternates operations and right operands.
 
     >>> chain(7, subtract, 2, add, " left")
     '5 left'
@@ -99,7 +107,7 @@ def _overflow(error: OverflowError) -> EvaluationError:
 
 
 def divide(left: Number, right: Number) -> Number:
-    """`left / right`; of two ints the quotient truncated toward zero, as in Java.
+    """Return `left / right`. The quotient of two ints is truncated toward zero, as in Java.
 
     >>> divide(-7, 2), divide(-7, 2.0)
     (-3, -3.5)
@@ -117,7 +125,7 @@ def divide(left: Number, right: Number) -> Number:
 
 
 def remainder(left: Number, right: Number) -> Number:
-    """`left % right`, with the sign of the left side, as in Java.
+    """Return `left % right` with the sign of the left side, as in Java.
 
     >>> remainder(-7, 2), remainder(7, -2)
     (-1, 1)
@@ -130,7 +138,7 @@ def remainder(left: Number, right: Number) -> Number:
 
 
 def _guarded(function: Callable[..., Any], *arguments: Any) -> Any:
-    """A call of the standard library, whose own complaints become `EvaluationError`."""
+    """Call a function of the standard library, and convert its exceptions to `EvaluationError`."""
     try:
         result = function(*arguments)
     except (ValueError, OverflowError, ZeroDivisionError) as error:
@@ -147,12 +155,12 @@ def _largest(*numbers: Number) -> Number:
 
 
 def _promoted(chosen: Number, numbers: tuple[Number, ...]) -> Number:
-    """A float as soon as one of the numbers is: the type must not depend on which one was chosen."""
+    """Return the chosen number, as a float if any number is a float. So the type does not depend on the choice."""
     return _guarded(float, chosen) if any(isinstance(n, float) for n in numbers) else chosen
 
 
 def _round(number: Number) -> int:
-    # Not floor(number + 0.5): the sum rounds, and 0.49999999999999994 would become 1.
+    # floor(number + 0.5) would be wrong, because the sum rounds: 0.49999999999999994 would become 1.
     low: int = _guarded(math.floor, number)
     return low + 1 if number - low >= 0.5 else low
 
@@ -171,7 +179,7 @@ def _substring(string: str, start: int, end: int | None = None) -> str:
 
 
 def _replace(string: str, old: str, new: str) -> str:
-    # Bounded before it is built: one replacement can square the length.
+    # The length is checked before the string is built, because one replacement can square the length.
     if len(string) + string.count(old) * max(0, len(new) - len(old)) > MOST_CHARACTERS:
         raise EvaluationError(f"overflow: the result has more than {MOST_CHARACTERS} characters")
     return string.replace(old, new)
@@ -182,14 +190,14 @@ Kind = Literal["number", "int", "string", "data"]
 
 @dataclass(frozen=True, slots=True)
 class Function:
-    """A function of the expression language.
+    """A built-in function of the expression language.
 
     Attributes:
-        parameters: what each argument must be.
-        result: type of the result; None: float if an argument is one, else int.
-        optional: how many arguments at the end may be left out.
-        variadic: the last parameter may be repeated.
-        total: it has a value for all arguments.
+        parameters: the kind of each argument.
+        result: the type of the result. None means float if an argument is a float, else int.
+        optional: the number of arguments at the end that may be omitted.
+        variadic: True if the last argument may be repeated.
+        total: True if the function has a value for all arguments.
         doc: one line for the reference.
     """
 
@@ -203,17 +211,17 @@ class Function:
     total: bool = False
 
     def accepts_count(self, count: int) -> bool:
-        """Return whether it can be called with that many arguments."""
+        """Return True if the function can be called with `count` arguments."""
         least = len(self.parameters) - self.optional
         return count >= least and (self.variadic or count <= len(self.parameters))
 
     def parameter(self, position: int) -> Kind:
-        """Return what the argument at a position must be."""
+        """Return the kind of the argument at a position."""
         return self.parameters[min(position, len(self.parameters) - 1)]
 
     @property
     def signature(self) -> str:
-        """How a call looks, for hints and the reference."""
+        """Return the form of a call, for hints and the reference."""
         names = list(self.parameters)
         required = names[: len(names) - self.optional]
         extra = "".join(f"[, {name}]" for name in names[len(required) :])
@@ -302,4 +310,4 @@ EXPRESSION_NAMESPACE: Final[Mapping[str, object]] = {
     "_bounded": bounded,
     **{f"_fn_{function.name}": function.implementation for function in _TABLE},
 }
-"""Every global name that the source of `compile_expression` uses."""
+"""The values of all global names in the code that `compile_expression` returns."""

@@ -1,1 +1,1 @@
-"""From bodies as they are written to the resolved goals that matchers compile."""
+"""Lower bodies of patterns to the resolved goals that matchers compile."""

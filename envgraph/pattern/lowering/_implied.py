@@ -1,4 +1,4 @@
-"""Class tests that other goals of a conjunction imply: features have owners and targets, parameters have types."""
+"""Find class tests that other goals of a conjunction imply, such as the class that owns a feature."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from envgraph.pattern._lowered import (
 from envgraph.pattern._paths import closure_target, target_type
 
 Types = Callable[[str], Sequence[StaticType]]
-"""Types of the parameters of a pattern, generated ones included, by qualified name."""
+"""Returns the types of the parameters of a pattern, by its qualified name; generated patterns included."""
 
 Classes = Mapping[int, frozenset[str]]
-"""Classes of which a variable has an object, by the number of the variable."""
+"""For the number of a variable the classes that its objects are known to have."""
 
 
 def implied_classes(goals: Iterable[Goal], metamodel: Metamodel, types_of: Types) -> Classes:
-    """Return what the relations among the goals, class tests left out, say of the classes of their variables."""
+    """Return for each variable the classes that its relations imply. Class tests among the goals are ignored."""
     found: dict[int, set[str]] = {}
     for goal in goals:
         for variable, type_ in _facts(goal, metamodel, types_of):
@@ -35,12 +35,13 @@ def implied_classes(goals: Iterable[Goal], metamodel: Metamodel, types_of: Types
 
 
 def is_implied(goal: Goal, goals: Iterable[Goal], known: Classes, metamodel: Metamodel) -> bool:
-    """Return whether a goal is a class test that is made anyway.
+    """Return True if a goal is a class test that other goals or known classes imply.
 
     Args:
         goal: one of `goals`.
-        goals: a stronger class test among these implies it.
-        known: so does what is known of its variable.
+        goals: all goals; a stronger class test among them implies `goal`.
+        known: the classes that each variable is known to have.
+        metamodel: the metamodel.
     """
     if not isinstance(goal, InstanceAtom) or goal.exact:
         return False

@@ -1,4 +1,4 @@
-"""From a body as it is written to the goals that matchers compile."""
+"""Lower one body of a pattern to goals over numbered variables (slots)."""
 
 from __future__ import annotations
 
@@ -57,19 +57,19 @@ from envgraph.pattern.expressions._expressions import ExpressionChecker
 from envgraph.pattern.lowering._slots import Slots, Unsatisfiable
 
 Generate = Callable[[ResolvedPath | AttributeType | Feature], str]
-"""Registers the generated pattern of a path, or of the values of an enum, and gives its qualified name; of a derived
-feature gives the pattern that defines it, or ""."""
+"""Registers the generated pattern of a path, or of the values of a type, and returns its qualified name. For a derived
+feature it returns the pattern that defines the feature, or ""."""
 
 
 class BodyLowering:
-    """Turns the constraints of one checked body into goals over slots.
+    """The lowering of the constraints of one checked body to goals over slots.
 
-    Checks and evals come after all other constraints, because a path in them uses the variable that a path constraint
-    has already given to the same feature; the goals still end up in the order of the text.
+    Checks and evals are lowered after all other constraints, because their paths reuse the variables of path
+    constraints on the same feature. The goals are in the order of the text all the same.
 
     Attributes:
         slots: the variables.
-        goals: over slot numbers, each with the span of its constraint; expressions name a slot by its number.
+        goals: the goals over slot numbers, each with the span of its constraint. Expressions name a slot by its number.
     """
 
     def __init__(self, parameters: Sequence[Parameter], body_types: BodyTypes, generate: Generate) -> None:
@@ -120,7 +120,7 @@ class BodyLowering:
     # --- terms
 
     def _slot(self, term: Term, expected: StaticType | None, group: int | None = None) -> int:
-        """The variable for an argument; what is no variable becomes one that is fixed or computed."""
+        """Return the slot of an argument. A constant gets a fixed slot, an eval or aggregate a computed slot."""
         match term:
             case Variable():
                 if term.anonymous:
@@ -167,7 +167,7 @@ class BodyLowering:
         return self._slot(left, expected), self._slot(right, expected)
 
     def _comparable(self, left: Term, right: Term) -> StaticType | None:
-        """The type that both sides are compared at; a number that is written takes that of the other side."""
+        """Return the type at which both sides are compared. A number literal takes the type of the other side."""
         one, other = self._types.of_term(left), self._types.of_term(right)
         if isinstance(left, Constant) or one is None:
             return other or one
@@ -207,7 +207,10 @@ class BodyLowering:
         return signature.pattern.qualified_name
 
     def _steps(self, path: ResolvedPath, source: int, target: int) -> Iterator[Goal]:
-        """One atom a step, with new variables between them, and the class of the source if no step implies it."""
+        """Yield one atom for each step of a path, with new variables between steps.
+
+        The class of the source is tested first if the first step does not imply it.
+        """
         if not self._metamodel.is_a(path.steps[0].owner, path.cls):
             yield InstanceAtom(path.cls, source)
         current = source
@@ -250,10 +253,10 @@ class BodyLowering:
             raise Unsatisfiable
 
     def _group(self, relation: Relation) -> tuple[RelationAtom, frozenset[int], int | None] | None:
-        """The relation as one atom, with the variables that are free in it and the one that `#` marks.
+        """Return a negated or aggregated relation as one atom, its local variables, and the variable marked by `#`.
 
-        None if an argument has a type that the relation never holds for: then the group is empty. The test is needed
-        for more than speed: object 3 and the number 3 look the same to a matcher.
+        None if the type of an argument rules out every tuple, so that the group is empty. The test is needed for
+        correctness: object 3 and the number 3 look the same to a matcher.
         """
         number = self._groups
         self._groups += 1
@@ -289,7 +292,7 @@ class BodyLowering:
                 return self._single_path(self._path(relation), slots[0], slots[1], slots[0] in local)
 
     def _single_path(self, path: ResolvedPath, source: int, target: int, free: bool) -> RelationAtom:
-        """A path as one atom: a link or attribute where that says it all, else a call of a generated pattern."""
+        """Return a path as one atom: a link or attribute if sufficient, else a call of a generated pattern."""
         first = path.steps[0]
         actual = self.slots.type(source)
         typed = not free and isinstance(actual, ObjectType) and self._metamodel.is_a(actual.cls, path.cls)
@@ -300,7 +303,7 @@ class BodyLowering:
     # --- expressions
 
     def _index_functions(self, buckets: Sequence[Sequence[Goal]]) -> None:
-        """Remember which variable holds a single-valued feature of which object."""
+        """Record the variable that holds the value of each single-valued feature of each object variable."""
         for bucket in buckets:
             for atom in bucket:
                 if isinstance(atom, AttributeAtom):
@@ -309,7 +312,7 @@ class BodyLowering:
                     self._targets.setdefault((self.slots.root(atom.source), atom.reference), atom.target)
 
     def _check(self, expression: Expression) -> None:
-        """Each side of a conjunction is a constraint of its own; simple ones need no expression."""
+        """Lower a check. The operands of `&&` become separate goals, and simple operands need no expression."""
         if isinstance(expression, Binary) and expression.operator == "&&":
             for part in children(expression):
                 self._check(part)
@@ -327,7 +330,7 @@ class BodyLowering:
             self._bucket.append(Condition(lifted, reads))
 
     def _as_equation(self, expression: Expression) -> bool:
-        """Turn `a == b` over values of one type into a union, which a plan can use as a join or an index key."""
+        """Unite both sides of `a == b` if their types allow it, and return True, so that plans can join on it."""
         if not (isinstance(expression, Binary) and expression.operator == "=="):
             return False
         left, right = expression.left, expression.right
@@ -364,7 +367,7 @@ class BodyLowering:
         self.slots.fix(result, coerced(value, self.slots.type(result)))
 
     def _lift(self, expression: Expression) -> Expression:
-        """The expression over slots: paths replaced by variables, enum literals by strings, `none` tests by counts."""
+        """Return the expression over slots: paths become variables, enum literals strings, and `none` tests counts."""
         tested = none_test(expression)
         if tested is not None and isinstance(expression, Binary):
             counted = Variable(str(self._count_targets(tested)))
@@ -381,7 +384,7 @@ class BodyLowering:
                 return with_children(expression, [self._lift(child) for child in children(expression)])
 
     def _follow(self, navigation: Navigation) -> int:
-        """The variable at the end of a path, with an atom for each step that has none yet."""
+        """Return the variable at the end of a path. Steps without a variable get a new one and an atom."""
         base, features = base_of(navigation)
         current = self._base(base)
         for name in features:
@@ -395,7 +398,7 @@ class BodyLowering:
         return current
 
     def _base(self, expression: Expression) -> int:
-        """The variable that a path starts at; `(test ? x.f : x.g).h` starts at a computed one."""
+        """Return the variable at the start of a path. For `(test ? x.f : x.g).h` it is a computed variable."""
         if isinstance(expression, Variable):
             return self.slots.named(expression.name, self._types.of(expression.name))
         type_ = ExpressionChecker(self._types.types, self._metamodel, False).type_of(expression)
@@ -411,7 +414,7 @@ class BodyLowering:
         return feature
 
     def _tested_path(self, navigation: Navigation) -> tuple[RelationAtom, int]:
-        """The relation from the start of a path to its end, and the free variable at the end."""
+        """Return a path of a `none` test as one atom, and the local variable at its end."""
         base, features = base_of(navigation)
         source = self._base(base)
         owner = self.slots.type(source)
@@ -429,7 +432,7 @@ class BodyLowering:
             self._follow(navigation)
 
     def _count_targets(self, navigation: Navigation) -> int:
-        """A variable that is 0 if the path leads nowhere; a truth value inside a larger expression needs one."""
+        """Return a variable with the number of targets of a path, for a `none` test inside a larger expression."""
         atom, target = self._tested_path(navigation)
         result = self.slots.fresh(Scalar.INT)
         self._bucket.append(AggregateAtom("count", atom, frozenset((target,)), result))
@@ -441,7 +444,7 @@ def _absence(relation: RelationAtom, local: frozenset[int]) -> Absence:
 
 
 def reads_of(expression: Expression) -> tuple[tuple[str, int], ...]:
-    """The slots that a lifted expression reads, each once with its name, in the order of the text."""
+    """Return the slots that a lifted expression reads, each once with its name, in the order of the text."""
     if isinstance(expression, Variable):
         return ((expression.name, int(expression.name)),)
     return tuple(dict.fromkeys(read for child in children(expression) for read in reads_of(child)))

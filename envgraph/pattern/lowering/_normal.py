@@ -1,4 +1,4 @@
-"""The last step of lowering: number the variables, drop what is implied, and put a body together."""
+"""Complete the lowering of a body: number the variables, remove implied goals, and build the conjunction."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from envgraph.pattern.lowering._slots import Slots, Unsatisfiable
 def lower_body(
     parameters: Sequence[Parameter], body_types: BodyTypes, generate: Generate, types_of: Types
 ) -> Conjunction | None:
-    """The normal form of a checked body; None if it can hold for nothing."""
+    """Return the normal form of a checked body, or None if no model can satisfy it."""
     try:
         lowering = BodyLowering(parameters, body_types, generate)
         return _Normaliser(lowering.slots, parameters, body_types.metamodel, types_of).body(lowering.goals)
@@ -39,7 +39,7 @@ def lower_body(
 
 
 class _Normaliser:
-    """Turns goals over slots into goals over the final numbers."""
+    """The renumbering of the slots of one body to the final numbers of variables."""
 
     def __init__(
         self, slots: Slots, parameters: Sequence[Parameter], metamodel: Metamodel, types_of: Types
@@ -55,7 +55,7 @@ class _Normaliser:
             *self._declared(),
             *((kept, span) for goal, span in raw for kept in self._resolved(goal)),
         ]
-        # As they are spelled: as constants 1 and 1.0 are equal, but 1 / 2 and 1.0 / 2 are not.
+        # Goals are compared by their text: the constants 1 and 1.0 are equal, but 1 / 2 and 1.0 / 2 are not.
         written = list({spelling(goal): (goal, span) for goal, span in written}.values())
         goals = [goal for goal, _ in written]
         known = implied_classes(goals, self._metamodel, self._types_of)
@@ -89,7 +89,13 @@ class _Normaliser:
                 yield InstanceAtom(parameter.type, self._slots.root(number)), parameter.span
 
     def _resolved(self, goal: Goal) -> Iterator[Goal]:
-        """The goal over the variables that stand for united ones; an inequality that is decided goes."""
+        """Yield the goal with united variables replaced by their representative.
+
+        An inequality of two different constants is dropped.
+
+        Raises:
+            Unsatisfiable: an inequality of a variable with itself, or of equal constants.
+        """
         if isinstance(goal, UnequalAtom):
             left, right = self._roots[goal.left], self._roots[goal.right]
             one, other = self._slots.value(left), self._slots.value(right)
@@ -100,14 +106,14 @@ class _Normaliser:
         yield _named(renumbered(goal, self._roots), {root: str(root) for root in self._roots.values()})
 
     def _order(self, goals: Iterable[Goal]) -> list[int]:
-        """The parameters, then every other variable that a goal mentions, by first mention in the text."""
+        """Return the slots in their final order: the parameters, then the other variables of goals by first mention."""
         count = len(self._parameters)
         slots = {slot for goal in goals for slot in mentioned(goal)}
         return [*range(count), *sorted(slot for slot in slots if slot >= count)]
 
 
 def _named(goal: Goal, names: Sequence[str] | Mapping[int, str]) -> Goal:
-    """The goal with other names in its expression: of each variable the one that `names` has for its number."""
+    """Return the goal with its expression over the names that `names` has for the numbers of its variables."""
     if not isinstance(goal, Condition | Valuation):
         return goal
     expression = _spelled(goal.expression, {name: names[number] for name, number in goal.reads})

@@ -1,4 +1,4 @@
-"""The variables of one body while it is being lowered."""
+"""The numbered variables of one body during its lowering."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from envgraph.pattern._types import coerced, meet
 
 
 class Unsatisfiable(Exception):
-    """The body holds for nothing, whatever the model; it is left out."""
+    """An exception raised if no model can satisfy a body, which is then omitted."""
 
 
 @dataclass(slots=True)
@@ -19,10 +19,10 @@ class _Slot:
 
 
 class Slots:
-    """Numbered variables, some of them united, some of them fixed to a value.
+    """Numbered variables (slots). Slots can be united with each other and fixed to a value.
 
-    Numbers are given in the order of first mention, parameters first. The variable that stands for a united group is
-    the one with the lowest number, so a parameter if there is one.
+    Numbers are assigned in the order of first mention, parameters first. The representative of a united group is the
+    slot with the lowest number, so it is a parameter if the group has one.
     """
 
     def __init__(self, metamodel: Metamodel) -> None:
@@ -33,7 +33,7 @@ class Slots:
         self._values: dict[int, Value] = {}
 
     def fresh(self, type_: StaticType | None, name: str | None = None) -> int:
-        """A new variable."""
+        """Create a slot and return its number."""
         self._slots.append(_Slot(name, type_))
         number = len(self._slots) - 1
         self._parent.append(number)
@@ -42,20 +42,20 @@ class Slots:
         return number
 
     def named(self, name: str, type_: StaticType | None) -> int:
-        """The variable of a name; a new one at its first mention."""
+        """Return the slot with a name. The slot is created at its first mention."""
         return self._by_name[name] if name in self._by_name else self.fresh(type_, name)
 
     def root(self, number: int) -> int:
-        """The variable that stands for this one."""
+        """Return the representative of the group that contains a slot."""
         while self._parent[number] != number:
             number = self._parent[number]
         return number
 
     def unite(self, one: int, other: int) -> None:
-        """Make two variables one.
+        """Unite the groups of two slots.
 
         Raises:
-            Unsatisfiable: they are fixed to different values, or nothing has both types.
+            Unsatisfiable: they are fixed to different values, or no value has both types.
         """
         low, high = sorted((self.root(one), self.root(other)))
         if low == high:
@@ -73,26 +73,26 @@ class Slots:
             self.fix(low, self._values.pop(high))
 
     def fix(self, number: int, value: Value) -> None:
-        """Give a variable one value.
+        """Fix a slot to a value.
 
         Raises:
-            Unsatisfiable: it has another one.
+            Unsatisfiable: the slot is fixed to another value.
         """
         root = self.root(number)
         if self._values.setdefault(root, value) != value:
             raise Unsatisfiable
 
     def value(self, number: int) -> Value | None:
-        """The value a variable is fixed to, or None."""
+        """Return the value to which a slot is fixed, or None."""
         root = self.root(number)
         return coerced(self._values[root], self._slots[root].type) if root in self._values else None
 
     def type(self, number: int) -> StaticType | None:
-        """The static type of a variable."""
+        """Return the static type of a slot, or None if unknown."""
         return self._slots[self.root(number)].type
 
     def name(self, number: int) -> str | None:
-        """The name of a variable in the text, or None."""
+        """Return the name of a slot in the text, or None."""
         return self._slots[number].name
 
     def __len__(self) -> int:
