@@ -356,7 +356,7 @@ class Analysis:
     def _solve_inputs(self) -> None:
         """Find the inputs of each pattern: the `in` parameters of data types that some body cannot enumerate.
 
-        All of them are inputs at first. Parameters that all bodies enumerate, given the other inputs, are removed in rounds.
+        All of them are inputs at first. Parameters that all bodies enumerate, given the other inputs, are removed.
         """
         pending: list[str] = []
         for name in self._short:

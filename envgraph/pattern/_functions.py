@@ -89,7 +89,7 @@ class DeclaredFunction:
     def _call(self, span: Span | None, *arguments: Value) -> Value:
         if self.code is None:
             hint = f'give the engine its code: `engine.function("{self.name}", ..)`'
-            raise FunctionError(f"function `{self.name}` is only declared", self.name, span, hint)
+            raise FunctionError(f"function `{self.name}` is declared, but has no code", self.name, span, hint)
         given = [coerced(value, type_) for value, type_ in zip(arguments, self.parameters, strict=True)]
         try:
             result = self.code(*given)
@@ -97,15 +97,15 @@ class DeclaredFunction:
             raise
         except Exception as error:
             message = f"{self._shown(given)} raised {type(error).__name__}: {error}"
-            raise FunctionError(
-                message, self.name, span, "a function gives a value for all arguments"
-            ) from error
+            raise FunctionError(message, self.name, span, "return a value for all arguments") from error
         assert self.result is not None, "an expression with an error is not evaluated"
         if isinstance(result, float):  # floats of NumPy have a class of their own
             result = float(result)
         if _fits(result, self.result):
             return coerced(result, self.result)  # type: ignore[arg-type]
-        message = f"{self._shown(given)} returned {short(result)}, which is no `{type_text(self.result)}`"
+        message = (
+            f"{self._shown(given)} returned {short(result)}, which is not of type `{type_text(self.result)}`"
+        )
         raise FunctionError(message, self.name, span, f"it is declared as `{self.declaration.signature}`")
 
     def _shown(self, arguments: Sequence[Value]) -> str:
@@ -140,10 +140,10 @@ def declared(
         if other is None:
             found[one.name] = DeclaredFunction(one, parameters, result)
         elif None not in (result, other.result) and other.types != (*parameters, result):
-            message = f"function `{one.name}` is declared with other types, too"
+            message = f"function `{one.name}` is declared twice, with different types"
             place = other.declaration.span
             notes = (Note(f"as `{other.declaration.signature}`, here", place),) if place else ()
-            hint = "say the same in both places, or choose another name"
+            hint = "declare the same types in both places, or choose another name"
             problems.append(Diagnostic("duplicate-definition", message, one.span, hint, notes=notes))
     return found, problems
 
@@ -172,8 +172,8 @@ def _types(
             hint = type_hint(name, metamodel)
             problems.append(Diagnostic("unknown-type", f"unknown type `{name}`", span, hint))
         elif isinstance(type_, ObjectType):
-            message = f"a function takes and gives values, and `{name}` is a class"
-            hint = f"pass what it needs to know: `{declaration.name}(x.feature)`"
+            message = f"`{name}` is a class, but a function takes and returns values of data types"
+            hint = f"pass attributes of the object: `{declaration.name}(x.feature)`"
             problems.append(Diagnostic("wrong-type", message, span, hint))
         else:
             found.append(type_)

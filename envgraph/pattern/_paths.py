@@ -71,7 +71,7 @@ def derived(feature: Feature) -> bool:
 
 def derived_feature(feature: Feature, span: Span | None) -> Diagnostic:
     """Return the warning that a query reads a derived feature that no query defines."""
-    message = f"`{feature.name}` is derived: nothing computes it here, it has the values that were stored"
+    message = f"`{feature.name}` is derived, but no query computes it: only stored values are read"
     value = type_name(feature.type) if isinstance(feature, Attribute) else feature.target
     pattern = f"pattern {feature.name}(this : {feature.owner}, value : {value}) {{ .. }}"
     hint = f"define it: `@QueryBasedFeature {pattern}`"

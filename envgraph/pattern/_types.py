@@ -81,7 +81,7 @@ def _any_object_hint(metamodel: Metamodel) -> str:
         return f"write `{tops[0]}`: all classes extend it"
     bodies = " or ".join(f"{{ {name}(x); }}" for name in tops[:2])
     more = " or ..." if len(tops) > 2 else ""
-    return f"no class is above all others: write the one that is meant, or a body for each, `{bodies}{more}`"
+    return f"write the class that is meant, or a body for each class: `{bodies}{more}`"
 
 
 def type_text(type_: StaticType) -> str:
@@ -99,7 +99,7 @@ def value_hint(type_: StaticType, found: StaticType | None = None) -> str:
     >>> value_hint(Scalar.BOOL), value_hint(EnumType("Way", ("east", "west")))
     ('write `true` or `false`', 'write `Way::east` or `Way::west`')
     >>> value_hint(Scalar.FLOAT, Scalar.BOOL)
-    'write a number, such as `1.5`; `.. ? 1 : 0` makes one of a bool'
+    'write a number, such as `1.5`; `.. ? 1 : 0` converts a bool'
     """
     if isinstance(type_, ObjectType):
         return f"write a variable that stands for {with_article(type_.cls)}"
@@ -111,11 +111,11 @@ def value_hint(type_: StaticType, found: StaticType | None = None) -> str:
     if isinstance(found, ObjectType):
         return f"use an attribute of `{found.cls}`"
     if type_ is Scalar.STRING and found is not None:
-        return f"{_EXAMPLES[type_]}; `toString(..)` makes one"
+        return f"{_EXAMPLES[type_]}; `toString(..)` converts other values"
     if type_ is Scalar.BOOL and found is not None:
         return "compare it: `.. == ..`"
     if type_ in NUMBERS and found is Scalar.BOOL:
-        return f"{_EXAMPLES[type_]}; `.. ? 1 : 0` makes one of a bool"
+        return f"{_EXAMPLES[type_]}; `.. ? 1 : 0` converts a bool"
     return _EXAMPLES[type_]
 
 

@@ -80,7 +80,9 @@ class History:
         """
         store = self._mended()
         if self._store.loading:
-            raise TransactionError("a model that is loading has no journal to roll back")
+            raise TransactionError(
+                "a savepoint cannot be opened while the model is loading: open it after the load"
+            )
         for follower in store.followers:
             follower.settle()
         savepoint = Savepoint(len(store.journal), store.next_id, store.total)
@@ -260,7 +262,7 @@ class History:
         self._refuse_inside("load")
         if self.versions.held:
             raise TransactionError(
-                "a model with versions cannot load without its journal: load before the first commit"
+                "a model with versions cannot be loaded without a journal: load before the first commit"
             )
         store = self._store
 
@@ -309,7 +311,9 @@ class History:
             discard: undo uncommitted changes instead of raising TransactionError.
         """
         if not isinstance(version, Version):
-            raise InvalidArgument(f"a version is what `commit` gives, not {version!r}")
+            raise InvalidArgument(
+                f"`version` is {version!r}, but must be a version that `commit` has returned"
+            )
         if version.model is not self.versions.model():
             raise TransactionError(f"{version!r} is a version of another model")
         store = self._mended()
@@ -356,7 +360,7 @@ class History:
     def _refuse_inside(self, action: str) -> None:
         if self._stack:
             raise TransactionError(
-                f"cannot {action} inside a transaction: {len(self._stack)} savepoints are open"
+                f"cannot {action} inside a transaction: close the open savepoints ({len(self._stack)}) first"
             )
         if self._store.loading:
             raise TransactionError(f"cannot {action} while the model is loading")

@@ -143,7 +143,9 @@ def _decoded(text: str, file: str) -> Any:
         return json.loads(text)
     except json.JSONDecodeError as error:
         span = Source(file, text).span(error.pos, error.pos + 1)
-        problem = Diagnostic("syntax", error.msg[:1].lower() + error.msg[1:], span, "the file must be JSON")
+        problem = Diagnostic(
+            "syntax", error.msg[:1].lower() + error.msg[1:], span, "write the file as valid JSON"
+        )
     except (RecursionError, ValueError) as error:
         problem = Diagnostic("syntax", f"`{file}` cannot be read as JSON: {error}")
     raise LoadError([problem])
@@ -193,7 +195,7 @@ class _Reader:
                 ("format",),
                 "bad-format",
                 f"expected {FORMAT!r}, not {data.get('format')!r}",
-                f'the file begins with `"format": "{FORMAT}"`',
+                f'begin the file with `"format": "{FORMAT}"`',
             )
             return
         if data.get("metamodel", self.metamodel.name) != self.metamodel.name:
@@ -237,8 +239,8 @@ class _Reader:
         if not self._is_id((*path, "id"), node):
             return None
         if model.graph.alive(node):
-            message = f"{node} is the id of another object too"
-            self._problem((*path, "id"), "duplicate-definition", message, "each object has an id of its own")
+            message = f"two objects have the id {node}"
+            self._problem((*path, "id"), "duplicate-definition", message, "give each object a different id")
         elif not isinstance(cls, str):
             message = f"expected the name of a class, not {cls!r}"
             self._problem((*path, "class"), "wrong-type", message, 'write `"class": "..."`')
@@ -286,7 +288,7 @@ class _Reader:
                 node, attribute, values if attribute.many else values[0] if values else None
             )
         except EnvgraphError as error:
-            self._problem(path, "wrong-value", error.message, error.hint or "leave some of them out")
+            self._problem(path, "wrong-value", error.message, error.hint or "leave some of the values out")
 
     def _value(self, path: JsonPath, attribute: Attribute, value: Any) -> Value | None:
         """Return a value as the model takes it. Report a value of the wrong type and return None."""
@@ -295,7 +297,7 @@ class _Reader:
         if accepts(attribute.type, value):
             return value  # type: ignore[no-any-return]
         if attribute.type is Scalar.INT and type(value) is int:
-            hint = f"it is {LARGEST_INT} at most, and {-LARGEST_INT - 1} at least"
+            hint = f"write an int from {-LARGEST_INT - 1} to {LARGEST_INT}"
             self._problem(path, "wrong-type", f"`{attribute}` takes an int of 64 bits", hint)
         else:
             wrong = wrong_value(attribute, value)
@@ -314,7 +316,10 @@ class _Reader:
         if child is not None and model.graph.container(child) is not None:
             message = f"{model.graph.describe(child)} is in another container already"
             self._problem(
-                path, "containment", message, "an object has one container: leave one of the links out"
+                path,
+                "containment",
+                message,
+                "leave out one of the links: an object has at most one container",
             )
             return
         try:
@@ -323,7 +328,7 @@ class _Reader:
             hint = (
                 "leave one of the links out"
                 if isinstance(error, RuleError)
-                else f"link a `{reference.target}`"
+                else f"link an object of class `{reference.target}`"
             )
             self._problem(path, "wrong-link", error.message, hint)
 
@@ -331,7 +336,7 @@ class _Reader:
         if not self._is_id(("next_id",), next_id):
             return
         if next_id < self.model.graph.store.next_id:
-            message = f"{next_id} is not above all ids of objects"
+            message = f"{next_id} is not greater than all ids of objects"
             hint = f"write {self.model.graph.store.next_id} or more, or leave it out"
             self._problem(("next_id",), "bad-id", message, hint)
             return
@@ -364,17 +369,17 @@ class _Reader:
         if not same or sorted(sources) != sorted(column[node]):
             message = f"expected the ids {sorted(column[node])} in some order"
             self._problem(
-                path, "bad-order", message, "these are the objects that have such a link to this one"
+                path, "bad-order", message, "list each object that has this link to the object, once"
             )
             return
         column[node] = self.model.graph.store.grouped(sources)
 
     def _is_id(self, path: JsonPath, value: Any) -> bool:
         if type(value) is not int or value < 0:
-            self._problem(path, "bad-id", f"expected an int from 0, not {value!r}", "ids are whole numbers")
+            self._problem(path, "bad-id", f"expected an int from 0, not {value!r}", "write a whole number")
         elif value > self._largest:
             # Columns are as long as the largest id, so a wrong digit must not use up the memory.
-            message = f"{value} is far too large for so few objects"
+            message = f"id {value} is too large for the number of objects"
             self._problem(path, "bad-id", message, "number the objects from 0")
         else:
             return True
@@ -395,5 +400,7 @@ class _Reader:
         self.problems.append(Diagnostic(code, f"{where}{message}", hint=hint, subject=path))
         if len(self.problems) == MOST_ERRORS:
             text = f"{where}too many mistakes: the rest of the file is not read"
-            self.problems.append(Diagnostic("too-many-errors", text, hint="mend these first", subject=path))
+            self.problems.append(
+                Diagnostic("too-many-errors", text, hint="correct these mistakes first", subject=path)
+            )
             raise _TooMany

@@ -31,7 +31,9 @@ def to_networkx(model: Model) -> nx.MultiDiGraph:
 
     for attribute in model.metamodel.attributes:
         if attribute.name in (_CLASS, _NAME):
-            raise InvalidArgument(f"`{attribute}` cannot be told from what every node has in networkx")
+            raise InvalidArgument(
+                f"attribute `{attribute}` has a name that every node uses in networkx: rename it"
+            )
     graph = nx.MultiDiGraph(name=model.name, metamodel=model.metamodel.name)
     for node in model.graph.store.nodes():
         graph.add_node(node, **_attributes(model, node))
@@ -94,7 +96,7 @@ def _add_node(model: Model, label: Hashable, node: int, attributes: dict[str, ob
         raise InvalidArgument(f"node {label!r} has no class: set the node attribute {_CLASS!r}")
     name = attributes.get(_NAME)
     if name is not None and not isinstance(name, str):
-        raise InvalidArgument(f"node {label!r} has the name {name!r}, which is no text")
+        raise InvalidArgument(f"node {label!r} has the name {name!r}, which is not a string")
     try:
         model.graph.new_at(node, cls, name)
     except TypeMismatch as error:
@@ -122,7 +124,7 @@ def _add_edge(model: Model, label: Hashable, source: int, target: int, key: obje
     reference = model.metamodel.feature(cls, key) if isinstance(key, str) else None
     if not isinstance(reference, Reference):
         raise InvalidArgument(
-            f"an edge from node {label!r} has the key {key!r}, which is no reference of `{cls}`"
+            f"an edge from node {label!r} has the key {key!r}, which is not a reference of `{cls}`"
         )
     relation = model.graph.store.relations[reference.index]
     child = target if relation.containment else source if relation.contained else None

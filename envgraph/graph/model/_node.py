@@ -199,7 +199,7 @@ class Targets(_HeldList[Node]):
             InvalidArgument: the position is not an int.
         """
         if type(index) is not int:
-            raise InvalidArgument(f"a position is a whole number, not {index!r}")
+            raise InvalidArgument(f"a position must be an int, not {index!r}")
         model = self._node.model
         model.graph.insert_target(self._node.id, self._feature, index, _target(model, self._feature, target))
 
@@ -299,7 +299,7 @@ def _read(node: Node, feature: Feature) -> Value | ValueList | Node | Targets | 
         if len(found) > 1:
             query = graph.defined[feature].query
             raise InvalidArgument(
-                f"`{feature}` has one value, and query `{query}` gives {node!r} {len(found)}"
+                f"`{feature}` has at most one value, but query `{query}` returns {len(found)} for {node!r}"
             )
         return next((one if isinstance(feature, Attribute) else Node(node.model, one) for one in found), None)
     if isinstance(feature, Attribute):

@@ -88,7 +88,7 @@ def picture(
     """
     for name, number in (("limit", limit), ("distance", distance)):
         if number < 0:
-            raise InvalidArgument(f"`{name}` is a number from 0, not {number}")
+            raise InvalidArgument(f"`{name}` is {number}, but must be 0 or more")
     if layout is not None and layout not in LAYOUTS:
         hint = did_you_mean(layout, LAYOUTS) or f"the layouts are {', '.join(LAYOUTS)}"
         raise InvalidArgument(f"there is no layout {layout!r}: {hint}")

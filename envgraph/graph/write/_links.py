@@ -167,7 +167,7 @@ def set_targets(graph: Graph, source: int, reference: Reference, targets: Sequen
     if len(targets) > relation.upper:
         raise refusals.full(graph, source, reference)
     if len(targets) > 1 and len(set(targets)) < len(targets):
-        raise InvalidArgument(f"the targets of `{reference}` are different objects")
+        raise InvalidArgument(f"an object is given twice as a target of `{reference}`: name each target once")
     with graph.history.all_or_nothing():
         _replace(graph, relation, source, targets)
 

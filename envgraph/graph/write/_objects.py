@@ -41,7 +41,7 @@ def new_at(graph: Graph, node: int, cls: str, object_name: str | None = None) ->
     if object_name is not None:
         check_free(graph, object_name)
     if node < 0 or (node < store.next_id and store.classes[node] >= 0):
-        raise InvalidArgument(f"{node} is not the id of a new object")
+        raise InvalidArgument(f"a new object cannot have the id {node}: the id is negative or in use")
     try:
         return _new(graph, node, number, object_name)
     except BaseException:

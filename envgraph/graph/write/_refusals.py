@@ -48,7 +48,7 @@ def not_instantiable(metamodel: Metamodel, cls: str) -> TypeMismatch:
     if cls not in metamodel.classes:
         return unknown_class(metamodel, cls)
     below = ", ".join(f"`{name}`" for name in metamodel.concrete(cls)) or "none"
-    return TypeMismatch(f"`{cls}` is abstract", f"its concrete subclasses: {below}")
+    return TypeMismatch(f"`{cls}` is abstract", f"use a concrete subclass: {below}")
 
 
 def unknown_class(metamodel: Metamodel, cls: str) -> TypeMismatch:
@@ -63,7 +63,9 @@ def lacks(graph: Graph, node: int, feature: Feature) -> EnvgraphError:
     if feature in graph.defined:
         text = f"`{feature}` is read-only: query `{graph.defined[feature].query}` defines its values"
         return TypeMismatch(text, "change what the query reads")
-    return TypeMismatch(f"`{graph.class_of(node)}` has no feature `{feature.name}`; `{feature.owner}` has")
+    return TypeMismatch(
+        f"`{graph.class_of(node)}` has no feature `{feature.name}`; only `{feature.owner}` has it"
+    )
 
 
 def no_list(attribute: Attribute, value: object) -> TypeMismatch:
@@ -79,11 +81,11 @@ def wrong_value(attribute: Attribute, value: object) -> TypeMismatch:
         hint = hint or "its literals: " + ", ".join(f"`{literal}`" for literal in attribute.type.literals)
     kind = type_name(attribute.type)
     if attribute.type is Scalar.INT and type(value) is int:
-        hint = f"an int has 64 bits: it is {LARGEST_INT} at most, and {-LARGEST_INT - 1} at least"
+        hint = f"write an int of 64 bits, from {-LARGEST_INT - 1} to {LARGEST_INT}"
     try:
         shown = repr(value)
     except ValueError:  # Python refuses to format ints of thousands of digits
-        shown = "one of thousands of digits"
+        shown = "a number of thousands of digits"
     shown = shown if len(shown) <= 80 else f"{shown[:77]}..."
     return TypeMismatch(f"`{attribute}` takes {kind}, not {shown} ({type(value).__name__})", hint)
 
@@ -91,8 +93,8 @@ def wrong_value(attribute: Attribute, value: object) -> TypeMismatch:
 def repeated(attribute: Attribute, values: Values) -> InvalidArgument:
     """Return the error for a duplicate in the values of an attribute whose values must be unique."""
     twice = next(value for place, value in enumerate(values) if value in values[:place])
-    message = f"`{attribute}` has each value once, and {twice!r} is given twice"
-    return InvalidArgument(message, "`@nonunique` allows that")
+    message = f"the values of `{attribute}` must be unique, but {twice!r} is given twice"
+    return InvalidArgument(message, "remove the duplicate, or mark the attribute `@nonunique`")
 
 
 def too_many(graph: Graph, node: int, attribute: Attribute, values: Values) -> RuleError:

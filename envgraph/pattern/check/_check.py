@@ -98,7 +98,7 @@ def _unused(patterns: Sequence[Pattern], analysis: Analysis) -> Iterator[Diagnos
         annotated = any(annotation.name == "Constraint" for annotation in pattern.annotations)
         if pattern.private and not annotated and pattern.qualified_name not in called:
             message = f"private pattern `{pattern.name}` is never called"
-            hint = "leave out `private` if others are to call it"
+            hint = "remove `private` so that other files can call it, or remove the pattern"
             yield Diagnostic("unused-private-pattern", message, pattern.span, hint, Severity.WARNING)
 
 
@@ -106,7 +106,7 @@ def _untyped(pattern: Pattern, analysis: Analysis) -> Iterator[Diagnostic]:
     types = analysis.entries[pattern.qualified_name].types
     for parameter, type_ in zip(pattern.parameters, types, strict=True):
         if type_ is None:
-            message = f"nothing says of what type parameter `{parameter.name}` is"
+            message = f"the type of parameter `{parameter.name}` is unknown"
             hint = f"write `{parameter.name} : Type`"
             yield Diagnostic("untyped-parameter", message, parameter.span or pattern.span, hint)
 
@@ -179,7 +179,7 @@ class _PatternCheck:
                 hint = (
                     f"declare it, for example `{parameter.name} : {shared[0]}`"
                     if shared
-                    else "nothing is both: use another variable for one of them"
+                    else "use another variable for one of them: no object is of both types"
                 )
                 yield Diagnostic("ambiguous-type", f"`{parameter.name}` is both {names}", span, hint)
                 return
@@ -208,7 +208,9 @@ def _definition(pattern: Pattern, analysis: Analysis) -> Iterator[Diagnostic]:
     (name, span), metamodel = defines, analysis.metamodel
     source, value = entry.types[0], entry.types[-1]
     if not isinstance(source, ObjectType) or value is None or len(entry.types) != 2:
-        message = "a pattern that defines a feature has two parameters: an object and a value of the feature"
+        message = (
+            "a pattern that defines a feature must have two parameters: an object and a value of the feature"
+        )
         yield Diagnostic(
             "query-feature", message, span, f"write `pattern {pattern.name}(this : Class, value)`"
         )
@@ -227,7 +229,7 @@ def _definition(pattern: Pattern, analysis: Analysis) -> Iterator[Diagnostic]:
         message, hint = f"`{feature}` is not derived", "mark it `@derived` in the metamodel"
     elif isinstance(feature, Reference) and (feature.opposite or feature.containment):
         message = f"`{feature}` has an opposite or contains objects: a query cannot define it"
-        hint = "define a reference that is neither"
+        hint = "define a reference without opposite and containment"
     elif not assignable(value, type_, metamodel):
         message = f"`{feature}` leads to `{type_text(type_)}`, not to `{type_text(value)}`"
         hint = f"declare `{pattern.parameters[1].name} : {type_text(type_)}`"
@@ -372,7 +374,7 @@ class _BodyCheck:
                 hint = "compare it: `check(.. == ..)`"
                 found.append(Diagnostic("check-not-boolean", message, expression.span or owner.span, hint))
             if isinstance(expression, Constant) and expression.value is None:
-                hint = "`check(x.feature == none)` says that there is none"
+                hint = "write `check(x.feature == none)` to test for a missing value"
                 where = expression.span or owner.span
                 found.append(Diagnostic("none-argument", "`none` is no value", where, hint))
             if problems:
@@ -395,7 +397,7 @@ class _BodyCheck:
             if scope[variable.name] is None:
                 self._tainted.update(group)
                 hint = did_you_mean(variable.name, [name for name in scope if name not in group])
-                message = f"nothing says of what class `{variable.name}` is"
+                message = f"the class of `{variable.name}` is unknown"
                 hint = hint or f"write `Class({variable.name})`"
                 where = variable.span or expression.span
                 yield Diagnostic("untyped-source", message, where, hint, subject=(variable.name,))

@@ -67,18 +67,18 @@ def check_header(pattern: Pattern, metamodel: Metamodel) -> Iterator[Diagnostic]
         )
     for body in pattern.bodies:
         if not body.constraints and not pattern.mended:
-            hint = "`check(true)` holds always"
+            hint = "write `check(true)` for a body that always holds"
             yield Diagnostic("empty-body", "a body needs a constraint", body.span or pattern.span, hint)
         elif too_long(body):
             message = f"the body has more than {MOST_STEPS} constraints and steps of paths"
-            hint = "give a part of it a pattern of its own, and `find` that"
+            hint = "move a part of it into another pattern, and call that with `find`"
             yield Diagnostic("body-too-long", message, body.span or pattern.span, hint)
 
 
 def _parameters(pattern: Pattern, metamodel: Metamodel) -> Iterator[Diagnostic]:
     if not pattern.parameters:
         message = f"pattern `{pattern.name}` has no parameters: it has one match or none"
-        hint = "that is right for a condition; parameters say which objects were found"
+        hint = "add parameters for the objects to find, unless the pattern is a condition"
         yield Diagnostic("no-parameters", message, pattern.span, hint, Severity.WARNING)
     first: dict[str, Span | None] = {}
     for parameter in pattern.parameters:
@@ -133,7 +133,7 @@ def _constraint(annotation: Annotation, pattern: Pattern) -> Iterator[Diagnostic
         yield Diagnostic("annotation-argument", message, _name_span(annotation), hint)
     for key, value, span in _named(annotation):
         if key in _OLD:
-            message = f"`{key}` is what IncQuery called the `{_OLD[key]}`"
+            message = f"`{key}` is IncQuery's name of `{_OLD[key]}`"
             hint = f"write `{_OLD[key]} = {{{value}}}`"
             yield Diagnostic("annotation-argument", message, span, hint, Severity.WARNING)
         if _OLD.get(key, key) == "key":

@@ -121,7 +121,7 @@ def _declared_safe(pattern: Pattern) -> bool:
 
 def _no_base(edge: _Edge, cycle: Sequence[_Edge]) -> Diagnostic:
     message = f"recursion without a base case can never match: {_path(cycle)}"
-    hint = f"give `{edge.caller}` a body that does not need it: `or {{ .. }}`"
+    hint = f"give `{edge.caller}` a body that does not call it: `or {{ .. }}`"
     return Diagnostic("no-base-case", message, edge.span, hint, Severity.WARNING)
 
 
@@ -135,11 +135,11 @@ def _path(cycle: Sequence[_Edge]) -> str:
 def _diagnostic(edge: _Edge, cycle: Sequence[_Edge]) -> Diagnostic:
     span, path = edge.span, _path(cycle)
     if edge.monotone:
-        hint = "`@SafeRecursion` says that this is meant"
+        hint = "add `@SafeRecursion` if this is intended"
         return Diagnostic("recursive-pattern", f"recursive pattern: {path}", span, hint, Severity.WARNING)
     if edge.word in ("+", "*"):
-        hint = "write the recursion out, or take the closure of another pattern"
+        hint = "write the recursion with plain calls, or use the closure of another pattern"
         return Diagnostic("recursion-through-closure", f"recursion through a closure: {path}", span, hint)
     what = "a negation" if edge.word == "neg" else "an aggregate"
-    hint = f"take a pattern here that does not depend on `{edge.caller}`"
+    hint = f"call a pattern here that does not depend on `{edge.caller}`"
     return Diagnostic("recursion-through-negation", f"recursion through {what}: {path}", span, hint)

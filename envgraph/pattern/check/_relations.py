@@ -142,14 +142,14 @@ class RelationCheck:
             message = f"`{name}` is {with_article(type_text(type_))}, which has no features"
             return Diagnostic("unknown-feature", message, span, "a path starts at an object")
         hint = f"write `{name} : Class`"
-        message = f"nothing says of what class `{name}` is"
+        message = f"the class of `{name}` is unknown"
         return Diagnostic("untyped-source", message, span, hint, subject=(name,))
 
     def _broken(self, path: PathConstraint, broken: BrokenPath) -> Diagnostic:
         name = path.features[broken.position]
         span = path.feature_spans[broken.position] if path.feature_spans else path.span
         if broken.attribute is not None:
-            message = f"`{broken.attribute}` is an attribute: nothing follows it in a path"
+            message = f"`{broken.attribute}` is an attribute: no feature can follow it in a path"
             return Diagnostic(
                 "attribute-in-path", message, span, f"end the path with `{broken.attribute.name}`"
             )
@@ -168,12 +168,15 @@ class RelationCheck:
         elif found:
             names = " or ".join(f"`{pattern.qualified_name}`" for pattern in found)
             yield Diagnostic(
-                "ambiguous-pattern", f"`{call.pattern}` means several patterns", span, f"write {names}"
+                "ambiguous-pattern",
+                f"`{call.pattern}` is the name of several patterns",
+                span,
+                f"write {names}",
             )
         elif hidden:
             message = f"pattern `{hidden[0].qualified_name}` is private"
             yield Diagnostic(
-                "private-pattern", message, span, "a private pattern is visible in its own file only"
+                "private-pattern", message, span, "call it from its own file, or remove `private`"
             )
         else:
             hint = name_hint(call.pattern, self._names.visible_names(package, self._pattern))
@@ -183,7 +186,7 @@ class RelationCheck:
         wanted, given = len(callee.parameters), len(call.arguments)
         if call.closure is not Closure.ONCE and wanted != 2:
             message = f"`{call.pattern}{call.closure}` needs a pattern of two parameters, `{callee.name}` has {wanted}"
-            hint = f"give `{call.closure}` a pattern that calls it and has the two ends as its parameters"
+            hint = f"apply `{call.closure}` to a pattern of two parameters that calls it"
             yield Diagnostic("closure-not-binary", message, call.span, hint)
         elif wanted != given:
             parameters = ", ".join(parameter.name for parameter in callee.parameters)
@@ -198,7 +201,7 @@ class RelationCheck:
             if isinstance(term, Hash):
                 marks.append(term)
             elif isinstance(term, Constant) and term.value is None:
-                hint = "`neg` before the constraint, with `_` as its argument, says that there is none"
+                hint = "write `neg` before the constraint and `_` as the argument to test for a missing value"
                 yield Diagnostic(
                     "none-argument", "`none` is no value", term.span or place.relation.span, hint
                 )
@@ -230,8 +233,10 @@ class RelationCheck:
             return
         if place.group is not None:
             what = "an aggregate" if place.aggregate else "`neg`"
-            hint = "give the closure a pattern of its own, and call that"
-            yield Diagnostic("closure-in-group", f"a closure cannot stand under {what}", relation.span, hint)
+            hint = "move the closure into another pattern, and call that"
+            yield Diagnostic(
+                "closure-in-group", f"a closure cannot be used under {what}", relation.span, hint
+            )
             return
         source, target = self._step_types(relation)
         if source is None or target is None:
@@ -248,7 +253,9 @@ class RelationCheck:
             message = f"`*` needs a common supertype of `{type_text(source)}` and `{type_text(target)}`"
             yield Diagnostic("closure-ends", message, relation.span, "use `+`")
         elif relation.closure is Closure.STAR and not isinstance(source, ObjectType):
-            message = f"`*` relates every `{type_text(source)}` to itself, and those cannot be enumerated"
+            message = (
+                f"`*` relates every `{type_text(source)}` to itself, but these values cannot be enumerated"
+            )
             yield Diagnostic("closure-reflexive", message, relation.span, "use `+`")
 
     def _step_types(
@@ -272,7 +279,7 @@ class RelationCheck:
             if path and between:
                 message = _counted_once(path, aggregate.function)
                 names = " and ".join(f"the `{name}`" for name in between)
-                hint = f"to have them all, aggregate over a pattern that has {names} as a parameter, too"
+                hint = f"to include duplicates, aggregate over a pattern that has {names} as a parameter, too"
                 span = aggregate.over.span or aggregate.span
                 yield Diagnostic("chain-aggregate", message, span, hint, Severity.WARNING)
 
@@ -285,7 +292,7 @@ class RelationCheck:
             mark: Term = next(term for term in terms_of(aggregate.over) if isinstance(term, Hash))
             what = "numbers or strings" if aggregate.function in ("min", "max") else "numbers"
             message = f"`{aggregate.function}` aggregates {what}, not `{type_text(type_)}`"
-            hint = "`count` tells how many there are"
+            hint = "use `count` for the number of values"
             yield Diagnostic("aggregate-type", message, mark.span or aggregate.span, hint)
 
     def _marked(self, aggregate: Aggregate) -> StaticType | None:
@@ -303,8 +310,8 @@ def _counted_once(path: ResolvedPath, function: str) -> str:
     """Return the message that an aggregate over a path counts each element once, although the path branches."""
     last = path.steps[-1]
     if isinstance(last, Reference):
-        return f"one `{last.target}` that `{path}` leads to in several ways is {_ONCE[function]} once"
+        return f"a `{last.target}` that `{path}` reaches in several ways is {_ONCE[function]} only once"
     return (
-        f"equal values are {_ONCE[function]} once for each `{path.cls}`, "
+        f"equal values are {_ONCE[function]} only once for each `{path.cls}`, "
         f"however many `{last.owner}` objects have that `{last.name}`"
     )

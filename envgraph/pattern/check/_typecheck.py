@@ -97,7 +97,7 @@ class TypeCheck:
             hint = hint or "compare with a variable of the same type"
             return Diagnostic("type-conflict", message, link.span, hint, notes=both)
         if fact.origin == "call":
-            message = f"{fact.what} takes {later_type} here, and `{name}` is {earlier_type}"
+            message = f"{fact.what} takes {later_type} here, but `{name}` is {earlier_type}"
             hint = hint or f"write a variable that stands for {later_type}, or change the type of `{name}`"
             return Diagnostic("argument-type", message, fact.span, hint, notes=notes)
         if earlier.span == fact.span:
@@ -162,7 +162,7 @@ class TypeCheck:
         wanted, found = with_article(type_text(type_)), with_article(type_text(actual))
         message = f"{relation_text(place.relation)} takes {wanted} here, so {found} never matches"
         function = place.aggregate.function if place.aggregate else ""
-        hint = _EMPTY.get(function, f"`{function}` of nothing has no value, so the body has no match")
+        hint = _EMPTY.get(function, f"`{function}` of no values has no result, so the body has no match")
         yield Diagnostic("never-matches", message, span, hint, Severity.WARNING)
 
     def literal(
@@ -226,7 +226,7 @@ class TypeCheck:
         if type_ is None and isinstance(term, EnumLiteral) and term.enum is None:
             message = f"the enum of `::{term.literal}` is not known here"
             yield Diagnostic(
-                "unknown-enum", message, term.span or comparison.span, "write it before the `::`"
+                "unknown-enum", message, term.span or comparison.span, "write the enum before `::`"
             )
             return
         yield from self.literal(term, type_, term.span or comparison.span)

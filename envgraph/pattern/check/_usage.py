@@ -131,8 +131,10 @@ class UsageCheck:
         if circular:
             # Variables that depend on a cycle are unbound too, so all of them are one error.
             names = ", ".join(f"`{name}`" for name in circular)
-            message = f"nothing enumerates {names}{self._where}: what it is computed from depends on it"
-            hint = f"take `{circular[0]}` from the model first: from a class, a path or a `find`"
+            message = (
+                f"no constraint enumerates the values of {names}{self._where}: they depend on each other"
+            )
+            hint = f"bind `{circular[0]}` first, with a class, a path or a `find`"
             yield Diagnostic(
                 "not-enumerable", message, self._reading.span(circular[0]), hint, subject=tuple(circular)
             )
@@ -174,7 +176,7 @@ class UsageCheck:
         return None
 
     def _only_given(self, name: str, relation: Relation) -> Diagnostic:
-        message = f"{relation_text(relation)} takes `{name}` for an `in` parameter, and nothing else binds it"
+        message = f"{relation_text(relation)} takes `{name}` for an `in` parameter, but nothing else binds it"
         parameter = self._parameters.get(name)
         return Diagnostic(
             "not-enumerable",
@@ -201,11 +203,11 @@ class UsageCheck:
         span = self._reading.span(name)
         if parameter is None and uses == {Use.NEGATIVE}:
             message = (
-                f"`{name}` is used only in negations and aggregates, each of which would quantify it alone"
+                f"`{name}` is used only in negations and aggregates, each of which quantifies it separately"
             )
-            hint = "bind it with a positive constraint, or use a name of its own in each of them"
+            hint = "bind it with a positive constraint, or use a different name in each of them"
             return Diagnostic("only-negative", message, span, hint)
-        message = f"nothing enumerates `{name}`{self._where}: it has no positive reference"
+        message = f"no positive constraint enumerates the values of `{name}`{self._where}"
         return Diagnostic(
             "not-enumerable",
             message,
@@ -238,12 +240,12 @@ class UsageCheck:
         places = self._reading.occurrences[name]
         if name.startswith("_"):
             if len(places) > 1:
-                message = f"`{name}` is used {len(places)} times, but a name with `_` stands for one use"
+                message = f"`{name}` is used {len(places)} times, but a name that starts with `_` may be used only once"
                 hint = f"call it `{name.lstrip('_') or 'x'}`"
                 yield Diagnostic("single-use-repeated", message, places[1].variable.span, hint)
             elif name.lstrip("_") in self._reading.occurrences:
                 message = f"`{name}` and `{name.lstrip('_')}` are different variables"
-                hint = "leave the `_` out if they are one; else call one of them something else"
+                hint = "remove the `_` if they are the same variable, else rename one of them"
                 yield _warning("similar-names", message, places[0].variable.span, hint)
             return
         if self._reading.quantified(name) is not None:
@@ -279,7 +281,7 @@ class UsageCheck:
         for term in sides[:1] if both else sides:
             span: Span | None = term.span or comparison.span
             if isinstance(term, Hash):
-                hint = "write it inside one: `sum Type.feature(_, #)`"
+                hint = "write `#` inside an aggregate: `sum Type.feature(_, #)`"
                 yield Diagnostic("stray-hash", "`#` marks the column of an aggregate", span, hint)
             elif isinstance(term, Constant) and term.value is None:
                 hint = "only a path can be `none`: `check(x.f == none)`"
@@ -299,8 +301,8 @@ class UsageCheck:
             and (term.anonymous or self._reading.quantified(term.name) == place.group)
             for term in terms
         ):
-            message = f"{relation_text(place.relation)} must have no match at all for the body to hold"
-            hint = "an argument that stands elsewhere in the body ties it to that"
+            message = f"the body holds only if {relation_text(place.relation)} has no match at all"
+            hint = "use a variable of the body as an argument, unless this is intended"
             yield _warning("global-negation", message, place.relation.span, hint)
 
 

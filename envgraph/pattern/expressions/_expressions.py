@@ -87,8 +87,12 @@ def check_expression(
 
 def _too_large(expression: Expression) -> str | None:
     if depth(expression) > MOST_NESTED:
-        return f"more than {MOST_NESTED} levels inside each other"
-    return f"more than {MOST_PARTS} operands and operators" if size(expression) > MOST_PARTS else None
+        return f"the expression has more than {MOST_NESTED} levels of nesting"
+    return (
+        f"the expression has more than {MOST_PARTS} operands and operators"
+        if size(expression) > MOST_PARTS
+        else None
+    )
 
 
 class ExpressionChecker:
@@ -141,7 +145,9 @@ class ExpressionChecker:
             return None
         type_ = self.scope[node.name]
         if isinstance(type_, ObjectType) and not self.bare_objects:
-            message = f"`{node.name}` is an object, {with_article(type_.cls)}, where only data can stand"
+            message = (
+                f"`{node.name}` is an object, {with_article(type_.cls)}, but a data value is required here"
+            )
             self.report("bare-object", message, node, self._bare_hint(node.name, type_))
             return None
         return type_
@@ -318,8 +324,8 @@ class ExpressionChecker:
             self._none_test(node)
             return
         if not self.bare_objects and self.is_object(node.left) and self.is_object(node.right):
-            advice = "compare the objects in a constraint of its own, outside of check and eval"
-            self.report("bare-object", "two objects are compared where only data can stand", node, advice)
+            advice = "compare them in a separate constraint, outside of check and eval"
+            self.report("bare-object", "objects cannot be compared in check and eval", node, advice)
             return
         left, right = self._sides(node)
         if left is None or right is None:
@@ -379,7 +385,9 @@ class ExpressionChecker:
         if {then, otherwise} == set(NUMBERS):
             # Promotion would make the type of a value depend on the branch: `1 / 2` or `1.0 / 2`.
             hint = "write the int as a float (`1.0`), or use `toFloat`"
-        message = f"the branches of `?:` are `{type_text(then)}` and `{type_text(otherwise)}`"
+        message = (
+            f"the branches of `?:` have different types: `{type_text(then)}` and `{type_text(otherwise)}`"
+        )
         self.report("operand-type", message, node, hint)
         return None
 
@@ -389,7 +397,10 @@ class ExpressionChecker:
         """Return the type of `test ? x : none`, which a rule may assign. In a query report an error and return None."""
         if not self.bare_objects:
             self.report(
-                "operand-type", "`none` is no value in a query", node, "put the test into a check of its own"
+                "operand-type",
+                "`none` is no value in a query",
+                node,
+                "test the condition in a separate check",
             )
             return None
         return self.type_of(branch, expected)
@@ -440,5 +451,5 @@ def subclass_hint(cls: str, feature: str, metamodel: Metamodel) -> str | None:
     """Return a hint that names a subclass with the feature, or None if no subclass has it."""
     for sub in metamodel.class_list:
         if any(own.name == feature for own in sub.features) and metamodel.is_a(sub.name, cls):
-            return f"its subclass `{sub.name}` has one: constrain the object with `{sub.name}(..)`"
+            return f"constrain the object with `{sub.name}(..)`: this subclass has the feature"
     return None

@@ -71,7 +71,7 @@ def _declaring(checker: ExpressionChecker, node: FunctionCall) -> str:
         type_ = checker.type_of(argument)
         if checker.is_object(argument) or isinstance(type_, ObjectType):
             del checker.problems[known:]
-            return "declare a function, which takes values: pass features of the object"
+            return "declare a function, and pass attributes of the object to it"
         name = argument.name if isinstance(argument, Variable) else f"{'abcdefgh'[number % 8]}"
         name = argument.feature if isinstance(argument, Navigation) else name
         parameters.append(f"{name} : {type_text(type_) if type_ else 'int'}")

@@ -58,7 +58,7 @@ def finite(value: float) -> float:
         EvaluationError: the number is infinite or NaN.
     """
     if value - value != 0:
-        raise EvaluationError("overflow: the result is no finite number")
+        raise EvaluationError("overflow: the result is not a finite number")
     return value
 
 
@@ -174,7 +174,7 @@ def _modulo(left: Number, right: Number) -> Number:
 def _substring(string: str, start: int, end: int | None = None) -> str:
     stop = len(string) if end is None else end
     if not 0 <= start <= stop <= len(string):
-        raise EvaluationError(f"no characters {start} to {stop} in a string of {len(string)}")
+        raise EvaluationError(f"a string of {len(string)} characters has no part from {start} to {stop}")
     return string[start:stop]
 
 
@@ -235,47 +235,61 @@ _TABLE = (
     Function("min", ("number", "number"), None, _smallest, "smallest of two or more numbers", variadic=True),
     Function("max", ("number", "number"), None, _largest, "largest of two or more numbers", variadic=True),
     Function(
-        "sqrt", ("number",), _FLOAT, partial(_guarded, math.sqrt), "square root; none of a negative number"
+        "sqrt",
+        ("number",),
+        _FLOAT,
+        partial(_guarded, math.sqrt),
+        "square root; no value for a negative number",
     ),
     Function("pow", ("number", "number"), _FLOAT, partial(_guarded, math.pow), "power, always a float"),
     Function("exp", ("number",), _FLOAT, partial(_guarded, math.exp), "e to the power of a number"),
     Function(
         "log", ("number",), _FLOAT, partial(_guarded, math.log), "natural logarithm of a positive number"
     ),
-    Function("floor", ("number",), _INT, partial(_guarded, math.floor), "largest int not above"),
-    Function("ceil", ("number",), _INT, partial(_guarded, math.ceil), "smallest int not below"),
+    Function("floor", ("number",), _INT, partial(_guarded, math.floor), "largest int that is not greater"),
+    Function("ceil", ("number",), _INT, partial(_guarded, math.ceil), "smallest int that is not less"),
     Function("round", ("number",), _INT, _round, "nearest int, halves upward"),
     Function("mod", ("number", "number"), None, _modulo, "remainder with the sign of the divisor"),
-    Function("toInt", ("number",), _INT, partial(_guarded, math.trunc), "without the fraction"),
+    Function("toInt", ("number",), _INT, partial(_guarded, math.trunc), "the int without the fraction"),
     Function("toFloat", ("number",), _FLOAT, partial(_guarded, float), "the same number as a float"),
     Function("intValue", ("number",), _INT, partial(_guarded, math.trunc), "as `toInt`"),
     Function("longValue", ("number",), _INT, partial(_guarded, math.trunc), "as `toInt`"),
     Function("doubleValue", ("number",), _FLOAT, partial(_guarded, float), "as `toFloat`"),
     Function("floatValue", ("number",), _FLOAT, partial(_guarded, float), "as `toFloat`"),
-    Function("toString", ("data",), _STRING, text, "as it reads when added to a string", total=True),
+    Function("toString", ("data",), _STRING, text, "the text of a value, as in a concatenation", total=True),
     Function("length", ("string",), _INT, len, "number of characters", total=True),
-    Function("isEmpty", ("string",), _BOOL, operator.not_, "whether there are no characters", total=True),
+    Function("isEmpty", ("string",), _BOOL, operator.not_, "true if the string is empty", total=True),
     Function(
         "startsWith",
         ("string", "string"),
         _BOOL,
         str.startswith,
-        "whether it starts with the other",
+        "true if the first string starts with the second",
         total=True,
     ),
     Function(
-        "endsWith", ("string", "string"), _BOOL, str.endswith, "whether it ends with the other", total=True
+        "endsWith",
+        ("string", "string"),
+        _BOOL,
+        str.endswith,
+        "true if the first string ends with the second",
+        total=True,
     ),
     Function(
         "contains",
         ("string", "string"),
         _BOOL,
         operator.contains,
-        "whether the other is a part of it",
+        "true if the first string contains the second",
         total=True,
     ),
     Function(
-        "indexOf", ("string", "string"), _INT, str.find, "where the other starts, from 0, or -1", total=True
+        "indexOf",
+        ("string", "string"),
+        _INT,
+        str.find,
+        "index of the second string in the first, from 0, or -1",
+        total=True,
     ),
     Function(
         "substring",
@@ -286,7 +300,11 @@ _TABLE = (
         optional=1,
     ),
     Function(
-        "replace", ("string", "string", "string"), _STRING, _replace, "every second string becomes the third"
+        "replace",
+        ("string", "string", "string"),
+        _STRING,
+        _replace,
+        "the first string with the second replaced by the third",
     ),
     Function("trim", ("string",), _STRING, str.strip, "without white space at both ends", total=True),
     Function("toUpper", ("string",), _STRING, str.upper, "in upper case", total=True),

@@ -251,7 +251,7 @@ def test_a_target_is_inserted_where_a_list_would_have_it():
             assert team[reference] == expected
         team[reference].insert(0, expected[-1])  # moves
         assert team[reference] == [expected[-1], *expected[:-1]]
-        with pytest.raises(InvalidArgument, match="a position is a whole number"):
+        with pytest.raises(InvalidArgument, match="a position must be an int"):
             team[reference].insert("0", people[0])
     team.likes = people
     team.likes.insert(20, people[40])

@@ -139,9 +139,9 @@ DOG = {"id": 1, "class": "Dog"}
         (document({**PERSON, "id": True}), ["`objects[0].id`: expected an int from 0, not True"]),
         (
             document({**PERSON, "id": 10**12}),
-            ["`objects[0].id`: 1000000000000 is far too large for so few objects"],
+            ["`objects[0].id`: id 1000000000000 is too large for the number of objects"],
         ),
-        (document(PERSON, PERSON), ["`objects[1].id`: 0 is the id of another object too"]),
+        (document(PERSON, PERSON), ["`objects[1].id`: two objects have the id 0"]),
         (document({"id": 0}), ["`objects[0].class`: expected the name of a class, not None"]),
         (
             document({"id": 0, "class": "Persn"}),
@@ -203,9 +203,9 @@ DOG = {"id": 1, "class": "Dog"}
             ),
             ["`objects[1].features.parts[0]`: `Group#0` cannot be put into `Group#1`, which is inside it"],
         ),
-        (document(PERSON, next_id=0), ["`next_id`: 0 is not above all ids of objects"]),
+        (document(PERSON, next_id=0), ["`next_id`: 0 is not greater than all ids of objects"]),
         (document(PERSON, next_id="1"), ["`next_id`: expected an int from 0, not '1'"]),
-        (document(next_id=10**12), ["`next_id`: 1000000000000 is far too large for so few objects"]),
+        (document(next_id=10**12), ["`next_id`: id 1000000000000 is too large for the number of objects"]),
         (document(orders=3), ["`orders`: expected a list"]),
         (document(orders=[3]), ["`orders[0]`: expected an object in braces"]),
         (

@@ -67,7 +67,7 @@ def test_labels_of_any_kind_are_numbered_in_their_order():
         (nx.MultiGraph(), InvalidArgument, "MultiDiGraph"),
         (graph(("a", {})), InvalidArgument, "node 'a' has no class"),
         (graph(("a", {"class": "Dgo"})), TypeMismatch, "node 'a': unknown class `Dgo`; did you mean `Dog`?"),
-        (graph((1, {"class": "Dog", "object_name": 3})), InvalidArgument, "node 1 has the name 3, which is no text"),
+        (graph((1, {"class": "Dog", "object_name": 3})), InvalidArgument, "node 1 has the name 3, which is not a string"),
         (
             graph((1, {"class": "Person", "nik": "a"})),
             InvalidArgument,
@@ -77,7 +77,7 @@ def test_labels_of_any_kind_are_numbered_in_their_order():
         (
             graph((1, {"class": "Person"}), edges=[(1, 1, "nick")]),
             InvalidArgument,
-            "an edge from node 1 has the key 'nick', which is no reference of `Person`",
+            "an edge from node 1 has the key 'nick', which is not a reference of `Person`",
         ),
         (graph((1, {"class": "Dog"}), edges=[(1, 1)]), InvalidArgument, "has the key 0"),
         (graph((1, {"class": "Dog"}), edges=[(1, 1, "owner")]), TypeMismatch, "leads to `Person`"),
@@ -99,5 +99,5 @@ def test_what_does_not_fit_is_refused(made, error, text):
 
 def test_attributes_that_clash_with_the_format_are_refused():
     metamodel = Metamodel("m", [Class("A", features=(Attribute("class", Scalar.INT),))])
-    with pytest.raises(InvalidArgument, match=r"`A.class` cannot be told"):
+    with pytest.raises(InvalidArgument, match=r"`A.class` has a name that every node uses"):
         to_networkx(Model(metamodel))

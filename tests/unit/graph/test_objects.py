@@ -290,7 +290,7 @@ def test_given_ids_must_be_new():
     assert model.graph.new_at(7, "RoadTile") == 7
     assert model.graph.new("RoadTile") == 201
     for used in (7, -1):
-        with pytest.raises(InvalidArgument, match="not the id of a new object"):
+        with pytest.raises(InvalidArgument, match="a new object cannot have the id"):
             model.graph.new_at(used, "RoadTile")
     model.check_integrity()
 

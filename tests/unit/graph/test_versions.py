@@ -105,7 +105,7 @@ def test_uncommitted_changes_are_not_lost_by_accident():
 def test_versions_belong_to_one_model():
     with pytest.raises(TransactionError, match="version of another model"):
         forest().checkout(forest().commit())
-    with pytest.raises(InvalidArgument, match="what `commit` gives, not None"):
+    with pytest.raises(InvalidArgument, match="`version` is None, but must be"):
         forest().checkout(None)
 
 

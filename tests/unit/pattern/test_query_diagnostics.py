@@ -560,7 +560,7 @@ def test_every_error_refuses_the_library_and_every_warning_does_not():
         ("did you mean `Cell`?", one("a : Cel", isa("Cell", "a"))),
         ("did you mean `right`?", one("a : Cell", path("Cell.rigth", "a", "_"))),
         (
-            "its subclass `Door` has one: constrain the object with `Door(..)`",
+            "constrain the object with `Door(..)`: this subclass has the feature",
             one("a : Cell", path("Cell.open", "a", True)),
         ),
         ("did you mean `Colour`?", one("c : Colour", eq("c", "Color::red"))),

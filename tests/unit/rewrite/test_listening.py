@@ -115,7 +115,7 @@ def test_arguments_that_are_none_are_refused() -> None:
     with pytest.raises(InvalidArgument, match="`number` has no variable `y`"):
         made.listen("number", print, updated=print, key=("y",))
     assert made.watched == ()
-    with pytest.raises(InvalidArgument, match="a version is what `commit` gives, not None"):
+    with pytest.raises(InvalidArgument, match="`version` is None, but must be a version"):
         made.checkout(None)  # type: ignore[arg-type]
 
 

@@ -127,7 +127,7 @@ def test_a_declaration_can_be_checked_and_opened_without_code() -> None:
     with pytest.raises(FunctionError) as raised:
         made.matches("weights")
     assert str(raised.value).splitlines() == [
-        "<text>:8:64: function `heavy` is only declared",
+        "<text>:8:64: function `heavy` is declared, but has no code",
         " 8 | pattern weights(x : Item, w : float) { Item.n(x, n); w == eval(heavy(n, 2)); }",
         "   |                                                                ^^^^^^^^^^^",
         'hint: give the engine its code: `engine.function("heavy", ..)`',
@@ -151,11 +151,11 @@ def unreadable(n: int, by: float) -> float:
 @pytest.mark.parametrize(
     ("code", "message"),
     [
-        (lambda n, by: math.nan, "`heavy(0, 2.0)` returned nan, which is no `float`"),
-        (lambda n, by: -math.inf, "`heavy(0, 2.0)` returned -inf, which is no `float`"),
-        (lambda n, by: None, "`heavy(0, 2.0)` returned None, which is no `float`"),
-        (lambda n, by: "abc", "`heavy(0, 2.0)` returned 'abc', which is no `float`"),
-        (lambda n, by: True, "`heavy(0, 2.0)` returned True, which is no `float`"),
+        (lambda n, by: math.nan, "`heavy(0, 2.0)` returned nan, which is not of type `float`"),
+        (lambda n, by: -math.inf, "`heavy(0, 2.0)` returned -inf, which is not of type `float`"),
+        (lambda n, by: None, "`heavy(0, 2.0)` returned None, which is not of type `float`"),
+        (lambda n, by: "abc", "`heavy(0, 2.0)` returned 'abc', which is not of type `float`"),
+        (lambda n, by: True, "`heavy(0, 2.0)` returned True, which is not of type `float`"),
         (lambda n, by: 10**400, "`heavy(0, 2.0)` returned 1000000000000000"),
         (unreadable, "`heavy(0, 2.0)` raised ZeroDivisionError: no"),
     ],
@@ -177,7 +177,7 @@ def test_an_enum_has_its_literals(result: object) -> None:
     made = declared("rule turn { lhs { x : Item; } modify { set x.colour = turned(x.colour); } }")
     made.function("turned", lambda colour: result)
     before = made.model.state_hash()
-    with pytest.raises(FunctionError, match="which is no `Colour`"):
+    with pytest.raises(FunctionError, match="which is not of type `Colour`"):
         made.apply("turn")
     assert made.model.state_hash() == before
 
@@ -231,9 +231,9 @@ def test_what_cannot_be_registered() -> None:
     with pytest.raises(InvalidArgument, match=r'are a mapping from names to types, `\{"x": int\}`, not \(\('):
         made.function("c", is_odd, (("n", int),), bool)  # type: ignore[call-overload]
     for name, types, message in (
-        ("heavy", {"n": int}, "function `heavy` is declared with other types"),
+        ("heavy", {"n": int}, "function `heavy` is declared twice, with different types"),
         ("sqrt", {"n": float}, "`sqrt` is a function of the language"),
-        ("d", {"n": "Item"}, "a function takes and gives values, and `Item` is a class"),
+        ("d", {"n": "Item"}, "`Item` is a class, but a function takes and returns values of data types"),
         ("e", {"n": "Colr"}, "unknown type `Colr`"),
     ):
         with pytest.raises(ResolutionError, match=message):
