@@ -59,7 +59,7 @@ def compile_expression(
         code.Name("k"), code.Constant(number)
     ),
 ) -> CompiledExpression:
-    """Return generated code for a checked expression without paths (as in `CheckAtom`, `EvaluationAtom`).
+    """Return generated code for a checked expression without paths (as in `Condition` and `Valuation`).
 
     Args:
         expression: the expression.
