@@ -430,7 +430,7 @@ class History:
         goals.clear()
 
     def _settle_journal(self) -> None:
-        """Decide the last journal entry after an exception.
+        """Make the journal consistent after an exception, so that the repair can continue.
 
         An interrupted replay of changes is undone. An interrupted rollback keeps only the entries that are not undone
         yet.

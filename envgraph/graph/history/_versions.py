@@ -125,8 +125,8 @@ class Handle(weakref.ref[Version]):
 class VersionTree:
     """The states of a model that can be checked out, and the changes between them.
 
-    Unused versions are freed at fixed points (`free`), never inside callbacks of the interpreter. Freeing affects
-    only memory.
+    A version is in use while a program refers to its `Version` object. Unused versions are freed at fixed points
+    (`free`), never inside callbacks of the interpreter. Freeing affects only memory.
 
     Attributes:
         model: a weak reference to the model.
@@ -194,11 +194,11 @@ class VersionTree:
             self._turn(vertex, vertex)
 
     def _turn(self, vertex: Vertex, end: Vertex | None) -> None:
-        """Undo the segment of a vertex, and store its reversal.
+        """Undo the segment of a vertex, and replace it by the inverse segment.
 
         Args:
             vertex: the vertex whose segment is undone.
-            end: the vertex at which the undoing arrives, the new `current`.
+            end: the vertex whose state is reached, the new `current`.
         """
         segment, inverse = vertex.segment, vertex.back
         backwards = reversed(segment)

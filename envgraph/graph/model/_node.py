@@ -186,8 +186,8 @@ class Targets(_HeldList[Node]):
     def append(self, target: Node) -> None:
         """Add a target. A target linked already is left unchanged.
 
-        As an assignment does, this unlinks the target from its old container, or from the old source of a single
-        opposite.
+        As with an assignment, the target is first unlinked from its old container, or from its old source if the
+        opposite is single-valued.
         """
         model = self._node.model
         model.graph.add_target(self._node.id, self._feature, _target(model, self._feature, target))

@@ -66,7 +66,7 @@ class IndexedSet(list[Item]):
         self.append(item)
 
     def take(self, item: Item) -> int:
-        """Remove an element, move the last element into the gap, and return the index of the gap."""
+        """Remove an element and move the last element to its index. Return that index."""
         index = self.where(item)
         del self.position[item]
         last = self.pop()
@@ -162,7 +162,7 @@ class Extent(list[int]):
         self.classes[node] = self.number
 
     def take(self, node: int) -> int:
-        """Remove a member, move the last member into the gap, and return the index of the gap."""
+        """Remove a member and move the last member to its index. Return that index."""
         index = self.place[node]
         last = self.pop()
         if index < len(self):
@@ -300,7 +300,7 @@ def take_back(journal: Journal, mark: int) -> None:
 
 
 def settle(journal: Journal) -> None:
-    """Decide about the last journal entry after an exception: remove the entry if its change was not made."""
+    """Complete the change of the last journal entry after an exception, or remove the entry if the change was not made."""
     if journal:
         container, key, _, opcode = journal[-4:]
         if opcode in (OUT, IN) and container.mend(key) == (opcode == IN):

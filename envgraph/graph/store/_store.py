@@ -464,7 +464,7 @@ class Store:
         return number
 
     def replaced(self) -> None:
-        """Begin a new revision after changes that `touched` does not list, and set `touched` to None."""
+        """Begin a new revision whose changed objects are unknown, so `touched` becomes None."""
         self.revision += 1
         self.touched = None
 

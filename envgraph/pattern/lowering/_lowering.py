@@ -292,7 +292,14 @@ class BodyLowering:
                 return self._single_path(self._path(relation), slots[0], slots[1], slots[0] in local)
 
     def _single_path(self, path: ResolvedPath, source: int, target: int, free: bool) -> RelationAtom:
-        """Return a path as one atom: a link or attribute if sufficient, else a call of a generated pattern."""
+        """Return a path as one atom: a link or attribute if sufficient, else a call of a generated pattern.
+
+        Args:
+            path: the path.
+            source: the slot at its start.
+            target: the slot at its end.
+            free: True if `source` is local to a negation or aggregate, so that nothing else tests its class.
+        """
         first = path.steps[0]
         actual = self.slots.type(source)
         typed = not free and isinstance(actual, ObjectType) and self._metamodel.is_a(actual.cls, path.cls)
@@ -330,7 +337,10 @@ class BodyLowering:
             self._bucket.append(Condition(lifted, reads))
 
     def _as_equation(self, expression: Expression) -> bool:
-        """Unite both sides of `a == b` if their types allow it, and return True, so that plans can join on it."""
+        """Replace `a == b` by united slots or a fixed slot if the types allow it, and return True if replaced.
+
+        Plans can use united and fixed slots as join or index keys.
+        """
         if not (isinstance(expression, Binary) and expression.operator == "=="):
             return False
         left, right = expression.left, expression.right
@@ -444,7 +454,7 @@ def _absence(relation: RelationAtom, local: frozenset[int]) -> Absence:
 
 
 def reads_of(expression: Expression) -> tuple[tuple[str, int], ...]:
-    """Return the slots that a lifted expression reads, each once with its name, in the order of the text."""
+    """Return the slots that an expression over slots reads, each once with its name, in the order of the text."""
     if isinstance(expression, Variable):
         return ((expression.name, int(expression.name)),)
     return tuple(dict.fromkeys(read for child in children(expression) for read in reads_of(child)))
