@@ -300,7 +300,7 @@ def take_back(journal: Journal, mark: int) -> None:
 
 
 def settle(journal: Journal) -> None:
-    """Complete the change of the last journal entry after an exception, or remove the entry if the change was not made."""
+    """Complete the change of the last journal entry after an exception, or remove the entry if nothing was changed."""
     if journal:
         container, key, _, opcode = journal[-4:]
         if opcode in (OUT, IN) and container.mend(key) == (opcode == IN):

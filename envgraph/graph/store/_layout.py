@@ -23,7 +23,7 @@ _FEW: Final = 256
 
 
 class _Rows(dict[int, T]):
-    """A table whose rows are computed on first access, because all rows may take space quadratic in the number of classes."""
+    """A table whose rows are computed on first access, because a whole table is quadratic in the number of classes."""
 
     def __init__(self, make: Callable[[int], T]) -> None:
         self._make = make

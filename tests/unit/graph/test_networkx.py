@@ -67,7 +67,7 @@ def test_labels_of_any_kind_are_numbered_in_their_order():
         (nx.MultiGraph(), InvalidArgument, "MultiDiGraph"),
         (graph(("a", {})), InvalidArgument, "node 'a' has no class"),
         (graph(("a", {"class": "Dgo"})), TypeMismatch, "node 'a': unknown class `Dgo`; did you mean `Dog`?"),
-        (graph((1, {"class": "Dog", "object_name": 3})), InvalidArgument, "node 1 has the name 3, which is not a string"),
+        (graph((1, {"class": "Dog", "object_name": 3})), InvalidArgument, "the name 3, which is not a string"),
         (
             graph((1, {"class": "Person", "nik": "a"})),
             InvalidArgument,

@@ -251,7 +251,9 @@ def test_mistakes_in_the_middle_of_a_flat_expression_are_reported_once():
 
 def test_an_expression_has_a_largest_size():
     _, problems = check_expression(flat("n", 60_000, "+"), SCOPE, METAMODEL)
-    assert [problem.message for problem in problems] == ["the expression has more than 50000 operands and operators"]
+    assert [problem.message for problem in problems] == [
+        "the expression has more than 50000 operands and operators"
+    ]
 
 
 @pytest.mark.parametrize(

@@ -111,7 +111,8 @@ def test_handles_read_the_matches_of_the_defining_pattern(engine: Engine) -> Non
 def test_a_single_feature_with_two_matches_says_so(engine: Engine) -> None:
     engine.model["d"].age = 7
     with pytest.raises(
-        InvalidArgument, match=r"`Person.favourite` has at most one value, but query `favourite` returns 2 for"
+        InvalidArgument,
+        match=r"`Person.favourite` has at most one value, but query `favourite` returns 2 for",
     ):
         _ = engine.model["a"].favourite
 
