@@ -141,8 +141,8 @@ def bound_by_type(
 ) -> tuple[tuple[str, AttributeType], ...]:
     """Return the variables that are enumerated by their type alone, each with the type.
 
-    Such a variable takes the values of the type that occur in the model. Type constraints of data types (`Kind(k)`,
-    `int(n)`) and parameters declared with an enum are enumerated in this way.
+    A variable of this kind takes the values of the type that occur in the model. Type constraints of data types
+    (`Kind(k)`, `int(n)`) and parameters declared with an enum are enumerated in this way.
     """
     metamodel, reading = body_types.metamodel, body_types.reading
     found: list[tuple[str, AttributeType]] = [

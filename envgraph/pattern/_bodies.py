@@ -99,7 +99,7 @@ def subterms(terms: Sequence[Term]) -> Iterator[Term]:
 
 
 def grouped_relations(body: Body) -> list[tuple[Relation, Aggregate | None]]:
-    """Return the negated relations (with None) and the aggregated ones (with the aggregate), in text order.
+    """Return the negated relations (with None) and the aggregated relations (with the aggregate), in text order.
 
     A relation's number is its position in this list.
     """
@@ -254,7 +254,7 @@ def size(expression: Expression) -> int:
 
 
 def none_test(expression: Expression) -> Navigation | None:
-    """Return the path of a test `x.f == none` or `x.f != none`, or None if the expression is no such test."""
+    """Return the path in a test `x.f == none` or `x.f != none`. Return None for any other expression."""
     if isinstance(expression, Binary) and expression.operator in ("==", "!="):
         sides = (expression.left, expression.right)
         for side, other in (sides, sides[::-1]):
@@ -390,7 +390,7 @@ class Reading:
     def quantified(self, name: str) -> int | None:
         """Return the number of the only negated or aggregated relation that contains a local variable, else None.
 
-        Such a variable is quantified inside the relation. Parameters and united variables are never quantified.
+        The variable is then quantified inside this relation. Parameters and united variables are never quantified.
         """
         if name in self.parameters or len(self.group(name)) > 1:
             return None

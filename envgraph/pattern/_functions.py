@@ -42,7 +42,7 @@ class FunctionDeclaration:
 
     @property
     def qualified_name(self) -> str:
-        """Return the name."""
+        """Return the name, because functions belong to no package."""
         return self.name
 
     @property

@@ -108,7 +108,7 @@ class Library:
         self._checked = None
 
     def with_sound(self, *patterns: Pattern) -> Library:
-        """Return a copy of the library extended by those of the patterns that have no errors.
+        """Return a copy of the library extended by all given patterns without errors.
 
         The names of the other patterns are unknown names of the copy.
         """

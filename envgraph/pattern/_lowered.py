@@ -225,12 +225,12 @@ def outputs(goal: Goal) -> tuple[int, ...]:
 
 
 def variables(goal: Goal) -> tuple[int, ...]:
-    """Return all variables of a goal except those local to a negation or aggregate. A variable may occur twice."""
+    """Return all variables of a goal except variables local to a negation or aggregate. A variable may occur twice."""
     return (*inputs(goal), *outputs(goal))
 
 
 def mentioned(goal: Goal) -> tuple[int, ...]:
-    """Return all variables of a goal, also those local to a negation or aggregate. A variable may occur twice."""
+    """Return all variables of a goal, also variables local to a negation or aggregate. A variable may occur twice."""
     match goal:
         case Absence(alternatives):
             return tuple(v for alternative in alternatives for inner in alternative for v in mentioned(inner))

@@ -62,7 +62,7 @@ class LeftSide:
 
 @dataclass(frozen=True, slots=True)
 class Create:
-    """An action `create a -ref-> x : Class { .. }`. Nodes with a type are created, and edges are added."""
+    """An action `create a -ref-> x : Class { .. }`. Nodes with a type are created as objects, and edges as links."""
 
     nodes: tuple[Node, ...]
     edges: tuple[Edge, ...] = ()
@@ -71,7 +71,7 @@ class Create:
 
 @dataclass(frozen=True, slots=True)
 class DeleteNode:
-    """An action `delete x`."""
+    """An action `delete x`, which deletes an object."""
 
     node: Variable
     span: Span | None = field(default=None, compare=False, repr=False)
@@ -79,7 +79,7 @@ class DeleteNode:
 
 @dataclass(frozen=True, slots=True)
 class DeleteEdge:
-    """An action `delete a -ref-> b`."""
+    """An action `delete a -ref-> b`, which deletes a link."""
 
     edge: Edge
     span: Span | None = field(default=None, compare=False, repr=False)
@@ -87,7 +87,7 @@ class DeleteEdge:
 
 @dataclass(frozen=True, slots=True)
 class Set:
-    """An action `set object.feature = value`, or with `+=` or `-=`."""
+    """An action `set object.feature = value`; `+=` and `-=` add to and subtract or remove from the current values."""
 
     object: Variable
     feature: str
@@ -109,7 +109,7 @@ class Retype:
 
 @dataclass(frozen=True, slots=True)
 class Move:
-    """An action `move x to container.reference`."""
+    """An action `move x to container.reference`, which moves an object into another container."""
 
     node: Variable
     container: Variable
@@ -272,7 +272,7 @@ class Repeat:
 
 @dataclass(frozen=True, slots=True)
 class Try:
-    """A step `try { .. } else { .. }`."""
+    """A step `try { .. } else { .. }`: if the body fails, its changes are rolled back and the else branch runs."""
 
     body: Step
     otherwise: Step | None = None

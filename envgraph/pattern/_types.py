@@ -158,7 +158,7 @@ def comparable(one: StaticType, other: StaticType, metamodel: Metamodel) -> bool
 
 
 def meet(one: StaticType, other: StaticType, metamodel: Metamodel) -> StaticType | None:
-    """Return the type of the common instances of two types, or None if there cannot be any.
+    """Return the type of the common instances of two types, or None if no common instance is possible.
 
     For two classes, neither a subclass of the other, the result is the class that covers all their common instances.
     If no single class covers them, the result is the first type.
@@ -188,7 +188,7 @@ def common_subclasses(one: str, other: str, metamodel: Metamodel) -> list[str]:
 
 
 def joins(types: Sequence[StaticType], metamodel: Metamodel) -> list[StaticType]:
-    """Return the least common supertypes of types: usually one, [] if there is no common supertype."""
+    """Return the least common supertypes of types: usually one, [] if no common supertype exists."""
     first = types[0]
     if not isinstance(first, ObjectType):
         return [first] if all(type_ == first for type_ in types) else []

@@ -285,7 +285,7 @@ class History:
     # --- versions
 
     def version(self) -> Version | None:
-        """Return the version that equals the current state, or None if there are uncommitted changes or no version."""
+        """Return the version of the current state. None after uncommitted changes or if no version is in use."""
         self._mended()
         if self._stack:
             return None

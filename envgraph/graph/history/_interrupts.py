@@ -61,8 +61,9 @@ _guard: Final = _Guard()
 def guard() -> bool:
     """Delay Ctrl-C between a `with` statement and its generator until `unguard`. Return False if nothing was changed.
 
-    Python handles signals where a function begins, such as `__exit__`. A KeyboardInterrupt there would skip the rest
-    of the generator. So at these places Ctrl-C waits for the end of the block; anywhere else it takes effect at once.
+    Python handles signals where a function begins, such as `__exit__`. A KeyboardInterrupt at this place would skip
+    the rest of the generator. So Ctrl-C waits for the end of the block at these places, and takes effect at once
+    anywhere else.
 
     Nothing is changed inside another guarded block, if Ctrl-C has a handler other than Python's, and outside the main
     thread.

@@ -241,7 +241,7 @@ class _View:
         return sorted(node for node, _ in zip(near, range(limit), strict=False)), total
 
     def _nearest(self, first: Sequence[int], distance: int | None) -> Iterator[int]:
-        """Yield objects in breadth-first order from the first ones. Without a distance, yield all other objects too."""
+        """Yield objects in breadth-first order from `first`. Without a distance, yield all other objects afterwards."""
         seen = dict.fromkeys(node for node in first if self._visible(node))
         level = list(seen)
         depth = 0

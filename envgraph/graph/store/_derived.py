@@ -37,7 +37,7 @@ def derive(store: Store) -> None:
 
 
 def _classes(store: Store) -> None:
-    """Make each object a member of the extent of its class exactly once, and correct its position there."""
+    """Make each object a member of the extent of its class exactly once, and correct its recorded position."""
     members = [set(extent) for extent in store.extents]
     for extent, inside in zip(store.extents, members, strict=True):
         if len(inside) < len(extent):  # an interrupted `put` has appended a second copy of a member

@@ -177,7 +177,7 @@ class Store:
         self._leave(node)
 
     def move(self, node: int, cls: int) -> None:
-        """Change the class of an object. Followers are notified of lost and gained classes, not of shared ones."""
+        """Change the class of an object. Followers are notified of lost and gained classes, not of shared classes."""
         old = self.classes[node]
         removing, added = self.retyping(old, cls) if self.retyping else (None, None)
         if removing is not None:

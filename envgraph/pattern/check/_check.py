@@ -403,7 +403,7 @@ class _BodyCheck:
                 yield Diagnostic("untyped-source", message, where, hint, subject=(variable.name,))
 
     def _taint_results(self, owner: object) -> None:
-        """Taint variables that are compared with the result of an eval or aggregate with an error."""
+        """Taint (exclude from further reports) all variables compared with an eval or aggregate that has an error."""
         for constraint in self._body.constraints:
             if isinstance(constraint, Comparison):
                 for term, other in ((constraint.left, constraint.right), (constraint.right, constraint.left)):

@@ -155,7 +155,7 @@ class UsageCheck:
                 yield Diagnostic("no-values", message, span, hint, Severity.WARNING, subject=(name,))
 
     def _not_explained(self, names: list[str]) -> list[str]:
-        """Return those of the names that would be unbound even without the errors reported so far."""
+        """Return the names that would be unbound even if the variables with reported errors were bound."""
         root = self._reading.root
         circle = {root(name) for name in names}
         known = [

@@ -319,7 +319,10 @@ class BodyLowering:
                     self._targets.setdefault((self.slots.root(atom.source), atom.reference), atom.target)
 
     def _check(self, expression: Expression) -> None:
-        """Lower a check. The operands of `&&` become separate goals, and simple operands need no expression."""
+        """Lower a check to goals. The operands of `&&` become separate goals.
+
+        Tests with `none` and equations of variables become goals without an expression.
+        """
         if isinstance(expression, Binary) and expression.operator == "&&":
             for part in children(expression):
                 self._check(part)
