@@ -153,7 +153,7 @@ def _constants(reading: Reading) -> set[str]:
 
 
 def _fixed(term: Term, reading: Reading, fixed: Collection[str]) -> bool:
-    """Return True if a term has a fixed value: a literal, an eval of fixed values, or an aggregate over a whole relation."""
+    """Return True if a term has a fixed value: a literal, an eval of fixed values, or an aggregate over all tuples."""
     if isinstance(term, Evaluation):
         return all(reading.root(name) in fixed for name in names_read(term.expression))
     if isinstance(term, Aggregate):
