@@ -2,8 +2,8 @@
 
 Environments come as `envgraph.env.Tabular`. `run_experiment` trains one agent for each curriculum and seed and
 evaluates it on the target; `train_curriculum` and `evaluate` are its parts. The defaults of `TrainingSettings` are
-the published settings. `value_iteration` gives the best policy of a known table, `chain_transfer` predicts from the
-tables alone how well a family teaches.
+the published settings. `value_iteration` computes the best policy of a known table. `chain_transfer` predicts from
+the tables alone how well a family teaches.
 
 >>> from envgraph.learn import TrainingSettings, sequences
 >>> [curriculum.label for curriculum in sequences(["E1", "E2", "E3"], "suffixes")]

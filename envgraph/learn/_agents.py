@@ -1,4 +1,4 @@
-"""Agents of an experiment: in tables, and in compiled programs."""
+"""The agents of an experiment: learners in tables, and learners in compiled programs."""
 
 from __future__ import annotations
 
@@ -33,19 +33,23 @@ from envgraph.solve.learning import (
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Tables:
-    """Prepared tables of stages, and the members, with renumbered observations; `stages`: with their own numbers."""
+    """A family as tables.
+
+    `tables` has the prepared table of each stage; `members` the environments with renumbered observations; `stages` the
+    environment of each stage with its own observation numbers.
+    """
 
     tables: dict[Place, Table]
     members: Sequence[Tabular]
     stages: dict[Place, Tabular]
 
     def agent(self, settings: TrainingSettings, backend: Backend) -> TableAgent:
-        """One that has learned nothing."""
+        """Return a new, untrained agent."""
         return TableAgent(self, settings, backend)
 
 
 class TableAgent:
-    """Learns in tables."""
+    """An agent that learns in tables."""
 
     def __init__(self, family: Tables, settings: TrainingSettings, backend: Backend) -> None:
         self._family, self._settings = family, settings
@@ -54,25 +58,25 @@ class TableAgent:
         self._exact: ExactScore | None = None
 
     def turn(self, rng: np.random.Generator, place: Place, stage: Stage) -> StageOutcome:
-        """Learn in a place for a stage."""
+        """Train for a stage in one environment, or in several between which episodes change."""
         if self._exact:
             self._exact.epsilon = stage.epsilon
         return self._loop(self._family.tables[place], stage, self._learned, rng)
 
     def evaluated(self, rng: np.random.Generator) -> Evaluation:
-        """What it does on the target."""
+        """Evaluate the agent on the target."""
         settings, target = self._settings, self._family.members[-1]
         return evaluate(self._values(), target, settings.evaluation_episodes, settings.limit, rng)
 
     def teacher(self, name: str, place: Place) -> Schedule:
-        """A schedule of some members, which may know all of the agent."""
+        """Return a new schedule by name for some members. Exact scores read the agent's current values."""
         if name in EXACT:
             members = [self._family.members[one] for one in place]
             self._exact = ExactScore(name, members, self._settings, self._values)
         return teacher(name, len(place), self._exact)
 
     def trained(self, curve: Curve, epsilon: float) -> Training:
-        """The agent as it is at the end."""
+        """Return the training result, with the agent's current values."""
         return Training(self._values(), curve, epsilon)
 
     def _values(self) -> NDArray[np.float64]:
@@ -81,40 +85,40 @@ class TableAgent:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Programs:
-    """A family in a compiled program, by the numbers of its members there."""
+    """A family in a compiled program, given by the numbers of its members in the program."""
 
     program: Program
     members: tuple[int, ...]
 
     def agent(self, settings: TrainingSettings, backend: Backend) -> ProgramAgent:
-        """One that has learned nothing; there is one loop."""
+        """Return a new, untrained agent. `backend` has no effect: a program has only one training loop."""
         return ProgramAgent(self, settings)
 
 
 class ProgramAgent:
-    """Learns in a compiled program."""
+    """An agent that learns in a compiled program."""
 
     def __init__(self, family: Programs, settings: TrainingSettings) -> None:
         self._family, self._settings = family, settings
         self._learner = Learner(family.program, settings.initial_value + 0.0)
 
     def turn(self, rng: np.random.Generator, place: Place, stage: Stage) -> StageOutcome:
-        """Learn in a place for a stage."""
+        """Train for a stage in one environment."""
         (member,) = place
         return train_stage(
             self._learner, InProgram(self._family.program, self._family.members[member]), stage, rng
         )
 
     def evaluated(self, rng: np.random.Generator) -> Evaluation:
-        """What it does on the target."""
+        """Evaluate the agent on the target."""
         episodes, limit = self._settings.evaluation_episodes, self._settings.limit
         played = self._learner.play(self._family.members[-1], episodes, limit, rng)
         return Evaluation(*played, episodes, exact=False)
 
     def teacher(self, name: str, place: Place) -> Schedule:
-        """A schedule of some members."""
+        """Return a new schedule by name for some members."""
         return teacher(name, len(place))
 
     def trained(self, curve: Curve, epsilon: float) -> ProgramTraining:
-        """The agent as it is at the end."""
+        """Return the training result, with the agent's current values."""
         return ProgramTraining(self._learner, curve, epsilon)

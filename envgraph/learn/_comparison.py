@@ -1,4 +1,4 @@
-"""Compare a curriculum with other ways to train, in numbers and in sentences."""
+"""Compare a curriculum with other ways to train for the target, in numbers and in sentences."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ _CALLED = {
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """A curriculum and a control, trained with the same seeds and as many steps, and evaluated on the target.
+    """A comparison of a curriculum with a control: the same seeds and steps, and evaluation on the same target.
 
     Attributes:
         curriculum, control: the labels of both.
@@ -48,10 +48,10 @@ class Comparison:
         by: the measure that is compared: "success", or "return" if the target cannot end in success.
         seeds, seeds_needed: number of seeds, and the fewest with which the difference can be significant.
         value, other: means of the curriculum and of the control.
-        difference: interval at 95 % of their difference: of success that of Newcombe, of return that of the bootstrap,
+        difference: 95 % interval of their difference: Newcombe's for success rates, a bootstrap interval for returns;
             None for a single seed.
         improvement: probability that an agent of the curriculum does better than one of the control.
-        p_value: that of `permutation_test`, corrected for as many comparisons as are made (`holm`).
+        p_value: that of `permutation_test`, corrected for the number of comparisons (`holm`).
     """
 
     curriculum: str
@@ -69,7 +69,7 @@ class Comparison:
 
     @property
     def verdict(self) -> Verdict:
-        """The curriculum beside the control. "neither": no agent succeeds; "equal": success within `MARGIN`."""
+        """Return the verdict on the curriculum: "neither" if no agent succeeds, "equal" if within `MARGIN`."""
         if self.by == "success" and self.value == self.other == 0:
             return "neither"
         if self.p_value < SIGNIFICANT:
@@ -84,7 +84,7 @@ class Comparison:
         return self.value == self.other or (self.p_value >= SIGNIFICANT and self.seeds >= self.seeds_needed)
 
     def format_mean(self, value: float) -> str:
-        """Return a mean of the measure as text."""
+        """Format a mean of the measure."""
         return f"{100 * value:.3g} %" if self.by == "success" else f"a mean return of {value:z.2f}"
 
     def __str__(self) -> str:
@@ -113,7 +113,7 @@ class BestWay:
     Attributes:
         target: name of the target.
         called: the best way, in words.
-        comparisons: the best way with each other way, the second best first.
+        comparisons: of the best way with each other way, the second best first.
         needs_curriculum: False if direct training is among the best and at least half of its agents succeed.
     """
 
@@ -124,7 +124,7 @@ class BestWay:
 
     @property
     def best(self) -> list[str]:
-        """The best way and the ways that tie with it, in words; see `Comparison.is_tie`."""
+        """Return the best way and the ways that tie with it, in words; see `Comparison.is_tie`."""
         return [self.called, *(one.called for one in self.comparisons if one.is_tie)]
 
     def __str__(self) -> str:
@@ -152,10 +152,10 @@ def compare(experiment: Experiment, *, can_succeed: bool = True) -> tuple[Compar
 
     Args:
         experiment: the runs of all ways.
-        can_succeed: whether an episode on the target can end in success; if False, returns are compared.
+        can_succeed: True if an episode on the target can end in success; if False, returns are compared.
 
     Raises:
-        InvalidArgument: the runs of something have different seeds.
+        InvalidArgument: the runs of two ways have different seeds.
     """
     ways = _ways(experiment)
     return _comparisons(ways, can_succeed) if ways and ways[0][0].kind == "curriculum" else ()
@@ -164,7 +164,7 @@ def compare(experiment: Experiment, *, can_succeed: bool = True) -> tuple[Compar
 def best_way(experiment: Experiment, target: str, *, can_succeed: bool = True) -> BestWay | None:
     """Return the best of all ways with the same number of steps; None if there are fewer than two.
 
-    Arguments and errors are those of `compare`; `target` is only named.
+    Arguments and errors are those of `compare`; `target` is only used as a name.
     """
     ways = sorted(_ways(experiment), key=lambda way: -fmean(_values(way, can_succeed)))
     if len(ways) < 2:
@@ -187,7 +187,7 @@ def findings(comparisons: Sequence[Comparison]) -> list[str]:
 
 
 def _called(run: RunResult) -> str:
-    """Return the name in sentences of the way in which an agent was trained."""
+    """Return a name, for use in sentences, of the way in which an agent was trained."""
     if run.kind != "control":
         return f"the curriculum {run.label}" if run.kind == "curriculum" else f"training on {run.label} alone"
     name, _, values = run.label.partition(" ")
@@ -197,7 +197,7 @@ def _called(run: RunResult) -> str:
 
 
 def _ways(experiment: Experiment) -> list[list[RunResult]]:
-    """Return lists of runs: of the first curriculum, if any, then of each other way with the same number of steps."""
+    """Return the runs of the first curriculum, if any, then those of each other way with as many steps, in lists."""
     runs = [
         run for run in experiment.best_optimistic().runs if run.kind != "baseline" or not run.steps_before
     ]
@@ -235,7 +235,7 @@ def _comparisons(ways: Sequence[Sequence[RunResult]], can_succeed: bool) -> tupl
 
 
 def _seeds_needed(comparisons: int) -> int:
-    """Return the fewest seeds with which one of so many comparisons, corrected by `holm`, can be significant.
+    """Return the fewest seeds with which one of `comparisons` comparisons, corrected by `holm`, can be significant.
 
     The smallest p, if one way is better at every seed, is 2 / 2 ** seeds before the correction.
 

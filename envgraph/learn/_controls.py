@@ -1,4 +1,4 @@
-"""What a curriculum is compared with: other ways to spend as many steps on the same environments."""
+"""Controls: other ways to train with the same steps on the same environments, to compare a curriculum with."""
 
 from __future__ import annotations
 
@@ -36,29 +36,27 @@ def controls(
     starts: Sequence[str] = (),
     seed: int = 0,
 ) -> tuple[Curriculum, ...]:
-    """Return the controls of the whole family as a curriculum; each has exactly as many steps.
+    """Return the controls of a whole family as a curriculum. Each control has exactly as many steps.
 
-    "direct": the target alone. "optimistic": likewise, with higher values at first: two controls for each value, the
-    second with `LOW_EPSILON`; `Experiment.best_optimistic` chooses. "reversed" and "shuffled": other orders; the target
-    stays last, since success is measured on it. The shuffled order depends on the seed. "randomised": an environment
-    drawn for each episode (Tobin et al. 2017), once in one stage, and once with epsilon renewed as often as in the
-    curriculum. "backplay" (Resnick et al. 2018; Florensa et al. 2017): the target begun in each state of an optimal
-    episode, the last state first; also with a stage per member of the family. "exploring": the target from any state.
-
-    Schedules (`TEACHERS`) stand in place of the order: they choose the environment of each turn among the earlier ones,
-    by what came of the turns before; the target stays last. "uniform" is the one that chooses at random.
-
-    What a small family has no room for is left out: with fewer than three environments there is no other order.
+    "direct": the target alone. "optimistic": the target alone with higher initial values: two controls for each value,
+    the second with `LOW_EPSILON`; `Experiment.best_optimistic` chooses. "reversed" and "shuffled": other orders, with
+    the target last, since success is measured on it; the shuffled order depends on the seed. "randomised": each episode
+    in an environment sampled at random (Tobin et al. 2017), once in one stage, and once with as many renewals of
+    epsilon as in the curriculum. "backplay" (Resnick et al. 2018; Florensa et al. 2017): the target, begun in each
+    state of an optimal episode, the last state first; also with a stage for each member of the family. "exploring":
+    the target, begun in any state. A schedule (`TEACHERS`) chooses the environment of each turn among those before
+    the target, from the outcomes of earlier turns; the target is last. The schedule "uniform" chooses at random.
+    Controls for which the family is too small are left out: with fewer than three environments there is no other order.
 
     Args:
         names: the environments from the easiest to the target.
-        kinds: some of those above; schedules only where they are named.
+        kinds: some of those above; schedules are used only if named.
         optimism: initial Q-values of "optimistic", see `optimistic_values`; if empty, "optimistic" is left out.
         starts: names of `other_starts`, in its order; if empty, "backplay" and "exploring" are left out.
         seed: of the shuffled orders.
 
     Raises:
-        InvalidArgument: there are no names, one stands twice, or a kind is unknown.
+        InvalidArgument: `names` is empty or has a name twice, or a kind is unknown.
 
     >>> [one.label for one in controls(["E1", "E2", "E3", "E4"], optimism=[5.0])]
     ['E4', 'optimistic 5', 'optimistic 5, epsilon 0.05', 'reversed', 'shuffled', 'randomised', 'randomised, renewed']
@@ -105,14 +103,14 @@ def controls(
 
 
 def optimistic_values(target: Tabular, settings: TrainingSettings) -> tuple[float, ...]:
-    """Return half the greatest discounted return within the limit, this return, and twice this return.
+    """Return half the greatest discounted return within the step limit, that return, and twice that return.
 
-    An agent goes where its values have not yet fallen, so it visits everything systematically (Sutton and Barto 2018,
-    section 2.6). With high values it goes on doing so after it has found the best return; low values may fall before
-    it finds this return. Which value is best depends on the target and on the steps.
+    An agent moves to where its values have not yet fallen, so it visits everything systematically (Sutton and Barto
+    2018, section 2.6). With high values it continues after it has found the best return; low values may fall before it
+    finds this return. The best value depends on the target and on the number of steps.
 
     Returns:
-        Those above `settings.initial_value`; () if no return is positive, where 0 is optimistic already.
+        The values above `settings.initial_value`; () if no return is positive, since 0 is then optimistic already.
     """
     most = optimal_return(target, settings.limit, discount=settings.discount)
     return tuple(value for value in (most / 2, most, 2 * most) if value > settings.initial_value)
@@ -137,7 +135,7 @@ def other_starts(name: str, target: Tabular, limit: int = 200) -> dict[str, Tabu
 
 
 def _shuffled(names: tuple[str, ...], seed: int) -> Iterator[tuple[str, ...]]:
-    """Yield all orders but the given one and its reverse, in random sequence, `ORDERS` of them at most."""
+    """Yield all orders except the given one and its reverse, in random sequence, at most `ORDERS` of them."""
     seen = {names, names[::-1]}
     wanted = min(len(seen) + ORDERS, factorial(len(names)))
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(len(names),)))

@@ -1,4 +1,4 @@
-"""Which environments an agent meets, in which order, for how long."""
+"""Curricula: the environments that an agent is trained on, in order, and the number of steps in each."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ class Curriculum:
     """A sequence of environments to train on.
 
     Attributes:
-        kind: "curriculum"; "baseline" for direct training on one environment; "control" for what a curriculum is
-            compared with.
-        label: what it is called in tables, unique among its kind.
+        kind: "curriculum"; "baseline" for direct training on one environment; "control" for another way to train that
+            a curriculum is compared with.
+        label: its name in tables, unique among its kind.
         stages: names of environments, in the order of training. Several names together are a stage in which each
-            episode takes place in one of them, drawn uniformly.
+            episode takes place in one of them, sampled uniformly.
         shares: length of each stage, > 0, in units of `steps_per_environment`; may be a fraction.
-        initial_value: what every Q-value is at first; None: as the settings say.
-        epsilon: how often the agent explores; None: that of the settings.
-        orders: orders of the stages, `orders[k % len(orders)]` for seed k; (): `stages` for every seed.
-        schedule: what chooses the environments of stages with several names, turn by turn, instead of drawing one for
-            each episode: a name in `TEACHERS`. These stages all have the same names.
+        initial_value: every Q-value at the beginning; None for that of the settings.
+        epsilon: exploration; None for that of the settings.
+        orders: orders of the stages, `orders[k % len(orders)]` for seed k; () for `stages` with every seed.
+        schedule: name in `TEACHERS` of a schedule that chooses the environments of stages with several names, turn by
+            turn; None to sample an environment for each episode. These stages all have the same names.
     """
 
     kind: Kind
@@ -62,21 +62,21 @@ class Curriculum:
 
     @property
     def members(self) -> tuple[tuple[str, ...], ...]:
-        """Names of the environments of each stage."""
+        """Return the names of the environments of each stage."""
         return tuple((stage,) if isinstance(stage, str) else stage for stage in self.stages)
 
     def for_seed(self, seed: int) -> Self:
-        """Return the curriculum for a seed: its stages in the order of this seed."""
+        """Return the curriculum with its stages in the order of a seed."""
         return replace(self, stages=self.orders[seed % len(self.orders)], orders=()) if self.orders else self
 
     def lengths(self, steps: int) -> list[int]:
-        """Return the steps of each stage, if a share of 1 has `steps`; their sum is exact, a stage may have 0."""
+        """Return the steps of each stage, if a share of 1 has `steps`. Their sum is exact; a stage may have 0."""
         ends = [int(end * steps) for end in accumulate(map(Fraction, self.shares), initial=Fraction())]
         return [end - start for start, end in pairwise(ends)]
 
 
 def kind_of(text: object) -> Kind:
-    """A kind by its name.
+    """Parse the kind of a curriculum.
 
     Raises:
         ValueError: there is no such kind.
@@ -88,16 +88,16 @@ def kind_of(text: object) -> Kind:
 
 
 def sequences(names: Sequence[str], kind: Sequences = "suffixes") -> tuple[Curriculum, ...]:
-    """The curricula of a family.
+    """Return the curricula of a family.
 
     Args:
         names: the environments from the easiest to the target.
         kind: "suffixes": all that end in the target and have two stages or more, the longest first, as in the paper.
             "full": the whole family. "baselines": each environment alone for the steps of the whole family.
-            "direct": the target alone, likewise.
+            "direct": the target alone for the steps of the whole family.
 
     Raises:
-        InvalidArgument: there are no names, one stands twice, or the kind is unknown.
+        InvalidArgument: `names` is empty or has a name twice, or the kind is unknown.
 
     >>> [curriculum.label for curriculum in sequences(["E1", "E2", "E3"])]
     ['E1-E3', 'E2-E3']

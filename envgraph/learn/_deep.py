@@ -26,8 +26,8 @@ OPTIONS: Final[dict[str, dict[str, Any]]] = {
 class DeepAgent(TableAgent):
     """An agent that learns with a network of Stable-Baselines3.
 
-    Stable-Baselines3 draws from the global generators of NumPy and PyTorch. Each new agent seeds them, so a process may
-    train only one agent at a time. PyTorch uses one thread: with more, sums in another order give other results.
+    Stable-Baselines3 samples from the global generators of NumPy and PyTorch. Each new agent seeds them, so a process
+    may train only one agent at a time. PyTorch uses one thread: with more, sums in another order give other results.
     """
 
     def __init__(self, family: Tables | Programs, settings: TrainingSettings, rng: Generator) -> None:
@@ -47,13 +47,13 @@ class DeepAgent(TableAgent):
         self._model: Any = algorithm("MlpPolicy", self._env, **options)
 
     def turn(self, rng: Generator, place: Place, stage: Stage) -> StageOutcome:
-        """Learn in a place for exactly the steps of a stage: PPO in rollouts of equal length, DQN in one call."""
+        """Train for exactly the steps of a stage: PPO in rollouts of equal length, DQN in one call."""
         model, keeps, self._epsilon = self._model, self._on_policy and stage.learn, stage.epsilon
         _, _, per_step, per_episode, minimum = stage.factors
         log: list[tuple[float, bool, bool]] = []
 
         def watch(found: dict[str, Any], _: dict[str, Any]) -> bool:
-            """Count the episodes, let epsilon decay, and stop at the end of the stage."""
+            """Record a step and decay epsilon. Return False to stop at the end of the stage; PPO stops by itself."""
             ended = bool(found["dones"][0])
             log.append((found["rewards"][0], ended, ended and found["infos"][0]["is_success"]))
             self._epsilon = max(self._epsilon * per_step * (per_episode if ended else 1.0), minimum)

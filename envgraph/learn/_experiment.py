@@ -1,4 +1,4 @@
-"""Curricula times seeds: train, evaluate on the target, collect."""
+"""Run experiments: train an agent for each curriculum and seed, evaluate it on the target, and collect the results."""
 
 from __future__ import annotations
 
@@ -44,9 +44,9 @@ class FamilyMember:
     """An environment of a family.
 
     Attributes:
-        name: what curricula call it.
-        tabular: its table; or its place in a compiled program, where there are too many states for one.
-        complexity: what the family is ordered by, where it is known; not used in training.
+        name: its name in curricula.
+        tabular: its table; or its place in a compiled program, if there are too many states for a table.
+        complexity: the measure by which the family is ordered, if known; not used in training.
     """
 
     name: str
@@ -73,27 +73,27 @@ def run_experiment(
 ) -> Experiment:
     """Train on each curriculum with each seed, and evaluate each agent on the last environment of the family.
 
-    A run's randomness depends on its seed and on the environments of its curriculum alone. So neither the number of
-    workers, nor the loop, nor which other curricula and seeds are run, changes a result. Curricula of the same
-    environments in the same order, which differ in their first values, draw the same numbers.
+    The randomness of a run depends only on its seed and on the environments of its curriculum. So results do not depend
+    on the number of workers, on the loop, or on the other curricula and seeds. Curricula with the same environments in
+    the same order, but other initial values, draw the same random numbers.
 
     Args:
         family: the environments from the easiest to the target.
-        settings: how to train.
+        settings: of the training.
         curricula: by default the suffixes and the baselines, as in the paper.
-        seeds: whole numbers from 0; by default 0, 1, ... as many as the settings say.
-        workers: how many runs go on at a time; joblib decides where, by default in processes for the loop on lists
-            and in threads for the compiled one.
-        backend: which loop trains.
-        progress: called with the number of finished runs and of all runs, after each run.
-        known: results of this experiment from an earlier time that was interrupted; they are taken as they are, and
-            those of other curricula and seeds left aside.
-        found: called with each new result, as it ends.
-        starts: the target with other start states, by the names that controls use for them: see `other_starts`.
+        seeds: whole numbers from 0; by default 0, 1, ... up to the number in the settings.
+        workers: number of runs at a time. Joblib runs them by default in processes for the loop on lists, and in
+            threads for the compiled loop.
+        backend: the training loop.
+        progress: called after each run with the number of finished runs and of all runs.
+        known: results of this experiment that an interrupted call has left; they are not computed again. Results of
+            other curricula and seeds are ignored.
+        found: called with each new result as soon as its run has ended.
+        starts: copies of the target with other start states, by the names that controls use: see `other_starts`.
 
     Raises:
-        InvalidArgument: the environments disagree, a curriculum names one that is not there, or a number is wrong.
-        EnvgraphError: a worker process died; `found` has been called with all that ended before.
+        InvalidArgument: the environments do not agree, a curriculum has an unknown name, or a number is not valid.
+        EnvgraphError: a worker process died; `found` has been called with all results before.
     """
     names = [member.name for member in family]
     if curricula is None:
@@ -121,7 +121,7 @@ def run_experiment(
 
 
 def _key(result: RunResult) -> tuple[Kind, str, int]:
-    """What tells the runs of an experiment apart."""
+    """Return the kind, label and seed of a run, which identify it in an experiment."""
     return result.kind, result.label, result.seed
 
 
@@ -135,10 +135,10 @@ def run_stages(
     known: Callable[[str], Iterable[RunResult]] = lambda target: (),
     found: Callable[[str, RunResult], None] = lambda target, result: None,
 ) -> Experiment:
-    """For each environment, train on the family up to it, and evaluate there: how far the curriculum carries.
+    """Train on the first environments of a family, for each number of them, and evaluate on the last one.
 
-    The curricula are labelled "E1", "E1-E2", ..., "E1-E6"; the arguments are those of `run_experiment`, but `known` and
-    `found` are also given the environment up to which agents were trained.
+    The curricula are labelled "E1", "E1-E2", ..., "E1-E6". The arguments are those of `run_experiment`, but `known` and
+    `found` also get the name of the environment that agents are evaluated on.
     """
     names = [member.name for member in family]
     runs: list[RunResult] = []
@@ -169,10 +169,10 @@ def run_families(
     known: Iterable[RunResult] = (),
     found: Callable[[RunResult], None] | None = None,
 ) -> Experiment:
-    """One agent on the whole of each family, by default the first with seed 0, the next with seed 1 and so on.
+    """Train one agent on the whole of each family, by default the first with seed 0, the next with seed 1 and so on.
 
-    So a family is compared with others that are drawn at random, which is another one for each seed. All runs have the
-    label, as a control; the other arguments are those of `run_experiment`.
+    With another random family for each seed, the result can be compared with a family trained with the same seeds. All
+    runs are controls with this label; the other arguments are those of `run_experiment`.
     """
     steps, known = settings.steps_per_environment * sum(map(len, families)), tuple(known)
     backend, runs = choose_backend(backend, steps, settings), list[RunResult]()
@@ -195,7 +195,7 @@ def run_families(
 def _shifted(
     progress: Callable[[int, int], None] | None, before: int, total: int
 ) -> Callable[[int, int], None] | None:
-    """Progress of a part, reported as that of the whole."""
+    """Return a progress callback for a part of the runs that reports the progress of the whole; None for None."""
     if progress is None:
         return None
     return lambda done, _: progress(before + done, total)
@@ -210,10 +210,10 @@ def train_run(
     backend: Backend = "auto",
     starts: Mapping[str, Tabular] = MappingProxyType({}),
 ) -> tuple[RunResult, Training | ProgramTraining]:
-    """One run of an experiment, with the agent that it trained; the result is the one in the experiment.
+    """Return the result of one run of an experiment, as `run_experiment` does, together with the trained agent.
 
-    Where there are more observations than a table of values has rows for, its rows are those that occur in the family,
-    in their order.
+    If there are more observations than a table of values can have rows, its rows are the observations that occur in the
+    family, in order.
 
     Raises:
         InvalidArgument: as for `run_experiment`.
@@ -226,7 +226,7 @@ def train_run(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Prepared:
-    """A family prepared once for all its runs, and the position of each name; random streams depend on positions."""
+    """A family prepared once for all its runs, with the position of each name, on which random streams depend."""
 
     positions: dict[str, int]
     ready: Tables | Programs
@@ -255,7 +255,7 @@ def _prepare(
     if drawn or starts:
         raise InvalidArgument("drawn environments and other starts need tables: there are too many states")
     program = placed[0].program
-    program.functions("learn")  # compiled before threads ask for it
+    program.functions("learn")  # compile before threads ask for it
     return _Prepared(positions, Programs(program, tuple(one.member for one in placed)))
 
 
@@ -266,7 +266,7 @@ def _places(curriculum: Curriculum, positions: dict[str, int]) -> tuple[Place, .
 def _run_result(
     prepared: _Prepared, curriculum: Curriculum, settings: TrainingSettings, seed: int, backend: Backend
 ) -> RunResult:
-    """Without the agent, which a worker process would have to send back."""
+    """Return the result of a run without the agent, which would be costly to send back from a worker process."""
     return _run(prepared, curriculum, settings, seed, backend)[0]
 
 
@@ -312,7 +312,7 @@ def _run(
 
 
 def _generator(seed: int, role: int, stages: Sequence[Place]) -> np.random.Generator:
-    """Independent streams for training and evaluation, for each seed and sequence of environments."""
+    """Return a random generator that is independent for each role, seed and sequence of environments."""
     marked = (place if len(place) == 1 else (_SEVERAL + len(place), *place) for place in stages)
     key = (number for place in marked for number in place)
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(role, *key)))

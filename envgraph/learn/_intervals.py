@@ -1,4 +1,4 @@
-"""Confidence intervals for what several training runs give."""
+"""Confidence intervals and robust statistics for the results of several training runs."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Statistic = Callable[..., NDArray[Any]]
 
 
 def wilson_interval(proportion: float, runs: int, confidence: float = 0.95) -> tuple[float, float]:
-    """Score interval for a proportion among so many runs. Wilson 1927, p. 209.
+    """Return the score interval of a proportion among `runs` runs. Wilson 1927, p. 209.
 
     >>> low, high = wilson_interval(1.0, 20)
     >>> round(low, 3), high
@@ -39,7 +39,7 @@ def wilson_interval(proportion: float, runs: int, confidence: float = 0.95) -> t
 
 
 def newcombe_interval(proportion: float, runs: int, other: float, others: int) -> tuple[float, float]:
-    """Hybrid score interval of 95 % for `proportion` minus `other`, of independent runs. Newcombe 1998, method 10.
+    """Return the 95 % score interval of `proportion` minus `other`, for independent runs (Newcombe 1998, method 10).
 
     With the Wilson limits l and u of both, the difference d has the limits d - sqrt((p - l)^2 + (u' - p')^2) and
     d + sqrt((u - p)^2 + (p' - l')^2).
@@ -64,20 +64,20 @@ def bootstrap_interval(
     resamples: int = RESAMPLES,
     seed: int = 0,
 ) -> tuple[float, float] | None:
-    """Percentile interval of the bootstrap (Efron and Tibshirani 1993, section 13.3), as Agarwal et al. 2021 use it.
+    """Return the percentile interval of the bootstrap (Efron and Tibshirani 1993, section 13.3; Agarwal et al. 2021).
 
-    Each sample is drawn anew from its own values, with replacement, so often as `resamples` says. Fewer than ten values
-    or so know little of their spread: then the interval is too narrow.
+    Each sample is resampled `resamples` times from its own values, with replacement. The interval is too narrow for
+    fewer than about ten values, which show too little of their spread.
 
     Args:
-        samples: one or more, of two values at least.
+        samples: one or more, each with at least two values.
         statistic: takes an array [.., values] of each sample and `axis=-1`; by default the mean of the only one.
-        confidence: the share of the resamples between the ends, in (0, 1).
-        resamples: how many.
-        seed: of the draws.
+        confidence: share of the resamples between the ends, in (0, 1).
+        resamples: number of resamples.
+        seed: of the resampling.
 
     Returns:
-        None where a sample has fewer than two values, of which nothing can be said.
+        The ends of the interval; None if a sample has fewer than two values.
 
     >>> bootstrap_interval([1.0, 1.0, 1.0]), bootstrap_interval([1.0])
     ((1.0, 1.0), None)
@@ -98,9 +98,9 @@ def bootstrap_interval(
 
 
 def interquartile_mean(values: Sequence[float] | NDArray[Any], axis: int = -1) -> NDArray[Any]:
-    """The mean of what is left without the lowest and the highest quarter, whose sizes are rounded down.
+    """Return the mean without the lowest and the highest quarter of the values; the quarters are rounded down.
 
-    Agarwal et al. 2021, section 4.3; as robust as a median nearly, with less variance.
+    Agarwal et al. 2021, section 4.3. It is nearly as robust as the median, with less variance.
 
     >>> float(interquartile_mean([0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 100.0]))
     3.5
@@ -116,7 +116,7 @@ def interquartile_mean(values: Sequence[float] | NDArray[Any], axis: int = -1) -
 def probability_of_improvement(
     values: Sequence[float] | NDArray[Any], others: Sequence[float] | NDArray[Any], axis: int = -1
 ) -> NDArray[Any]:
-    """How likely a run of the first is better than one of the second; equal ones count half.
+    """Return the probability that a run of `values` is better than a run of `others`; equal runs count half.
 
     The mean over all pairs of [x > y] + [x = y] / 2: Mann and Whitney's U divided by the number of pairs (Agarwal et
     al. 2021, section 4.3).
@@ -136,7 +136,7 @@ def probability_of_improvement(
 
 
 def performance_profile(values: Sequence[float], thresholds: Sequence[float]) -> NDArray[np.float64]:
-    """The share of the runs above each threshold: float64 [thresholds]. Agarwal et al. 2021, section 4.2.
+    """Return the share of the runs above each threshold: float64 [thresholds]. Agarwal et al. 2021, section 4.2.
 
     >>> performance_profile([0.0, 0.5, 1.0, 1.0], [-1.0, 0.0, 0.7, 1.0]).tolist()
     [1.0, 0.75, 0.5, 0.0]

@@ -1,6 +1,6 @@
-"""A training under way: a file of JSON lines that every agent is added to as it ends.
+"""Store the results of an unfinished training in a file of JSON lines, to which each agent is added when it is trained.
 
-The first line says what is being trained. A kill costs the line that was being written, and no more.
+The first line describes the training. If the process is killed, only the line that was being written is lost.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ FORMAT = "envgraph-training-2"
 
 
 class Journal:
-    """The agents of a training that have ended.
+    """The trained agents of an unfinished training, in memory and in a file.
 
-    Invariant: the file has what `about` and `known` give, in whole lines.
+    Invariant: the file has the data of `about` and `known`, in whole lines.
 
     Attributes:
         path: of the file.
-        about: what is being trained, as it was given to `create`.
+        about: the description of the training that `create` was given.
     """
 
     def __init__(self, path: Path, about: Mapping[str, Any]) -> None:
@@ -41,20 +41,20 @@ class Journal:
 
     @classmethod
     def create(cls, path: Path, about: Mapping[str, Any]) -> Self:
-        """Begin a file; `about` must be ready for JSON."""
+        """Create the file, or replace it. `about` must be serialisable as JSON."""
         replace_file(path, json.dumps({"format": FORMAT, **about}, ensure_ascii=False) + "\n")
         return cls(path, about)
 
     @classmethod
     def open(cls, path: Path) -> Self:
-        """Go on with a file.
+        """Read a file and remove an incomplete last line, to continue the training.
 
         Raises:
-            InvalidArgument: there is none, or a line of it does not read as such a result.
+            InvalidArgument: the file does not exist, or a line is not a valid result.
         """
         try:
             with open_input(path) as file:
-                *lines, _ = file.read().split(b"\n")  # what follows the last line end was cut off
+                *lines, _ = file.read().split(b"\n")  # a line without an end was interrupted
         except OSError as error:
             raise InvalidArgument(f"{path}: {error.strerror}") from error
         journal, number = cls(path, {}), 1
@@ -77,13 +77,15 @@ class Journal:
         return sum(map(len, self._found.values()))
 
     def known(self, part: str, target: str) -> tuple[RunResult, ...]:
-        """The agents of a part of the training that were evaluated on a target."""
+        """Return the results of a part of the training that were evaluated on a target."""
         return tuple(self._found.get((part, target), ()))
 
     def add(self, part: str, target: str, result: RunResult) -> None:
-        """Write an agent that has ended."""
+        """Append the result of an agent to the file."""
         entry = {"part": part, "target": target, "agent": asdict(result)}
-        with open(os.open(self.path, os.O_WRONLY | os.O_APPEND), "ab") as file:  # not if it was removed
+        with open(
+            os.open(self.path, os.O_WRONLY | os.O_APPEND), "ab"
+        ) as file:  # fails if the file was removed
             file.write(json.dumps(entry, ensure_ascii=False).encode() + b"\n")
             file.flush()
             os.fsync(file.fileno())
@@ -94,7 +96,7 @@ class Journal:
 
 
 def fingerprint(tabulars: Mapping[str, Tabular | InProgram], *settings: object) -> str:
-    """A hash of everything that the results of a training depend on: the environments by name, and the settings."""
+    """Return a hash of all data that the results of a training depend on: environments by name, and settings."""
     found = sha256(repr(spelling((tuple(tabulars), settings))).encode())
     for tabular in tabulars.values():
         for value in _facts(tabular):
@@ -103,7 +105,7 @@ def fingerprint(tabulars: Mapping[str, Tabular | InProgram], *settings: object) 
 
 
 def _facts(tabular: Tabular | InProgram) -> Iterator[Any]:
-    """All that an environment is."""
+    """Yield all data of an environment that affect results."""
     if isinstance(tabular, Tabular):
         yield from (getattr(tabular, field.name) for field in fields(tabular))
         return
@@ -114,10 +116,10 @@ def _facts(tabular: Tabular | InProgram) -> Iterator[Any]:
 
 
 def _result(data: Mapping[str, Any]) -> RunResult:
-    """What `asdict` made of a result.
+    """Return the result that `asdict` has converted to `data`.
 
     Raises:
-        ValueError, TypeError, LookupError: it has another form.
+        ValueError, TypeError, LookupError: the data have another form.
     """
     points = data["curve"]
     whole = {name: tuple(map(int, points[name])) for name in ("steps", "episodes", "successes")}

@@ -1,4 +1,4 @@
-"""What an experiment found, as data and as CSV files."""
+"""Results of experiments as data, and as CSV files."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ CURVE_COLUMNS = ("kind", "label", "seed", "step", "cumulative_reward", "episodes
 
 @dataclass(frozen=True, slots=True)
 class RunResult:
-    """One training run and its evaluation on the target.
+    """The result of one training run, and of its evaluation on the target.
 
     Attributes:
         kind: that of the curriculum.
@@ -58,12 +58,12 @@ class RunResult:
         steps: training steps in all.
         episodes: training episodes finished in all.
         success_rate: of the greedy policy on the target, from 0 to 1.
-        mean_return: likewise, undiscounted.
-        mean_length: likewise, in steps.
-        steps_before: training steps before the agent is on the target alone; all where it never is.
-        success_before: success rate on the target before the last stage. How much higher it is than without any
+        mean_return: of the greedy policy, undiscounted.
+        mean_length: of the greedy policy's episodes, in steps.
+        steps_before: training steps before the agent trains on the target alone; all steps if it never does.
+        success_before: success rate on the target before the last stage. Its difference to the success rate without
             training is the jumpstart (Taylor and Stone 2009).
-        curve: the way there.
+        curve: the learning curve.
     """
 
     kind: Kind
@@ -79,14 +79,14 @@ class RunResult:
     curve: Curve
 
     def steps_to_threshold(self, threshold: float = THRESHOLD) -> int | None:
-        """Time to threshold, with what earlier stages cost counted (Taylor and Stone 2009, "total time").
+        """Return the time to threshold, including the steps of earlier stages (Taylor and Stone 2009, "total time").
 
         Args:
-            threshold: share of the episodes on the target that ended in success between two points of the curve;
-                agents explore meanwhile, so that it stays below the success rate.
+            threshold: share of the training episodes on the target that end in success between two points of the curve.
+                Exploration makes this share lower than the success rate.
 
         Returns:
-            Steps since the beginning of the training; None where the threshold is never reached.
+            Steps since the beginning of the training; None if the threshold is never reached.
         """
         curve, ended, reached = self.curve, 0, 0
         for steps, episodes, successes in zip(curve.steps, curve.episodes, curve.successes, strict=True):
@@ -113,21 +113,21 @@ def result_of(values: Mapping[str, Any], curve: Curve, whole: Any = int, real: A
 
 @dataclass(frozen=True, slots=True)
 class Summary:
-    """All runs of one curriculum.
+    """Statistics of all runs of one curriculum.
 
     Attributes:
         kind: that of the curriculum.
         label: the curriculum's label.
-        runs: how many.
-        steps: training steps of each of them in all.
+        runs: number of runs.
+        steps: training steps of each run in all.
         success_rate: mean over the runs.
-        success_interval: Wilson's, each run counting as one trial.
+        success_interval: Wilson's interval, with each run as one trial.
         mean_return: mean over the runs.
-        return_interval: of that, by `bootstrap_interval`; None for a single run.
+        return_interval: of `mean_return`, by `bootstrap_interval`; None for a single run.
         return_iqm: interquartile mean of the returns.
-        iqm_interval: of that, likewise.
+        iqm_interval: of `return_iqm`, by `bootstrap_interval`; None for a single run.
         success_before: mean over the runs.
-        steps_to_threshold: median over the runs, the lower one of two; None where more than half never come there.
+        steps_to_threshold: median over the runs, the lower one of two; None if more than half never reach it.
     """
 
     kind: Kind
@@ -146,12 +146,12 @@ class Summary:
 
 @dataclass(frozen=True, slots=True)
 class Experiment:
-    """All runs, curriculum by curriculum and then by seed."""
+    """The results of all runs of an experiment, ordered by curriculum and then by seed."""
 
     runs: tuple[RunResult, ...]
 
     def summaries(self, confidence: float = 0.95) -> tuple[Summary, ...]:
-        """One summary a curriculum, in the order in which their first runs stand."""
+        """Return a summary for each curriculum, in the order of their first runs."""
         groups: dict[tuple[Kind, str], list[RunResult]] = {}
         for run in self.runs:
             groups.setdefault((run.kind, run.label), []).append(run)
@@ -190,10 +190,10 @@ def _summary(group: Sequence[RunResult], confidence: float) -> Summary:
 
 
 def write_csv(experiment: Experiment, directory: Path) -> tuple[Path, Path, Path]:
-    """Write `runs.csv`, `summary.csv` and `curves.csv` into a directory, which is made where it is missing.
+    """Write `runs.csv`, `summary.csv` and `curves.csv` into a directory, which is created if it does not exist.
 
-    One row a run, a curriculum, and a point of a run's curve. Numbers are written so that reading gives them back
-    exactly; equal experiments give equal files.
+    Each row is a run, a curriculum, or a point of a run's curve. Reading restores the numbers exactly, and equal
+    experiments give equal files.
     """
     directory.mkdir(parents=True, exist_ok=True)
     runs, summary, curves = (directory / name for name in ("runs.csv", "summary.csv", "curves.csv"))
@@ -204,10 +204,10 @@ def write_csv(experiment: Experiment, directory: Path) -> tuple[Path, Path, Path
 
 
 def read_csv(directory: Path) -> Experiment:
-    """Read back what `write_csv` wrote; the summary is computed anew.
+    """Read the experiment that `write_csv` has written. Summaries are computed from the runs.
 
     Raises:
-        InvalidArgument: a file is missing, or a line of it does not read as such a result.
+        InvalidArgument: a file does not exist, or a line is not a valid result.
     """
     points: dict[tuple[str, str, str], list[tuple[int, float, int, int]]] = {}
 
@@ -261,7 +261,7 @@ def _write(path: Path, columns: Sequence[str], rows: Iterable[Sequence[object]])
 
 
 def _cell(value: object) -> object:
-    """A value as it is written: a text that a spreadsheet would take for a formula begins with `'`, and is none then.
+    """Return the value of a cell to write: text that a spreadsheet would take for a formula is prefixed with `'`.
 
     >>> _cell("=1+1"), _text(_cell("=1+1")), _cell("E1-E6"), _cell(-0.5)
     ("'=1+1", '=1+1', 'E1-E6', -0.5)
@@ -270,12 +270,16 @@ def _cell(value: object) -> object:
 
 
 def _text(cell: str) -> str:
-    """The text that was written so."""
+    """Return the text of a cell without the prefix of `_cell`."""
     return cell[1:] if cell.startswith("'") else cell
 
 
 def _read(path: Path, columns: Sequence[str], parse: Callable[[list[str]], Parsed]) -> list[Parsed]:
-    """Every row but the header, parsed; what does not parse is named with its line."""
+    """Parse every row but the header.
+
+    Raises:
+        InvalidArgument: the file cannot be read, or a row cannot be parsed; the message has the line number.
+    """
     parsed: list[Parsed] = []
     line = 1
     try:

@@ -1,4 +1,4 @@
-"""Tests of significance for runs of several seeds."""
+"""Significance tests for runs of several seeds."""
 
 from __future__ import annotations
 
@@ -26,20 +26,20 @@ FEWEST_UNITS = 10
 
 
 def permutation_test(values: ArrayLike, others: ArrayLike, *, draws: int = DRAWS, seed: int = 0) -> float:
-    """Two-sided p-value of a permutation test paired by seeds, the sign-flip test.
+    """Return the two-sided p-value of a permutation test paired by seeds, the sign-flip test.
 
     If there is no difference, the two values of a seed can be exchanged. So p is the probability that the sum of the
-    differences, each with a random sign, is at least as far from 0 as the observed sum (Good 2005). It is exact if the
-    sum takes few values, as with successes or few seeds; else (b + 1) / (draws + 1), where b draws are at least as far
-    from 0 (Phipson and Smyth 2010).
+    differences, each with a random sign, is at least as far from 0 as the observed sum (Good 2005). The test is exact
+    if the sum takes few values, as with successes or few seeds. Otherwise p is (b + 1) / (draws + 1), where b draws are
+    at least as far from 0 (Phipson and Smyth 2010).
 
     Args:
         values, others: [seeds], of the same seeds.
-        draws: how many, where it is not exact.
+        draws: number of random sign vectors if the test is not exact.
         seed: of the draws.
 
     Raises:
-        InvalidArgument: there are no values, or not as many on both sides.
+        InvalidArgument: there are no values, or not equally many.
 
     >>> permutation_test([1, 1, 1, 1, 1], [0, 0, 0, 0, 0])
     0.0625
@@ -68,7 +68,7 @@ def permutation_test(values: ArrayLike, others: ArrayLike, *, draws: int = DRAWS
 
 
 def _exact(away: NDArray[np.int64], least: int) -> float | None:
-    """The probability that the sum is at least so far from 0; None where it takes too many values."""
+    """Return the exact probability of a sum with random signs at least `least` from 0; None for too many sums."""
     sums: NDArray[np.int64] = np.zeros(1, np.int64)
     chances: NDArray[np.float64] = np.ones(1)
     for value in away:
@@ -114,9 +114,9 @@ def mean_test(value: float, *units: ArrayLike) -> tuple[float, float, float]:
 
 
 def holm(p_values: Sequence[float]) -> list[float]:
-    """p-values of several claims, such that all hold at once: Holm 1979.
+    """Return p-values corrected so that all significant claims hold together: Holm 1979.
 
-    The smallest of m is multiplied by m, the next by m - 1 and so on; none is less than one before it, nor more than 1.
+    The smallest of m is multiplied by m, the next by m - 1 and so on. No result is below the one before, or above 1.
 
     >>> holm([0.01, 0.04, 0.03])
     [0.03, 0.06, 0.06]

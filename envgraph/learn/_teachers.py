@@ -1,4 +1,4 @@
-"""Schedules of the members of a family that a tabular learner is trained on."""
+"""Schedules that choose the members of a family for a tabular learner."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ TEACHERS: Final = (*(name for name in SCHEDULES if name != "sfl"), *EXACT)
 
 
 class ExactScore:
-    """Exact regret or learnability of a learner as it explores: each action but its best one with `epsilon / A`.
+    """A score of members: the exact regret or learnability of a learner's current epsilon-greedy policy.
 
     Args:
-        of: one of `EXACT`.
+        of: a name in `EXACT`.
         tabulars: the members.
-        settings: how it learns.
-        q: gives its values as they are now.
+        settings: of the learner.
+        q: returns the learner's current values [observations, actions].
 
     Attributes:
-        epsilon: how often it explores now.
+        epsilon: current exploration rate; an action other than the greedy one has probability `epsilon / A`.
     """
 
     def __init__(
@@ -47,11 +47,11 @@ class ExactScore:
         self._optimum = [optimal_return(one, limit, discount=discount) for one in tabulars]
 
     def __call__(self, outcomes: Outcomes) -> NDArray[np.float64]:
-        """The score of each member that was played."""
+        """Return the score of each member that was played."""
         return np.array([self.of(member) for member in outcomes.member.tolist()])
 
     def of(self, member: int) -> float:
-        """The score of a member."""
+        """Return the score of a member."""
         tabular, settings = self._tabulars[member], self._settings
         policy = np.full((tabular.n_states, tabular.n_actions), self.epsilon / tabular.n_actions)
         greedy = self._q().argmax(axis=1)[tabular.observation]
@@ -63,15 +63,15 @@ class ExactScore:
 
 
 def teacher(name: str, count: int, exact: ExactScore | None = None) -> Schedule:
-    """A schedule for the members of a family.
+    """Return a new schedule for the members of a family.
 
     Args:
         name: one of `TEACHERS`.
-        count: how many members there are.
-        exact: for one of `EXACT`.
+        count: number of members.
+        exact: the score for a schedule in `EXACT`; None if members have no tables.
 
     Raises:
-        InvalidArgument: none has this name, or it needs tables of the members.
+        InvalidArgument: the name is unknown, or the schedule needs tables of the members.
     """
     check_known(name, TEACHERS, f"unknown schedule `{name}`")
     if name not in EXACT:

@@ -1,4 +1,4 @@
-"""Worker processes: they end with their parent, and one that dies is an error in words."""
+"""Run tasks in worker processes that end with their parent, and report a worker that dies as an error."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ def run_in_workers(
     threads: bool = False,
     hint: str = "use fewer `workers`, which need less memory",
 ) -> Iterator[T]:
-    """Yield the result of the function for each tuple of arguments, in the order in which they end.
+    """Yield the result of the function for each tuple of arguments, in the order in which the calls end.
 
     Raises:
-        EnvgraphError: a worker process died. The hint says how to go on.
+        EnvgraphError: a worker process died. `hint` is the advice that the error shows.
     """
     from joblib import Parallel, delayed
     from joblib.parallel import get_active_backend
@@ -40,12 +40,12 @@ def run_in_workers(
         return
     options: dict[str, Any] = {"n_jobs": workers, "prefer": "threads" if threads else "processes"}
     if "initializer" not in getattr(get_active_backend()[0], "backend_kwargs", ()):
-        options["initializer"] = end_with_parent  # would replace one that the user gave to `parallel_config`
+        options["initializer"] = end_with_parent  # keeps the user's initializer of `parallel_config`
     parallel = partial(Parallel, **options)
     try:
         try:
             pool = parallel(return_as="generator_unordered")
-        except ValueError:  # Ray returns whole lists only: ask for as many tasks as run at a time
+        except ValueError:  # Ray returns only whole lists: ask for as many tasks as run at a time
             for first in range(0, len(tasks), workers):
                 yield from parallel()(delayed(function)(*task) for task in tasks[first : first + workers])
         else:
@@ -56,10 +56,10 @@ def run_in_workers(
 
 
 def end_with_parent() -> None:
-    """End this worker process soon after its parent, even if the parent is killed and cannot tell its workers.
+    """End this worker process soon after its parent, even if the parent is killed and cannot notify its workers.
 
-    A worker of a cluster has no parent that Python knows, and is left to the cluster. The kernel's signal for a dead
-    parent (`PR_SET_PDEATHSIG`) is no help: it is sent when the thread that started the worker ends.
+    A worker of a cluster has no parent that Python knows, so it is not ended. The kernel's signal for a dead parent
+    (`PR_SET_PDEATHSIG`) does not help: it is sent when the thread that started the worker ends.
     """
     parent = parent_process()
     if parent is not None:

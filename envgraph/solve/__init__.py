@@ -1,9 +1,9 @@
-"""What can be computed of environments whose tables are known, without training: certificates of families.
+"""Compute properties of environments with known tables, without training, such as certificates of families.
 
-`certify` puts together what is known of an environment and of a policy in it: `shortest_plan`, `optimal_return`, and
-what `evaluate_policy` expects of any policy. `cvar` is about the worst members of a family, `value_iteration` gives the
-best policy without a time limit, and `chain_transfer` says how easily what is best in one environment finds success in
-the next. `mixture` makes one environment of several.
+`certify` collects what is known of an environment and of a policy in it: `shortest_plan`, `optimal_return`, and the
+expected values of `evaluate_policy`. `cvar` is about the worst members of a family. `value_iteration` computes the
+best policy without a time limit. `chain_transfer` measures how easily the best policy of one environment finds success
+in the next. `mixture` combines several environments into one.
 """
 
 from typing import TYPE_CHECKING

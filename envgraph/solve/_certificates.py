@@ -1,4 +1,4 @@
-"""What is known of an environment without training, in one record; and the worst of a family."""
+"""Certificates: exact properties of an environment in one record, and the worst case of a family."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ from envgraph.solve._value_iteration import optimal_return
 
 @dataclass(frozen=True, slots=True)
 class Certificates:
-    """What is known of an environment, and of a policy in it. All returns are expected discounted sums of rewards.
+    """Exact properties of an environment, and of a policy in it. All returns are expected discounted sums of rewards.
 
-    Probabilities and returns are exact but for rounding: sums of so many terms as an episode has outcomes.
+    Probabilities and returns are exact up to rounding.
 
     Attributes:
-        limit: steps after which an episode is over.
+        limit: steps after which an episode is truncated.
         discount: a reward after t steps counts `discount ** t` times.
-        shortest_plan: fewest steps after which an episode can end in success, infinite if none can; `limit` does not
-            matter here.
+        shortest_plan: fewest steps after which an episode can end in success, infinite if none can; independent of
+            `limit`.
         random_success: probability that a random walk ends in success within the limit.
-        optimal_return: the greatest return within the limit that any agent has, also one that counts the steps.
+        optimal_return: the greatest return of any agent within the limit, including agents that count the steps.
         success: probability that the policy ends in success within the limit.
-        policy_return: what the policy gets within the limit.
+        policy_return: the return of the policy within the limit.
     """
 
     limit: int
@@ -44,30 +44,30 @@ class Certificates:
 
     @property
     def solvable(self) -> bool:
-        """Whether an episode can end in success within the limit."""
+        """Return True if an episode can end in success within the limit."""
         return self.shortest_plan <= self.limit
 
     @property
     def regret(self) -> float:
-        """What the policy gets less than the best agent: never negative but for rounding (Dennis et al. 2020)."""
+        """Return the optimal return minus the policy's return, never negative but for rounding (Dennis et al. 2020)."""
         return self.optimal_return - self.policy_return
 
     @property
     def learnability(self) -> float:
-        """p (1 - p) for the probability p that the policy succeeds (Rutherford et al. 2024)."""
+        """Return p (1 - p) for the probability p that the policy succeeds (Rutherford et al. 2024)."""
         return self.success * (1.0 - self.success)
 
 
 def certify(
     tabular: Tabular, policy: NDArray[Any] | None = None, *, limit: int = 200, discount: float = 1.0
 ) -> Certificates:
-    """Compute what is known of an environment, and of a policy in it.
+    """Compute the certificates of an environment, and of a policy in it.
 
     Args:
         tabular: the environment.
         policy: as in `evaluate_policy`, for each state: int [states], or float64 [states, actions]; by default a
             random walk.
-        limit: steps after which an episode is over; that of a behaviour is its `limit`.
+        limit: steps after which an episode is truncated; that of a behaviour is its `limit`.
         discount: in [0, 1], for all returns.
 
     Raises:
@@ -88,14 +88,15 @@ def certify(
 
 
 def shortest_plan(tabular: Tabular, outcome: int = 1, *, native: bool | None = None) -> float:
-    """Fewest steps after which an episode can end in success; infinite if none can.
+    """Return the fewest steps after which an episode can end in success; infinite if none can.
 
     A stochastic outcome counts as possible.
 
     Args:
         tabular: the environment.
         outcome: 1 for success, 2 for failure.
-        native: whether to use numba; None: if that is installed. Loading it takes longer than the one search of Python.
+        native: True to use numba; None for True if numba is installed. Loading numba takes longer than one search in
+            Python.
     """
     following, chance, _, ended = flat(tabular)
     starts = tabular.start_states, tabular.start_probability
@@ -105,13 +106,13 @@ def shortest_plan(tabular: Tabular, outcome: int = 1, *, native: bool | None = N
 
 
 def cvar(values: Sequence[float] | NDArray[np.float64], alpha: float) -> float:
-    """Conditional value at risk: the mean of the worst values of a family, `alpha` of all.
+    """Return the conditional value at risk: the mean of the worst values of a family, a share `alpha` of all.
 
-    Where `alpha` times their number is not whole, the last of the worst counts in part (Rockafellar and Uryasev 2002).
-    With 1 it is the mean, with 0 the worst case.
+    If `alpha` times their number is not whole, the last of the worst counts in part (Rockafellar and Uryasev 2002).
+    With 1 the result is the mean, with 0 the worst case.
 
     Args:
-        values: one a member; more is better, so take the negative of regrets.
+        values: one for each member; more is better, so pass the negative of regrets.
         alpha: in [0, 1].
 
     Raises:

@@ -1,4 +1,4 @@
-"""The certificates of an environment once more, by another way: so that nobody has to trust the first."""
+"""Compute the certificates of an environment by an independent method, to check those of `certify`."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from envgraph.solve._distance import steps_to_success
 
 
 def recomputed(tabular: Tabular, *, limit: int = 200, discount: float = 1.0) -> Certificates:
-    """The certificates of a random walk, as `certify` gives them up to rounding, without any of its loops.
+    """Return the certificates of a random walk, equal to those of `certify` up to rounding, without its loops.
 
-    `certify` follows episodes from their start; here values are carried back from the last step to the first, in NumPy:
-    p(n, s) = mean over actions of the sum over outcomes of chance x (success + going on x p(n - 1, next)), likewise for
-    returns, with the best action in place of the mean for the optimum. The shortest plan is searched for from success
-    to the start.
+    `certify` follows episodes from their start. This function computes values backward from the last step, in NumPy:
+    p(n, s) = mean over actions of the sum over outcomes of chance x (success + going on x p(n - 1, next)). Returns are
+    computed likewise, and the optimum with the best action in place of the mean. The shortest plan is searched for from
+    success to the start.
     """
     chance = tabular.probability
     goes_on = tabular.terminated == 0

@@ -1,4 +1,4 @@
-"""How far a state is from success."""
+"""Distances of states to success."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from envgraph.env import Tabular
 
 
 def steps_to_success(tabular: Tabular) -> NDArray[np.int64]:
-    """Fewest steps to a success, for each state [states]; the number of states, plus one, where there is no way.
+    """Return the fewest steps to a success for each state [states]; the number of states plus one if there is no way.
 
     An outcome counts if it is possible. Breadth-first search backward from success.
     """

@@ -1,4 +1,4 @@
-"""What a policy achieves: followed or sampled for Q-values, computed for a policy over states."""
+"""Evaluate policies: by following or sampling episodes for Q-values, by exact computation for policies over states."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from envgraph.solve._running import flat, run
 
 @dataclass(frozen=True, slots=True)
 class Evaluation:
-    """How episodes end, on average.
+    """The mean results of episodes.
 
     Attributes:
-        success_rate: how many end in success, from 0 to 1; not in failure, nor at the limit.
-        mean_return: sum of rewards; undiscounted unless a discount was asked for.
-        mean_length: steps.
-        episodes: how many were looked at.
-        exact: these are expected values, not estimates.
+        success_rate: share of episodes that end in success, from 0 to 1; not in failure or by truncation.
+        mean_return: mean sum of rewards; discounted only if a discount was given.
+        mean_length: mean number of steps.
+        episodes: number of episodes evaluated.
+        exact: True for expected values, False for estimates.
     """
 
     success_rate: float
@@ -35,17 +35,17 @@ class Evaluation:
 def evaluate(
     q: NDArray[np.float64], tabular: Tabular, episodes: int, limit: int, rng: np.random.Generator
 ) -> Evaluation:
-    """What the greedy policy achieves; of equal actions the lowest is taken.
+    """Evaluate the greedy policy, which takes the lowest of equally good actions.
 
-    In a deterministic environment all episodes from one start are the same. One from each start state is followed
-    and weighted with its probability, which is exact and draws nothing, whatever `episodes` says.
+    In a deterministic environment all episodes from one start are the same. So one episode from each start state is
+    followed and weighted with its probability. The result is exact, and neither `episodes` nor `rng` is used.
 
     Args:
         q: Q-values [observations, actions].
         tabular: the environment.
-        episodes: how many to sample where outcomes are drawn.
-        limit: steps after which an episode is over.
-        rng: advanced only where outcomes are drawn.
+        episodes: number of episodes to sample if outcomes are stochastic.
+        limit: steps after which an episode is truncated.
+        rng: advanced only if outcomes are stochastic.
 
     Raises:
         InvalidArgument: the Q-values do not fit the environment, or a number is not positive.
@@ -79,7 +79,7 @@ def _follow(tabular: Tabular, policy: NDArray[np.intp], limit: int) -> Evaluatio
 def _sample(
     tabular: Tabular, policy: NDArray[np.intp], episodes: int, limit: int, rng: np.random.Generator
 ) -> Evaluation:
-    """All episodes side by side, one step at a time."""
+    """Sample all episodes in parallel, one step at a time."""
     states = np.arange(tabular.n_states)
     chances = accumulate(tabular.probability[states, policy])
     starts = np.searchsorted(accumulate(tabular.start_probability), rng.random(episodes), "right")
@@ -104,14 +104,14 @@ def _sample(
 def evaluate_policy(
     tabular: Tabular, policy: NDArray[Any] | None, limit: int, *, discount: float = 1.0
 ) -> Evaluation:
-    """Expected values of a policy over states, from the distribution over states after each step.
+    """Return the exact expected values of a policy over states, from the distribution over states after each step.
 
     Args:
         tabular: the environment.
         policy: int [states], an action for each state; or float64 [states, actions], the probability of an action in a
-            state; None: a random walk, all actions are equally likely. Of Q-values over observations it is
+            state; None for a random walk with equally likely actions. For Q-values over observations pass
             `q.argmax(axis=1)[tabular.observation]`.
-        limit: steps after which an episode is over.
+        limit: steps after which an episode is truncated.
         discount: in [0, 1]; a reward after t steps counts `discount ** t` times.
 
     Raises:
@@ -132,7 +132,7 @@ def evaluate_policy(
 
 
 def _shares(tabular: Tabular, policy: NDArray[Any] | None) -> NDArray[np.float64]:
-    """The probability of each action in each state."""
+    """Return the probability of each action in each state [states, actions]."""
     shape = tabular.n_states, tabular.n_actions
     if policy is None:
         return np.full(shape, 1.0 / tabular.n_actions)
@@ -150,7 +150,7 @@ def _shares(tabular: Tabular, policy: NDArray[Any] | None) -> NDArray[np.float64
 
 
 def accumulate(probability: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Cumulative probabilities over the last axis, infinite from the last outcome that can happen.
+    """Return cumulative probabilities over the last axis, infinite from the last outcome that can happen.
 
     >>> accumulate(np.array([0.5, 0.25, 0.25, 0.0])).tolist()
     [0.5, 0.75, inf, inf]

@@ -1,14 +1,14 @@
-"""Loops over the arrays of tables, as `envgraph.env.compiled` compiles them: by numba, or run by Python on lists.
+"""Loops over the arrays of tables, compiled by numba like the programs of `envgraph.env.compiled`, or run by Python.
 
-Arrays of a table are flat: outcome `k` of action `a` in state `s` stands at `(s * actions + a) * width + k`. Sums are
-made in the order of these places, so that both ways give the same numbers bit for bit.
+Arrays of a table are flat: outcome `k` of action `a` in state `s` is at `(s * actions + a) * width + k`. Sums are
+computed in this order, so both ways give the same numbers bit for bit.
 """
 
 # mypy: ignore-errors
 
 
 def search(FOLLOWING, CHANCE, ENDED, STARTS, START_CHANCE, actions, width, outcome, STEPS, QUEUE):
-    """Breadth-first: fewest steps to an outcome, or 0; `STEPS` are those after which each state was left, or 0."""
+    """Return the fewest steps to an outcome, or 0. Write into `STEPS` the step after which each state is left, or 0."""
     count, head = 0, 0
     for place in range(len(STARTS)):
         if START_CHANCE[place] > 0.0:
@@ -31,7 +31,7 @@ def search(FOLLOWING, CHANCE, ENDED, STARTS, START_CHANCE, actions, width, outco
 
 
 def settle(FOLLOWING, CHANCE, REWARD, ENDED, actions, width, discount, enough, most, VALUES, NEW):
-    """Sweeps of value iteration until no value changes by more than `enough`: the last change."""
+    """Do sweeps of value iteration until no value changes by more than `enough`. Return the last change."""
     new, old = NEW, VALUES
     sweeps, change = 0, enough + 1.0
     while sweeps < most and change > enough:
@@ -61,7 +61,7 @@ def settle(FOLLOWING, CHANCE, REWARD, ENDED, actions, width, discount, enough, m
 
 
 def chain(FOLLOWING, CHANCE, REWARD, ENDED, POLICY, actions, width, FIRST, TO, MOVED, SUCCESS, GAIN):
-    """The Markov chain of a policy: where states lead, and what is expected of a step; how many moves it has."""
+    """Write the Markov chain of a policy: transitions, and the expected results of a step. Return their number."""
     used, place = 0, 0
     for state in range(len(SUCCESS)):
         FIRST[state] = used
@@ -83,7 +83,7 @@ def chain(FOLLOWING, CHANCE, REWARD, ENDED, POLICY, actions, width, FIRST, TO, M
 
 
 def follow(FIRST, TO, MOVED, SUCCESS, GAIN, discount, limit, PRESENT, NEXT):
-    """Expected successes, discounted rewards and steps of an episode in a chain that begins as `PRESENT` says."""
+    """Return expected successes, discounted rewards and steps of an episode, begun with the distribution `PRESENT`."""
     present, after = PRESENT, NEXT
     success, total, length, factor = 0.0, 0.0, 0.0, 1.0
     for _ in range(limit):

@@ -1,4 +1,4 @@
-"""Several environments as one."""
+"""Combine several environments into one."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from envgraph.errors import InvalidArgument
 
 
 def mixture(tabulars: Sequence[Tabular]) -> Tabular:
-    """The environment in which each episode takes place in one of several, drawn uniformly when it begins.
+    """Return the environment in which each episode takes place in one of several, sampled uniformly when it begins.
 
-    Its states are those of the first, then those of the second and so on; what the agent sees does not tell which it
-    is in. Training on it is domain randomisation (Tobin et al. 2017). Agents that take turns may be others in each:
-    those of one name are one.
+    Its states are those of the first, then those of the second and so on. The agent does not observe which
+    environment it is in. Training on a mixture is domain randomisation (Tobin et al. 2017). Agents that take turns
+    may differ between the environments; agents of the same name are the same.
 
     Args:
-        tabulars: at least one; they agree in observations and actions.
+        tabulars: at least one; they must agree in observations and actions.
 
     Raises:
         InvalidArgument: they do not agree.
@@ -65,6 +65,6 @@ def mixture(tabulars: Sequence[Tabular]) -> Tabular:
 
 
 def _turns(one: Tabular, agents: tuple[str, ...]) -> NDArray[np.int32]:
-    """The place among these agents of the one whose turn it is, in each state."""
+    """Return for each state the index in `agents` of the agent whose turn it is."""
     places = [agents.index(name) for name in one.agent_names]
     return np.array(places, dtype=np.int32)[one.turn]

@@ -1,4 +1,4 @@
-"""Running the loops over tables: compiled where numba is installed, else by Python."""
+"""Run the loops over tables: compiled if numba is installed, else by Python."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ CALLED: Final = ("search", "settle", "chain", "follow")
 def run(
     name: str, read: tuple[Any, ...], written: tuple[NDArray[Any], ...], *, native: bool | None = None
 ) -> Any:
-    """What a loop returns; numbers are the same however it runs.
+    """Run a loop and return its result. Numbers are the same with and without numba.
 
     Args:
         name: of the loop.
         read: its first arguments, numbers and flat arrays.
-        written: its last arguments, which it changes.
-        native: whether numba compiles it; None: if that is installed.
+        written: its last arguments, arrays that it changes.
+        native: True to compile with numba; None for True if numba is installed.
     """
     if has_numba() if native is None else native:
         return functions("", (_loops,), CALLED, native=True)[name](*read, *written)
@@ -36,7 +36,7 @@ def run(
 
 
 def flat(tabular: Tabular) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any]]:
-    """Next states, probabilities, rewards and ends of a table, each in one row."""
+    """Return the next states, probabilities, rewards and ends of a table as arrays with one axis."""
     return (
         np.ascontiguousarray(tabular.next_state, np.int32).reshape(-1),
         np.ascontiguousarray(tabular.probability, np.float64).reshape(-1),

@@ -1,4 +1,4 @@
-"""How well a family leads from one environment to the next, without training on it."""
+"""Measure how well a family leads from one environment to the next, without training."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from envgraph.solve._value_iteration import value_iteration
 
 
 def hit_probability(tabular: Tabular, policy: NDArray[np.float64] | None = None, horizon: int = 200) -> float:
-    """Exact probability that an episode ends in success within `horizon` steps.
+    """Return the exact probability that an episode ends in success within `horizon` steps.
 
     Args:
         tabular: the environment.
         policy: float64 [observations, actions], the probability of an action; by default a random walk.
-        horizon: steps.
+        horizon: number of steps.
 
     Raises:
         InvalidArgument: the policy does not fit the environment.
@@ -33,10 +33,10 @@ def hit_probability(tabular: Tabular, policy: NDArray[np.float64] | None = None,
 
 
 def softened_policy(tabular: Tabular, epsilon: float = 0.5, discount: float = 0.99) -> NDArray[np.float64]:
-    """The optimal policy mixed with a random one, over observations [observations, actions].
+    """Return the optimal policy mixed with a random one, over observations [observations, actions].
 
-    (1 - epsilon) x uniform over the best actions + epsilon x uniform over all. An observation that no reachable state
-    has gets the uniform policy; one that several have gets the mean of theirs.
+    It is (1 - epsilon) x uniform over the best actions + epsilon x uniform over all. Observations that no reachable
+    state has get the uniform policy. An observation of several states gets the mean of their policies.
     """
     if not 0.0 <= epsilon <= 1.0:
         raise InvalidArgument(f"`epsilon` is {epsilon!r}, it must be from 0 to 1")
@@ -55,10 +55,10 @@ def softened_policy(tabular: Tabular, epsilon: float = 0.5, discount: float = 0.
 def chain_transfer(
     tabulars: Sequence[Tabular], epsilon: float = 0.5, horizon: int = 200, discount: float = 0.99
 ) -> float:
-    """How easily what is best in one environment finds success in the next: the sum of log10 of hit probabilities.
+    """Return how easily each environment's best policy finds success in the next: the sum of log10 hit probabilities.
 
-    The first environment is met with a random walk, each later one with the softened policy of the one before it. At
-    most 0; minus infinity where success cannot be reached.
+    The policy in the first environment is a random walk; in each later one it is the softened policy of the one before.
+    The result is at most 0, and minus infinity if success cannot be reached.
     """
     policy: NDArray[np.float64] | None = None
     total = 0.0
@@ -70,7 +70,7 @@ def chain_transfer(
 
 
 def reachable_states(tabular: Tabular) -> NDArray[np.bool_]:
-    """Return True for each state that some episode can reach [states]."""
+    """Return bool [states]: True for each state that an episode can reach."""
     reached = np.zeros(tabular.n_states, bool)
     frontier = tabular.start_states[tabular.start_probability > 0.0]
     while len(frontier):

@@ -1,4 +1,4 @@
-"""The best policy of an environment whose table is known."""
+"""Compute the best policy of an environment whose table is known."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ MARGIN = 1e-8
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Optimum:
-    """The best that an agent who sees the state can do.
+    """The values and policy of the best agent that observes the state.
 
     Attributes:
         values: float64 [states], expected discounted return.
-        action_values: float64 [states, actions], the same when the next action is given.
-        policy: intp [states], a best action; the lowest of equals, up to rounding.
+        action_values: float64 [states, actions], expected discounted return if the next action is given.
+        policy: intp [states], a best action; the lowest of equally good ones, up to rounding.
     """
 
     values: NDArray[np.float64]
@@ -34,12 +34,12 @@ class Optimum:
 
     @property
     def best_actions(self) -> NDArray[np.bool_]:
-        """Which actions are best [states, actions]; of equals, up to rounding, all."""
+        """Return bool [states, actions]: True for all best actions, up to rounding."""
         return _best(self.action_values)
 
 
 def value_iteration(tabular: Tabular, discount: float = 0.99, tolerance: float = 1e-10) -> Optimum:
-    """Solve an environment without a time limit. Sutton and Barto 2018, section 4.4.
+    """Compute the best policy of an environment without a time limit. Sutton and Barto 2018, section 4.4.
 
     Args:
         tabular: the environment.
@@ -49,7 +49,7 @@ def value_iteration(tabular: Tabular, discount: float = 0.99, tolerance: float =
 
     Raises:
         InvalidArgument: the discount or the tolerance is outside its range.
-        EvaluationError: the values do not settle, which happens with a discount at or close to 1.
+        EvaluationError: the values do not converge, which happens with a discount at or close to 1.
     """
     if not 0.0 <= discount <= 1.0 or not tolerance > 0.0:
         raise InvalidArgument("`discount` must be from 0 to 1, and `tolerance` positive")
@@ -64,14 +64,14 @@ def value_iteration(tabular: Tabular, discount: float = 0.99, tolerance: float =
 
 
 def optimal_return(tabular: Tabular, limit: int = 200, *, discount: float = 1.0) -> float:
-    """The greatest expected sum of rewards within `limit` steps that any agent has, also one that counts the steps.
+    """Return the greatest expected return within `limit` steps of any agent, including agents that count the steps.
 
-    It takes so many sweeps of value iteration from 0, or fewer once no value changes (backward induction; Puterman
-    1994, section 4.5), and is exact but for rounding.
+    The result takes `limit` sweeps of value iteration from 0, or fewer once no value changes (backward induction;
+    Puterman 1994, section 4.5). It is exact up to rounding.
 
     Args:
         tabular: the environment.
-        limit: steps after which an episode is over.
+        limit: steps after which an episode is truncated.
         discount: in [0, 1]; a reward after t steps counts `discount ** t` times.
 
     Raises:
@@ -86,7 +86,7 @@ def optimal_return(tabular: Tabular, limit: int = 200, *, discount: float = 1.0)
 def optimal_episode(tabular: Tabular, limit: int = 200) -> list[int]:
     """Return the states of an episode of the best policy that ends in success, without the last state.
 
-    Chance is drawn with a fixed seed. Return [] if none of 100 episodes, of at most `limit` steps, ends in success.
+    Random outcomes are sampled with a fixed seed. Return [] if none of 100 episodes of at most `limit` steps succeeds.
     """
     policy, rng = value_iteration(tabular).policy, np.random.default_rng(0)
     chances = accumulate(tabular.probability[np.arange(tabular.n_states), policy])
@@ -107,7 +107,7 @@ def optimal_episode(tabular: Tabular, limit: int = 200) -> list[int]:
 def _settled(
     tabular: Tabular, discount: float, enough: float, most: int
 ) -> tuple[NDArray[np.float64], float]:
-    """Return the values after sweeps until none changes by more than `enough`, and the change in the last one."""
+    """Return the values after sweeps until none changes by more than `enough`, and the change in the last sweep."""
     values = np.zeros(tabular.n_states)
     read = (*flat(tabular), *tabular.next_state.shape[1:], discount, enough, most)
     change = run("settle", read, (values, np.zeros_like(values)))

@@ -1,4 +1,4 @@
-"""Numbers over the solutions of a part of a body: how many there are, a sum, a mean, the least, the greatest."""
+"""Emit code for aggregates over the solutions of a part of a body: count, sum, mean, minimum and maximum."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ PARTS, SPACE = code.Local("parts", "int"), code.Local("space", "int")
 
 
 def count_solutions(body: Body, number: code.Local) -> None:
-    """Count the solution, or those of the word."""
+    """Emit code that adds 1 to `number`, or the number of bits of the word if solutions are found a word at a time."""
     one = ONE if body.word is None else code.call("count_bits", body.word.word)
     body.block.add(code.Assign(number, one, "+="))
 
 
 def aggregated(body: Body, goal: AggregateAtom, step: Step) -> None:
-    """The result of a goal gets its value."""
+    """Emit code that computes the aggregate of a goal and binds its result variable."""
     relation = goal.relation
     if goal.function == "count" and isinstance(relation, CallAtom) and not body.static(relation):
         unknown = [v for v in relation.arguments if not body.known(v)]
@@ -50,7 +50,7 @@ def aggregated(body: Body, goal: AggregateAtom, step: Step) -> None:
 
 
 def _fold(body: Body, goal: AggregateAtom, column: int, steps: Sequence[Step]) -> None:
-    """The sum, mean, least or greatest of a column of different tuples; without one there is only a sum."""
+    """Emit code for the sum, mean, minimum or maximum of a column. Without solutions only a sum has a value."""
     type_ = body.conjunction.types[column]
     exact = type_ is Scalar.FLOAT and goal.function in ("sum", "avg")
     folded = code.Local("folded", "float" if type_ is Scalar.FLOAT else "int")

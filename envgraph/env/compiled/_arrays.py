@@ -1,8 +1,8 @@
-"""What numba makes of names that all programs use: arrays that are an address each, and sets of bits.
+"""Numba types and intrinsics for the names that all programs use: arrays that are addresses, and operations on bits.
 
-An array of NumPy is seven values to numba, which has to compile what is done with each of them, for each function that
-gets it; a `Vector` is its address, a `Matrix` also the length of a row. For programs that numba compiles; nothing else
-may import it. `_plain` has the same names for Python.
+To numba, an array of NumPy consists of seven values, and each function that takes the array compiles operations on
+them. A `Vector` is only an address, a `Matrix` an address and the length of a row. Only programs that numba compiles
+may import this module; `_plain` defines the same names for Python.
 """
 
 # mypy: ignore-errors
@@ -29,7 +29,7 @@ __all__ = [
 
 
 class Vector(types.Type):
-    """An array with one axis; its places are never negative, nor beyond its end."""
+    """The numba type of an array with one axis. Its indices must be in range and not negative."""
 
     def __init__(self, dtype, fixed):
         self.dtype, self.fixed = dtype, fixed
@@ -37,11 +37,11 @@ class Vector(types.Type):
 
 
 class Matrix(types.Type):
-    """An array with two axes; a row of it is a vector.
+    """The numba type of an array with two axes, whose rows are vectors.
 
     Args:
-        dtype: of its entries.
-        fixed: whether nothing is written into it while a program runs, so what was read need not be read again.
+        dtype: of the entries.
+        fixed: True if the program never writes into the array, so that loaded values need not be loaded again.
     """
 
     def __init__(self, dtype, fixed):
@@ -51,7 +51,7 @@ class Matrix(types.Type):
 
 @register_model(Vector)
 class VectorModel(models.PrimitiveModel):
-    """The address of the first entry."""
+    """The numba data model of a `Vector`: the address of the first entry."""
 
     def __init__(self, manager, type_):
         super().__init__(manager, type_, manager.lookup(type_.dtype).get_data_type().as_pointer())
@@ -59,7 +59,7 @@ class VectorModel(models.PrimitiveModel):
 
 @register_model(Matrix)
 class MatrixModel(models.StructModel):
-    """The address of the first row, and the length of one."""
+    """The numba data model of a `Matrix`: the address of the first row, and the length of a row."""
 
     def __init__(self, manager, type_):
         super().__init__(manager, type_, [("first", type_.row), ("width", types.intp)])
@@ -73,7 +73,7 @@ FIRST = {"target": "cpu"}
 
 @infer_global(operator.getitem)
 class Read(AbstractTemplate):
-    """Types of what is read; asked before those of other things, of which there are dozens."""
+    """The typing of `array[index]` for vectors and matrices, which numba tries before dozens of its own."""
 
     metadata = FIRST
 
@@ -90,7 +90,7 @@ class Read(AbstractTemplate):
 
 @infer_global(operator.setitem)
 class Write(AbstractTemplate):
-    """Types of what is written."""
+    """The typing of `array[index] = value` for vectors and matrices."""
 
     metadata = FIRST
 
@@ -104,7 +104,7 @@ class Write(AbstractTemplate):
 
 
 def entry_of(context, builder, array_type, array, place):
-    """The address of an entry, or of a row."""
+    """Emit code for the address of an entry, or of a row if a matrix has only one index."""
     if isinstance(array_type, Vector):
         return builder.gep(array, [place], inbounds=True)
     matrix = create_struct_proxy(array_type)(context, builder, array)
@@ -117,7 +117,7 @@ def entry_of(context, builder, array_type, array, place):
 @lower_builtin(operator.getitem, Vector, types.Integer)
 @lower_builtin(operator.getitem, Matrix, types.BaseTuple)
 def read(context, builder, sig, args):
-    """Code for the value of an entry."""
+    """Emit code that loads an entry."""
     address = entry_of(context, builder, sig.args[0], *args)
     loaded = builder.load(address)
     row = sig.args[0] if isinstance(sig.args[0], Vector) else sig.args[0].row
@@ -128,14 +128,14 @@ def read(context, builder, sig, args):
 
 @lower_builtin(operator.getitem, Matrix, types.Integer)
 def read_row(context, builder, sig, args):
-    """Code for a row."""
+    """Emit code for the address of a row of a matrix."""
     return entry_of(context, builder, sig.args[0], *args)
 
 
 @lower_builtin(operator.setitem, Vector, types.Integer, types.Any)
 @lower_builtin(operator.setitem, Matrix, types.BaseTuple, types.Any)
 def write(context, builder, sig, args):
-    """Code that changes an entry."""
+    """Emit code that stores an entry."""
     address = entry_of(context, builder, sig.args[0], *args[:2])
     builder.store(context.data_model_manager[sig.args[2]].as_data(builder, args[2]), address)
 
@@ -144,13 +144,13 @@ def write(context, builder, sig, args):
 
 
 def data_of(context, builder, array_type, array):
-    """The address of the entries of an array, and its lengths."""
+    """Return the address of the data of a NumPy array, and its shape."""
     held = create_struct_proxy(array_type)(context, builder, array)
     return held.data, held.shape
 
 
 def made(context, builder, type_, first, width):
-    """Code for a matrix."""
+    """Emit code that builds a matrix from the address of its first row and the length of a row."""
     matrix = create_struct_proxy(type_)(context, builder)
     matrix.first, matrix.width = first, width
     return matrix._getvalue()
@@ -158,7 +158,7 @@ def made(context, builder, type_, first, width):
 
 @intrinsic
 def vector(typing, array):
-    """The vector of an array."""
+    """Convert an array of NumPy with one axis to a `Vector`."""
 
     def code(context, builder, sig, args):
         return data_of(context, builder, array, args[0])[0]
@@ -168,18 +168,18 @@ def vector(typing, array):
 
 @intrinsic
 def matrix(typing, array):
-    """The matrix of an array."""
+    """Convert an array of NumPy with two axes to a `Matrix` that may be written."""
     return matrix_of(array, False)
 
 
 @intrinsic
 def fixed(typing, array):
-    """The matrix of an array that nothing is written into."""
+    """Convert an array of NumPy with two axes to a `Matrix` that is never written."""
     return matrix_of(array, True)
 
 
 def matrix_of(array, is_fixed):
-    """The signature, and what writes the code."""
+    """Return the signature of an intrinsic that converts an array to a `Matrix`, and the emitter of its code."""
 
     def code(context, builder, sig, args):
         first, shape = data_of(context, builder, array, args[0])
@@ -190,7 +190,7 @@ def matrix_of(array, is_fixed):
 
 @intrinsic
 def width(typing, array):
-    """The length of a row of a matrix."""
+    """Return the length of a row of a matrix."""
 
     def code(context, builder, sig, args):
         return create_struct_proxy(array)(context, builder, args[0]).width
@@ -208,7 +208,7 @@ BATCH = types.Tuple((*GIVEN, INTS, INT, BOOL, INT, FLOAT, INT, BOOL, FLOAT, INTS
 
 @intrinsic
 def arrays_at(typing, addresses):
-    """The arrays of a batch; a row of `addresses` has the address of one, and its shape."""
+    """Return the arrays of a batch. Each row of `addresses` holds the address of an array, and its shape."""
 
     def code(context, builder, sig, args):
         numbers = data_of(context, builder, addresses, args[0])[0]
@@ -230,7 +230,7 @@ def arrays_at(typing, addresses):
 
 
 def of_ints(count, code):
-    """An operation on whole numbers."""
+    """Return an intrinsic that applies `code` to `count` (1 or 2) 64-bit integers and returns one."""
 
     @intrinsic
     def one(typing, word):
@@ -244,7 +244,7 @@ def of_ints(count, code):
 
 
 def low_bits(builder, place):
-    """The place of a bit within a word of 32."""
+    """Emit code for the index of a bit within a 32-bit word: `place` modulo 32."""
     return builder.and_(place, ir.Constant(place.type, 31))
 
 

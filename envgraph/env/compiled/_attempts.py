@@ -1,4 +1,4 @@
-"""A rule in a unit that the model may refuse: the state is kept, put back, and another match is tried."""
+"""Emit functions for rules in a unit that may be refused: save the state, restore it, and try the next match."""
 
 from __future__ import annotations
 
@@ -34,15 +34,16 @@ if TYPE_CHECKING:
 def attempts(
     writer: Writer, rule: RuleCall, bound: tuple[str, ...], wanted: tuple[str, ...], *, asks: bool
 ) -> tuple[list[code.Local], code.Body]:
-    """Parameters and body of a function that applies a rule at one of its matches at which it is not refused.
+    """Return the parameters and body of a function that applies a rule at one of the matches where it is not refused.
 
-    It returns 1 and the outputs; 0 without such a match, with the error if it was refused; -1 for another error.
+    The function returns 1 and the outputs after an application. It returns 0 if there is no such match, and sets the
+    error if the rule was refused. It returns -1 for any other error.
 
     Args:
-        writer: writes the function that calls it.
+        writer: of the function that calls the emitted one.
         rule: the call.
-        bound, wanted: the parameters that get values, and the outputs.
-        asks: only whether there is such a match: nothing is drawn, and the state stays.
+        bound, wanted: the parameters that get values, and the outputs to return.
+        asks: True to test only if there is such a match: no match is sampled, and the state does not change.
     """
     plan, given, key = writer.asked(rule, bound)
     types = writer.output_types(rule, wanted)

@@ -1,4 +1,4 @@
-"""Many environments side by side: their states, and one call for a step of all of them."""
+"""Step many environments of a compiled program with one call."""
 
 from __future__ import annotations
 
@@ -30,20 +30,20 @@ SHOWN: Final = {
 
 
 class Batch:
-    """The states of environments, each over a member of a family.
+    """The states of many environments, each of a member of a family, that step together.
 
     Args:
         program: the compiled behaviour.
-        members: number of the member of each environment; it may change before an episode begins.
-        threads: how many step them at a time; changes no result.
-        rows: their state arrays; new ones if None.
+        members: int [n], the number of the member of each environment; may change before an episode begins.
+        threads: number of threads that step the environments; does not change results.
+        rows: the state arrays of the environments; new arrays if None.
 
     Attributes:
-        states, float_states: int64 and float64 [n, ..]; a row is all that an environment is, but for `steps`.
-        steps: int64 [n], since the episode began.
-        over: bool [n], whether the episode has ended or was truncated.
+        states, float_states: int64 and float64 [n, ..]; a row is the whole state of an environment except `steps`.
+        steps: int64 [n], steps since the episode began.
+        over: bool [n], True if the episode has terminated or was truncated.
         observation: int64 [n]; components: int64 [n, ..].
-        reward: float64 [n]; ended: int64 [n], as `Outcome.terminated`; cut: bool [n], whether it was truncated.
+        reward: float64 [n]; ended: int64 [n], as `Outcome.terminated`; cut: bool [n], True if truncated.
     """
 
     def __init__(
@@ -62,7 +62,7 @@ class Batch:
         ]
         self._threads = threads
         self._pool = ThreadPoolExecutor(threads - 1) if len(self._parts) > 1 else None
-        # Without threads nothing stands between: of one environment each call shows.
+        # Without threads, call the program directly: with one environment each extra call costs time.
         self._advance = self._in_threads if self._pool else self._parts[0][1].advance
         self._twins: dict[int, Twin] = {}
         self._made = [
@@ -70,7 +70,7 @@ class Batch:
         ]
 
     def _world(self, part: slice) -> World:
-        """Some of the environments, one after the other."""
+        """Return the arrays with which a thread steps a slice of the environments."""
         program, rows = self.program, [array[part] for array in self._rows]
         advance = program.functions("step")["advance"]
         return World(
@@ -83,11 +83,11 @@ class Batch:
         )
 
     def __reduce__(self) -> tuple[type[Batch], tuple[Any, ...]]:
-        """Return the data to rebuild a batch; whatever shared its arrays shares those of the copy."""
+        """Return the data to rebuild a batch. Objects that share its arrays share the arrays of the copy as well."""
         return Batch, (self.program, self.members, self._threads, self._rows)
 
     def allowed(self) -> NDArray[np.bool_]:
-        """Whether each action would do something [n, actions], as `Simulator.allowed`."""
+        """Return the action masks, bool [n, actions]: True for actions that would have an effect."""
         actions = len(self.program.action_names)
         found = np.zeros((len(self.members), actions), dtype=np.int64)
         masks = self.program.functions("mask")["masks"]
@@ -96,24 +96,24 @@ class Batch:
         return allowed_or_all(found > 0)
 
     def close(self) -> None:
-        """End the threads."""
+        """Stop the threads."""
         if self._pool is not None:
             self._pool.shutdown()
 
     def seed(self, generators: Sequence[np.random.Generator]) -> None:
-        """Draw from now on as these generators would, one for each environment; they stay as they are."""
+        """Set the random stream of each environment to a copy of a generator's state, one generator per environment."""
         self._streams[:] = streams(generators)
 
     def go_on(self, other: Batch) -> None:
-        """Draw from now on as another batch of as many environments would."""
+        """Copy the random streams of another batch with the same number of environments."""
         self._streams[:] = other._streams
 
     def reset(self, which: NDArray[np.bool_], uniforms: NDArray[np.float64] = NO_NUMBERS) -> None:
         """Begin episodes.
 
         Args:
-            which: bool [n], the environments that begin anew.
-            uniforms: a number from [0, 1) for each environment; without them each draws from its own stream.
+            which: bool [n], True for the environments that begin a new episode.
+            uniforms: a number from [0, 1) for each environment; if empty, each samples from its own stream.
 
         Raises:
             RuleError, EvaluationError: as the live engine does.
@@ -131,13 +131,13 @@ class Batch:
         uniforms: NDArray[np.float64] = NO_NUMBERS,
         starts: NDArray[np.float64] = NO_NUMBERS,
     ) -> None:
-        """One step of each environment.
+        """Do one step in each environment.
 
         Args:
             actions: int64 [n], each in range.
-            again: whether those that are over begin anew instead.
-            limit: steps after which an episode is truncated; 0 for none.
-            uniforms, starts: numbers from [0, 1) for steps and for beginnings; see `reset`.
+            again: True to begin a new episode, instead of a step, in each environment whose episode is over.
+            limit: number of steps after which an episode is truncated; 0 for no limit.
+            uniforms, starts: numbers from [0, 1) for the steps and for the beginnings of episodes; see `reset`.
 
         Raises:
             RuleError, EvaluationError: as the live engine does.
@@ -150,7 +150,7 @@ class Batch:
             self._grow()
 
     def _grow(self) -> None:
-        """Make more space for new objects."""
+        """Make more space for created objects, and copy all states into it."""
         other = Batch(grown(self.program), self.members, self._threads)
         rows = carried(self.program, other.program, self.members, self.states, self.float_states)
         for mine, other_rows in zip((*rows, *self._rows[2:]), other._rows, strict=True):
@@ -166,7 +166,7 @@ class Batch:
         uniforms: NDArray[np.float64],
         limit: int,
     ) -> int:
-        """What `advance` does, in several threads; the last environment in which something went wrong, or -1."""
+        """Run `advance` in all threads. Return the highest environment in which an error occurred, or -1."""
         assert self._pool is not None
         (_, first), *others = self._parts
         given = [(which[part], starts[part], actions[part], uniforms[part], limit) for part, _ in self._parts]
@@ -179,7 +179,11 @@ class Batch:
         return max(part.start + row if row >= 0 else -1 for row, (part, _) in places)
 
     def _raise(self, row: int, action: int | None) -> None:
-        """Do on the live engine what went wrong, for the message.
+        """Raise the error of an environment, by repeating its step, or the beginning of its episode, on a live engine.
+
+        Args:
+            row: the environment.
+            action: of the step; None if an episode was begun.
 
         Raises:
             RuleError, EvaluationError: always.
@@ -205,7 +209,7 @@ class Batch:
 
     @contextmanager
     def model_of(self, row: int) -> Iterator[Simulator]:
-        """Meanwhile a live engine is in the state of an environment: for pictures, and for a close look."""
+        """Yield a live simulator in the state of an environment, for pictures and inspection."""
         with self._twin(int(self.members[row])).at(self.states[row], self.float_states[row]) as simulator:
             yield simulator
 
@@ -216,7 +220,7 @@ class Batch:
 
 
 def longer(array: NDArray[Any], size: int) -> NDArray[Any]:
-    """A copy with more rows."""
+    """Return a copy of an array with `size` rows. The added rows are filled with 0."""
     found = np.zeros((size, *array.shape[1:]), dtype=array.dtype)
     found[: len(array)] = array
     return found

@@ -1,4 +1,4 @@
-"""A behaviour as a program: `begin`, `step_one` and `look` over the state of one environment."""
+"""Emit the program of a behaviour: the functions `begin`, `step_one`, `may_one` and `look` for one environment."""
 
 from __future__ import annotations
 
@@ -33,15 +33,15 @@ ENTRIES: Final = ("begin", "step_one", "may_one", "look", "places")
 
 @dataclass(frozen=True, slots=True)
 class Text:
-    """A program, and what it needs.
+    """The functions of a program, and the sizes and names that its callers need.
 
     Attributes:
-        functions: in the order in which they call each other.
+        functions: callees before their callers.
         layout: the tables and columns.
-        levels, width: how many stretches of rows there are, and how many columns.
+        levels, width: number of stretches in the row space, and of columns in a row.
         action_names: of the actions.
         shape: sizes of the components of an observation.
-        observation_names: of these.
+        observation_names: of these components.
     """
 
     functions: tuple[code.Function, ...]
@@ -60,18 +60,18 @@ def written(
     layout: Layout,
     seats: Sequence[tuple[str, int]] = (),
 ) -> Text:
-    """The program of a behaviour.
+    """Emit the program of a behaviour.
 
     Args:
-        engine: of the domain: has the patterns and rules; plans go by the sizes of its model.
+        engine: of the domain. It has the patterns and rules, and plans depend on the sizes of its model.
         behaviour: resolved, without errors.
         keys: the indices of objects over the family.
-        layout: gets the tables and columns.
-        seats: of agents that act together the names, and the numbers of their blocks.
+        layout: receives the tables and columns.
+        seats: the names of agents that act together, and the numbers of their blocks.
 
     Raises:
-        NotCompiled: something in it is not compiled.
-        EvaluationError: too many actions of agents that act together.
+        NotCompiled: the behaviour has a construct that is not compiled.
+        EvaluationError: agents that act together have too many joint actions.
     """
     return _Program(engine, behaviour, keys, layout, seats).text()
 
@@ -104,7 +104,7 @@ class _Program:
         self._step = Joint(self._clauses, seats) if behaviour.together else Turns(self._clauses)
 
     def _check(self, plans: Sequence[RulePlan]) -> None:
-        """See that indices of objects and agents stay what they are."""
+        """Raise `NotCompiled` if a rule creates objects of an indexed class with keys, or changes key attributes."""
         for cls in indexed_classes(self._behaviour, self._metamodel):
             key = key_attributes(self._metamodel, cls)
             if key and not self._changes.created.isdisjoint(indexable(self._metamodel, cls)):
@@ -115,7 +115,7 @@ class _Program:
                     raise NotCompiled(f"keys that change (`{attribute}`)", _set_at(plans, attribute))
 
     def text(self) -> Text:
-        """The whole."""
+        """Emit all functions of the program."""
         step, may, look = self._step.bodies()
         if self._changes.growing is not None:
             self._define("tidy", (), tidied(self._facts, self._changes.growing))
@@ -148,7 +148,7 @@ class _Program:
 
 
 def _set_at(plans: Sequence[RulePlan], attribute: Attribute) -> Span | None:
-    """Where a rule sets an attribute, or retypes what has it."""
+    """Return the span of the first rule action that sets an attribute, else of the first retyping, else None."""
     bodies = [body for plan in plans for body in plan.blocks]
     sets = [one for body in bodies for one in body.sets if isinstance(one, SetValue | Increase)]
     found = [one.span for one in sets if one.attribute == attribute]

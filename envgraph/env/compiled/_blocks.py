@@ -1,4 +1,4 @@
-"""The matches of the blocks of a rule as rows: all are found on the state before, and each phase goes through them."""
+"""Emit code that finds the matches of the blocks of a rule as rows, before the rule changes anything."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ Slots = dict[int, code.Expression]
 
 @dataclass(slots=True, eq=False)
 class Frame:
-    """A rule, whose match is in variables, or a block of it, whose matches are rows.
+    """A rule, whose match is in variables, or one of its blocks, whose matches are rows.
 
     Attributes:
-        outer: what the block stands in; None for the rule.
-        slots: of the rule: variables for its match.
-        types: of the values that are known to be in slots.
-        classes: of the objects in slots.
-        new: the slots of objects that do not exist before, and what creates them.
-        number, top: how many rows there are, and where they begin.
-        columns: the column of each slot that the outer frame does not have; behind the last one is the outer row.
+        outer: the frame of the enclosing block; None for the rule.
+        slots: for the rule, the variables of its match; empty for blocks.
+        types: types of the values in slots, if known.
+        classes: classes of the objects in slots, if known.
+        new: for each slot of an object that is created, the frame that creates the object.
+        number, top: variables for the number of rows, and for the first row.
+        columns: the column of each slot that the outer frame lacks. The next column holds the outer row.
     """
 
     plan: BlockPlan
@@ -44,23 +44,23 @@ class Frame:
     columns: dict[int, int]
 
     def space(self, slot: int, row: code.Expression) -> code.Index:
-        """Where a row has the value of a slot."""
+        """Return the cell in which a row stores the value of a slot."""
         return entry(RF if self.types.get(slot) is Scalar.FLOAT else RI, row, self.columns[slot])
 
     def outer_row(self, row: code.Expression) -> code.Index:
-        """Where a row has the number of the row that it belongs to."""
+        """Return the cell in which a row stores the number of its row in the outer frame."""
         return entry(RI, row, len(self.columns))
 
 
 class Blocks:
-    """Writes how the matches of the blocks of a rule are found and read.
+    """An emitter of code that finds and reads the matches of the blocks of a rule.
 
     Args:
-        matching: finds matches.
-        leave: what is done where there is not enough space.
+        matching: emits functions that find matches.
+        leave: the statement that ends the function if the row space is too small.
 
     Attributes:
-        frames: of the rule, and of each block, in the order in which they stand.
+        frames: of the rule and of each block, in the order of the rule's text.
     """
 
     def __init__(self, matching: Matching, plan: RulePlan, slots: Slots, leave: code.Return) -> None:
@@ -89,7 +89,7 @@ class Blocks:
     # --- reading rows
 
     def loaded(self, frame: Frame, row: code.Expression) -> tuple[list[code.Statement], Slots]:
-        """Statements that read a match of a block, and variables for its slots."""
+        """Return statements that read a block's match from a row, and the variables of its slots."""
         assert frame.outer is not None
         statements: list[code.Statement] = []
         slots: Slots = {}
@@ -105,14 +105,14 @@ class Blocks:
     def each(
         self, frame: Frame, row: code.Local, loads: Sequence[code.Statement], body: Sequence[code.Statement]
     ) -> code.Statement:
-        """A loop over the matches of a block."""
+        """Return a loop that runs `body` for each match of a block, after those of `loads` that `body` needs."""
         place = self._module.fresh("i")
         there = code.Assign(row, plus(frame.top, place))
         return code.For(place, code.call("range", frame.number), (there, *self.needed(loads, body), *body))
 
     @staticmethod
     def needed(loads: Sequence[code.Statement], body: Sequence[code.Statement]) -> list[code.Statement]:
-        """The statements of which others use what they read."""
+        """Return the assignments of `loads` whose variables `body` uses, directly or through others, in order."""
         used = names_in(tuple(body))
         found: list[code.Statement] = []
         for statement in reversed(loads):
@@ -125,7 +125,7 @@ class Blocks:
     # --- finding rows
 
     def collect(self) -> Iterator[code.Statement]:
-        """Statements that find the matches of all blocks, and number what they create as the live engine does."""
+        """Yield statements that find the matches of all blocks, and number created objects as the live engine does."""
         rule, *blocks = self.frames
         yield from self._numbered(rule, rule.slots, None)
         for place, frame in enumerate(blocks):
@@ -141,7 +141,7 @@ class Blocks:
     def _found(
         self, frame: Frame, slots: Mapping[int, code.Expression], outer_row: code.Expression
     ) -> Iterator[code.Statement]:
-        """The matches of a block inside one of the outer frame: found, put to the others, and looked into."""
+        """Yield statements that append a block's matches inside one outer match, followed by its inner blocks'."""
         plan, fresh = frame.plan, self._module.fresh
         types = self._facts.library.parameter_types(plan.pattern)
         taken = range(len(plan.arguments))
@@ -184,7 +184,7 @@ class Blocks:
             yield code.For(one, code.call("range", first, frame.number), whole)
 
     def _suits(self, frame: Frame, types: Sequence[StaticType]) -> bool:
-        """Whether the objects that a block is given are of the classes that it asks for."""
+        """Return True if the objects passed to a block's pattern are known to be of its parameters' classes."""
         assert frame.outer is not None
         classes, is_a = frame.outer.classes, self._facts.metamodel.is_a
         return all(
@@ -194,7 +194,7 @@ class Blocks:
         )
 
     def _numbered(self, frame: Frame, slots: Slots, row: code.Expression | None) -> Iterator[code.Statement]:
-        """New objects take spare numbers."""
+        """Yield statements that give each created object an unused object number, or fail if there is none."""
         layout = self._facts.layout
         for new in frame.plan.creates:
             made, node = cell(layout.offset(Made())), self._facts.local(ObjectType(new.cls))

@@ -1,4 +1,4 @@
-"""Plans of the engine as loops over arrays: the steps of one body, each a few statements."""
+"""Emit the search plans of the engine as loops over arrays: a few statements for each step of a body."""
 
 from __future__ import annotations
 
@@ -46,13 +46,13 @@ Found = Callable[["Body"], None]
 
 
 class Body:
-    """Writes the steps of one plan.
+    """An emitter of the steps of one search plan.
 
     Attributes:
-        block: where they go.
-        looped: the variables that get their values from loops, from the outermost on; -1 for a loop without one, and
-            before those that come in another order than the ascending one.
-        word: if solutions are found a word at a time, that word; its objects are the values of the last variable.
+        block: receives the statements.
+        looped: the variables bound by loops, from the outermost; -1 for a loop that binds no variable, and before the
+            variables of a loop that does not yield ascending values.
+        word: the bit set word that holds many solutions at once, or None. Its objects are values of the last variable.
     """
 
     def __init__(
@@ -73,22 +73,22 @@ class Body:
         self._levels = 0
 
     def called(self, name: str, values: Sequence[code.Expression]) -> code.Call:
-        """Code for a call of a function, which may use the space behind the rows that are read here."""
+        """Emit a call of a function, which may use the row space behind the rows that this body reads."""
         self.matching.module.uses(name, self._levels)
         return call(name, *values, top=self._top)
 
     def take_space(self, top: code.Local) -> None:
-        """A variable gets the first row of a stretch that nothing else here uses."""
+        """Emit code that sets `top` to the first row of an unused stretch of the row space."""
         self.block.add(code.Assign(top, plus(self._top, CAPACITY)))
         self._top, self._levels = top, self._levels + 1
         self.matching.module.needs(self._levels + 1)
 
     def values(self, key: ViewKey) -> list[code.Expression]:
-        """The values at the positions that are asked for."""
+        """Return the values at the output positions of a view key."""
         return [self.source(self.conjunction.parameters[position]) for position in key.outputs]
 
     def in_order(self, key: ViewKey) -> bool:
-        """Whether rows are found in ascending order: every loop is ascending."""
+        """Return True if the rows of a view key's outputs are found in ascending order: every loop is ascending."""
         known = 0
         for position in key.outputs:
             variable = self.conjunction.parameters[position]
@@ -99,7 +99,7 @@ class Body:
         return True
 
     def begin(self, key: ViewKey, given: Sequence[code.Expression], sure: bool) -> None:
-        """Give variables the values at the bound positions; `sure` if objects are of the classes of the parameters."""
+        """Bind variables to values at the bound positions; `sure` if objects are of the parameters' classes."""
         types = self.facts.library.parameter_types(key.pattern)
         for position, value in zip(key.bound, given, strict=True):
             variable = self.conjunction.parameters[position]
@@ -112,18 +112,18 @@ class Body:
                 self._learn(variable, type_)
 
     def source(self, variable: int) -> code.Expression:
-        """Code for the number of a variable's value."""
+        """Return the expression for the number that represents a variable's value."""
         if variable not in self._names:
             value = self._constants[variable]
             self._names[variable] = literal(self.facts, value, self.conjunction.types[variable]).number
         return self._names[variable]
 
     def known(self, variable: int) -> bool:
-        """Whether a variable has a value."""
+        """Return True if a variable has a value."""
         return variable in self._names or variable in self._constants
 
     def _is_sure(self, variable: int, cls: str) -> bool:
-        """Whether an object is certainly of a class, by what has been asked so far."""
+        """Return True if earlier goals imply that a variable's object is of a class."""
         is_a = self.facts.metamodel.is_a
         return any(is_a(known, cls) for known in self._sure.get(variable, ()))
 
@@ -132,7 +132,7 @@ class Body:
             self._sure.setdefault(variable, set()).add(type_.cls)
 
     def steps(self, steps: Sequence[Step], found: Found) -> None:
-        """Write steps, and what is done with each solution."""
+        """Emit the steps of a plan. `found` emits the code that runs for each solution."""
         todo = list(steps)
         while todo:
             if self.block.full:
@@ -173,22 +173,28 @@ class Body:
                 self._solve(goal, step)
 
     def free(self, goal: Goal) -> list[int]:
-        """The variables of a goal that have no value yet."""
+        """Return the variables of a goal that have no value yet; none for goals that only test or compute."""
         if isinstance(goal, Condition | Valuation | UnequalAtom | Absence | AggregateAtom):
             return []
         return [v for v in dict.fromkeys(arguments(goal)) if not self.known(v)]
 
     def _existence(self, plan: Plan) -> code.Expression:
-        """Whether a plan has a solution: the call of a function."""
+        """Emit a function that tests if a plan has a solution, and return the call of the function."""
         if not plan.steps:
             return code.TRUE
         *first, last = plan.steps
         if isinstance(last.goal, CallAtom) and len(set(last.goal.arguments)) == len(last.goal.arguments):
-            last = replace(last, binds=())  # which values it has makes no difference
+            last = replace(last, binds=())  # Existence does not depend on the values found.
         return self.inside(lambda body: body.steps([*first, last], found_one), code.FALSE)
 
     def inside(self, write: Callable[[Body], None], last: code.Expression, head: code.Body = ()) -> code.Call:
-        """A function for a part of this body; the call of it."""
+        """Emit a function for a part of this body, and return the call of the function.
+
+        Args:
+            write: emits the statements of the part.
+            last: the expression that the function returns at its end.
+            head: statements before the part.
+        """
         body = Body(self.matching, self.conjunction, code.Block())
         body._sure = {variable: {*classes} for variable, classes in self._sure.items()}
         known = [v for v, value in self._names.items() if isinstance(value, code.Local)]
@@ -243,7 +249,7 @@ class Body:
         return term
 
     def give(self, variable: int, value: code.Expression) -> None:
-        """A variable has a value: it gets it, or it had it before and they are equal."""
+        """Emit code that binds a variable to a value, or a test for equality if the variable has a value already."""
         if self.known(variable):
             self.block.test(code.equal(self.source(variable), value))
         elif isinstance(value, code.Local):
@@ -254,7 +260,7 @@ class Body:
             self._names[variable] = local
 
     def static(self, goal: Goal) -> bool:
-        """Whether a relation is a table."""
+        """Return True if the relation that a goal asks for never changes, and so is a table."""
         match goal:
             case CallAtom(pattern) | ClosureAtom(pattern):
                 return pattern in self.matching.static
@@ -262,7 +268,7 @@ class Body:
                 return self.matching.static.goal(goal)
 
     def _look_up(self, goal: Goal, step: Step) -> None:
-        """Rows of a table: values of the variables that the step binds."""
+        """Emit code that reads a table and binds the variables of a step to the values in its rows."""
         relation, variables = _relation(goal), _arguments(goal)
         bound = {p: self.source(v) for p, v in enumerate(variables) if self.known(v)}
         wanted: dict[int, int] = {}
@@ -276,7 +282,7 @@ class Body:
         self._learn_all(goal)
 
     def _learn_all(self, goal: Goal) -> None:
-        """The classes of the objects in a row of a table."""
+        """Record the classes of the objects that a goal relates."""
         for variable, type_ in zip(_arguments(goal), _relation(goal).types(self.facts.library), strict=True):
             self._learn(variable, type_)
 
@@ -346,7 +352,7 @@ class Body:
                 self._learn(variable, type_)
 
     def _closure(self, goal: ClosureAtom) -> None:
-        """Search along the steps from an end that has a value; if neither has, from every source."""
+        """Emit a search along a closure's steps, from an end that has a value, or from all sources if neither has."""
         types = self.facts.library.parameter_types(goal.step)
         assert isinstance(types[0], ObjectType)
         if not self.known(goal.source) and not self.known(goal.target):
@@ -360,7 +366,7 @@ class Body:
         if self.known(end):
             self.block.test(
                 code.equal(entry(RI, plus(top, self.source(end)), 1), ONE)
-            )  # the search has found it
+            )  # nonzero if the search reached the object
         else:
             place, found = self.matching.module.fresh("i"), self.facts.local(types[forward])
             self.block.loop(place, code.call("range", number))
@@ -370,7 +376,7 @@ class Body:
             self._learn(variable, type_)
 
     def _loop_rows(self, goal: CallAtom, key: ViewKey, values: Sequence[code.Expression]) -> None:
-        """Loop over the rows of a call, which are written behind those of this function."""
+        """Emit a loop over the rows that a called pattern finds, which are stored behind the rows of this function."""
         fresh = self.matching.module.fresh
         number, row, top = fresh("n"), fresh("i"), fresh("t")
         self.take_space(top)
@@ -384,14 +390,14 @@ class Body:
             self.give(goal.arguments[position], value)
 
     def suits(self, goal: CallAtom, key: ViewKey) -> bool:
-        """Whether the objects that a call is given are certainly of the classes of the parameters."""
+        """Return True if the objects passed to a call are known to be of the classes of its parameters."""
         types = self.facts.library.parameter_types(goal.pattern)
         given = [(goal.arguments[position], types[position]) for position in key.bound]
         return all(self._is_sure(v, type_.cls) for v, type_ in given if isinstance(type_, ObjectType))
 
 
 def _loops_over_sets(body: Body, step: Step) -> bool:
-    """Whether a step loops over the objects of a class that are a union of sets."""
+    """Return True if a step loops over all objects of a class that is stored as bit sets."""
     goal = step.goal
     return (
         step.kind is Kind.LOOP
@@ -402,7 +408,10 @@ def _loops_over_sets(body: Body, step: Step) -> bool:
 
 
 def _among(body: Body, step: Step, following: Step) -> tuple[Keys, int, code.Expression] | None:
-    """Where a loop over what a table relates is followed by a test for a class that is a set: what is related."""
+    """Return the related objects as a bit set, if a loop over a table precedes a test for a class stored as bit sets.
+
+    Returns None if the two steps cannot be merged like this.
+    """
     goal, test = step.goal, following.goal
     if not (
         step.kind is Kind.LOOP
@@ -424,7 +433,7 @@ def _among(body: Body, step: Step, following: Step) -> tuple[Keys, int, code.Exp
 def _in_sets(
     body: Body, goal: InstanceAtom, within: tuple[Keys, int, code.Expression] | None, *, last: bool
 ) -> None:
-    """Loop over objects of a class that are a union of sets."""
+    """Emit a loop over the objects of a class that is stored as bit sets, only over those in `within` if given."""
     sets = body.facts.sets(goal.cls, goal.exact)
     assert sets is not None
     word = body.facts.words(body.block, sets, within)
@@ -437,7 +446,13 @@ def _in_sets(
 
 
 def do_with_nth(body: Body, number: code.Local, then: Callable[[], code.Body]) -> None:
-    """Do something with the solution that has a number; what stands there ends with a return."""
+    """Emit code that runs statements for the solution with an index; the statements must end with a return.
+
+    Args:
+        body: finds solutions a word at a time.
+        number: variable with the index, from 0; the code subtracts the solutions that it has passed.
+        then: returns the statements.
+    """
     assert body.word is not None
     here = body.matching.module.fresh("n")
     body.block.add(code.Assign(here, code.call("count_bits", body.word.word)))
@@ -449,7 +464,7 @@ def do_with_nth(body: Body, number: code.Local, then: Callable[[], code.Body]) -
 
 
 def _relation(goal: Goal) -> Relation:
-    """What a goal that asks nothing that changes asks for."""
+    """Return the static relation that a goal asks for."""
     match goal:
         case LinkAtom(reference):
             return Links(reference)

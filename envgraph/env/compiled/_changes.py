@@ -1,4 +1,4 @@
-"""What the rules of a behaviour may change; everything else is data of a member of the family."""
+"""Find out what the rules of a behaviour may change. Everything else is constant data of a member of the family."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ from envgraph.rewrite.plans import (
 
 
 def calls_of(behaviour: Behaviour) -> Iterator[RuleCall]:
-    """Every call of a rule that a behaviour makes."""
+    """Yield every call of a rule or unit that a behaviour makes."""
     yield from (branch.call for reset in behaviour.resets for branch in reset.apply)
     owners: tuple[Behaviour | Agent, ...] = (behaviour, *behaviour.agents)
     for owner in owners:
@@ -46,10 +46,10 @@ def calls_of(behaviour: Behaviour) -> Iterator[RuleCall]:
 
 
 def plan_of(engine: Engine, call: RuleCall) -> RulePlan:
-    """The plan of the rule that is called.
+    """Return the plan of the rule that is called.
 
     Raises:
-        NotCompiled: it is a rule written in Python, or one with constructs that are not compiled.
+        NotCompiled: the rule is written in Python, or has constructs that are not compiled.
     """
     assert call.rule is not None
     plan: RulePlan | None = getattr(engine.prepare(call.rule), "plan", None)
@@ -60,10 +60,10 @@ def plan_of(engine: Engine, call: RuleCall) -> RulePlan:
 
 
 def checked_unit(engine: Engine, call: RuleCall) -> CheckedUnit:
-    """The steps of the unit that is called, and what they mean.
+    """Return the checked steps of the unit that is called.
 
     Raises:
-        NotCompiled: it is written in Python.
+        NotCompiled: the unit is written in Python.
     """
     assert call.rule is not None
     checked = engine.catalog.programs[engine.catalog.resolve(call.rule)].checked
@@ -85,15 +85,16 @@ def _check(plan: RulePlan, call: RuleCall) -> None:
 
 @dataclass(frozen=True, slots=True)
 class Changes:
-    """What some rules may change.
+    """The features and classes that a set of rules may change.
 
     Attributes:
-        attributes, references: indices of the features.
-        written: indices of the attributes that rules set; the others that change only go with their objects.
-        groups: concrete classes, by the sets of them among which the class of an object changes, or from which
-            objects are deleted, or which rules create; those that are created are in one.
-        deleted: those whose objects may be deleted.
-        created: those whose objects may come; all of a group, since objects that have come may be retyped.
+        attributes, references: indices of the features that may change.
+        written: indices of the attributes that rules set; other attributes in `attributes` change only because their
+            objects are created or deleted.
+        groups: disjoint sets of concrete classes. Objects may be retyped within a group, or deleted from it. All
+            classes whose objects rules create are in one group.
+        deleted: classes whose objects may be deleted.
+        created: classes whose objects may be created: the whole group, since a created object may be retyped.
     """
 
     metamodel: Metamodel
@@ -106,10 +107,10 @@ class Changes:
 
     @classmethod
     def of(cls, plans: Iterable[RulePlan], metamodel: Metamodel) -> Changes:
-        """What rules may change.
+        """Return what the rules with these plans may change.
 
         Raises:
-            NotCompiled: a change that is not compiled.
+            NotCompiled: a rule makes a change that is not compiled.
         """
         found = _Found(metamodel)
         for plan in plans:
@@ -119,11 +120,11 @@ class Changes:
 
     @property
     def recurring(self) -> bool:
-        """Whether objects come and go, so that others may take the places of those that went."""
+        """Return True if objects of one class are both created and deleted, so that created ones may reuse numbers."""
         return not self.created.isdisjoint(self.deleted)
 
     def fixed_class(self, name: str, exact: bool = False) -> bool:
-        """Whether always the same objects are of a class."""
+        """Return True if the set of objects of a class never changes. `exact` excludes objects of subclasses."""
         members = {name} if exact else {*self.metamodel.concrete(name)}
         passing = self.deleted | self.created
         return all(
@@ -132,27 +133,27 @@ class Changes:
         )
 
     def fixed_feature(self, feature: Attribute | Reference) -> bool:
-        """Whether a feature has always the same values."""
+        """Return True if the values of a feature never change."""
         known = self.attributes if isinstance(feature, Attribute) else self.references
         return feature.index not in known
 
     def group_of(self, cls: str) -> tuple[str, ...] | None:
-        """The group that a concrete class belongs to, if it belongs to one."""
+        """Return the group with a concrete class, or None if there is none."""
         return next((group for group in self.groups if cls in group), None)
 
     def becoming(self, cls: str) -> tuple[str, ...]:
-        """The concrete classes of the objects that are of a class, or may become so."""
+        """Return the concrete classes of the objects that are of a class, or may be retyped so that they are."""
         own = self.metamodel.concrete(cls)
         return tuple(dict.fromkeys(each for one in own for each in self.group_of(one) or (one,)))
 
     @property
     def growing(self) -> tuple[str, ...] | None:
-        """The group of the objects that rules create, if they do."""
+        """Return the group of the objects that rules create, or None if rules create none."""
         return next((group for group in self.groups if not self.created.isdisjoint(group)), None)
 
 
 class _Found:
-    """Collects changes."""
+    """A collector of the changes that rules may make."""
 
     def __init__(self, metamodel: Metamodel) -> None:
         self.metamodel = metamodel
@@ -164,7 +165,7 @@ class _Found:
         self._groups: list[set[str]] = []
 
     def add(self, body: BlockPlan, outer: Mapping[int, str] = MappingProxyType({})) -> None:
-        """A rule, or a block in one that creates objects of some classes."""
+        """Add the changes of a rule or block; `outer` has the classes of objects that enclosing blocks create."""
         created = {**outer, **{new.node: new.cls for new in body.creates}}
         for inner in body.nested:
             self.add(inner, created)
@@ -205,9 +206,9 @@ class _Found:
             self._enters(held[2], reference)
 
     def _replaced(self, change: SetTargets, body: BlockPlan) -> bool:
-        """Whether all targets are replaced by different ones, and nothing else of a rule changes such links.
+        """Return True if a rule replaces all targets by distinct ones, and changes no other link of the reference.
 
-        Contents are not replaced so: they would leave other containers.
+        Return False for containments, since contents would also leave their former containers.
         """
         if self.metamodel.containment(change.reference, 0, 1):
             return False
@@ -218,7 +219,7 @@ class _Found:
         return simple and (len(change.values) < 2 or max(change.values) < body.variables)
 
     def _enters(self, content: str | None, entered: Reference) -> None:
-        """An object enters a container: it leaves another."""
+        """Record the references that change if an object enters a container, and so leaves its former one."""
         assert content is not None
         for reference in self.metamodel.references:
             fits = reference.containment and self.metamodel.overlap(content, reference.target)
@@ -238,7 +239,7 @@ class _Found:
         self._passing([*concrete, *inside])
 
     def _passing(self, concrete: Iterable[str]) -> None:
-        """Objects come or go: what they have changes, and what is linked to them."""
+        """Record the features that change if objects of some concrete classes are created or deleted."""
         concrete = [*concrete]
         for one in concrete:
             features = self.metamodel.features(one).values()
@@ -252,7 +253,7 @@ class _Found:
                 self.references.add(reference.index)
 
     def _retype(self, cls: str | None, new: str) -> None:
-        """An object changes its class, and with it what it may have."""
+        """Record the features that change if an object is retyped to the class `new`."""
         assert cls is not None
         old = self.metamodel.concrete(cls)
         for one in old:
@@ -290,10 +291,10 @@ class _Found:
 
 
 def plans_of(engine: Engine, behaviour: Behaviour) -> list[RulePlan]:
-    """The plans of all rules that a behaviour calls, and that units call which it calls.
+    """Return the plans of all rules that a behaviour calls, directly or through units.
 
     Raises:
-        NotCompiled: see `plan_of` and `checked_unit`; a unit calls itself, or a group.
+        NotCompiled: see `plan_of` and `checked_unit`; or a unit calls itself or a group.
     """
     return _plans(engine, (one for one in calls_of(behaviour) if one.rule is not None))
 
@@ -303,7 +304,7 @@ def _plans(engine: Engine, calls: Iterable[RuleCall]) -> list[RulePlan]:
 
 
 def _rules(engine: Engine, call: RuleCall, above: tuple[str, ...] = ()) -> Iterator[RuleCall]:
-    """The calls of rules that a call makes: itself, or what a unit does inside others."""
+    """Yield the calls of rules that a call leads to: the call itself, or those of the unit that it calls."""
     assert call.rule is not None
     signature = engine.signature(call.rule)
     if signature.kind == "rule":
@@ -321,7 +322,7 @@ def _rules(engine: Engine, call: RuleCall, above: tuple[str, ...] = ()) -> Itera
 
 
 def _alone(change: SetTargets | ChangeTargets, body: BlockPlan) -> bool:
-    """Whether a change of a container is the only thing by which a rule puts something into another one."""
+    """Return True if a change of a container is the only change by which a rule moves an object into a container."""
     if isinstance(change, ChangeTargets) or body.kind != "rule" or body.nested or body.moves or body.deletes:
         return False
     others = [one for one in body.sets if one is not change and isinstance(one, SetTargets | ChangeTargets)]
@@ -329,7 +330,7 @@ def _alone(change: SetTargets | ChangeTargets, body: BlockPlan) -> bool:
 
 
 class StaticPatterns:
-    """Which patterns always have the same matches."""
+    """The set of patterns whose matches never change. Test with `in`."""
 
     def __init__(self, changes: Changes, library: Library, calls: CallGraph) -> None:
         self._changes = changes
@@ -340,7 +341,7 @@ class StaticPatterns:
     def __contains__(self, pattern: object) -> bool:
         assert isinstance(pattern, str)
         reached = [pattern]
-        for name in reached:  # grows meanwhile
+        for name in reached:  # `reached` grows during the loop.
             if not self._of_itself(name):
                 return False
             reached += [called for called in self._calls.called(name) if called not in reached]
@@ -354,7 +355,7 @@ class StaticPatterns:
         return self._own[pattern]
 
     def goal(self, goal: Goal) -> bool:
-        """Whether a goal asks nothing that changes, but for what patterns it calls."""
+        """Return True if rules cannot change the solutions of a goal, provided that patterns it calls are static."""
         match goal:
             case InstanceAtom(cls, _, exact):
                 return self._changes.fixed_class(cls, exact)
@@ -369,9 +370,9 @@ class StaticPatterns:
 
 
 def unaffected(engine: Engine, names: Iterable[str]) -> Container[str]:
-    """The patterns of which no rule, unit or group of some names ever changes the matches.
+    """Return the patterns whose matches no rule, unit or group of these names ever changes.
 
-    None where one of them does what is not known to change so little: see `plan_of`, `Changes` and `plans_of`.
+    The result is empty if one of them makes a change that cannot be analysed: see `plan_of`, `Changes` and `plans_of`.
     """
     calls = (RuleCall(member) for name in names for member in engine.catalog.group(name))
     try:

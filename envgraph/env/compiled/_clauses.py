@@ -1,4 +1,4 @@
-"""The clauses of a behaviour, with the names that they know and what these stand for in a program."""
+"""Emit code for the clauses of a behaviour, and bind the names in them to values of the program."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ SELF, ACTION = code.Local("self", "object"), code.Local("a", "int")
 
 @dataclass(frozen=True, slots=True)
 class Numbered:
-    """An action of a block: its clause, and the values of its parameters."""
+    """An action of an agent block: its name, the number of its clause, and the values of its parameters."""
 
     name: str
     clause: int
@@ -49,12 +49,12 @@ class Numbered:
 
 @dataclass(frozen=True, slots=True)
 class Moves:
-    """What the agents of a block can do.
+    """The actions of the agents of one block.
 
     Attributes:
-        block: its number.
+        block: number of the block.
         own: the actions of the block.
-        names: of everybody's actions.
+        names: names of the actions of all blocks.
     """
 
     block: int
@@ -62,7 +62,10 @@ class Moves:
     names: Sequence[str]
 
     def entries(self) -> tuple[tuple[int, ...], int]:
-        """For each name the clause, -1 for none, and the values of the parameters; and how many numbers that are."""
+        """Return a flat table with a row for each action name, and the width of a row.
+
+        A row holds the number of the clause, -1 if the block has no such action, and the values of the parameters.
+        """
         width = 1 + max((len(one.values) for one in self.own), default=0)
         rows = {one.name: (one.clause, *one.values) for one in self.own}
         padded = [(*(row := rows.get(name, (-1,))), *[0] * (width - len(row))) for name in self.names]
@@ -70,17 +73,17 @@ class Moves:
 
 
 class Clauses:
-    """Writes what the clauses of one agent after the other have in common.
+    """An emitter of the code that clauses share, whether agents take turns or act together.
 
     Args:
         engine: has the patterns and rules.
         behaviour: resolved, without errors.
         keys: the indices of objects over the family.
-        matching: finds matches.
+        matching: emits functions that find matches.
 
     Attributes:
-        blocks: the `agent` blocks; None for a behaviour without them.
-        moves: what the agents of each can do.
+        blocks: the `agent` blocks; only None for a behaviour without them.
+        moves: the actions of the agents of each block.
     """
 
     def __init__(self, engine: Engine, behaviour: Behaviour, keys: KeyIndex, matching: Matching) -> None:
@@ -97,11 +100,11 @@ class Clauses:
         self.moves = [Moves(number, own, names) for number, own in enumerate(numbered)]
 
     def writer(self, leave: code.Return) -> Writer:
-        """Writes the statements of a function, which ends so where the live engine raises an error."""
+        """Return a writer of statements for a function that ends with `leave` where the live engine raises an error."""
         return Writer(self.matching, self.engine, self.behaviour.name, leave)
 
     def seat(self, of: Literal["object", "block", "count"], turn: code.Expression = ZERO) -> code.Expression:
-        """Code for an entry of the table of agents."""
+        """Return the entry of the agent table for a turn: the agent's object, its block, or the number of agents."""
         return table(
             plus(self.layout.offset(Seats(tuple(one.cls for one in self.behaviour.agents), of)), turn)
         )
@@ -109,11 +112,11 @@ class Clauses:
     def scope(
         self, block: Agent | None, node: code.Local = SELF
     ) -> tuple[dict[str, Term], dict[str, str], dict[str, str]]:
-        """The objects that names stand for, and the classes of names that shared clauses and those of a block know.
+        """Return the terms of names, and the classes of names visible in shared clauses and in those of a block.
 
         Args:
-            block: of an agent.
-            node: its object.
+            block: the agent's block; None for shared clauses only.
+            node: variable for the agent's object.
         """
         scope, shared = {}, {}
         for parameter in self.behaviour.parameters:
@@ -137,7 +140,7 @@ class Clauses:
     # --- actions
 
     def _numbered(self, block: Agent | None) -> list[Numbered]:
-        """Every action of a block, in order."""
+        """Return every action of a block, in order."""
         found = []
         for clause, action in enumerate(self.actions(block)):
             types = [domain_type(domain, self.metamodel) for _, domain in action.parameters]
@@ -150,7 +153,7 @@ class Clauses:
         return found
 
     def _parameters(self, writer: Writer, action: Action, first: code.Expression) -> dict[str, Term]:
-        """What the parameters of an action stand for."""
+        """Return the terms of an action's parameters, read from the action table after the entry `first`."""
         scope = {}
         for place, (name, domain) in enumerate(action.parameters, 1):
             type_: StaticType = domain_type(domain, self.metamodel) or Scalar.INT
@@ -178,7 +181,14 @@ class Clauses:
         total: code.Local,
         there: code.Local | None = None,
     ) -> Player:
-        """An agent of a block, that does an action and gets a total; see `Player`."""
+        """Return the `Player` for an agent of a block.
+
+        Args:
+            writer: receives the statements.
+            block: number of the block.
+            node, action, total: variables for the agent's object, its action, and its reward.
+            there: variable that is true if the agent's object exists; None if it always exists.
+        """
         own, moves = self.blocks[block], self.moves[block]
         actions, effects = self.actions(own), [effect for effect, _ in self.effects(own)]
         return Player(
@@ -193,7 +203,11 @@ class Clauses:
     def chosen(
         self, writer: Writer, actions: Sequence[Action], moves: Moves, chosen: code.Local
     ) -> tuple[code.Local, list[Mapping[str, Term]]]:
-        """Writes which clause an action is of, -1 for none; that, and what the parameters of each clause stand for."""
+        """Emit code that finds the clause of an action.
+
+        Returns:
+            The variable for the number of the clause, -1 for none; and the terms of the parameters of each clause.
+        """
         entries, width = moves.entries()
         place = self.layout.offset(Constants(("actions", moves.block), entries))
         first, clause = writer.module.fresh("first"), writer.module.fresh("clause")
@@ -212,7 +226,7 @@ class Clauses:
         return clause, parameters
 
     def may(self, block: int) -> str:
-        """The function that says whether an action of an agent would do something."""
+        """Emit a function that returns 1 if an agent's action would do something, and return its name."""
         own, can = self.blocks[block], code.Local("can", "int")
         actions, scope = self.actions(own), self.scope(own)[0]
         with self.module.writing():
@@ -231,12 +245,18 @@ class Clauses:
     # --- after a step
 
     def tidy(self, writer: Writer) -> None:
-        """Between steps new objects have the first numbers there are for them, in the order in which they came."""
+        """Emit code that renumbers created objects after a step: they get the first free numbers, oldest first."""
         if self.changes.growing is not None:
             writer.add(code.Do(call("tidy")))
 
     def check_needed(self, writer: Writer, scope: Mapping[str, Term], did: code.Expression | None) -> None:
-        """The episode can go on only if objects are there that it will be asked for."""
+        """Emit code that fails if an object that the next steps will need is deleted.
+
+        Args:
+            writer: receives the statements.
+            scope: the terms of the names.
+            did: is 1 if an action was done; fails only if so, and if the episode has not ended. None to test always.
+        """
         needed = [one for one in readings(self.behaviour) if one.always and one.callers]
         tests = [writer.gone(scope[one.name], one.cls) for one in needed if one.name in scope]
         gone = [test for test in dict.fromkeys(tests) if test is not None]
@@ -254,7 +274,7 @@ class Clauses:
         return together(mine, own, self.behaviour.observations, shared)
 
     def sizes(self, observations: Sequence[tuple[Observation, Types]]) -> list[int]:
-        """How many values each component of some clauses has."""
+        """Return the number of values of each component of some observation clauses."""
         found: list[int] = []
         for observation, types in observations:
             size = size_of(observation, types, self.keys, self.metamodel)

@@ -1,4 +1,4 @@
-"""Code that reads links, wherever they are kept: in tables, in a cell for each object at one end, or for each pair."""
+"""Emit code that reads links from tables, from a cell for each object at one end, or from a cell for each pair."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class LinkCell:
-    """The cell that keeps a link.
+    """The cell that stores a link.
 
     Attributes:
-        linked, unlinked: what it is with the link, and without.
-        guard: what has to hold before it is looked at.
+        linked, unlinked: its value if the link exists, and if not.
+        guard: tests that must hold before the cell is read.
     """
 
     place: code.Index
@@ -33,12 +33,12 @@ class LinkCell:
 
     @property
     def tests(self) -> list[code.Expression]:
-        """What holds if there is the link."""
+        """Return the tests that hold if the link exists."""
         return [*self.guard, code.equal(self.place, self.linked)]
 
 
 class Connections:
-    """Writes code that reads links.
+    """An emitter of code that reads links.
 
     Args:
         facts: reads the rest of the model.
@@ -50,9 +50,9 @@ class Connections:
         self._sizes = sizes
 
     def kept(self, reference: Reference) -> tuple[LinkColumn | LinkMatrix, bool]:
-        """Where the links of a reference that changes are kept, and whether it is that reference and no opposite.
+        """Return the storage of a changing reference's links, and True if it follows the direction of that reference.
 
-        Those of a reference that is its own opposite are kept in both directions.
+        A reference and its opposite share their storage. If it is its own opposite, both directions are stored.
         """
         metamodel = self._facts.metamodel
         opposite = metamodel.opposite(reference)
@@ -67,11 +67,11 @@ class Connections:
         return LinkColumn(reference, at_source, ends[not at_source]), True
 
     def symmetric(self, reference: Reference) -> bool:
-        """Whether a reference is its own opposite."""
+        """Return True if a reference is its own opposite."""
         return self._facts.metamodel.opposite(reference) == reference
 
     def column(self, reference: Reference) -> tuple[LinkColumn, bool]:
-        """The same for one that has a single target or a single source."""
+        """Return the same as `kept`, for a reference with a single target or a single source."""
         kept, same = self.kept(reference)
         assert isinstance(kept, LinkColumn)
         return kept, same
@@ -84,7 +84,7 @@ class Connections:
         *,
         sure: tuple[bool, bool],
     ) -> LinkCell:
-        """The cell of a link between two objects; `sure` if they are of the classes at the ends."""
+        """Return the cell of a link between two objects; `sure` if they are known to be of the classes at the ends."""
         kept, same = self.kept(reference)
         if isinstance(kept, LinkColumn):
             at_source = kept.at_source is same
@@ -100,7 +100,7 @@ class Connections:
     def near(
         self, column: LinkColumn, node: code.Expression, *, sure: bool
     ) -> tuple[code.Index, list[code.Expression]]:
-        """The cell of an object at the end where links are kept, and what has to hold before it is looked at."""
+        """Return the cell of an object at the end where links are stored, and the tests to make before it is read."""
         place, guard = self._facts.place(column.classes, node, sure=sure)
         return cell(plus(self._facts.layout.offset(column), place)), guard
 
@@ -113,9 +113,9 @@ class Connections:
     def each(
         self, block: code.Block, reference: Reference, node: code.Expression, *, forward: bool, sure: bool
     ) -> tuple[code.Local, LinkCell]:
-        """What follows is done for each target of an object, or each source; with the cell of the link.
+        """Emit a loop over the targets of an object, or its sources. Return the variable and the link's cell.
 
-        Only where `other_end` is None, or links are kept at the other end.
+        Call only where `other_end` is None, or where links are stored at the other end.
         """
         facts, (kept, same) = self._facts, self.kept(reference)
         if isinstance(kept, LinkColumn):
@@ -136,7 +136,7 @@ class Connections:
     def follow(
         self, block: code.Block, reference: Reference, node: code.Expression, *, forward: bool, sure: bool
     ) -> code.Local:
-        """What follows is done for each target of an object, or each source, whether there may be one or several."""
+        """Emit code that runs the following statements for each target or source of an object. Return the variable."""
         found = self.other_end(reference, node, forward=forward, sure=sure)
         if found is None:
             return self.each(block, reference, node, forward=forward, sure=sure)[0]
@@ -148,7 +148,7 @@ class Connections:
     def other_end(
         self, reference: Reference, node: code.Expression, *, forward: bool, sure: bool
     ) -> code.Expression | None:
-        """Code for the one target of an object, or its one source, -1 for none; None if there may be several."""
+        """Return code for the only target or source of an object, -1 for none. Return None if there may be several."""
         facts = self._facts
         if facts.changes.fixed_feature(reference):
             near, far = (0, 1) if forward else (1, 0)
@@ -168,11 +168,11 @@ class Connections:
         return call(self._finder(reference, forward), node)
 
     def _one(self, reference: Reference, forward: bool) -> bool:
-        """Whether an object has at most one target, or source."""
+        """Return True if an object has at most one target, or source if not `forward`."""
         return (reference.upper if forward else self._facts.metamodel.most_sources(reference)) == 1
 
     def _finder(self, reference: Reference, forward: bool) -> str:
-        """The function that finds the object whose cell has another."""
+        """Emit a function that finds the object whose cell stores a given object, -1 for none. Return its name."""
 
         def write() -> tuple[Sequence[code.Local], code.Body]:
             block, wanted = code.Block(), self._facts.module.fresh("v", "object")
@@ -182,7 +182,7 @@ class Connections:
         return self._facts.module.once(("find", self.kept(reference)[0]), "find", write)
 
     def counter(self, reference: Reference, forward: bool) -> str:
-        """The function that counts the targets of an object, or its sources, where there may be several."""
+        """Emit a function that counts the targets or sources of an object, if there may be several. Return its name."""
         kept, same = self.kept(reference)
 
         def write() -> tuple[Sequence[code.Local], code.Body]:

@@ -1,4 +1,4 @@
-"""Containers: what is inside of what, and the deletion of an object with all that it contains."""
+"""Emit code for containment: tests if an object contains another, and deletion of an object with its contents."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ REFUSED = failed("REFUSED"), code.Return(NOBODY)
 
 
 def inside(facts: Facts) -> str:
-    """The function that says whether a container is an object, or inside of it."""
+    """Emit a function that tests if an object is another one, or inside of it at any depth. Return its name."""
     node, above, found = (facts.module.fresh("v", "object") for _ in range(3))
 
     def write() -> tuple[Sequence[code.Local], code.Body]:
@@ -34,14 +34,16 @@ def inside(facts: Facts) -> str:
 
 
 def deleting(facts: Facts, classes: tuple[str, ...], lossy: bool) -> str:
-    """The function that deletes an object of some concrete classes with what it contains; -1 if that is refused.
+    """Emit a function that deletes an object of some concrete classes with its contents. Return the function's name.
 
-    The objects stand in column 0 of the rows from `top` on, and are marked by number in column 1.
+    The function returns -1 if the deletion is refused. It stores the objects in column 0 of the rows from `top` on, and
+    marks them by object number in column 1.
 
     Args:
         facts: reads the model.
         classes: of the object.
-        lossy: links to objects that stay go, too; else they are a refusal, but for that to the container.
+        lossy: True to delete links to remaining objects as well. Otherwise such dangling edges refuse the deletion,
+            except the link to the object's own container.
     """
     return facts.module.once(("delete", classes, lossy), "delete", lambda: _deleting(facts, classes, lossy))
 
@@ -94,7 +96,10 @@ def _contents(
 def _dangling(
     facts: Facts, classes: Sequence[str], node: code.Local, number: code.Local
 ) -> Iterator[code.Statement]:
-    """The rule is refused if an object has links to one that stays, or the first one to itself."""
+    """Yield statements that refuse the rule if an object has a dangling edge: a link to an object that is not deleted.
+
+    For the first object, the root of the deletion, a link to itself counts as dangling, and its container does not.
+    """
     for reference, forward in ends_of(facts.metamodel, classes):
         block = code.Block()
         other = facts.links.follow(block, reference, node, forward=forward, sure=False)
@@ -108,7 +113,7 @@ def _dangling(
 
 
 def _erased(facts: Facts, classes: Sequence[str], node: code.Local) -> Iterator[code.Statement]:
-    """Statements after which an object has no links and no values, and is in no set."""
+    """Yield statements that remove all links and values of an object, and remove it from all class sets."""
     links = facts.links
     for reference, forward in ends_of(facts.metamodel, classes):
         kept, _ = links.kept(reference)
@@ -131,7 +136,7 @@ def _erased(facts: Facts, classes: Sequence[str], node: code.Local) -> Iterator[
 def left(
     facts: Facts, group: tuple[str, ...], node: code.Expression, *, sure: bool
 ) -> Iterator[code.Statement]:
-    """Statements after which an object is in none of the sets of a group."""
+    """Yield statements that remove an object from all class sets of a group."""
     found, guard = facts.place(group, node, sure=sure)
     place = facts.module.fresh("p")
     rest = code.Operation("^", (code.Constant(2**WORD - 1), code.call("bit_at", place)))
@@ -144,25 +149,25 @@ def left(
 
 
 def word_of(facts: Facts, group: tuple[str, ...], cls: str, place: code.Expression) -> code.Index:
-    """The word of a set that has the object at a place of its group."""
+    """Return the word of a class set that has the bit of an object, by the object's place in the group."""
     offset = facts.layout.offset(ClassSet(group, cls))
     return cell(plus(offset, code.Operation(">>", (place, code.Constant(5)))))
 
 
 def single_attributes(metamodel: Metamodel, classes: Iterable[str]) -> dict[int, Attribute]:
-    """The attributes that objects of some classes have, by index; those with many values are left out."""
+    """Return the single-valued attributes that objects of some classes have, by index."""
     features = (feature for cls in classes for feature in metamodel.features(cls).values())
     return {one.index: one for one in features if isinstance(one, Attribute) and not one.many}
 
 
 def holds_content(metamodel: Metamodel, reference: Reference, forward: bool) -> bool:
-    """Return whether the objects at the near end of a reference contain those at the other one."""
+    """Return True if objects at the near end of a reference contain those at the far end."""
     held = metamodel.containment(reference, True, False)
     return held is not None and held[1] is forward
 
 
 def ends_of(metamodel: Metamodel, classes: Sequence[str]) -> Iterator[tuple[Reference, bool]]:
-    """Every end of a reference, of opposites those of the first, at which objects of some classes may be."""
+    """Yield each end of a reference at which objects of some classes may be; of two opposites, only the first's."""
     for reference in metamodel.references:
         opposite = metamodel.opposite(reference)
         if opposite is not None and opposite.index < reference.index:

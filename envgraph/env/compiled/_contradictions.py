@@ -1,4 +1,4 @@
-"""What the matches of a rule and its blocks must agree on, pair by pair: the conflicts of the live engine as tests."""
+"""Emit tests for conflicts between the matches of a rule and its blocks, as the live engine finds them."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ Kind = Literal[
 
 @dataclass(frozen=True, slots=True)
 class Claim:
-    """One thing that a match wants.
+    """One effect that a match requires, to be compared with those of other matches.
 
     Attributes:
-        node: slot of the object that it is about.
+        node: slot of the object that the effect is about.
         what: the feature, or the class; None for the container.
         other: slot of the other end of a link, or of the value; None for no value.
-        present: slot of an object that may be missing: then nothing is wanted.
-        forced: others make room for the link.
+        present: slot of an object that may be missing, in which case the claim is void.
+        forced: True if the action replaces other links.
         via: the reference of a link to a container.
     """
 
@@ -45,7 +45,7 @@ class Claim:
 
 
 def claims_of(frame: Frame, metamodel: Metamodel) -> Iterator[Claim]:
-    """All that a match of a block wants."""
+    """Yield all effects that a match of a rule or block requires."""
     plan = frame.plan
     for delete in plan.deletes:
         yield Claim("gone", delete.node)
@@ -69,7 +69,7 @@ def claims_of(frame: Frame, metamodel: Metamodel) -> Iterator[Claim]:
             case SetTargets(node, reference, values):
                 yield Claim("touched", node)
                 yield Claim("owner", node, reference.owner)
-                if not reference.many:  # else nothing else changes such links
+                if not reference.many:  # else no other change is compiled
                     yield Claim("targets", node, reference, values[0] if values else None)
                 for value in values:
                     yield from _linked(metamodel, reference, node, value, forced=True)
@@ -92,7 +92,7 @@ def claims_of(frame: Frame, metamodel: Metamodel) -> Iterator[Claim]:
 def _linked(
     metamodel: Metamodel, reference: Reference, source: int, target: int, *, forced: bool
 ) -> Iterator[Claim]:
-    """A link is added."""
+    """Yield the claims of an added link."""
     opposite = metamodel.opposite(reference)
     yield Claim("touched", source, present=target)
     yield Claim("touched", target, present=target)
@@ -112,11 +112,11 @@ def _linked(
 
 
 class Pairs:
-    """Writes tests for two matches that do not go together.
+    """An emitter of tests that two matches contradict each other.
 
     Args:
         metamodel: of the model.
-        rule: the frame of the rule, of which there is one match.
+        rule: the frame of the rule, which has only one match.
     """
 
     def __init__(self, metamodel: Metamodel, rule: Frame) -> None:
@@ -124,7 +124,7 @@ class Pairs:
         self._rule = rule
 
     def tests(self, one: Frame, slots: Slots, other: Frame, others: Slots) -> Iterator[code.Expression]:
-        """What holds where a match of one frame contradicts one of another, or of the same."""
+        """Yield the conditions under which a match of one frame contradicts a match of another, or the same, frame."""
         first = [*claims_of(one, self._metamodel)]
         second = [*claims_of(other, self._metamodel)]
         for number, mine in enumerate(first):
@@ -139,7 +139,7 @@ class Pairs:
                         break
 
     def _test(self, a: Claim, fa: Frame, sa: Slots, b: Claim, fb: Frame, sb: Slots) -> code.Expression | None:
-        """Code for whether a claim contradicts another of a later kind; None if it cannot."""
+        """Return code that tests if a claim contradicts a claim of the same or a later kind; None if it never does."""
         metamodel = self._metamodel
         parts: list[code.Expression | None] = []
         match a.kind, b.kind:
@@ -170,7 +170,7 @@ class Pairs:
     def _all(
         self, parts: list[code.Expression | None], a: Claim, sa: Slots, b: Claim, sb: Slots
     ) -> code.Expression | None:
-        """Code for whether all parts hold, where both claims are made; None if one cannot hold."""
+        """Return code that tests if all parts hold and both claims are made; None if a part is None (never true)."""
         known = [part for part in parts if part is not None]
         if len(known) < len(parts):
             return None
@@ -182,7 +182,7 @@ class Pairs:
     def _same(
         self, slot: int | None, fa: Frame, sa: Slots, other: int | None, fb: Frame, sb: Slots
     ) -> code.Expression | None:
-        """Code for whether two slots have one object; None if that cannot be."""
+        """Return code that tests if two slots hold the same object; None if they never do."""
         assert slot is not None
         assert other is not None
         if fa.new.get(slot) is not fb.new.get(other) or (slot in fa.new and slot != other):
@@ -201,7 +201,7 @@ class Pairs:
     def _target(
         self, a: Claim, fa: Frame, sa: Slots, b: Claim, fb: Frame, sb: Slots
     ) -> code.Expression | None:
-        """Whether a link that is added is none of those that are set."""
+        """Return code that tests if an added link is not among the targets that a claim sets; None if it never is."""
         assert isinstance(a.what, Reference)
         assert b.other is not None
         near, far = b.node, b.other
@@ -213,7 +213,7 @@ class Pairs:
         return self._all([self._same(a.node, fa, sa, near, fb, sb), differ], a, sa, b, sb)
 
     def _not_added(self, a: Claim, frame: Frame, slots: Slots) -> list[code.Expression | None]:
-        """A link that a match removes and makes anew stays."""
+        """Return tests that the removed link is not one that the same match adds again, since such a link stays."""
         found: list[code.Expression | None] = []
         for link in frame.plan.links:
             reference, source, target = self._metamodel.canonical(link.reference, link.source, link.target)
@@ -232,7 +232,7 @@ class Pairs:
 
     @staticmethod
     def _differing(a: Claim, fa: Frame, sa: Slots, b: Claim, fb: Frame, sb: Slots) -> code.Expression | None:
-        """Code for whether two values differ; None if they are one constant."""
+        """Return code that tests if the values of two claims differ; None if both are the same constant."""
         constants = [_constant(claim, frame) for claim, frame in ((a, fa), (b, fb))]
         if None not in constants and constants[0] == constants[1]:
             return None
@@ -255,7 +255,10 @@ def _value(claim: Claim, slots: Mapping[int, code.Expression]) -> code.Expressio
 
 
 def _constant(claim: Claim, frame: Frame) -> object:
-    """What a value is in every match: a constant with its type, or that there is none; None if that is not known."""
+    """Return a comparable value that a claim's value has in every match, or None if it is not a constant.
+
+    A constant is returned with its type, a missing value as `"no value"`.
+    """
     if claim.other is None:
         return "no value"
     for compute in frame.plan.computed:
@@ -269,14 +272,14 @@ def _constant(claim: Claim, frame: Frame) -> object:
 
 
 def fitted(value: code.Expression, type_: StaticType | None, attribute: Attribute) -> code.Expression:
-    """The code of a value as one of an attribute."""
+    """Return the expression of a value, converted to float if the attribute is a float and the value is not."""
     if attribute.type is Scalar.FLOAT and type_ is not Scalar.FLOAT:
         return as_float(Term(value, Scalar.INT))
     return value
 
 
 def check_agreement(site: Site) -> None:
-    """The rule is refused where two matches contradict each other."""
+    """Emit code that refuses the rule if two of its matches contradict each other."""
     frames, pairs = site.blocks.frames, Pairs(site.facts.metamodel, site.rule)
     _check_order(site)
     for number, one in enumerate(frames):
@@ -299,7 +302,7 @@ def _check_pair(site: Site, pairs: Pairs, one: Frame, other: Frame) -> None:
 
 
 def _check_order(site: Site) -> None:
-    """Changes of which the order shows are made by one block."""
+    """Raise `NotCompiled` if several blocks make changes whose order affects the result."""
     changing: dict[Attribute | Reference, BlockPlan] = {}
     for frame in site.blocks.frames:
         for change in frame.plan.sets:
@@ -318,10 +321,10 @@ def _check_order(site: Site) -> None:
 
 
 def check_kept(site: Site) -> None:
-    """The rule is refused where something that it keeps or changes has gone with its container.
+    """Emit code that refuses the rule if an object that it keeps or changes was deleted with its container.
 
     Raises:
-        NotCompiled: blocks delete containers beside what these may contain.
+        NotCompiled: blocks delete containers together with objects that these may contain.
     """
     metamodel, frames = site.facts.metamodel, site.blocks.frames
     deletes = [(delete, frame.plan) for frame in frames for delete in frame.plan.deletes]
@@ -330,7 +333,7 @@ def check_kept(site: Site) -> None:
     for frame in frames:
         slots = dict.fromkeys(frame.plan.kept)
         slots.update(dict.fromkeys(c.node for c in claims_of(frame, metamodel) if c.kind == "touched"))
-        if len(frames) > 1 and not site.plan.lossy:  # else it makes no difference which of them goes first
+        if len(frames) > 1 and not site.plan.lossy:  # if links go too, order is irrelevant
             slots.update(dict.fromkeys(delete.node for delete in frame.plan.deletes))
         for slot in slots:
             cls = frame.classes.get(slot)
@@ -345,7 +348,7 @@ def check_kept(site: Site) -> None:
 
 
 def _check_alive(site: Site, slot: int, cls: str) -> None:
-    """The rule is refused unless the object in a slot is there, or was to be deleted."""
+    """Emit code that refuses the rule if the object in a slot is deleted, unless the rule deletes it itself."""
     alive = site.facts.alive(site.slots[slot], cls)
     if alive is not None:
         same = [code.equal(site.slots[slot], site.slots[delete.node]) for delete in site.rule.plan.deletes]

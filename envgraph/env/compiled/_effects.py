@@ -1,4 +1,4 @@
-"""What a rule does to a state, as assignments to its cells."""
+"""Emit the effects of a rule on a state, as assignments to the cells of the state."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ from envgraph.rewrite.plans import (
 
 
 class Effects:
-    """Writes what a rule does: each phase for all matches of all blocks before the next.
+    """An emitter of the effects of a rule. Each phase handles all matches of all blocks before the next phase begins.
 
     Args:
-        matching: finds matches of blocks, and reads the model.
+        matching: emits functions that find matches of blocks, and has the reader of the model.
         plan: of the rule.
         slots: variables for the slots of the match.
-        leave: what the function returns where the rule is refused.
+        leave: the return statement if the rule is refused.
     """
 
     def __init__(
@@ -44,11 +44,11 @@ class Effects:
         self._links, self._objects = Links(self._site), Objects(self._site)
 
     def slot(self, number: int) -> code.Expression:
-        """The value of a slot of the rule, after `write`."""
+        """Return the value of a slot of the rule. Call after `write`."""
         return self._site.slots[number]
 
     def write(self) -> code.Body:
-        """All changes, in order; a refusal sets the error of the state."""
+        """Emit all changes in order. The emitted code sets the error of the state if the rule is refused."""
         self._site.add(*self._site.blocks.collect())
         body = self._site.plan.body
         self._each(self._compute_all)
@@ -63,7 +63,7 @@ class Effects:
         return self._site.written()
 
     def _each(self, write: Callable[[], None]) -> None:
-        """Do something for each match of the rule and of its blocks."""
+        """Emit a phase for the match of the rule, and in a loop for the matches of each block."""
         for frame in self._site.blocks.frames:
             if frame.outer is None:
                 write()
@@ -131,7 +131,7 @@ class Effects:
                     raise AssertionError(change)
 
     def _identify(self) -> None:
-        """The rule is refused where what is deleted is also something else that the match has."""
+        """Emit code that refuses the rule if an object or link to be deleted occurs again in the same match."""
         for gone, other in self._site.frame.plan.identified:
             self._site.unless(code.Operation("!=", (self._site.slots[gone], self._site.slots[other])))
         for one, another in self._site.frame.plan.identified_links:
@@ -143,7 +143,7 @@ class Effects:
                 self._different(one, others[::-1])
 
     def _different(self, link: Unlink, others: tuple[int, int]) -> None:
-        """The rule is refused where a link has the ends that stand in two slots."""
+        """Emit code that refuses the rule if a link has the same ends as the objects in two slots."""
         slots = self._site.slots
         pairs = zip((link.source, link.target), others, strict=True)
         same = [code.equal(slots[end], slots[other]) for end, other in pairs]
@@ -177,7 +177,7 @@ class Effects:
             self._site.add(code.Assign(self._site.frame.space(compute.slot, self._site.row), local))
 
     def _expected(self, slot: int) -> StaticType | None:
-        """The type of what gets the value of a slot."""
+        """Return the type of the attribute that gets the value of a slot, or None if no attribute does."""
         values = (SetValue, Increase)
         found = (
             one.attribute
@@ -187,7 +187,7 @@ class Effects:
         return next((attribute.type for attribute in found), None)
 
     def _fitting(self, slot: int, attribute: Attribute) -> code.Expression:
-        """The value of a slot as one of an attribute."""
+        """Return the value of a slot, converted to the type of an attribute."""
         return fitted(self._site.slots[slot], self._site.frame.types.get(slot, attribute.type), attribute)
 
     def _cell(self, slot: int, attribute: Attribute) -> code.Index:
@@ -223,5 +223,5 @@ class Effects:
 
 
 def _one_zero(value: code.Expression, attribute: Attribute) -> code.Expression:
-    """A value as a cell has it: -0.0 is 0.0, since states are equal if their bits are."""
+    """Return a value with -0.0 replaced by 0.0, since states are compared by their bits."""
     return code.Operation("+", (value, code.Constant(0.0))) if attribute.type is Scalar.FLOAT else value

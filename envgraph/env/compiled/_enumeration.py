@@ -1,4 +1,4 @@
-"""All states of a compiled environment, as a table: what `explore` finds on the live engine, without it."""
+"""Enumerate the states of a compiled environment into a table, equal to that of `explore` on the live engine."""
 
 from __future__ import annotations
 
@@ -40,19 +40,19 @@ Array = NDArray[Any]
 def enumerated(
     program: Program, member: int = 0, *, limit: int = DEFAULT_LIMIT, progress: Progress | None = None
 ) -> Tabular:
-    """The environment of a member as a table of its reachable states: equal to that of `explore`, number by number.
+    """Return the table of a member's reachable states. The table equals that of `explore`, including all numbering.
 
     Args:
         program: the compiled behaviour.
         member: number of the member.
-        limit: how many states there may be.
+        limit: the largest number of states allowed.
         progress: called now and then with the numbers of states and outcomes.
 
     Raises:
         TooManyStates: as `explore`.
-        EvaluationError: an observation without a value.
+        EvaluationError: an observation has no value.
         RuleError: a rule matches but cannot be applied.
-        NotCompiled: in some state there is more than a program has space for, or a larger int.
+        NotCompiled: a state exceeds a bound of the program, for example the number of created objects.
     """
     return _visited(program, member, limit, progress, pictures=False).tabular
 
@@ -60,7 +60,7 @@ def enumerated(
 def _visited(
     program: Program, member: int, limit: int, progress: Progress | None, *, pictures: bool
 ) -> Explored:
-    """The table of a member, with a picture of every state if they are wanted."""
+    """Return the table of a member, with a picture of every state if `pictures`."""
     check_observations(program.behaviour, program.observation_shape)
     while True:
         visit = Visit(program, member, limit, progress)
@@ -89,7 +89,7 @@ def explored(
     pictures: bool = False,
     progress: Progress | None = None,
 ) -> Explored:
-    """As `explore`, with the same result; many states are visited by a compiled program where numba is installed."""
+    """Return the result of `explore`. With numba installed, a compiled program visits the states if they are many."""
     pictures = pictures and behaviour.draw is not None
     live = partial(explore, engine, behaviour, keys, pictures=pictures, progress=progress)
     if limit <= FEW or not has_numba():
@@ -106,11 +106,11 @@ LIVE_OUTCOMES: Final = 50_000
 
 
 class Tables:
-    """The tables of many models with one behaviour, which an engine comes to one after the other.
+    """A builder of tables for many models with one behaviour, which an engine holds one after the other.
 
     Args:
         behaviour: free of errors.
-        limit: how many states a table may have.
+        limit: the largest number of states of a table.
     """
 
     def __init__(self, behaviour: Behaviour, limit: int = DEFAULT_LIMIT) -> None:
@@ -119,7 +119,9 @@ class Tables:
         self._programs: dict[Any, Program] = {}
 
     def table(self, engine: Engine, keys: KeyIndex, progress: Progress | None = None) -> Tabular:
-        """The table of the present model of an engine: that of `explore`; once it pays, a program makes it.
+        """Return the table of the engine's current model, equal to that of `explore`.
+
+        After many outcomes, the behaviour is compiled, and the program makes the tables of later models.
 
         Raises:
             EvaluationError, RuleError, ResolutionError: as `explore`.
@@ -134,15 +136,15 @@ class Tables:
 
 
 class Visit:
-    """The arrays of a visit; they grow.
+    """A visit of all reachable states, and the growing arrays that it fills.
 
     Attributes:
-        states, floats: a row for each state, and one to work in.
+        states, floats: a row for each state, and a last row to work in.
         observations: of each state.
-        starts: where the outcomes of each state and action begin.
+        starts: index of the first outcome of each state and action.
         to, chance, reward, ended: of each outcome.
-        did: whether each action of a state did something in one of its outcomes, 0 or 1.
-        full: whether it ended because there is no space for new objects.
+        did: for each state and action, 1 if an outcome of the action had an effect, else 0.
+        full: True if the visit failed because rules create more objects than the program has space for.
     """
 
     def __init__(self, program: Program, member: int, limit: int, progress: Progress | None) -> None:
@@ -166,7 +168,7 @@ class Visit:
         self.chance, self.reward = np.zeros(FIRST), np.zeros(FIRST)
 
     def table(self) -> Tabular:
-        """Visit all states."""
+        """Visit all states, and return the table."""
         states, beginnings, chances = self.begin()
         head, used, made = 0, 0, 0
         while True:
@@ -206,7 +208,7 @@ class Visit:
                 self._grow(states, used)
 
     def pictures(self, states: int) -> tuple[Scene, ...]:
-        """Draw the states that were visited; equal pictures are one object."""
+        """Draw the first `states` states that were visited. Equal pictures are the same object."""
         twin = self._program.twin(self._member)
         painter, drawn, found = twin.simulator.painter(), dict[Scene, Scene](), list[Scene]()
         for state in range(states):
@@ -228,7 +230,7 @@ class Visit:
         )
 
     def begin(self) -> tuple[int, Array, Array]:
-        """Number of start states, and of each way to begin the state and its probability."""
+        """Visit the start states. Return their number, and the state and the probability of each way to begin."""
         arrays = self._program.arrays
         while True:
             how, states, used = self._kernels["visit_starts"](
@@ -252,7 +254,7 @@ class Visit:
             self._grow(0, len(self.to))
 
     def _grow(self, states: int, used: int) -> None:
-        """More space for what is nearly full: for states, else for outcomes, of which one state may have many."""
+        """Enlarge the arrays of states if they are nearly full, else those of outcomes; or both."""
         outcomes = 2 * used >= len(self.to)
         if 2 * states >= len(self.states) - 1 or states == 0:
             size = 4 * len(self.states)
@@ -269,11 +271,11 @@ class Visit:
                 setattr(self, name, longer(getattr(self, name), 4 * len(self.to)))
 
     def _raise(self, state: int, action: int, row: int) -> None:
-        """Let the live engine say what went wrong in a row.
+        """Raise the error of a failed step by repeating the step on the live engine.
 
         Raises:
-            RuleError, EvaluationError: what the live engine says.
-            NotCompiled: it has nothing to say: only the program has a bound there.
+            RuleError, EvaluationError: as the live engine does.
+            NotCompiled: the live engine has no error, so a bound of the program was exceeded.
         """
         program, arrays = self._program, self._program.arrays
         if state < 0:
@@ -291,7 +293,7 @@ class Visit:
         raise NotCompiled(f"more than there is space for: {bounds}")
 
     def _allowed(self, states: int) -> NDArray[np.bool_]:
-        """What actions do something in: seen when they were done, but of agents that act together asked."""
+        """Return the action masks [states, actions], from the outcomes, or by asking if agents act together."""
         program = self._program
         if not program.behaviour.together:
             return allowed_or_all(self.did[: states * self._actions].reshape(states, -1) > 0)

@@ -1,4 +1,4 @@
-"""Compiled environments with Gymnasium's interface: one, and many at once."""
+"""Gymnasium environments that step in a compiled program: a single one, and a vector environment."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ Streams = Literal["shared", "each"]
 
 
 class CompiledEnv(SingleEnvironment):
-    """An environment that steps in a compiled program, for those with more states than can be enumerated.
+    """A Gymnasium environment that steps in a compiled program, for environments with too many states for a table.
 
-    With the same seed it does what `EnvgraphLiveEnv` does, and its infos are the same. The program draws the numbers
-    that `np_random` would, from the reset on at which that was new or seeded; the generator itself stays where it was.
+    With the same seed its episodes and infos equal those of `EnvgraphLiveEnv`. The program copies the state of
+    `np_random` at the first reset and at each seeded reset, and samples from the copy; `np_random` does not advance.
 
     Args:
         program: the compiled behaviour.
@@ -37,7 +37,7 @@ class CompiledEnv(SingleEnvironment):
         render_mode: None, "ansi", "rgb_array" or "human".
         observation: "index", "multi", "flat", "dict", "image" or "graph"; or a view over more members than these.
         cell: side of a cell in pixels.
-        action_masks: whether the infos have `action_mask`.
+        action_masks: True to add `action_mask` to the infos.
     """
 
     def __init__(
@@ -62,7 +62,7 @@ class CompiledEnv(SingleEnvironment):
 
     @property
     def program(self) -> Program:
-        """The compiled behaviour."""
+        """Return the compiled behaviour."""
         return self._batch.program
 
     def _enter(self, found: Program) -> None:
@@ -77,7 +77,7 @@ class CompiledEnv(SingleEnvironment):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:
-        """Begin an episode in one of the start states."""
+        """Begin an episode in a start state, which the program samples."""
         self._options(options)
         super().reset(seed=seed)
         if seed is not None or self.np_random is not self._source:
@@ -88,7 +88,7 @@ class CompiledEnv(SingleEnvironment):
         return self._seen(), self._first(self._info(success=False))
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
-        """As `EnvgraphEnv.step`."""
+        """Do an action, as `EnvgraphEnv.step`."""
         self._action[0] = self._check_step(action)
         batch = self._batch
         batch.step(self._action, again=False)
@@ -114,29 +114,29 @@ class CompiledEnv(SingleEnvironment):
 
 
 class CompiledVectorEnv(VectorEnvironmentBase):
-    """Many environments stepped at once by a compiled program, each over a member of a family.
+    """A vector environment that steps many environments in a compiled program, each of a member of a family.
 
-    Environment i is over member `members[i % len(members)]`. Infos and autoreset modes are those of
-    `EnvgraphVectorEnv`, but for `state`, which there is none of.
+    Environment i is of member `members[i % len(members)]`. Infos and autoreset modes are those of
+    `EnvgraphVectorEnv`, except that the infos have no `state`.
 
     Args:
         program: the compiled behaviour.
-        num_envs: how many environments; one for each member if None.
+        num_envs: number of environments; as many as members if None.
         members: numbers of members; all of them if None.
-        max_episode_steps: after so many steps an episode is truncated; None for no limit.
+        max_episode_steps: number of steps after which an episode is truncated; None for no limit.
         render_mode: None or "rgb_array".
         observation: "index", "multi", "flat", "dict", "image" or "graph"; or a view over more members than these.
         autoreset_mode: one of `gymnasium.vector.AutoresetMode`, or its value.
-        streams: "shared": all draw from one generator, as in `EnvgraphVectorEnv`, and do what it does. "each": each
-            from its own, seeded with `seed + i`, as in Gymnasium's `SyncVectorEnv`, and does what the single
-            environment does with that seed.
-        threads: how many step the environments at a time; changes no result. Handing out the work takes some ten
-            microseconds, so it pays for thousands of environments. `close` ends them.
-        schedule: as in `EnvgraphVectorEnv`; its members are the places in `members`.
-        action_masks: whether the infos have `action_mask`.
+        streams: "shared": all environments sample from one generator, with the same results as `EnvgraphVectorEnv`.
+            "each": environment i samples from its own generator, seeded with `seed + i` as in Gymnasium's
+            `SyncVectorEnv`, with the same results as a single environment with that seed.
+        threads: number of threads that step the environments; does not change results. Starting them takes about ten
+            microseconds a step, so threads pay for thousands of environments. `close` ends them.
+        schedule: as in `EnvgraphVectorEnv`; its members are indices of `members`.
+        action_masks: True to add `action_mask` to the infos.
 
     Raises:
-        InvalidArgument: a wrong count, mode or member.
+        InvalidArgument: a count, mode or member is not valid.
     """
 
     def __init__(
@@ -193,11 +193,11 @@ class CompiledVectorEnv(VectorEnvironmentBase):
         return super().reset(seed=seed, options=options)
 
     def action_masks(self) -> Bools:
-        """As `EnvgraphVectorEnv.action_masks`."""
+        """Return the action masks, as `EnvgraphVectorEnv.action_masks`."""
         return np.asarray(self._batch.allowed() | (self._batch.ended != 0)[:, None])
 
     def close_extras(self, **kwargs: Any) -> None:
-        """End the threads; what `close` calls."""
+        """Stop the threads. Called by `close`."""
         self._batch.close()
 
     def _numbers(self) -> Floats:
@@ -221,7 +221,7 @@ class CompiledVectorEnv(VectorEnvironmentBase):
             uniforms=uniforms,
             starts=starts,
         )
-        # Other arrays, where space for new objects was made.
+        # The batch replaces its arrays when it makes space for new objects.
         self._steps, self._done = batch.steps, batch.over
         return batch.reward.copy(), batch.ended.copy(), batch.cut.copy()
 
@@ -242,7 +242,7 @@ class CompiledVectorEnv(VectorEnvironmentBase):
         return {"agent": np.array(acting, dtype=object)}
 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
-        """One picture an environment, or None without a render mode."""
+        """Return a picture of each environment, or None without a render mode."""
         if self.render_mode is None:
             return None
         pictures = []
@@ -253,7 +253,7 @@ class CompiledVectorEnv(VectorEnvironmentBase):
 
 
 def _remembered(memory: Memory, view: ModelView, batch: Batch, row: int) -> Any:
-    """What is seen of the model of an environment: the live engine is put into states that are not known."""
+    """Return the observation of an environment's model. Observations of states that were seen before are cached."""
 
     def make() -> Any:
         with batch.model_of(row) as simulator:

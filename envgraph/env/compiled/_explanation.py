@@ -1,4 +1,4 @@
-"""What steps an environment, for people."""
+"""Explain to users if a behaviour is compiled, and why not."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from envgraph.rewrite import Engine
 
 
 def explanation(engine: Engine, behaviour: Behaviour) -> str:
-    """Whether a behaviour is compiled, and what of it changes; else what keeps it from that, with the place."""
+    """Return a text that says what a compiled behaviour changes, or which construct prevents compilation, and where."""
     try:
         program = program_of(engine, behaviour, native=False)
     except NotCompiled as refused:

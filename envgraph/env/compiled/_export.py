@@ -1,4 +1,4 @@
-"""A compiled behaviour with a family as a package of its own, which needs NumPy, and numba to be fast."""
+"""Export a compiled behaviour with a family as a Python package that needs only NumPy, and numba for speed."""
 
 from __future__ import annotations
 
@@ -74,17 +74,17 @@ environments do. `begin` and `step` of the package are functions of a state. Mem
 def export(
     program: Program, folder: Path, *, name: str, members: Sequence[str], limit: int | None
 ) -> list[Path]:
-    """Write a program and its data as a package; returns its files.
+    """Write a program and its data as a package, and return the paths of its files.
 
     Args:
         program: the compiled behaviour with a family.
-        folder: the package; there must be nothing in it.
+        folder: of the package; must be empty or missing.
         name: of the environment.
         members: names of the members.
-        limit: steps after which an episode is truncated.
+        limit: steps after which an episode is truncated; None for no limit.
 
     Raises:
-        InvalidArgument: the folder has something in it, or its name cannot be that of a package.
+        InvalidArgument: the folder is not empty, or its name cannot be the name of a package.
     """
     check_package(folder.name)
     check_free(folder)
@@ -95,7 +95,7 @@ def export(
 
 
 def check_package(name: str) -> None:
-    """Raise InvalidArgument where a name cannot be that of a package."""
+    """Raise InvalidArgument if a name cannot be the name of a package."""
     if not (name.isascii() and name.isidentifier() and name == name.strip("_")) or iskeyword(name):
         hint = "a name of the letters a to z, digits and `_`, such as `my_environments`"
         raise InvalidArgument(f"`{name}` cannot be imported as a package", hint)
@@ -104,7 +104,7 @@ def check_package(name: str) -> None:
 def program_files(
     program: Program, package: str, *, name: str, members: Sequence[str], limit: int | None
 ) -> dict[str, str | bytes]:
-    """The files of the package that `export` writes, by their names; the arguments are the same."""
+    """Return the contents of the package's files by name. The arguments are those of `export`."""
     about = {
         "environment": name,
         "members": [*members],
@@ -144,6 +144,6 @@ def _packed(program: Program) -> bytes:
 
 
 def _named(actions: Sequence[str]) -> str:
-    """The actions by name, of many the first."""
+    """Format the names of the actions, or the first of them and their number if there are many."""
     shown = ", ".join(map(markdown, actions[:MOST_NAMED]))
     return f"{shown}, .. ({len(actions)} in all, in `about.json`)" if len(actions) > MOST_NAMED else shown

@@ -1,10 +1,10 @@
-"""Environments as programs over arrays: they need NumPy, and are fast with numba.
+"""Environments that step in a compiled program. They need NumPy, and are fast with numba.
 
-`Environments` steps many at once; `begin` and `step` are the same as functions of a state. `ABOUT` has the names of
+`Environments` steps many at once; `begin` and `step` do the same as functions of a state. `ABOUT` has the names of
 actions, members and agents, the sizes of the components of an observation, and the limit of steps of an episode.
 """
 
-# The text of this module is the `__init__` of exported packages; there the others are beside it.
+# The text of this module is the `__init__` of exported packages, which contain the imported modules as well.
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ SHARED_STREAM, OWN_STREAMS = "shared", "each"
 
 
 class State(NamedTuple):
-    """The states of n environments: numbers of their members [n], and what they are, ints and floats [n, ..]."""
+    """The states of n environments: the numbers of their members [n], and their ints and floats [n, ..]."""
 
     members: NDArray[np.int64]
     ints: NDArray[np.int64]
@@ -40,18 +40,20 @@ class State(NamedTuple):
 
 
 class Environments:
-    """Environments stepped at once, as Gymnasium's vector environments are; at the end of an episode the next step
-    ignores the action of that environment, and begins anew.
+    """Environments that step together, like a vector environment of Gymnasium.
+
+    After the end of an episode, the next step ignores the action for that environment and begins a new episode.
 
     Args:
-        num_envs: how many; one for each member if None.
-        members: names or numbers of members, which take turns; the last one alone if None.
-        max_episode_steps: after so many steps an episode is truncated; as `ABOUT` says if -1, None for no limit.
-        streams: "shared": all draw from one generator. "each": each from its own, seeded with `seed + i`.
+        num_envs: number of environments; as many as members if None.
+        members: names or numbers of members, assigned to environments in turn; only the last member if None.
+        max_episode_steps: steps after which an episode is truncated; -1 for the limit in `ABOUT`, None for no limit.
+        streams: "shared": all environments sample from one generator. "each": environment i samples from its own
+            generator, seeded with `seed + i`.
         observation: "index" for one number, "multi" for its components.
 
     Raises:
-        ValueError: a wrong count, member or word.
+        ValueError: a count, member or option is not valid.
     """
 
     def __init__(
@@ -81,7 +83,7 @@ class Environments:
         self._random: np.random.Generator | None = None
 
     def reset(self, seed: int | None = None) -> tuple[NDArray[np.int64], dict[str, NDArray[Any]]]:
-        """Begin an episode everywhere; observations [n] or [n, components], and infos: `step`, `success`, `agent`."""
+        """Begin an episode in each environment. Return observations [n] or [n, components], and infos."""
         world = self._world
         if seed is not None or self._random is None:
             self._random = np.random.default_rng(seed)
@@ -100,11 +102,11 @@ class Environments:
         NDArray[np.bool_],
         dict[str, NDArray[Any]],
     ]:
-        """Do one action [n] in each environment: observations, rewards, terminated, truncated, infos.
+        """Do an action in each environment. Return observations, rewards, terminated, truncated and infos.
 
         Raises:
-            ValueError: no such actions, or there was no reset.
-            RuntimeError: a rule cannot be applied, or something has no value.
+            ValueError: the actions are not valid, or `reset` was not called.
+            RuntimeError: a rule cannot be applied, or an expression has no value.
         """
         world = self._world
         chosen = _actions(actions, self.num_envs)
@@ -141,7 +143,7 @@ def begin(members: Sequence[int], uniforms: Sequence[float]) -> tuple[State, NDA
 
     Args:
         members: number of the member of each environment [n].
-        uniforms: numbers from [0, 1) that decide what is random [n].
+        uniforms: numbers from [0, 1) that decide all random choices [n].
 
     Returns:
         The states, and observations [n].
@@ -155,16 +157,16 @@ def begin(members: Sequence[int], uniforms: Sequence[float]) -> tuple[State, NDA
 def step(
     state: State, actions: Sequence[int], uniforms: Sequence[float]
 ) -> tuple[State, NDArray[np.int64], NDArray[np.float64], NDArray[np.int64]]:
-    """One step of each environment; the state that is given stays as it is.
+    """Do one step in each environment. `state` is not changed.
 
     Args:
-        state: of n environments whose episodes go on.
+        state: of n environments whose episodes have not ended.
         actions: numbers of actions [n].
-        uniforms: numbers from [0, 1) that decide what is random [n].
+        uniforms: numbers from [0, 1) that decide all random choices [n].
 
     Returns:
-        The states, observations [n], rewards [n], and ends [n]: 0, 1 for success, 2 for failure, -1 for
-        truncation.
+        The states, observations [n], rewards [n], and ends [n]: 0 if the episode goes on, 1 for success, 2 for
+        failure, -1 for truncation.
     """
     world = _Many(state.members)
     world.rows.ints[:], world.rows.floats[:] = state.ints, state.floats
@@ -175,7 +177,7 @@ def step(
 
 
 class _Many:
-    """The states of environments, and how they go on."""
+    """The states of n environments, and the program that steps them."""
 
     def __init__(self, members: NDArray[np.int64], rows: Rows | None = None) -> None:
         program, arrays = _program(), _arrays()
@@ -185,18 +187,22 @@ class _Many:
         self._world = World(arrays, members, self.rows, space, program.advance, native=program.NATIVE)
 
     def __reduce__(self) -> tuple[type[_Many], tuple[NDArray[np.int64], Rows]]:
-        """Return the data to rebuild the same: a program knows where its arrays are in memory."""
+        """Return the data to rebuild the object, without the program, which holds memory addresses of its arrays."""
         return _Many, (self.members, self.rows)
 
     def advance(self, *arguments: Any) -> None:
-        """Begin episodes, or do steps."""
+        """Begin episodes, or do steps.
+
+        Raises:
+            RuntimeError: a rule cannot be applied, or an expression has no value.
+        """
         failed = self._world.advance(*arguments)
         if failed >= 0:
             error = ABOUT["errors"][str(self.rows.ints[failed, ERROR])]
             raise RuntimeError(f"environment {failed}: {error}")
 
     def state(self) -> State:
-        """The states of all environments."""
+        """Return the states of all environments."""
         return State(self.members, self.rows.ints, self.rows.floats)
 
 

@@ -1,4 +1,4 @@
-"""Code that reads the model: tables where no rule changes it, the state where one does."""
+"""Emit code that reads the model: from tables if no rule changes the value, else from the state."""
 
 from __future__ import annotations
 
@@ -39,12 +39,12 @@ SHIFT = code.Constant(5)
 
 
 class Module:
-    """The functions of a program, each after those that it calls.
+    """The functions of a program; each is after those that it calls.
 
     Attributes:
         functions: the functions.
-        levels: how many stretches of rows each function may use.
-        width: columns of the widest rows.
+        levels: for each function, the number of stretches of the row space that it may use.
+        width: number of columns of the widest row.
     """
 
     def __init__(self) -> None:
@@ -56,11 +56,11 @@ class Module:
         self._fresh = count()
 
     def fresh(self, prefix: str, type_: str = "int") -> code.Local:
-        """A local variable that no other function has."""
+        """Return a local variable whose name no other function uses."""
         return code.Local(f"{prefix}{next(self._fresh)}", type_)
 
     def add(self, prefix: str, parameters: Sequence[code.Local], body: code.Body) -> str:
-        """Define a function; its parameters follow the state."""
+        """Add a function, and return its name. Its parameters follow those of the state."""
         name = f"{prefix}{len(self.functions)}"
         self.functions.append(code.Function(name, (*STATE, *parameters), body))
         self.levels[name] = self._open[-1]
@@ -68,31 +68,31 @@ class Module:
 
     @contextmanager
     def writing(self) -> Iterator[None]:
-        """Meanwhile one function is written."""
+        """Count the stretches of the row space that a function needs, while its code is emitted."""
         self._open.append(1)
         yield
         self._open.pop()
 
     @contextmanager
     def trial(self) -> Iterator[None]:
-        """Meanwhile functions are written that are given up afterwards."""
+        """Discard all functions that are added within the context."""
         functions, levels, names = [*self.functions], {**self.levels}, {**self._names}
         with self.writing():
             yield
         self.functions[:], self.levels, self._names = functions, levels, names
 
     def uses(self, name: str, above: int) -> None:
-        """The function that is being written calls another, so many stretches above its own."""
+        """Record that the current function calls another, whose rows begin `above` stretches behind its own."""
         self.needs(above + self.levels[name])
 
     def needs(self, levels: int) -> None:
-        """The function that is being written uses so many stretches."""
+        """Record that the current function uses `levels` stretches of the row space."""
         self._open[-1] = max(self._open[-1], levels)
 
     def once(
         self, key: object, prefix: str, write: Callable[[], tuple[Sequence[code.Local], code.Body]]
     ) -> str:
-        """The function for something: its parameters and body are written when it is first asked for."""
+        """Return the name of the function for `key`. The first call emits its parameters and body with `write`."""
         if key not in self._names:
             with self.writing():
                 self._names[key] = self.add(prefix, *write())
@@ -101,7 +101,7 @@ class Module:
 
 @dataclass(frozen=True, slots=True)
 class WordOf:
-    """A word of a set, while the words of a group are looped over; `number` is its own."""
+    """A word of a bit set, in a loop over the words of a group; `number` is the word's index."""
 
     group: tuple[str, ...]
     word: code.Local
@@ -109,12 +109,12 @@ class WordOf:
 
 
 class Facts:
-    """Writes code that reads the model.
+    """An emitter of code that reads the model. Emitted loops enclose all later statements of their block.
 
     Args:
-        module: gets functions.
-        layout: gets tables and columns.
-        changes: what rules change.
+        module: receives functions.
+        layout: receives tables and columns.
+        changes: made by the rules.
         library: the patterns.
         sizes: of the domain's own model.
     """
@@ -138,7 +138,11 @@ class Facts:
         bound: Mapping[int, code.Expression],
         wanted: Sequence[int] = (),
     ) -> dict[int, code.Local]:
-        """What follows is done for each row that has the bound values; the wanted ones are in variables."""
+        """Emit a loop over the rows of a relation that have the bound values.
+
+        Returns:
+            The variables that hold the values at the wanted positions.
+        """
         keys, rest = keys_of(relation, self.library, tuple(bound))
         place = self._place(keys, bound)
         shown = tuple(sorted({*rest, *wanted}))
@@ -179,12 +183,12 @@ class Facts:
         return code.Constant(0) if place is None else place
 
     def local(self, type_: StaticType) -> code.Local:
-        """A variable for a value."""
+        """Return a new variable for a value of a type."""
         return self.module.fresh("v", "float" if type_ is Scalar.FLOAT else "int")
 
     @staticmethod
     def present(value: code.Expression, type_: StaticType) -> code.Expression:
-        """Code for whether a value is there."""
+        """Return code that tests if a value is not missing."""
         if type_ is Scalar.FLOAT:
             return code.equal(value, value)
         if type_ is Scalar.INT:
@@ -192,13 +196,13 @@ class Facts:
         return code.Operation(">=", (value, code.Constant(0)))
 
     def string(self, text: str) -> code.Expression:
-        """Code for the number of a string."""
+        """Return the number that represents a string."""
         return self.layout.offset(Text(text))
 
     # --- classes
 
     def is_instance(self, node: code.Expression, cls: str, exact: bool = False) -> code.Expression:
-        """Code for whether an object is of a class."""
+        """Return code that tests if an object is of a class. `exact` excludes subclasses."""
         if self.changes.fixed_class(cls, exact):
             block = code.Block()
             self.look_up(block, Instances(cls, exact), {0: node})
@@ -216,7 +220,7 @@ class Facts:
         return code.joined("or", tests, False)
 
     def alive(self, node: code.Expression, cls: str) -> code.Expression | None:
-        """Code for whether an object that was of a class has not been deleted; None if it cannot be."""
+        """Return code that tests if an object of a class is not deleted; None if such objects are never deleted."""
         if not any(self.metamodel.overlap(cls, one) for one in self.changes.deleted):
             return None
         tests: list[code.Expression] = []
@@ -228,7 +232,7 @@ class Facts:
         return code.joined("and", tests, True)
 
     def in_set(self, group: tuple[str, ...], cls: str, place: code.Expression) -> code.Expression:
-        """Code for whether the object at a place of a group is of a class."""
+        """Return code that tests if the object at a place of a group is in the set of a class."""
         offset = self.layout.offset(ClassSet(group, cls))
         word = cell(plus(offset, code.Operation(">>", (place, SHIFT))))
         return bit(word, place)
@@ -236,13 +240,13 @@ class Facts:
     def place(
         self, classes: tuple[str, ...], node: code.Expression, *, sure: bool
     ) -> tuple[code.Expression, list[code.Expression]]:
-        """Code for the place of an object among those of some classes, and for whether it is one of them."""
+        """Return the index of an object among those of some classes, and tests that it is one (none if `sure`)."""
         found = table(plus(self.layout.offset(Extent(classes, "places")), node))
         guard: list[code.Expression] = [] if sure else [code.Operation(">=", (found, code.Constant(0)))]
         return (code.Constant(0) if self.layout.single(classes) else found), guard
 
     def each(self, block: code.Block, classes: tuple[str, ...]) -> tuple[code.Local, code.Expression]:
-        """What follows is done for each object that is of some classes at the start: its number, and its place."""
+        """Emit a loop over the objects that may be of some classes. Return the variable, and the object's index."""
         node = self.module.fresh("v", "object")
         holders = self.layout.offset(Extent(classes, "objects"))
         if self.layout.single(classes):
@@ -258,7 +262,7 @@ class Facts:
         return table(self.layout.offset(Extent(classes, "count")))
 
     def instances(self, block: code.Block, cls: str, exact: bool = False) -> code.Local:
-        """What follows is done for each object of a class."""
+        """Emit a loop over the objects of a class. Return the variable."""
         classes = (cls,) if exact else self.metamodel.concrete(cls)
         if self.changes.fixed_class(cls, exact):
             return self.each(block, classes)[0]
@@ -271,7 +275,7 @@ class Facts:
         return node
 
     def sets(self, cls: str, exact: bool) -> tuple[ClassSet, ...] | None:
-        """The sets whose union are the objects of a class, if all of it may change and within one group."""
+        """Return the bit sets whose union is the extent of a class; None if its classes are not all of one group."""
         classes = (cls,) if exact else self.metamodel.concrete(cls)
         groups = {self.changes.group_of(one) for one in classes}
         (group,) = groups if len(groups) == 1 else (None,)
@@ -283,13 +287,13 @@ class Facts:
         sets: Sequence[ClassSet],
         within: tuple[Keys, int, code.Expression] | None = None,
     ) -> WordOf:
-        """What follows is done for each word of a union of sets.
+        """Emit a loop over the words of a union of bit sets.
 
         Args:
-            block: where that stands.
+            block: receives the loop.
             sets: of one group.
-            within: a relation, the position of objects in it, and the place of the rows with known values: only they
-                are in the words.
+            within: a relation, the position of objects in it, and the place of the rows with known values. It restricts
+                the words to these objects. None for no restriction.
         """
         group = sets[0].group
         word, number = self.module.fresh("w"), self.module.fresh("n")
@@ -306,7 +310,7 @@ class Facts:
         return WordOf(group, word, number)
 
     def each_in(self, block: code.Block, of: WordOf) -> code.Local:
-        """What follows is done for each object of a word."""
+        """Emit a loop over the objects whose bits are set in a word. Return the variable."""
         low = self.module.fresh("l")
         block.loop(self.module.fresh("_"), code.call("range", code.call("count_bits", of.word)))
         block.add(code.Assign(low, code.Operation("&", (of.word, code.Operation("-", (of.word,))))))
@@ -320,13 +324,13 @@ class Facts:
         return table(plus(self.layout.offset(Extent(of.group, "objects")), first, place))
 
     def nth_of(self, of: WordOf, number: code.Expression) -> code.Expression:
-        """Code for one of the objects of a word."""
+        """Return the object of the nth bit that is set in a word."""
         return self._object(of, code.call("nth_bit", of.word, number))
 
     def related(
         self, relation: Relation, bound: Mapping[int, code.Expression], position: int
     ) -> tuple[Keys, int, code.Expression] | None:
-        """For `words`: the objects in a column of the rows with known values; None if there is one at most."""
+        """Return the argument `within` of `words` for rows with the bound values; None if there is at most one row."""
         keys, rest = keys_of(relation, self.library, tuple(bound))
         if rest or self.layout.functional(One(keys, (position,))):
             return None
@@ -335,7 +339,11 @@ class Facts:
     # --- attributes
 
     def value(self, attribute: Attribute, node: code.Expression, *, sure: bool) -> code.Expression:
-        """Code for the value of an object in an attribute with one; `sure` if it is of the attribute's class."""
+        """Return the value of a single-valued attribute; `sure` if the object is known to be of the attribute's class.
+
+        Raises:
+            NotCompiled: the attribute is multi-valued.
+        """
         if attribute.many:
             raise NotCompiled(f"many values of `{attribute}`, one by one")
         if self.changes.fixed_feature(attribute):
@@ -355,7 +363,7 @@ class Facts:
     def attribute_cell(
         self, attribute: Attribute, node: code.Expression, *, sure: bool
     ) -> tuple[code.Index, list[code.Expression]]:
-        """The cell of an attribute that changes, and what has to hold before it is looked at."""
+        """Return the cell of an attribute that rules change, and the tests to make before the cell is read."""
         classes = self.changes.becoming(attribute.owner)
         column = AttributeColumn(attribute, classes)
         place, guard = self.place(classes, node, sure=sure)

@@ -1,4 +1,4 @@
-"""More space for objects that rules create: the same program over longer rows, to which states are carried over."""
+"""Enlarge the space for objects that rules create: the same program with longer rows, and the states copied to them."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Numbers = NDArray[Any]
 
 
 def grown(program: Program) -> Program:
-    """The program with twice the space for new objects."""
+    """Return a program with twice the space for created objects."""
     spare = 2 * program.spare
     found = tuple(member.with_spare(spare) for member in program.members)
     stride = max(member.size for member in found)
@@ -27,11 +27,11 @@ def grown(program: Program) -> Program:
 def carried(
     old: Program, new: Program, of: Numbers, states: Numbers, floats: Numbers
 ) -> tuple[Numbers, Numbers]:
-    """States of a program as those of the grown one.
+    """Return the states of a program in the longer rows of the grown program.
 
     Args:
-        old: the program that they are of.
-        new: that one, grown.
+        old: the program of the states.
+        new: the grown program.
         of: int64 [n], the number of the member of each state.
         states, floats: [n, ..].
     """
@@ -50,7 +50,7 @@ def carried(
 
 
 def _shape(column: Column | Made, member: Member) -> tuple[int, int]:
-    """How many rows a column has, of how many numbers: one, but for a matrix."""
+    """Return the numbers of rows and columns of a state column: one row, unless it is a matrix."""
     if isinstance(column, LinkMatrix):
         return len(members(member, column.sources)), len(members(member, column.targets))
     return 1, len(column.initial(member))

@@ -1,4 +1,4 @@
-"""Functions that are called from one place stand there: numba takes a while for each function, however short."""
+"""Inline functions that are called from one place only, since numba's compile time depends on their number."""
 
 from __future__ import annotations
 
@@ -15,15 +15,14 @@ Fresh = Callable[[str], code.Local]
 def inlined(
     functions: Sequence[code.Function], kept: Sequence[str], fresh: Fresh
 ) -> tuple[code.Function, ...]:
-    """The functions that are left.
+    """Return the functions after inlining those that are called once.
 
-    A call that is returned is replaced by the body of the function; one whose value a variable gets, if the function
-    returns at its end alone.
+    A returned call is always inlined. An assigned call is inlined if the function returns only at its end.
 
     Args:
-        functions: in the order in which they call each other.
+        functions: callees before their callers.
         kept: names of functions that are called from outside.
-        fresh: makes a variable that no function has.
+        fresh: returns a variable that no function uses.
     """
     calls = Counter(name for function in functions for name in _called(function.body))
     once = {name for name, number in calls.items() if number == 1 and name not in kept}
@@ -37,19 +36,19 @@ def inlined(
 
 
 def _called(body: code.Body) -> Iterator[str]:
-    """The functions that a body calls."""
+    """Yield the names of the functions that a body calls, once for each call."""
     for node in code.walk(body):
         if isinstance(node, code.Call) and isinstance(node.function, code.Name):
             yield node.function.name
 
 
 def names_in(node: object) -> set[str]:
-    """Names of the local variables in some code."""
+    """Return the names of the local variables in a code tree."""
     return {one.name for one in code.walk(node) if isinstance(one, code.Local)}
 
 
 def _body(body: code.Body, known: Mapping[str, code.Function], fresh: Fresh) -> tuple[code.Body, list[str]]:
-    """A body with calls replaced, and the functions whose calls those were."""
+    """Return a body with calls of `known` functions inlined, and the names of the inlined functions."""
     found: list[code.Statement] = []
     used: list[str] = []
     for statement in body:
@@ -90,7 +89,7 @@ def _returns_at_end(function: code.Function) -> bool:
 def _inside(
     function: code.Function, arguments: Sequence[code.Expression], fresh: Fresh
 ) -> Iterator[code.Statement]:
-    """The statements of a function, with variables of their own; first its parameters get their values."""
+    """Yield the statements of a function with renamed variables, after assignments of the arguments."""
     names: dict[code.Local, code.Local] = {}
     for parameter, argument in zip(function.parameters, arguments, strict=True):
         assert isinstance(parameter, code.Local)
@@ -103,7 +102,7 @@ def _inside(
 
 
 def _assigned(body: code.Body) -> Iterator[code.Local]:
-    """The variables that get values."""
+    """Yield the local variables that a body assigns."""
     for node in code.walk(body):
         if isinstance(node, code.Assign | code.For):
             targets = node.target.items if isinstance(node.target, code.Tuple) else (node.target,)

@@ -1,4 +1,4 @@
-"""Agents that act together: a step is one action of each of them."""
+"""Emit the step of agents that act together: one joint action holds an action of each agent."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ from envgraph.env.compiled._writer import Writer
 
 
 class Joint:
-    """Writes a step in which all agents act; the docstring of `Simulator` says what that is.
+    """An emitter of a step in which all agents act; see the docstring of `Simulator`.
 
     Args:
         clauses: of the behaviour.
         seats: names of the agents, and the numbers of their blocks.
 
     Raises:
-        EvaluationError: they have too many actions together.
+        EvaluationError: there are too many joint actions.
 
     Attributes:
-        action_names: of a step.
+        action_names: of the joint actions.
         shape, observation_names: sizes and names of the components of an observation: those of each agent, then the
             shared ones.
     """
@@ -42,11 +42,11 @@ class Joint:
         self.observation_names = joint_component_names(clauses.behaviour, clauses.keys, seats)
 
     def bodies(self) -> tuple[code.Body, code.Body, code.Body]:
-        """A step, whether each agent could do its own action, and what all agents see."""
+        """Emit the bodies of a step, of the test if a joint action would do something, and of the observations."""
         return self._step(), self._may(), self._look()
 
     def begin(self, writer: Writer) -> None:
-        """Nobody is first."""
+        """Do nothing: agents that act together have no first agent."""
 
     def _step(self) -> code.Body:
         clauses, fresh = self._clauses, self._clauses.module.fresh
@@ -64,7 +64,7 @@ class Joint:
         return (code.Return(call(name, ACTION)),)
 
     def _may(self) -> code.Body:
-        """Whether each agent that is there could do its action, or none at all."""
+        """Emit a test that each agent that exists can do its own action, or cannot do any action."""
         clauses = self._clauses
         may = [*map(clauses.may, range(len(clauses.blocks)))]
         names = code.Constant(len(clauses.moves[0].names))
@@ -82,7 +82,7 @@ class Joint:
         return (code.Return(call(name, ACTION)),)
 
     def _digits(self, writer: Writer) -> Iterator[tuple[int, code.Local, code.Local]]:
-        """Writes for each agent which object it is, and what it does; with the number of its block."""
+        """Emit the object and action of each agent. Yield the number of its block, and the two variables."""
         left, names = self._clauses.module.fresh("left"), code.Constant(len(self._clauses.moves[0].names))
         writer.assign(left, ACTION)
         for place, (_, block) in enumerate(self._seats):
@@ -92,13 +92,13 @@ class Joint:
             yield block, node, digit
 
     def _object(self, writer: Writer, place: int) -> code.Local:
-        """The object of an agent."""
+        """Emit an assignment of an agent's object, and return its variable."""
         node = self._clauses.module.fresh("self", "object")
         writer.assign(node, self._clauses.seat("object", code.Constant(place)))
         return node
 
     def _there(self, writer: Writer, node: code.Local, block: int) -> code.Local | None:
-        """Whether an agent is there; None if it always is."""
+        """Emit a variable that is 1 if an agent's object exists; return None if it always exists."""
         cls = self._clauses.behaviour.agents[block].cls
         if self._clauses.changes.fixed_class(cls):
             return None
@@ -128,6 +128,6 @@ class Joint:
         return (code.Return(call(name, SEEN)),)
 
     def _seen(self, block: Agent | None, *, shared: bool) -> list[tuple[Observation, Types]]:
-        """The clauses of a block, or the shared ones."""
+        """Return the observation clauses of a block, or those shared by all blocks."""
         ours = {id(observation) for observation in self._clauses.behaviour.observations}
         return [each for each in self._clauses.observed(block) if (id(each[0]) in ours) is shared]

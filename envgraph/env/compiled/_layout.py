@@ -1,6 +1,6 @@
-"""Where things are: every table and every column gets a place, and the program reads it from a vector of offsets.
+"""Assign offsets to tables and columns. The program reads the offsets from a vector.
 
-So one program serves all families of a behaviour, and all their members.
+So one program serves all families of a behaviour, and all members of a family.
 """
 
 from __future__ import annotations
@@ -60,14 +60,14 @@ class Stride:
 
 @dataclass(frozen=True, slots=True)
 class Width:
-    """How many numbers a state has: ints, or floats."""
+    """The number of ints (`S`) or floats (`F`) in a state."""
 
     of: Literal["S", "F"]
 
 
 @dataclass(frozen=True, slots=True)
 class Text:
-    """The number of a string, among all that a family has."""
+    """The number of a string among all strings of a family."""
 
     text: str
 
@@ -77,21 +77,21 @@ Symbol: TypeAlias = "Table | Column | Made | Stride | Width | Constants | Text"
 
 @dataclass(frozen=True, slots=True)
 class Constants:
-    """Numbers that are the same for a family, under a name of their own."""
+    """Named numbers that are the same for all members of a family."""
 
     name: Hashable
     values: tuple[int, ...]
 
 
 class Layout:
-    """The tables and columns that a program names.
+    """The tables and columns that a program uses, with their indices in the vector of offsets.
 
     Args:
-        broken: the assumptions that members do not meet.
+        broken: assumptions about members that do not hold and must not be made.
 
     Attributes:
         created: the concrete classes of objects that rules create.
-        renumbered: whether these may go, too, so that others get their numbers.
+        renumbered: True if created objects may be deleted, so that later ones may get their numbers.
     """
 
     def __init__(self, broken: Iterable[Hashable] = ()) -> None:
@@ -102,20 +102,20 @@ class Layout:
         self._single: dict[tuple[str, ...], Single] = {}
 
     def offset(self, symbol: Symbol) -> code.Expression:
-        """Code for where a table or column begins; of constants, within the vector of offsets."""
+        """Return the offset of a table or column. Offsets of constants are indices of the vector of offsets itself."""
         number = self._numbers.setdefault(symbol, len(self._numbers))
         return code.Index(K, code.Constant(number))
 
     def places(self) -> code.Body:
-        """The body of a function that returns the offsets: as values, they need not be read again after a change."""
+        """Emit the body of a function that returns all offsets as a tuple, since numba need not read values again."""
         return (code.Return(code.tuple_of(*(entry(L, place) for place in range(len(self._numbers))))),)
 
     def stride(self) -> code.Expression:
-        """Code for the number of objects of the largest member."""
+        """Return code for the number of objects of the largest member."""
         return self.offset(Stride())
 
     def single(self, classes: tuple[str, ...]) -> bool:
-        """Whether every member has one object at most of some classes."""
+        """Assume that every member has at most one object of some classes. Return False if that is not so."""
         assumed = Single(classes)
         if assumed in self.broken:
             return False
@@ -123,39 +123,40 @@ class Layout:
         return True
 
     def functional(self, assumed: One) -> bool:
-        """Whether some values have one row at most, in every member."""
+        """Return True if every member is assumed to have at most one row for each of some values."""
         return assumed not in self.broken
 
     def columns(self) -> list[tuple[Column, int]]:
-        """The columns of states, each with the place in the vector of offsets that says where it begins."""
+        """Return the columns of states, each with its index in the vector of offsets."""
         kinds = AttributeColumn | LinkColumn | LinkMatrix | ClassSet
         return [(symbol, number) for symbol, number in self._numbers.items() if isinstance(symbol, kinds)]
 
     def stored(self) -> list[tuple[Column | Made, int]]:
-        """All that states have, as `columns`."""
+        """Return everything that a state stores, as `columns`, and also the counter of created objects."""
         made = [(symbol, number) for symbol, number in self._numbers.items() if isinstance(symbol, Made)]
         return [*self.columns(), *made]
 
     def relations(self) -> list[Relation]:
-        """What is asked of members once."""
+        """Return the relations that are computed once for each member."""
         kinds = Bits | Values | Starts
         return list(dict.fromkeys(one.keys.relation for one in self._numbers if isinstance(one, kinds)))
 
     @property
     def texts(self) -> set[str]:
-        """The strings that the program names."""
+        """Return the strings that the program uses."""
         return {symbol.text for symbol in self._numbers if isinstance(symbol, Text)}
 
     def arrays(self, members: Iterable[Member], stride: int, strings: Mapping[str, int]) -> Arrays:
-        """The data of a family.
+        """Compute the tables and initial states of a family.
 
         Args:
-            members: each is asked before the next is.
-            stride: the number of objects of the largest one.
+            members: consumed one by one, since an engine may hold only one member at a time.
+            stride: the number of objects of the largest member.
             strings: number of each string.
 
         Raises:
             Misfit: a member does not meet an assumption.
+            NotCompiled: states are too large to be saved for a rule that may be refused.
         """
         symbols = [one for one in self._numbers if not isinstance(one, Stride | Width | Constants | Text)]
         filled: list[list[Sequence[Cell]]] = []
@@ -172,7 +173,7 @@ class Layout:
             if isinstance(symbol, Stride):
                 offsets[number] = stride
             elif isinstance(symbol, Width):
-                pass  # not known before all columns have their places
+                pass  # Known only after all columns have their offsets.
             elif isinstance(symbol, Text):
                 offsets[number] = strings[symbol.text]
             elif isinstance(symbol, Constants):
@@ -180,14 +181,14 @@ class Layout:
                 tails += symbol.values
             else:
                 where = _where(symbol)
-                ends[where] += where in "TG"  # an entry for what is not there: -1 is a place, too
+                ends[where] += where in "TG"  # A gap between tables, because -1 is an index as well.
                 offsets[number] = ends[where]
                 ends[where] += max(len(each[len(homes)]) for each in filled)
                 homes.append((where, int(offsets[number])))
         for symbol, number in self._numbers.items():
             if isinstance(symbol, Width):
                 offsets[number] = ends[symbol.of]
-                if ends[symbol.of] > CAPACITY:  # it is kept where the rows of a question would be
+                if ends[symbol.of] > CAPACITY:  # The saved state needs the space of the rows.
                     raise NotCompiled("a rule in a unit that the model may refuse, where states are large")
         count = len(filled)
         arrays: dict[str, NDArray[Any]] = {
@@ -216,7 +217,7 @@ def _numbers(symbol: Symbol, member: Member, stride: int) -> Sequence[Cell]:
 
 
 def plus(*parts: code.Expression | int) -> code.Expression:
-    """Code for a sum."""
+    """Return code for a sum, with constants added up."""
     known = 0
     terms: list[code.Expression] = []
     for part in parts:
@@ -232,36 +233,36 @@ def plus(*parts: code.Expression | int) -> code.Expression:
 
 
 def listed(first: code.Expression, others: Sequence[code.Expression]) -> code.Expression:
-    """Code for what a function returns: a value, or a tuple of it and others."""
+    """Return code for the result of a function: the first value, or a tuple with the other ones."""
     return code.tuple_of(first, *others) if others else first
 
 
 def entry(array: code.Expression, *places: code.Expression | int) -> code.Index:
-    """Code for an entry of an array."""
+    """Return code for an entry of an array."""
     keys = [code.Constant(place) if isinstance(place, int) else place for place in places]
     return code.Index(array, code.tuple_of(*keys) if len(keys) > 1 else keys[0])
 
 
 def table(place: code.Expression, is_float: bool = False) -> code.Expression:
-    """Code for an entry of a table of the member."""
+    """Return code for an entry of the tables of the member."""
     return entry(G if is_float else T, place)
 
 
 def cell(place: code.Expression | int, is_float: bool = False) -> code.Index:
-    """Code for an entry of the state."""
+    """Return code for an entry of the state."""
     return entry(F if is_float else S, place)
 
 
 def bit(word: code.Expression, place: code.Expression) -> code.Expression:
-    """Code for a bit of a word, as a truth value."""
+    """Return code that tests if a bit of a word is set."""
     return code.Operation("==", (code.call("bit", word, place), code.Constant(1)))
 
 
 def call(name: str, *arguments: code.Expression, top: code.Expression = TOP) -> code.Call:
-    """Code for a call of a function of the program, which may use the space for rows from `top` on."""
+    """Return a call of a function of the program, which may use the row space from `top` on."""
     return code.call(name, *STATE[:-1], top, *arguments)
 
 
 def failed(error: str) -> code.Assign:
-    """Code for what is done where the live engine raises an error, which has this name in `kernels`."""
+    """Return an assignment of an error of the state. `error` names a constant of `kernels`."""
     return code.Assign(cell(ERROR), code.Name(error))

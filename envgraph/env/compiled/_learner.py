@@ -1,4 +1,4 @@
-"""Values of actions, learnt in a compiled program: as many keys as were seen, not as many as there are states."""
+"""Learn action values in a compiled program, with memory for the keys that were seen, not for all states."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ FIRST: Final = 4_096
 
 @dataclass(frozen=True, slots=True)
 class Rates:
-    """How learning goes on: see `TrainingSettings` of `envgraph.learn`, whose factors these are.
+    """The hyperparameters of learning: see `TrainingSettings` of `envgraph.learn`.
 
     Attributes:
         agent: 0 for Q-learning, 1 for SARSA, 2 for expected SARSA.
-        ties: whether any of the best actions is taken; else the lowest.
+        ties: True to sample among equally good actions; False to take the lowest.
     """
 
     agent: int
@@ -37,18 +37,18 @@ class Rates:
 
 
 class Learner:
-    """Learns values of the actions of a program's environments.
+    """A learner of the action values of a program's environments.
 
-    Values of observations go with it to other programs of the behaviour: see `enter`.
+    Values of observations can be taken to other programs of the behaviour: see `enter`.
 
     Args:
         program: the compiled behaviour.
         initial: the first value of every action.
-        of_states: whether values are of states; else they are of observations.
+        of_states: True for values of states, False for values of observations.
 
     Attributes:
-        count: how many keys are known.
-        keys: int64 [space, ..]; of the first `count` rows each is a state, or an observation.
+        count: number of known keys.
+        keys: int64 [space, ..]; each of the first `count` rows is a state or an observation.
         values: float64 [space, actions].
     """
 
@@ -62,12 +62,10 @@ class Learner:
         self._hashed = np.full(4 * FIRST, -1, dtype=np.int64)
 
     def enter(self, program: Program) -> None:
-        """Go on in another program, whose members numbers mean from now on.
-
-        Its text and its data may be others; its actions and observations are the same.
+        """Continue learning in another program, whose members are meant by member numbers from now on.
 
         Raises:
-            InvalidArgument: they are not, or values are of states.
+            InvalidArgument: the actions or observations of the programs differ, or values are of states.
         """
         known = self._player.program
         if program is known:
@@ -91,22 +89,23 @@ class Learner:
         *,
         draws: int = OUTCOMES | STARTS,
     ) -> tuple[float, list[tuple[float, int, int]]]:
-        """Steps in the environment of a member, from a new episode on.
+        """Learn in the environment of a member, beginning with a new episode.
 
         Args:
             member: its number.
-            points: steps at which the curve is read; the last one is the end.
-            rates: how to learn.
-            epsilon: exploration at the beginning.
-            limit: steps after which an episode is over.
-            rng: over PCG64; it is advanced.
-            draws: what numbers are drawn for, besides the action: outcomes, starts; as trainers over tables do it.
+            points: numbers of steps at which a point of the curve is recorded; training ends at the last.
+            rates: hyperparameters.
+            epsilon: exploration rate at the beginning.
+            limit: steps after which an episode is truncated.
+            rng: over PCG64; is advanced.
+            draws: bit set of `OUTCOMES` and `STARTS`: random numbers to draw besides those for actions. Results equal
+                those of a trainer over tables that draws the same numbers.
 
         Returns:
-            Exploration at the end; and at each point total reward, finished episodes, and successes among them.
+            The exploration rate at the end; and for each point total reward, finished episodes and successful ones.
 
         Raises:
-            EvaluationError: something has no value in a state, or a rule cannot be applied.
+            EvaluationError: an expression has no value in a state, or a rule cannot be applied.
         """
         marks = np.asarray(points, dtype=np.int64)
         curve = np.zeros(len(marks)), np.zeros(len(marks), np.int64), np.zeros(len(marks), np.int64)
@@ -147,13 +146,13 @@ class Learner:
     def play(
         self, member: int, episodes: int, limit: int, rng: np.random.Generator
     ) -> tuple[float, float, float]:
-        """Episodes of the best actions: how many succeed, from 0 to 1, mean sum of rewards, and mean steps.
+        """Play episodes with the greedy policy. Return the success rate (0 to 1), mean return and mean steps.
 
         Args:
             member: its number.
-            episodes: how many.
-            limit: steps after which an episode is over.
-            rng: over PCG64; it is advanced.
+            episodes: number of episodes.
+            limit: steps after which an episode is truncated.
+            rng: over PCG64; is advanced.
 
         Raises:
             EvaluationError: as `train`.
@@ -164,7 +163,7 @@ class Learner:
         return self._player.play(member, policy, episodes, limit, rng)
 
     def _grow(self) -> None:
-        """Four times the space."""
+        """Enlarge the arrays to four times the space."""
         size = 4 * len(self.keys)
         self.keys, self.values = longer(self.keys, size), longer(self.values, size)
         self._hashed = np.full(4 * size, -1, dtype=np.int64)

@@ -1,8 +1,8 @@
-"""What is added to a program to learn values of actions: Q-learning with a hash table, for any number of states.
+"""Code that is added to a program to learn action values with a hash table, for any number of states.
 
-Part of the program's text, between `values` and `_playing`. `COUNTS` are the step, the point of the curve, the known
-keys, the present one, steps left, episodes, successes, and whether an episode has begun; `LEVELS` are exploration and
-reward.
+Part of the program's text, between `values` and `_playing`. `COUNTS` holds the step, the point of the curve, the
+number of known keys, the current key, steps left, episodes, successes, 1 if an episode has begun, and the key and
+action of a pending update. `LEVELS` holds the exploration rate, the total reward, and the reward of that update.
 """
 
 # ruff: noqa: F821
@@ -15,7 +15,7 @@ OUTCOMES, STARTS = 1, 2
 
 
 def write_key(S, BITS, KEYS, row, seen, of_states):
-    """The key of the present state into a row."""
+    """Write the key of the current state into a row."""
     if of_states:
         for column in range(width(S)):
             KEYS[row, column] = S[0, column]
@@ -26,13 +26,13 @@ def write_key(S, BITS, KEYS, row, seen, of_states):
 
 
 def begin_episode(T, G, L, K, S, F, BITS, RI, RF, D, m, S0, F0, C, KEYS, NONE, HASHED, count, of_states):
-    """Begin an episode, as `D` decides; the number of the key, -1 after an error."""
+    """Begin an episode, as `D` decides. Return the number of its key, -1 after an error."""
     reset_one(T, G, L, K, S, F, RI, RF, D, 0, m, S0, F0)
     return present_key(T, G, L, K, S, F, BITS, RI, RF, D, m, C, KEYS, NONE, HASHED, count, of_states)
 
 
 def present_key(T, G, L, K, S, F, BITS, RI, RF, D, m, C, KEYS, NONE, HASHED, count, of_states):
-    """The number of the key of the present state, a new one if it is not known; -1 after an error."""
+    """Return the number of the current state's key, `count` for a new key; -1 after an error."""
     seen = 0
     if S[0, 0] == 0 and not of_states:
         seen = look(T[m], G[m], L, K, S[0], F[0], RI, RF, D, 0, C[0])
@@ -47,7 +47,7 @@ def learn(
     AGENT, TIES, RATE, DISCOUNT, STEP_DECAY, EPISODE_DECAY, MINIMUM, LIMIT,
     POINTS, REWARDS, EPISODES, SUCCESSES, COUNTS, LEVELS,
 ):  # fmt: skip
-    """Steps of learning until the last of the points; how it ended."""
+    """Learn until the last of the points. Return `DONE`, `SPACE` or `WRONG`."""
     T, G, L, S, F, BITS = fixed(T), fixed(G), vector(L), matrix(S), matrix(F), matrix(BITS)
     RI, RF, D, R, C = matrix(RI), matrix(RF), vector(D), matrix(R), matrix(C)
     S0, F0, NONE, KEYS, space = fixed(S0), fixed(F0), matrix(KEYS[:, :0]), matrix(KEYS), len(KEYS)
@@ -74,7 +74,7 @@ def learn(
         v = uniform(R, 0) if DRAWS & OUTCOMES else 0.0
         w = uniform(R, 0) if DRAWS & STARTS else 0.0
         action, _ = drawn_action(Q[key], actions, u, epsilon, TIES)
-        if COUNTS[8] >= 0:  # a step of SARSA whose value waits for this action
+        if COUNTS[8] >= 0:  # SARSA: the update of the previous step needs this action
             old = Q[COUNTS[8], COUNTS[9]]
             Q[COUNTS[8], COUNTS[9]] = old + RATE * (LEVELS[2] + DISCOUNT * Q[key, action] - old)
             COUNTS[8] = -1
@@ -128,10 +128,9 @@ def learn(
 
 
 def decide(T, G, L, K, S, F, BITS, RI, RF, D, m, R, C, POLICY):
-    """The best action, which is never drawn; -1 after an error.
+    """Return the greedy action, -1 after an error; and False, since no random number was drawn.
 
-    What was never seen has equal values, so its best action is the first. Its key is written into the last row, and
-    taken out of the hash table again.
+    An unknown key has equal values, so its best action is 0. Its entry in the hash table is removed again.
     """
     KEYS, HASHED, Q, OF_STATES, count = POLICY
     NONE, KEYS = matrix(KEYS[:, :0]), matrix(KEYS)

@@ -1,4 +1,4 @@
-"""Code of a rule for links: assignments to the cells that keep them."""
+"""Emit the changes of links that a rule makes, as assignments to the cells that store links."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from envgraph.rewrite.plans import ChangeTargets, Link, Rehome, SetTargets, Unli
 
 
 class Links:
-    """Writes changes of links.
+    """An emitter of changes of links.
 
     Args:
-        site: the match that they are made for.
+        site: the match that changes are made for.
     """
 
     def __init__(self, site: Site) -> None:
@@ -26,7 +26,7 @@ class Links:
         self._facts = site.facts
 
     def _cells(self, source: int, reference: Reference, target: int) -> list[LinkCell]:
-        """The cells that keep a link between the objects in two slots: two if it is its own opposite."""
+        """Return the cells that store a link between the objects in two slots: two for a symmetric reference."""
         slots, sure = self._site.slots, self._site.sure
         ends = (
             [(source, target), (target, source)]
@@ -54,7 +54,7 @@ class Links:
         self._site.add(code.If(test, tuple(code.Assign(kept.place, kept.unlinked) for kept in cells)))
 
     def leave_containers(self, move: Rehome) -> None:
-        """An object leaves its container, unless that is where it is to go."""
+        """Emit code that removes an object from its container, unless it is the container that the rule moves it to."""
         cls = self._site.frame.classes.get(move.node)
         assert cls is not None
         metamodel, node = self._facts.metamodel, self._site.slots[move.node]
@@ -69,7 +69,7 @@ class Links:
             self._let_go(reference, node, cls, stays)
 
     def _held_cell(self, reference: Reference, node: code.Expression, cls: str) -> code.Expression:
-        """Code for the container of an object by a reference."""
+        """Return code for the container that holds an object by a reference, -1 for none."""
         sure = self._facts.metamodel.is_a(cls, reference.target)
         found = self._facts.links.other_end(reference, node, forward=False, sure=sure)
         assert found is not None
@@ -78,7 +78,7 @@ class Links:
     def _let_go(
         self, reference: Reference, node: code.Expression, cls: str, test: code.Expression | None
     ) -> None:
-        """The container of an object by a reference is no more, if a test holds."""
+        """Emit code that removes an object from its container by a reference, if `test` holds; always if it is None."""
         stored, same = self._facts.links.column(reference)
         if stored.at_source is same:
             holder = self._facts.local(ObjectType(""))
@@ -93,7 +93,7 @@ class Links:
         self._site.add(code.If(code.joined("and", tests, True), (cleared,)) if tests else cleared)
 
     def link(self, link: Link | Rehome) -> None:
-        """Adds a link, unless it is there; both ends need room."""
+        """Emit code that adds a link, unless it exists. The rule is refused if an end has no room for it."""
         if isinstance(link, Rehome):
             source, reference, target = link.container, link.reference, link.node
         else:
@@ -119,7 +119,7 @@ class Links:
         self._site.add(code.If(test, made))
 
     def _check_contents(self, content: int, container: int, cls: str) -> None:
-        """An object that enters a container does not contain it, at any depth."""
+        """Emit code that refuses the rule if an object would enter a container that it contains, at any depth."""
         facts, site = self._facts, self._site
         if content in site.frame.new and all(holder != content for _, holder, _ in self._housed()):
             return
@@ -130,7 +130,7 @@ class Links:
             site.unless(code.inverse(found))
 
     def _check_homeless(self, content: int, entered: Reference) -> None:
-        """The rule is refused where an object is in another container, by another reference than the one it enters."""
+        """Emit code that refuses the rule if an object already has a container by a reference other than `entered`."""
         maker = self._site.frame.new.get(content)
         entering = [
             node for node, _, frame in self._housed() if node == content and frame.new.get(node) is maker
@@ -144,7 +144,7 @@ class Links:
                 self._site.unless(code.Operation("<", (held, ZERO)))
 
     def _housed(self) -> list[tuple[int, int, Frame]]:
-        """What gets a container, and that: slots, in the rule or a block."""
+        """Return all objects that the rule or its blocks put into containers: content slot, container slot, frame."""
         found: list[tuple[int, int, Frame]] = []
         for frame in self._site.blocks.frames:
             found += [(move.node, move.container, frame) for move in frame.plan.moves]
@@ -155,7 +155,7 @@ class Links:
         return found
 
     def _check_room(self, reference: Reference, node: code.Expression, slot: int, *, forward: bool) -> None:
-        """The rule is refused unless an object may have one more target, or one more source."""
+        """Emit code that refuses the rule if an object already has the maximum number of targets, or of sources."""
         upper = reference.upper if forward else self._facts.metamodel.most_sources(reference)
         if upper is None:
             return
@@ -168,7 +168,10 @@ class Links:
             self._site.unless(code.Operation("<", (counted, code.Constant(upper))))
 
     def set_target(self, change: SetTargets) -> None:
-        """The one target of an object; where the opposite of a single one is taken, its holder lets go."""
+        """Emit code that sets the only target of an object.
+
+        If a single-valued opposite of the target is occupied, the former link is removed.
+        """
         site, links, reference = self._site, self._facts.links, change.reference
         stored, same = links.column(reference)
         source = site.slots[change.object]
@@ -199,7 +202,7 @@ class Links:
         site.add(code.If(code.Operation("!=", (old, target)), site.collected(write)))
 
     def set_container(self, change: SetTargets) -> None:
-        """An object is put into a container, out of any other, or is in none."""
+        """Emit code that moves an object out of its container and into another, or into none without a value."""
         site, reference, value = self._site, change.reference, change.values[0] if change.values else None
         contains = reference if reference.containment else self._facts.metamodel.opposite(reference)
         assert contains is not None
@@ -223,7 +226,7 @@ class Links:
         site.add(code.If(code.Operation("!=", (old, target)), site.collected(write)))
 
     def _put(self, reference: Reference, container: int, content: int) -> None:
-        """An object enters a container, which has room: what is alone there leaves."""
+        """Emit code that puts an object into a container, and removes the former content of a single reference."""
         site, metamodel = self._site, self._facts.metamodel
         cls, node = site.frame.classes.get(content) or reference.target, site.slots[content]
         for other in metamodel.references:
@@ -244,7 +247,7 @@ class Links:
         site.add(code.Assign(kept.place, kept.linked))
 
     def set_targets(self, change: SetTargets) -> None:
-        """All targets of an object are replaced."""
+        """Emit code that replaces all targets of an object."""
         block, reference = code.Block(), change.reference
         source, sure = self._site.slots[change.object], self._site.sure(change.object, reference.owner)
         links = self._facts.links
@@ -257,7 +260,7 @@ class Links:
         self.change_targets(ChangeTargets(change.object, reference, "+=", change.values))
 
     def change_targets(self, change: ChangeTargets) -> None:
-        """Targets are added, or removed; where the opposite of an added one is single and taken, its holder lets go."""
+        """Emit code that adds or removes targets. An added target loses its former link of a single-valued opposite."""
         opposite = self._facts.metamodel.opposite(change.reference)
         for value in change.values:
             if change.operator == "-=":
@@ -275,13 +278,13 @@ class Links:
             self._site.add(*([code.If(there, made)] if value in self._site.frame.types else made))
 
     def _hold(self, stored: LinkColumn, holder: code.Expression, other: code.Expression) -> None:
-        """The cell of an object, if there is that object, has another."""
+        """Emit code that stores `other` in the cell of an object, if the object exists."""
         place, _ = self._facts.links.near(stored, holder, sure=True)
         there = code.Operation(">=", (holder, ZERO))
         self._site.add(code.If(there, (code.Assign(place, other),)))
 
     def _make_room(self, stored: LinkColumn, reference: Reference, target: code.Expression) -> None:
-        """A target that has as many sources as it may have loses its only one, or else the rule is refused."""
+        """Emit code that removes the only source of a target, or refuses the rule if a target has too many sources."""
         links, opposite = self._facts.links, self._facts.metamodel.opposite(reference)
         there = code.Operation(">=", (target, ZERO))
         if opposite is not None and opposite.upper == 1:

@@ -1,7 +1,7 @@
-"""What is added to a program to visit all its states: choices are made by a script, one way after the other.
+"""Code that is added to a program to visit all its states: a script decides choices, one combination after the other.
 
-Part of the program's text, behind `kernels`, whose `pick` and `choose` these replace. Functions that are called from
-outside get arrays, and make vectors and matrices of them.
+Part of the program's text, behind `kernels`, whose `pick` and `choose` are replaced. Functions that are called from
+outside get arrays, and convert them to vectors and matrices.
 """
 
 # ruff: noqa: F821
@@ -15,7 +15,7 @@ MADE, CHANCE, KNOWN, SCRIPT = 0, 1, 2, 3
 
 
 def take(D, count):
-    """The place that the script says, or the first."""
+    """Return the alternative of the next choice: that of the script, or the first one, which is added to the script."""
     number = int(D[MADE])
     there = SCRIPT + 2 * number
     if there + 1 >= len(D):
@@ -27,13 +27,13 @@ def take(D, count):
 
 
 def pick(D, count):
-    """One of `count` alternatives."""
+    """Return one of `count` equally likely alternatives."""
     D[CHANCE] /= count
     return take(D, count)
 
 
 def choose(D, chances, missing):
-    """One of the possible alternatives, or -1."""
+    """Return an alternative with a positive probability, or -1 with probability `missing`."""
     possible = 0
     for number in range(len(chances)):
         if chances[number] > 0.0:
@@ -50,17 +50,17 @@ def choose(D, chances, missing):
 
 
 def begin_script(D):
-    """The first way to make all choices."""
+    """Begin with the first combination of choices."""
     D[KNOWN] = 0
 
 
 def begin_outcome(D):
-    """Choices are made anew, as the script says."""
+    """Begin to make choices, as the script says."""
     D[MADE], D[CHANCE] = 0, 1.0
 
 
 def next_script(D):
-    """The next way to make all choices; False after the last one."""
+    """Go to the next combination of choices. Return False after the last one."""
     number = int(D[MADE])
     while number > 0 and D[SCRIPT + 2 * number - 2] + 1 == D[SCRIPT + 2 * number - 1]:
         number -= 1
@@ -72,12 +72,12 @@ def next_script(D):
 
 
 def crowded(D):
-    """Whether more choices were made than there is space for."""
+    """Return True if more choices were made than the script has space for."""
     return SCRIPT + 2 * int(D[MADE]) + 1 >= len(D)
 
 
 def enter(T, G, L, K, S, F, RI, RF, D, m, BITS, HASHED, C, OBS, row, over):
-    """The number of the state in a row, with its observation if it is new; -1 if that has none."""
+    """Return the number of the state in a row; a new state is observed. Return -1 if its observation has no value."""
     S[row, 0] = over
     found = number_of(S, BITS, HASHED, row)
     if found == row:
@@ -90,7 +90,7 @@ def enter(T, G, L, K, S, F, RI, RF, D, m, BITS, HASHED, C, OBS, row, over):
 
 
 def visit_starts(T, G, L, S, F, RI, RF, D, m, S0, F0, BITS, HASHED, C, OBS, TO, P):
-    """The states that an episode may begin in, with their probabilities; how it ended, states, and outcomes."""
+    """Visit the states in which an episode may begin. Return how it ended, and the numbers of states and outcomes."""
     count, used, space = 0, 0, len(S)
     T, G, L, S, F, RI, RF = fixed(T), fixed(G), vector(L), matrix(S), matrix(F), matrix(RI), matrix(RF)
     S0, F0, BITS, C = fixed(S0), fixed(F0), matrix(BITS), matrix(C)
@@ -118,11 +118,10 @@ def visit(
     T, G, L, S, F, RI, RF, D, m, BITS, HASHED, C, OBS, head, count, used, made, ACTIONS, MOST, LIMIT, WANTED,
     STARTS, TO, P, REWARD, END, DID,
 ):  # fmt: skip
-    """Leave states in the order of their numbers, by every action; new ones get the next numbers.
+    """Do every action in each state, in the order of the states' numbers. New states get the next numbers.
 
-    `DID` gets whether each action did something. Returns how it ended, the state that is left next, how many states
-    there are, how many outcomes, how many times one
-    was made before equal ones were put together, and the action.
+    `DID` gets 1 for actions that had an effect. Returns how the visit ended, the next state, the number of states, the
+    number of outcomes, the same before equal outcomes were merged, and the action.
     """
     space = len(S)
     T, G, L, S, F, RI, RF = fixed(T), fixed(G), vector(L), matrix(S), matrix(F), matrix(RI), matrix(RF)
@@ -180,10 +179,9 @@ def expand(
     T, G, L, S, F, RI, RF, D, m, BITS, HASHED, C, OBS, head, last, count, made, TRIED, MOST, WANTED, SOUGHT,
     BEFORE, BY,
 ):  # fmt: skip
-    """Leave some states by the actions tried, until an episode ends as is sought; new states get the next numbers.
+    """Do the actions `TRIED` in some states, until an episode ends as `SOUGHT`. New states get the next numbers.
 
-    Returns how it ended, the state that is left next, how many states there are, how many times one was made, and the
-    action.
+    Returns how it ended, the next state, the number of states, the number of outcomes made, and the action.
     """
     space = len(S)
     T, G, L, S, F, RI, RF = fixed(T), fixed(G), vector(L), matrix(S), matrix(F), matrix(RI), matrix(RF)
@@ -228,7 +226,7 @@ def expand(
 
 
 def forget_last(S, BITS, HASHED, first, count):
-    """Take the states from the first one on, which came last, out of the hash table."""
+    """Remove the states from `first` on, which were added last, from the hash table."""
     S, BITS = matrix(S), matrix(BITS)
     for row in range(count - 1, first - 1, -1):
         forget(S, BITS, HASHED, row)

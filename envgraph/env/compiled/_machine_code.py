@@ -1,6 +1,6 @@
-"""The machine code of programs, kept in the cache. Needs numba; exported packages have a copy of this module.
+"""Cache the machine code of programs. Needs numba; exported packages contain a copy of this module.
 
-Numba's own cache unpickles whatever lies in its directory, and fails where a file is damaged or cannot be written.
+Numba's own cache unpickles any file in its directory, and fails if a file is damaged or cannot be written.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ _config: Any = config
 
 
 def keep_machine_code(function: Any, source: str, cache: Any) -> None:
-    """Let a function that numba compiles load and save its machine code.
+    """Make a function that numba compiles load and save its machine code.
 
     Args:
         function: compiled by `numba.njit`.
         source: the whole text that the function was compiled from.
-        cache: the module that reads and writes files of the cache. `NUMBA_CACHE_DIR` names another directory for them.
+        cache: the module that reads and writes cache files. `NUMBA_CACHE_DIR` names another directory for them.
     """
     folder = cache.cache_directory()
     if folder is not None:
@@ -35,29 +35,29 @@ def keep_machine_code(function: Any, source: str, cache: Any) -> None:
 
 
 class _MachineCode(NullCache):
-    """The machine code of one function, in a file for each signature and processor."""
+    """A cache of the machine code of one function, with a file for each signature and processor."""
 
     def __init__(self, folder: Path, function: str, cache: Any) -> None:
         self._folder, self._function, self._files = folder, function, cache
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """Return the kept machine code; None where there is none that can be used."""
+        """Return the cached machine code, or None if none can be used."""
         target_context.refresh()
         kept = self._files.read_cached(*self._place(sig, target_context.codegen()))
         if kept is None:
             return None
         try:
             return _Result._rebuild(target_context, *pickle.loads(kept))
-        except Exception:  # whatever the failure is, compiling anew helps
+        except Exception:  # The cause does not matter: compile again.
             return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        """Keep machine code."""
+        """Write machine code to the cache."""
         if not data.library.has_dynamic_globals:
             self._files.write_cached(*self._place(sig, data.codegen), _dumps(data._reduce()))
 
     def _place(self, signature: Any, codegen: Any) -> tuple[Path, str]:
-        """Return the file, and everything that the machine code depends on."""
+        """Return the path of the cache file, and a key of everything that the machine code depends on."""
         python = sys.implementation.cache_tag
         key = repr((self._function, str(signature), codegen.magic_tuple(), numba.__version__, python))
         return self._folder / sha256(key.encode()).hexdigest()[:32], key

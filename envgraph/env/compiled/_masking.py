@@ -1,4 +1,4 @@
-"""What is added to a program to say which actions do something: the masks of a batch.
+"""Code that is added to a program to compute the action masks of a batch.
 
 Part of the program's text, behind `kernels`.
 """
@@ -8,9 +8,9 @@ Part of the program's text, behind `kernels`.
 
 
 def masks(W, ALLOWED, ACTIONS):
-    """Whether each action would do something in each environment [environments * actions], 0 or 1.
+    """Write 1 into `ALLOWED` [environments * actions] for actions that would have an effect, else 0.
 
-    What would be an error is for `step_one` to tell, so it counts as done.
+    An action that would raise an error counts as having an effect, so that `step_one` raises the error.
     """
     T, G, L, S, F, RI, RF, D, M, _, _, _, _, _, _, _, _, _, _, _, _, _ = arrays_at(W)
     K = places(L)

@@ -1,4 +1,4 @@
-"""Questions about matches as functions over arrays: rows, whether there is ONE, how many, and which one is drawn."""
+"""Emit functions that find matches in the arrays: rows of all matches, a test, a count, or a sampled match."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from envgraph.pattern import (
 
 
 class Shape(Enum):
-    """How rows are found: without a loop, so that there is one at most; as the bits of words, in order; otherwise."""
+    """How rows are found: without a loop, so at most ONE; as bits of WORDS, in order; or as stored and sorted ROWS."""
 
     ONE = auto()
     WORDS = auto()
@@ -35,15 +35,15 @@ class Shape(Enum):
 
 
 class Matching:
-    """Writes functions that find matches: different values at some positions, of the matches with values at others.
+    """An emitter of functions that find the distinct values at output positions of matches with given values at others.
 
-    `sure` says of each: the objects given are certainly of the classes of the parameters.
+    In all methods, `sure` means that the given objects are known to be of the classes of the parameters.
 
     Args:
         facts: reads the model.
         planner: plans of the views.
-        static: patterns that are tables.
-        calls: which patterns call which.
+        static: patterns whose matches are tables.
+        calls: the call graph of the patterns.
     """
 
     def __init__(self, facts: Facts, planner: Planner, static: StaticPatterns, calls: CallGraph) -> None:
@@ -55,15 +55,15 @@ class Matching:
         self._shapes: dict[tuple[ViewKey, bool], Shape] = {}
 
     def rows(self, key: ViewKey, sure: bool = True) -> str:
-        """The function that writes rows from `top` on, sorted, each once, and returns their number."""
+        """Emit a function that stores the distinct sorted rows from `top` on and returns their number."""
         return self._function("rows", key, sure, self._rows)
 
     def exists(self, key: ViewKey, sure: bool = True) -> str:
-        """The function that says whether there is a match."""
+        """Emit a function that returns True if there is a match. Return its name."""
         return self._function("exists", key, sure, self._exists)
 
     def count(self, key: ViewKey, sure: bool = True) -> str:
-        """The function that counts rows."""
+        """Emit a function that counts the distinct rows. Return its name."""
         return self._function("count", key, sure, self._count)
 
     def chosen(
@@ -73,13 +73,13 @@ class Matching:
         then: Callable[[Sequence[code.Expression]], code.Body],
         nothing: code.Return,
     ) -> code.Body:
-        """The body of a function that picks a row, and does something with its values.
+        """Emit the body of a function that samples a row, and uses its values.
 
         Args:
-            key: says which rows.
+            key: the view of the rows.
             given: the values at the bound positions.
-            then: what is done; it ends with a return.
-            nothing: what is returned where there is no row.
+            then: returns the statements for a row's values; they end with a return.
+            nothing: the return statement if there is no row.
         """
         shape = self._shape(key, True)
         number, row = self.module.fresh("n"), self.module.fresh("k")
@@ -110,20 +110,20 @@ class Matching:
         )
 
     def loaded(self, key: ViewKey, row: code.Expression) -> tuple[code.Body, list[code.Local]]:
-        """Statements that read a row into variables, and these."""
+        """Return statements that read a row into variables, and the variables."""
         found = [self.facts.local(type_) for type_ in self.types(key)]
         places = self._places(key, row)
         return tuple(code.Assign(local, place) for local, place in zip(found, places, strict=True)), found
 
     def _places(self, key: ViewKey, row: code.Expression) -> list[code.Index]:
-        """Where the values of a row are."""
+        """Return the cells that store the values of a row."""
         types = self.types(key)
         self.module.width = max(self.module.width, len(types))
         spaces = [RF if type_ is Scalar.FLOAT else RI for type_ in types]
         return [entry(space, row, column) for column, space in enumerate(spaces)]
 
     def types(self, key: ViewKey) -> list[StaticType]:
-        """Types of the columns of rows."""
+        """Return the types of the columns of rows."""
         types = self.facts.library.parameter_types(key.pattern)
         return [types[position] for position in key.outputs]
 
@@ -165,7 +165,7 @@ class Matching:
             raise NotCompiled(f"`{key.pattern}`, asked without its inputs") from None
 
     def _shape(self, key: ViewKey, sure: bool) -> Shape:
-        """How rows are found."""
+        """Return how the rows of a view are found, by emitting its bodies on trial."""
         if (key, sure) not in self._shapes:
             bodies: list[Body] = []
             with self.module.trial():
@@ -173,20 +173,20 @@ class Matching:
                 self._bodies(key, given, sure, bodies.append, words=True)
             shape, first = Shape.ROWS, bodies[0] if bodies else None
             if first is None or (len(bodies) == 1 and not first.looped):
-                shape = Shape.ONE  # or none: what a body asks for may be impossible
+                shape = Shape.ONE  # or no row at all: the goals of a body may be impossible
             elif len(bodies) == 1 and first.word is not None and first.in_order(key) and self._different(key):
                 shape = Shape.WORDS
             self._shapes[key, sure] = shape
         return self._shapes[key, sure]
 
     def _different(self, key: ViewKey) -> bool:
-        """Whether no row is found twice; there is one at most where nothing is asked for, however often it is found."""
+        """Return True if no row is found twice. Return False without output positions, since rows are then equal."""
         return bool(key.outputs) and self._view(key).distinct
 
     def _counted(
         self, key: ViewKey, given: Sequence[code.Local], sure: bool, number: code.Local
     ) -> code.Body:
-        """Statements that count rows of which none is repeated."""
+        """Emit code that counts rows, of which none may be found twice."""
         counted = self._bodies(key, given, sure, lambda body: count_solutions(body, number), words=True)
         return (code.Assign(number, ZERO), *counted)
 
@@ -195,14 +195,14 @@ class Matching:
         return [types[position] for position in key.bound]
 
     def _stored(self, body: Body, key: ViewKey, row: code.Expression) -> code.Body:
-        """Statements that write a row."""
+        """Return statements that store a row."""
         places = zip(self._places(key, row), body.values(key), strict=True)
         return tuple(code.Assign(place, value) for place, value in places)
 
     def _collected(
         self, key: ViewKey, given: Sequence[code.Local], sure: bool, number: code.Local
     ) -> code.Body:
-        """Statements that write rows, sorted, and their number."""
+        """Emit code that stores the distinct rows in sorted order, and sets `number` to their count."""
         view, types = self._view(key), self.types(key)
         ordered = view.distinct and len(view.bodies) == 1
 
@@ -234,9 +234,15 @@ class Matching:
         return (*self._bodies(key, given, sure, write), code.Return(ZERO))
 
     def search(self, step: str, star: bool, forward: bool) -> str:
-        """The function that searches breadth first along a binary pattern, and returns how many objects it has found.
+        """Emit a breadth-first search along a binary pattern that returns the number of objects found. Return its name.
 
-        From `top` on they stand in column 0, in the order in which they were found; column 1 marks them by number.
+        The search stores the objects in column 0 of the rows from `top` on, in the order in which they were found. In
+        column 1 it marks them by object number.
+
+        Args:
+            step: the pattern.
+            star: True if the start object counts as found.
+            forward: True to search from sources to targets.
         """
         return self.module.once((step, star, forward), "search", lambda: self._search(step, star, forward))
 

@@ -1,1 +1,1 @@
-"""Pictures of models, as their `draw` clause says: what is shown, and its renderings."""
+"""Scenes: pictures of models as their `draw` clause defines them, and their rendering as text, pixels and SVG."""

@@ -1,4 +1,4 @@
-"""Drawing on an array of pixels: rectangles, discs, lines and letters, with smooth edges."""
+"""Draw rectangles, discs, lines and letters with smooth edges on an array of pixels."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from envgraph.env.scene._font import write
 
 
 class Canvas:
-    """Pixels that shapes are drawn on; coordinates are in pixels from the upper left corner, x first."""
+    """An array of pixels to draw on. Coordinates are in pixels from the upper left corner, x first."""
 
     def __init__(self, width: int, height: int, colour: Colour = PAPER) -> None:
         self._pixels = np.empty((height, width, 3), dtype=np.float64)
         self._pixels[:] = colour
 
     def array(self) -> NDArray[np.uint8]:
-        """The picture, [height, width, 3]."""
+        """Return the picture as uint8 [height, width, 3]."""
         return np.rint(self._pixels).astype(np.uint8)
 
     def rectangle(self, left: int, top: int, width: int, height: int, colour: Colour) -> None:
@@ -46,7 +46,7 @@ class Canvas:
         self._paint(xs, ys, np.clip(half - distance + 0.5, 0.0, 1.0), colour)
 
     def text(self, x: float, y: float, text: str, scale: int, colour: Colour) -> None:
-        """Write one line of text around a centre."""
+        """Draw one line of text around a centre."""
         shape = write(text, scale)
         height, width = shape.shape
         top, left = floor(y - height / 2 + 0.5), floor(x - width / 2 + 0.5)
@@ -56,7 +56,7 @@ class Canvas:
         area[visible] = np.array(colour)
 
     def label(self, x: float, y: float, text: str, scale: int, colour: Colour) -> None:
-        """Write one line of text on a patch of paper, so that it can be read above lines."""
+        """Draw one line of text on a rectangle in the colour of the paper, so that it is readable above lines."""
         height, width = write(text, scale).shape
         self.rectangle(
             round(x - width / 2) - scale,
@@ -70,7 +70,7 @@ class Canvas:
     def _around(
         self, left: float, top: float, right: float, bottom: float
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Centres of the pixels in a box and one pixel around it: a row of xs and a column of ys."""
+        """Return the centres of the pixels in a box and one pixel around it: a row of x and a column of y values."""
         height, width = self._pixels.shape[:2]
         xs = np.arange(max(0, floor(left) - 1), min(width, ceil(right) + 1), dtype=np.float64) + 0.5
         ys = np.arange(max(0, floor(top) - 1), min(height, ceil(bottom) + 1), dtype=np.float64) + 0.5

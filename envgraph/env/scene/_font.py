@@ -86,7 +86,7 @@ _UNKNOWN = ("#####", "#...#", "#...#", "#...#", "#...#", "#...#", "#####")
 
 @cache
 def _glyphs() -> dict[str, NDArray[np.bool_]]:
-    """The shape of every character: bands of a line of characters and seven lines of pixels, six columns each."""
+    """Return the pixels of every character: 6 columns for each, below a line that lists the characters."""
     lines = _SHAPES.strip("\n").splitlines()
     found = {}
     for band in range(0, len(lines), HEIGHT + 1):
@@ -101,7 +101,7 @@ def _bitmap(rows: tuple[str, ...]) -> NDArray[np.bool_]:
 
 
 def write(text: str, scale: int = 1) -> NDArray[np.bool_]:
-    """The pixels of one line of text; what the font lacks is an empty box.
+    r"""Return the pixels of one line of text. A character that the font lacks is drawn as an empty box.
 
     Args:
         text: any characters.
@@ -110,7 +110,7 @@ def write(text: str, scale: int = 1) -> NDArray[np.bool_]:
     Returns:
         An array [7 * scale, (6 * len(text) - 1) * scale]; of width 0 for no text.
 
-    >>> print("\\n".join("".join(".#"[int(p)] for p in row) for row in write("Hi")[:2]))
+    >>> print("\n".join("".join(".#"[int(p)] for p in row) for row in write("Hi")[:2]))
     #...#...#..
     #...#......
     """

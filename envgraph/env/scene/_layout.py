@@ -1,4 +1,4 @@
-"""Where the parts of a scene stand, for pixels and SVG alike; lengths are in cells, x to the right, y down."""
+"""Compute the positions of the parts of a scene, for pixels and SVG, in units of cells: x to the right, y down."""
 
 from __future__ import annotations
 
@@ -37,12 +37,12 @@ Point = tuple[float, float]
 
 @dataclass(frozen=True, slots=True)
 class GraphLayout:
-    """Where a graph is drawn.
+    """The positions of the parts of a graph.
 
     Attributes:
         nodes, labels: the centre of every node and of its label.
-        names: the labels, cut where they are long.
-        edges: with the points that they go through, from start to end: two, or more where an edge is a curve.
+        names: the labels, shortened where they are long.
+        edges: each edge with its points from start to end: two, or more for a curve.
     """
 
     width: float
@@ -54,7 +54,7 @@ class GraphLayout:
 
 
 def graph_layout(scene: GraphScene, letter_width: float) -> GraphLayout:
-    """The nodes on a circle, the first at the top, then clockwise; labels outside, where no edge crosses them.
+    """Place the nodes clockwise on a circle, the first at the top, with labels outside, where no edge crosses them.
 
     Args:
         scene: what to place.
@@ -91,7 +91,7 @@ def graph_layout(scene: GraphScene, letter_width: float) -> GraphLayout:
 
 
 def _loop(node: Point, angle: float, number: int) -> tuple[Point, ...]:
-    """From a node to itself, beside it in a direction; further loops go around the first."""
+    """Return the points of a loop at a node, in the direction `angle`; loop `number` encloses those before it."""
     radius = 0.26 + 0.12 * number
     middle = NODE_RADIUS + 0.06 + radius * 0.7
     x, y = node[0] + middle * cos(angle), node[1] + middle * sin(angle)
@@ -100,7 +100,7 @@ def _loop(node: Point, angle: float, number: int) -> tuple[Point, ...]:
 
 
 def _curve(start: Point, end: Point, number: int) -> tuple[Point, ...]:
-    """From start to end; further edges between the same nodes bend aside, the more the later they come."""
+    """Return the points of an edge; edge `number` between the same nodes is bent further than those before it."""
     if not number:
         return start, end
     (ax, ay), (bx, by) = start, end
@@ -112,7 +112,7 @@ def _curve(start: Point, end: Point, number: int) -> tuple[Point, ...]:
 
 
 def _edge(start: Point, end: Point) -> tuple[Point, Point]:
-    """From rim to rim, a little to the right of the straight line: there and back are two lines."""
+    """Return the ends of an edge at the rims of its nodes, shifted to the right to keep opposite edges apart."""
     (ax, ay), (bx, by) = start, end
     length = hypot(bx - ax, by - ay)
     ux, uy = (bx - ax) / length, (by - ay) / length
@@ -125,7 +125,7 @@ def _edge(start: Point, end: Point) -> tuple[Point, Point]:
 
 
 def label_place(points: Sequence[Point]) -> Point:
-    """Where on an edge its label stands; that of a loop is half way, where it is farthest from its node."""
+    """Return the position of an edge's label: near the end of an edge, half way on a loop."""
     start, end = points[0], points[-1]
     if len(points) == 2:
         return between(start, end, _LABEL_SHARE)
@@ -134,12 +134,12 @@ def label_place(points: Sequence[Point]) -> Point:
 
 
 def between(start: Point, end: Point, share: float) -> Point:
-    """The point of a line that leaves a share of it behind."""
+    """Return the point on a line at a share (0 to 1) of its length from the start."""
     return start[0] + (end[0] - start[0]) * share, start[1] + (end[1] - start[1]) * share
 
 
 def arrow_head(start: Point, end: Point, size: float) -> tuple[Point, Point]:
-    """The two back corners of an arrow head whose tip is `end`."""
+    """Return the two back corners of an arrow head whose tip is `end`."""
     (ax, ay), (bx, by) = start, end
     length = max(hypot(bx - ax, by - ay), 1e-9)
     ux, uy = (bx - ax) / length * size, (by - ay) / length * size
@@ -147,7 +147,10 @@ def arrow_head(start: Point, end: Point, size: float) -> tuple[Point, Point]:
 
 
 def disc_places(marks: Sequence[Mark]) -> list[tuple[Mark, Point, float]]:
-    """Every mark with its offset from the middle of its place and its radius; several on one place stand in a ring."""
+    """Return every token with its offset from the middle of its cell or node, and its radius.
+
+    Several tokens on one place are arranged in a ring.
+    """
     total = Counter(mark.place for mark in marks)
     seen: Counter[Point] = Counter()
     placed = []
@@ -163,7 +166,7 @@ def disc_places(marks: Sequence[Mark]) -> list[tuple[Mark, Point, float]]:
 
 
 def aside_places(scene: Scene, width: float) -> list[tuple[Mark, Point, float]]:
-    """Every token that is nowhere, with its place in a row below a picture of this width, and its radius."""
+    """Return every token without a place, with its position in a row below a picture of this width, and its radius."""
     columns = max(1, int(width))
     marks = [replace(mark, place=(n % columns, 0)) for n, mark in enumerate(scene.aside or ())]
     return [(mark, (mark.place[0] + 0.5 + dx, 0.5 + dy), size) for mark, (dx, dy), size in disc_places(marks)]

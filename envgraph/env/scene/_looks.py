@@ -1,4 +1,4 @@
-"""How an object looks: the glyph of its class, and what `@colour` and `@glyph` before attributes make of it."""
+"""Compute how objects are drawn: from the glyph of their class, and the `@colour` and `@glyph` of their attributes."""
 
 from __future__ import annotations
 
@@ -36,12 +36,12 @@ _IN_TURN = ("#1c3d6e", "#9c36b5", "#0b7285", "#c2255c", "#5c940d", "#d9480f")
 
 @dataclass(frozen=True, slots=True)
 class Look:
-    """How an object is shown.
+    """The appearance of an object.
 
     Attributes:
         glyph: letter and colour.
-        states: what its attributes add: `("red", "open")`.
-        unusual: a `bool` with a glyph is not as it is declared.
+        states: the attribute values that change the appearance: `("red", "open")`.
+        unusual: True if a `bool` attribute with a glyph differs from its declared value.
     """
 
     glyph: Glyph
@@ -50,14 +50,14 @@ class Look:
 
 
 class Looks:
-    """The looks of the objects of a model; what its metamodel says is looked up once a class."""
+    """The appearances of the objects of a model. The annotations of a class are read once."""
 
     def __init__(self, model: Model) -> None:
         self._model = model
         self._marked: dict[str, tuple[_Marked, ...]] = {}
 
     def of(self, node: int, plain: Glyph) -> Look:
-        """The look of an object that has the glyph `plain` if its attributes say nothing."""
+        """Return the appearance of an object; `plain` is its glyph if no attribute changes it."""
         model = self._model
         letter, colour, states, unusual = plain.letter, plain.colour, list[str](), False
         for attribute, letters in self._marks_of(model.graph.class_of(node)):
@@ -80,7 +80,7 @@ class Looks:
         return Look(Glyph(letter, colour), tuple(dict.fromkeys(states)), unusual)
 
     def vary(self, cls: str) -> bool:
-        """Whether attributes change how the objects of a class look."""
+        """Return True if attributes change the appearance of the objects of a class."""
         return bool(self._marks_of(cls))
 
     def _marks_of(self, cls: str) -> tuple[_Marked, ...]:
@@ -90,17 +90,17 @@ class Looks:
 
 
 def token_colour(position: int) -> str:
-    """The colour of the tokens at a place of a `draw` clause, where their class has no glyph."""
+    """Return the colour of tokens without a glyph of their own, by their position in the `draw` clause."""
     return _IN_TURN[position % len(_IN_TURN)]
 
 
 def glyph_of(metamodel: Metamodel, cls: str) -> Glyph:
-    """The glyph of a class: the declared one, or the initial of its name in grey."""
+    """Return the glyph of a class: the declared one, or the initial of its name in grey."""
     return metamodel.classes[cls].glyph or Glyph(cls[:1].upper())
 
 
 def _marked(metamodel: Metamodel, cls: str) -> Iterator[_Marked]:
-    """The attributes that change how objects look: first colours, then glyphs, which may bring other colours."""
+    """Yield the attributes that change the appearance of objects: colours, then glyphs, which may override colours."""
     features = [one for one in metamodel.features(cls).values() if isinstance(one, Attribute)]
     for wanted in ("colour", "glyph"):
         for one in features:
@@ -110,10 +110,10 @@ def _marked(metamodel: Metamodel, cls: str) -> Iterator[_Marked]:
 
 
 def _digit(value: int) -> str:
-    """A whole number as one letter."""
+    """Return an int as one letter: "-" if it is negative, "+" if it is above 9."""
     return str(value) if 0 <= value <= 9 else "-" if value < 0 else "+"
 
 
 def _colour_of(enum: EnumType, literal: str) -> str:
-    """That which the literal names, else one by its place."""
+    """Return the colour that an enum literal names, or else a colour by the literal's position."""
     return _NAMED.get(literal.lower()) or token_colour(enum.literals.index(literal))

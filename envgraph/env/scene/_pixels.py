@@ -1,4 +1,4 @@
-"""Scenes as arrays of pixels, with NumPy alone."""
+"""Render scenes as arrays of pixels, with NumPy alone."""
 
 from __future__ import annotations
 
@@ -32,11 +32,11 @@ _DASH = 0.22
 
 
 def scene_rgb(scene: Scene, cell: int = 32) -> NDArray[np.uint8]:
-    """A picture of a scene.
+    """Render a scene.
 
     Args:
         scene: what to draw.
-        cell: side of a cell in pixels, >= 1; letters can be read from 16.
+        cell: side of a cell in pixels, >= 1; letters are readable from 16.
 
     Returns:
         uint8 [height, width, 3].
@@ -58,7 +58,7 @@ def _canvas(width: float, height: float) -> Canvas:
 
 
 def _scale(cell: int) -> int:
-    """Pixels for each pixel of the font: a letter fills a little less than half of a cell's height."""
+    """Return the number of pixels for each pixel of the font: a letter fills almost half of a cell's height."""
     return max(1, round(cell * 0.45 / HEIGHT))
 
 
@@ -85,9 +85,7 @@ def _aside(canvas: Canvas, scene: Scene, width: float, height: float, cell: int)
 
 def _tile(canvas: Canvas, left: int, top: int, cell: int, colour: Colour, letter: str) -> None:
     canvas.rectangle(left, top, cell, cell, colour)
-    if (
-        cell >= 8
-    ):  # a lighter edge above and left, a darker one below and right: tiles of one colour stay apart
+    if cell >= 8:  # lighter edges above and left, darker ones below and right, separate tiles of one colour
         canvas.rectangle(left, top, cell, 1, blend(colour, PAPER, 0.35))
         canvas.rectangle(left, top, 1, cell, blend(colour, PAPER, 0.35))
         canvas.rectangle(left, top + cell - 1, cell, 1, blend(colour, INK, 0.16))

@@ -1,6 +1,6 @@
-"""What a picture of a model shows, as data: a grid of cells or a graph, with tokens on it.
+"""Compute scenes: the content of a picture of a model as data, a grid of cells or a graph, with tokens on it.
 
-A scene holds no model: it can be kept for every state of an environment, and drawn as text, pixels or SVG.
+A scene holds no model: it can be stored for every state of an environment, and drawn as text, pixels or SVG.
 """
 
 from __future__ import annotations
@@ -42,12 +42,12 @@ _PLAIN_NODE = Glyph("", "#a5d8ff")
 
 @dataclass(frozen=True, slots=True)
 class Mark:
-    """A token: what it is called, its letter and colour, and where it stands.
+    """A token: an object that is drawn on a cell or node.
 
     Attributes:
-        name: of the object, with what its attributes say of its look: "Door 24, red, open".
+        name: of the object, with the attribute values that change its appearance: "Door 24, red, open".
         place: (column, row) of a grid scene, counted from its upper left corner; (node number, 0) of a graph scene.
-        kind: its class, with the same: "Door, red, open".
+        kind: its class, with the same values: "Door, red, open".
     """
 
     name: str
@@ -59,16 +59,16 @@ class Mark:
 
 @dataclass(frozen=True, slots=True)
 class GridScene:
-    """Cells by class, and tokens on them.
+    """A grid of cells, each showing a class, and tokens on the cells.
 
     Attributes:
         width, height: size in cells.
-        glyphs: how a cell of each kind is shown.
-        cells: row by row, for each cell its place in `glyphs`, or `EMPTY`.
+        glyphs: the glyph for each kind of cell.
+        cells: row by row, for each cell its index in `glyphs`, or `EMPTY`.
         marks: in the order of the behaviour; later ones are drawn above earlier ones.
         kinds: the class of each of `glyphs`.
-        aside: tokens that are nowhere, below the grid, in a row that is there in all states, empty or not; None
-            where each token is always somewhere.
+        aside: tokens without a cell, in a row below the grid that all states have. None if every token always has
+            a cell.
     """
 
     width: int
@@ -82,11 +82,12 @@ class GridScene:
 
 @dataclass(frozen=True, slots=True)
 class Edge:
-    """An arrow between two nodes, by number.
+    """An arrow between two nodes, given by their numbers.
 
     Attributes:
-        label: stands beside it; "" for none.
-        kind: of an object that is not as usual, its class and how: "Link, not up"; it is drawn broken. Else "".
+        label: text beside the arrow; "" for none.
+        kind: for an object whose `bool` attributes differ from their declaration, its class and these: "Link, not up".
+            The arrow is then dashed. Else "".
     """
 
     source: int
@@ -98,10 +99,10 @@ class Edge:
 
 @dataclass(frozen=True, slots=True)
 class GraphScene:
-    """Nodes with a glyph and a label, directed edges between them, and tokens; `kinds` are the classes of the nodes,
-    with what their attributes say of their look: "Router, down".
+    """A graph: nodes with a glyph and a label, directed edges between them, and tokens on the nodes.
 
-    `aside` are the tokens that are nowhere, as of a `GridScene`.
+    `kinds` are the classes of the nodes, with the attribute values that change their appearance: "Router, down".
+    `aside` are tokens without a node, as those of a `GridScene` without a cell.
     """
 
     labels: tuple[str, ...]
@@ -117,7 +118,7 @@ Scene = GridScene | GraphScene
 
 @short_repr
 class Key(NamedTuple):
-    """A line of the legend of pictures: what something is, and how it is drawn."""
+    """An entry of the legend of pictures: a kind of object, and how it is drawn."""
 
     kind: str
     glyph: Glyph
@@ -125,7 +126,7 @@ class Key(NamedTuple):
 
 
 def legend(scenes: Iterable[Scene]) -> tuple[Key, ...]:
-    """What is drawn in any of the scenes, each look once: cells or nodes, then tokens, then edges out of the usual."""
+    """Return a legend for some scenes, with each appearance once: cells or nodes, then tokens, then dashed edges."""
     below, above, between = dict[str, Key](), dict[str, Key](), dict[str, Key]()
     for scene in scenes:
         drawn = zip(scene.kinds, scene.glyphs, strict=False)
@@ -140,14 +141,14 @@ def legend(scenes: Iterable[Scene]) -> tuple[Key, ...]:
             lines = (Key(edge.kind, Glyph("", edge.colour), "line") for edge in scene.edges if edge.kind)
             between.update((key.kind, key) for key in lines)
     alike: dict[Glyph, list[str]] = {}
-    for kind in sorted(above):  # a box on the floor looks as a box on a goal does
+    for kind in sorted(above):  # A box on the floor looks like a box on a goal.
         alike.setdefault(above[kind].glyph, []).append(kind)
     tokens_alike = (Key("; ".join(kinds), glyph, "disc") for glyph, kinds in alike.items())
     return (*below.values(), *tokens_alike, *between.values())
 
 
 def scene_of(model: Model, draw: Draw, parameters: Iterable[Parameter] = ()) -> Scene:
-    """What a `draw` clause shows of a model.
+    """Return the scene that a `draw` clause defines for a model.
 
     Args:
         model: any model of the behaviour's metamodel.
@@ -162,7 +163,7 @@ def scene_of(model: Model, draw: Draw, parameters: Iterable[Parameter] = ()) -> 
 
 
 class Painter:
-    """Makes scenes of the states of one model; what does not change between states is looked up once."""
+    """A producer of scenes for the states of one model. Data that is the same for all states is computed once."""
 
     def __init__(self, model: Model, draw: Draw, parameters: Iterable[Parameter] = ()) -> None:
         self._model = model
@@ -179,13 +180,13 @@ class Painter:
             self._scene = self._graph_scene
 
     def scene(self) -> Scene:
-        """The scene of the model as it is now."""
+        """Return the scene of the current state of the model."""
         return self._scene()
 
     def places(self) -> tuple[int, int, dict[int, tuple[int, int]]]:
-        """Of a grid the width and height in cells, and (column, row) of each cell and each token that stands on one.
+        """Return the width and height of the grid in cells, and (column, row) of each cell and of each token on a cell.
 
-        A sign of an object is not where the object is.
+        A token with a letter of its own is a sign of an object and does not count as its place.
         """
         width, height, _, place_of = self._grid.cells()
         for number, node, at in self._placed():
@@ -194,7 +195,7 @@ class Painter:
         return width, height, place_of
 
     def drawn(self) -> list[str]:
-        """The classes of what is drawn on a grid: of cells, and of tokens as they are now."""
+        """Return the classes that the grid shows: those of cells, and of tokens in the current state."""
         return [self._grid.cls, *self._token_classes()]
 
     def _grid_scene(self) -> GridScene:
@@ -229,7 +230,7 @@ class Painter:
         return [*(token.cls for token, _ in self._tokens if token.cls), *bound]
 
     def _cell_marks(self, place_of: Mapping[int, tuple[int, int]]) -> Iterator[Mark]:
-        """The cells that look otherwise than their class, by their attributes: a spot with a box."""
+        """Yield a token for each cell whose attributes change its appearance, for example a spot with a box."""
         model = self._model
         varying = {cls for cls in self._grid.kinds if self._looks.vary(cls)}
         for node in ordered_objects(model, self._grid.cls) if varying else ():
@@ -240,7 +241,7 @@ class Painter:
                     yield self._mark(_label(model, node, None, self._read), cls, look, place_of[node])
 
     def _mark(self, name: str, cls: str, look: Look, place: tuple[int, int]) -> Mark:
-        said = name.replace(",", "").split()  # of `Key red` a key is known to be red
+        said = name.replace(",", "").split()  # do not repeat "red" for `Key red`
         name = ", ".join((name, *(state for state in look.states if state not in said)))
         kind = ", ".join((cls, *look.states))
         return Mark(name, look.glyph.letter, look.glyph.colour, place, kind)
@@ -248,12 +249,12 @@ class Painter:
     def _marks(
         self, place_of: Mapping[int, tuple[int, int]]
     ) -> tuple[tuple[Mark, ...], tuple[Mark, ...] | None]:
-        """Every token that stands on what is drawn, and those that are nowhere."""
+        """Return the tokens on cells or nodes, and those without a place; None if every token always has a place."""
         standing, aside = list[Mark](), list[Mark]()
         for position, node, at in self._placed():
             if at is None:
                 aside.append(self._token(position, node, (0, 0)))
-            elif at in place_of and at != node:  # cells show what they are
+            elif at in place_of and at != node:  # a token is not drawn on itself
                 standing.append(self._token(position, node, place_of[at]))
         return tuple(standing), tuple(aside) if self._leave else None
 
@@ -270,7 +271,7 @@ class Painter:
         return self._mark(name, cls, look, place)
 
     def _placed(self) -> Iterator[tuple[int, int, int | None]]:
-        """Of every token the place of its clause, its object, and what that is on; None: nowhere."""
+        """Yield for every token its position in the `draw` clause, its object, and the object below it or None."""
         model = self._model
         for position, (token, bound) in enumerate(self._tokens):
             nodes = ordered_objects(model, token.cls) if bound is None and token.cls else [bound]
@@ -280,9 +281,9 @@ class Painter:
                     yield position, node, at if type(at) is int else None
 
     def _edges(self, draw: DrawGraph, number: Mapping[int, int]) -> Iterator[Edge]:
-        """Edges between the drawn nodes: references among them, and objects with two single references to them.
+        """Yield the edges between drawn nodes: references, and objects with two single-valued references to nodes.
 
-        Tokens are no edges, whatever they refer to.
+        Tokens are not drawn as edges, whatever they refer to.
         """
         model, mm, cls = self._model, self._model.metamodel, draw.cls
         for reference in mm.references:
@@ -301,7 +302,7 @@ class Painter:
                         yield self._edge(draw, node, between, number[source], number[target])
 
     def _edge(self, draw: DrawGraph, node: int, cls: Class, source: int, target: int) -> Edge:
-        """The edge that an object is drawn as."""
+        """Return the edge that represents an object."""
         look = self._looks.of(node, cls.glyph or Glyph("", LINE_COLOUR))
         named = (link.label for link in draw.links if self._model.metamodel.is_a(cls.name, link.cls))
         value = next((self._read(node, label) for label in named if label), None)
@@ -321,7 +322,7 @@ def _bound_tokens(
 
 
 def _features(path: Expression) -> str:
-    """The features of a path, from its first one."""
+    """Return the names of the features of a path, in order."""
     found: list[str] = []
     while isinstance(path, Navigation):
         found.append(path.feature)
@@ -330,7 +331,7 @@ def _features(path: Expression) -> str:
 
 
 def _may_be_empty(metamodel: Metamodel, path: Expression) -> bool:
-    """Whether one of the references of a path may lack a target."""
+    """Return True if a reference of a path may have no target."""
     while isinstance(path, Navigation):
         if any(one.name == path.feature and one.lower == 0 for one in metamodel.references):
             return True
@@ -351,7 +352,7 @@ def _label(model: Model, node: int, attribute: str | None, read: Reader) -> str:
 
 
 class _Grid:
-    """The cells of a grid: reads class, column and row of each."""
+    """The cells of a grid, computed from the class, column and row of each object."""
 
     def __init__(self, model: Model, draw: DrawGrid) -> None:
         mm = model.metamodel
@@ -368,10 +369,12 @@ class _Grid:
         self._kind = {kind: number for number, kind in enumerate(kinds)}
 
     def cells(self) -> tuple[int, int, bytes, dict[int, tuple[int, int]]]:
-        """Width, height, the kind of every cell, and the place of every object."""
+        """Return the width, the height, the kind of every cell, and the (column, row) of every object."""
         model = self._model
         at: dict[int, tuple[int, int]] = {}
-        for node in sorted(model.graph.extent(self.cls)):  # of two on one place the younger is seen
+        for node in sorted(
+            model.graph.extent(self.cls)
+        ):  # of two objects on one place the younger one is shown
             x, y = model.graph.value(node, self._column), model.graph.value(node, self._row)
             if type(x) is int and type(y) is int:
                 at[node] = x, y

@@ -1,4 +1,4 @@
-"""Scenes as SVG, for reports."""
+"""Render scenes as SVG, for reports."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _HALO = ' stroke="#ffffff" stroke-width="0.12" stroke-linejoin="round" aria-hidd
 
 
 def scene_svg(scene: Scene, cell: int = 32) -> str:
-    """A picture of a scene as one `<svg>` element that can stand in an HTML page.
+    """Render a scene as one `<svg>` element that can be embedded in an HTML page.
 
     Args:
         scene: what to draw.
@@ -70,8 +70,8 @@ def _grid(scene: GridScene) -> Iterator[str]:
 
 
 def _text(at: Point, text: str, size: float, colour: Colour, style: str = "") -> str:
-    # The middle of a letter is about a third of its size above its line. `dominant-baseline` says so better, but many
-    # viewers other than browsers do not know it.
+    # The middle of a letter is about a third of its size above its base line. `dominant-baseline` would be exact, but
+    # many viewers other than browsers ignore it.
     place = f'x="{_n(at[0])}" y="{_n(at[1] + size * 0.35)}" font-size="{_n(size)}"'
     return f'<text {place} fill="{colour_text(colour)}"{style}>{markup(text)}</text>'
 
@@ -121,6 +121,6 @@ def _path(points: Sequence[Point]) -> str:
 
 
 def _title(scene: GraphScene, edge: Edge) -> str:
-    """What is said of an edge under the mouse."""
+    """Return the tooltip of an edge."""
     ends = f"{scene.labels[edge.source]} to {scene.labels[edge.target]}"
     return ", ".join(text for text in (ends, edge.label, edge.kind) if text)

@@ -1,4 +1,4 @@
-"""Scenes as plain text."""
+"""Render scenes as plain text."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ _MOST_NAMED = 6
 
 
 def scene_text(scene: Scene) -> str:
-    """A scene in letters, without colours; `(R)` is a token on a cell, the last one where there are several.
+    """Render a scene as letters without colours. `(R)` is a token on a cell, the last one if there are several.
 
-    With more than one token, or one that is nowhere, lines below the picture say where each of them stands.
+    With several tokens, or one without a place, lines below the picture give the place of each token.
     """
     lines = _grid(scene) if isinstance(scene, GridScene) else _graph(scene)
     if len(scene.marks) > 1 or scene.aside:
@@ -22,7 +22,7 @@ def scene_text(scene: Scene) -> str:
 
 
 def scene_title(scene: Scene) -> str:
-    """What a picture shows, in a sentence, for those who do not see it."""
+    """Return a sentence that describes a picture, as a replacement for it in screen readers."""
     if isinstance(scene, GridScene):
         what = f"a grid of {scene.width} by {scene.height} cells"
     else:
@@ -55,7 +55,7 @@ def _graph(scene: GraphScene) -> list[str]:
     marked = {mark.place[0] for mark in scene.marks}
     labels = [visible(label) for label in scene.labels]
     names = [f"({label})" if n in marked else f" {label} " for n, label in enumerate(labels)]
-    if len(set(scene.kinds)) > 1:  # else the legend, or the clause, says what all of them are
+    if len(set(scene.kinds)) > 1:  # otherwise the legend or the clause gives the class of all nodes
         broad = max(map(len, names))
         names = [f"{name:<{broad}} {visible(kind)}" for name, kind in zip(names, scene.kinds, strict=True)]
     width = max(map(len, names), default=0)
@@ -68,6 +68,6 @@ def _graph(scene: GraphScene) -> list[str]:
 
 
 def _end(edge: Edge, labels: list[str]) -> str:
-    """Where an edge leads, and what is said of it: `Berlin (6.5, Link, not up)`."""
+    """Format the target, label and kind of an edge: `Berlin (6.5, Link, not up)`."""
     said = [visible(text) for text in (edge.label, edge.kind) if text]
     return labels[edge.target] + (f" ({', '.join(said)})" if said else "")

@@ -1,4 +1,4 @@
-"""A window that shows pictures, for `render_mode="human"`: by pygame, the extra `human`."""
+"""Show pictures in a window of pygame (the extra `human`), for `render_mode="human"`."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from envgraph.errors import InvalidArgument
 
 
 def has_window() -> bool:
-    """Whether pygame is installed."""
+    """Return True if pygame is installed."""
     return find_spec("pygame") is not None
 
 
 def check_window() -> None:
-    """See that there can be a window.
+    """Raise an error if no window can be opened.
 
     Raises:
         InvalidArgument: pygame is not installed.
@@ -27,11 +27,11 @@ def check_window() -> None:
 
 
 class Window:
-    """A window, which opens with the first picture.
+    """A window that opens with the first picture.
 
     Args:
         title: of the window.
-        fps: pictures a second: `show` waits as long as that takes.
+        fps: pictures per second: `show` waits to keep this rate.
     """
 
     def __init__(self, title: str, fps: int) -> None:
@@ -40,7 +40,7 @@ class Window:
         self._clock: Any = None
 
     def show(self, pixels: NDArray[np.uint8]) -> None:
-        """Show a picture [height, width, 3]; the window gets its size."""
+        """Show a picture [height, width, 3], and resize the window to it."""
         import pygame
 
         title, fps = self._given
@@ -55,7 +55,7 @@ class Window:
         self._clock.tick(fps)
 
     def close(self) -> None:
-        """Close the window, if it is open."""
+        """Close the window if it is open."""
         if self._surface is not None:
             import pygame
 

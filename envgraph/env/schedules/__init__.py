@@ -1,9 +1,9 @@
-"""Who is played next: schedules of the members of a family, or of thousands of levels, behind one protocol.
+"""Schedules: they choose the members of a family, or of thousands of levels, that a student plays next.
 
-A `Schedule` is asked for members and told what came of them. `InOrder` is a curriculum, `Shuffled` domain
-randomisation, `Replay` prioritised level replay, `Sifter` sampling for learnability, and `Weighted` goes by what is
-known of each member: learning progress, a band of success, learnability. The vector environments, `envgraph train` and
-`envgraph audit` use the same ones.
+A `Schedule` is asked for members and told the outcomes. `InOrder` is a curriculum, `Shuffled` domain randomisation,
+`Replay` prioritised level replay, `Sifter` sampling for learnability. `Weighted` samples by statistics of each
+member: learning progress, a band of success rates, learnability. The vector environments, `envgraph train` and
+`envgraph audit` use the same schedules.
 
 >>> import numpy as np
 >>> from envgraph.env.schedules import Outcomes, named_schedule

@@ -1,4 +1,4 @@
-"""Schedules by their names, as `make_vec` and `envgraph train` take them."""
+"""Create schedules by the names that `make_vec` and `envgraph train` accept."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ SCHEDULES: Final[dict[str, Callable[[int], Schedule]]] = {
 
 
 def named_schedule(name: str, count: int) -> Schedule:
-    """A schedule of so many members, with its default settings.
+    """Return a new schedule of `count` members, with its default settings.
 
     Raises:
-        InvalidArgument: none has this name.
+        InvalidArgument: no schedule has this name.
     """
     check_known(name, SCHEDULES, f"unknown schedule `{name}`")
     return SCHEDULES[name](count)

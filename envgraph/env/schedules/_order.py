@@ -1,4 +1,4 @@
-"""Schedules that nothing is told: one member after the other, and all of them at random."""
+"""Schedules that ignore outcomes: one member after the other, and all members in random order."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from envgraph.errors import InvalidArgument
 
 
 class InOrder:
-    """A curriculum: member 0 for a number of steps, then member 1 and so on; the last one from then on.
+    """A curriculum: member 0 for a number of steps, then member 1 and so on; then the last member for ever.
 
     Args:
-        steps: of each member; counted are those of the episodes that it is told of.
+        steps: for each member. Steps are counted from the outcomes passed to `tell`.
     """
 
     def __init__(self, steps: Sequence[int]) -> None:
@@ -25,17 +25,17 @@ class InOrder:
         self._done = 0
 
     def ask(self, count: int, rng: Generator) -> Batch:
-        """The member whose turn it is."""
+        """Return the current member, `count` times."""
         place = min(int(np.searchsorted(self._ends, self._done, "right")), len(self._ends) - 1)
         return Batch(np.full(count, place, np.int64))
 
     def tell(self, outcomes: Outcomes) -> None:
-        """Steps go by."""
+        """Count the steps of the outcomes."""
         self._done += int(outcomes.length.sum())
 
 
 class Shuffled:
-    """Domain randomisation (Tobin et al. 2017): members in random order, each once before one comes again.
+    """Domain randomisation (Tobin et al. 2017): members in random order, all of them before any is repeated.
 
     Args:
         members: their numbers.
@@ -48,14 +48,14 @@ class Shuffled:
         self._order: Ints = np.zeros(0, np.int64)
 
     def ask(self, count: int, rng: Generator) -> Batch:
-        """The next ones of the order."""
+        """Return the next members of the random order."""
         return Batch(self.draw(count, rng))
 
     def tell(self, outcomes: Outcomes) -> None:
-        """Nothing depends on it."""
+        """Do nothing: the order does not depend on outcomes."""
 
     def draw(self, count: int, rng: Generator) -> Ints:
-        """The numbers of the next members."""
+        """Return the numbers of the next `count` members."""
         while len(self._order) < count:
             self._order = np.concatenate([self._order, rng.permutation(self.members)])
         found, self._order = self._order[:count], self._order[count:]

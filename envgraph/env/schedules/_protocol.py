@@ -1,4 +1,4 @@
-"""What schedules are asked, and what they are told."""
+"""The protocol of schedules: what `ask` returns, and what `tell` accepts."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ class Batch:
     """Members to play next.
 
     Attributes:
-        members: int64, their numbers; one may stand twice.
-        learn: whether to learn on them; else they are played to be scored alone.
-        episodes: how many episodes of each the schedule wants; None: as many as whoever plays them likes.
+        members: int64, their numbers; may contain a number twice.
+        learn: True to learn on them; False to play them only to score them.
+        episodes: number of episodes that the schedule wants of each; None for any number.
     """
 
     members: Ints
@@ -32,15 +32,15 @@ class Batch:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Outcomes:
-    """What came of playing members; arrays with an entry for each that was played.
+    """The outcomes of playing members: arrays with an entry for each member that was played.
 
     Attributes:
-        member: int64, which one.
+        member: int64, its number.
         success: float64, share of its episodes that ended in success.
-        returns: float64, mean sum of rewards of its episodes.
+        returns: float64, mean return of its episodes.
         length: int64, steps that were played.
-        score: float64, how much worth learning on each is, of somebody who knows the student; None: then a schedule
-            goes by a score of its own.
+        score: float64, how useful learning on it is, computed by a caller that knows the student. If None, a schedule
+            computes a score itself.
     """
 
     member: Ints
@@ -56,14 +56,14 @@ Score = Callable[[Outcomes], Floats]
 
 @runtime_checkable
 class Schedule(Protocol):
-    """Chooses members, and learns from what comes of them.
+    """A strategy that chooses members, and may adapt to the outcomes of playing them.
 
-    It is asked and told in any order, and told as often as it likes to be or not at all: several members may be asked
-    for before anything is known of the first. All that it draws comes from the generator that it is given.
+    `ask` and `tell` may be called in any order, and `tell` may be called rarely or never: several members may be asked
+    for before the first outcome is known. All randomness comes from the generator that `ask` is given.
     """
 
     def ask(self, count: int, rng: Generator) -> Batch:
-        """So many members to play next."""
+        """Return `count` members to play next."""
 
     def tell(self, outcomes: Outcomes) -> None:
-        """What came of members that were asked for."""
+        """Update the schedule with the outcomes of members that it has chosen."""

@@ -1,4 +1,4 @@
-"""Prioritised level replay: members that were worth learning on are played again."""
+"""Prioritised level replay: play again the members with high scores."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ FILLED: Final = 0.5
 
 @dataclass(frozen=True, slots=True)
 class Buffer:
-    """Members that are replayed: prioritised level replay (Jiang et al. 2021a).
+    """The settings of prioritised level replay (Jiang et al. 2021a).
 
     Attributes:
-        size: how many are kept, those with the highest scores.
-        replay: probability that a batch is of these.
+        size: number of members in the buffer: those with the highest scores.
+        replay: probability that a batch is sampled from the buffer.
         temperature: a member at rank r is replayed in proportion to r ** (-1 / temperature).
-        staleness: share of the probability that goes by how long a member has not been replayed.
-        fresh_learned: whether students learn on members that are played for the first time; robust replay does not
+        staleness: share of the probability that depends on the time since a member was last replayed.
+        fresh_learned: True if students learn on members that are played for the first time; False in robust replay
             (Jiang et al. 2021b).
     """
 
@@ -41,7 +41,7 @@ class Buffer:
 
 
 class BestSeen:
-    """The best return ever seen on a member, minus the mean one now.
+    """A score: the highest return ever seen on a member, minus its current mean return.
 
     It is MaxMC (Jiang et al. 2021b) with returns in place of a student's values.
     """
@@ -50,23 +50,22 @@ class BestSeen:
         self._best: dict[int, float] = {}
 
     def __call__(self, outcomes: Outcomes) -> Floats:
-        """A score for each of them."""
+        """Return a score for each outcome."""
         for member, one in zip(outcomes.member.tolist(), outcomes.returns.tolist(), strict=True):
             self._best[member] = max(self._best.get(member, -inf), one)
         return np.array([self._best[one] for one in outcomes.member.tolist()]) - outcomes.returns
 
 
 class Replay:
-    """Replays members with high scores from a buffer, and plays others in random order in between.
+    """A schedule that replays members with high scores from a buffer, and in between plays others in random order.
 
-    Where the buffer has all members there are no others, and everything is replayed, as Jiang et al. (2021a) do with a
-    fixed set of levels.
+    If the buffer holds all members, only replays happen, as in Jiang et al. (2021a) with a fixed set of levels.
 
     Args:
         members: their numbers.
-        buffer: how they are replayed.
-        score: by what, where it is told no score.
-        edit: makes a new member of each that was replayed, which is scored next: ACCEL (Parker-Holder et al. 2022).
+        buffer: settings.
+        score: computes scores if the outcomes have none.
+        edit: creates a new member from each replayed one, to be scored next: ACCEL (Parker-Holder et al. 2022).
     """
 
     def __init__(
@@ -85,7 +84,7 @@ class Replay:
         self._batches = 0
 
     def ask(self, count: int, rng: Generator) -> Batch:
-        """Members of the buffer, or others; after some of the buffer those that are made of them."""
+        """Return members of the buffer, or others in random order; after a replay, edits of the replayed members."""
         self._batches += 1
         if self._edit and len(self._parents):
             parents, self._parents = np.resize(self._parents, count), self._parents[:0]
@@ -98,7 +97,7 @@ class Replay:
         return Batch(self._source.draw(count, rng), learn=buffer.fresh_learned)
 
     def tell(self, outcomes: Outcomes) -> None:
-        """Keep what is worth it."""
+        """Score the members, and store those with high scores in the buffer."""
         scores = self._score(outcomes) if outcomes.score is None else outcomes.score
         self._kept.put(outcomes.member, scores, self._batches)
 
@@ -106,10 +105,10 @@ class Replay:
 class Kept:
     """The buffer of prioritised level replay.
 
-    Invariant: no member stands twice, and there are at most `size`.
+    Invariant: no member is in it twice, and it holds at most `size` members.
 
     Attributes:
-        filled: how many members there are.
+        filled: number of members in the buffer.
     """
 
     def __init__(self, settings: Buffer, size: int) -> None:
@@ -124,7 +123,7 @@ class Kept:
         return len(self._place)
 
     def put(self, members: Ints, scores: Floats, now: int) -> None:
-        """Members with their scores: known ones get these, others stand in for the lowest if theirs is higher."""
+        """Update the scores of members in the buffer. A new member replaces the lowest one if its score is higher."""
         for member, score in zip(members.tolist(), scores.tolist(), strict=True):
             place = self._place.get(member)
             if place is None:
@@ -139,7 +138,7 @@ class Kept:
             self._scores[place] = score
 
     def chances(self, now: int) -> Floats:
-        """The probability that each member is replayed: by the rank of its score, and by how long ago it was."""
+        """Return the probability that each member is replayed, from the rank of its score and its last replay."""
         settings, count = self._settings, self.filled
         ranks = np.empty(count)
         ranks[np.argsort(-self._scores[:count], kind="stable")] = np.arange(1, count + 1)
@@ -151,7 +150,7 @@ class Kept:
         return np.asarray(found / found.sum())
 
     def draw(self, count: int, now: int, rng: Generator) -> Ints:
-        """Members to be replayed now, different ones if there are as many."""
+        """Sample members to replay now, without repetition if the buffer holds at least `count`."""
         places = rng.choice(self.filled, count, replace=count > self.filled, p=self.chances(now))
         self._stamps[places] = now
         return self._members[places]

@@ -1,4 +1,4 @@
-"""The members that the environments of a vector are over, one after the other, as a schedule says."""
+"""Assign members to the environments of a vector environment, as a schedule says."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ Bools = NDArray[np.bool_]
 
 
 class Seats:
-    """Asks a schedule for a member whenever an episode begins, and tells it of each that ends.
+    """The member of each environment of a vector environment, chosen by a schedule whenever an episode begins.
 
     Args:
-        schedule: is asked and told.
-        count: how many environments there are.
-        members: how many members there are.
+        schedule: is asked for members, and told the outcomes of episodes.
+        count: number of environments.
+        members: number of members.
 
     Attributes:
         member: int64 [count], the member of each environment.
-        learn: bool [count], whether the schedule gives it to be learned on.
+        learn: bool [count], True if the schedule wants the student to learn on it.
     """
 
     def __init__(self, schedule: object, count: int, members: int) -> None:
@@ -36,11 +36,11 @@ class Seats:
         self._rng = default_rng()
 
     def seed(self, rng: Generator) -> None:
-        """Draw from now on from this generator."""
+        """Sample from this generator from now on."""
         self._rng = rng
 
     def begin(self, mask: Bools) -> None:
-        """Episodes begin in the environments of a mask."""
+        """Ask the schedule for members for the environments of a mask, whose episodes begin."""
         places = np.flatnonzero(mask)
         if not len(places):
             return
@@ -53,7 +53,7 @@ class Seats:
         self.member[places], self.learn[places], self._returns[places] = members, batch.learn, 0.0
 
     def step(self, reward: Floats, over: Bools, success: Bools, steps: Ints) -> None:
-        """What a step of all environments brought; those that are over are told of."""
+        """Record a step of all environments, and tell the schedule the outcomes of those whose episodes are over."""
         self._returns += reward
         ended = np.flatnonzero(over)
         if len(ended):

@@ -1,4 +1,4 @@
-"""Sampling for learnability: members are sought out that the student solves now and then."""
+"""Sampling for learnability: search for members that the student solves sometimes, and play these more often."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from envgraph.env.schedules._protocol import Batch, Floats, Ints, Outcomes
 
 @dataclass(frozen=True, slots=True)
 class Sifting:
-    """Members that are sought out now and then (Rutherford et al. 2024).
+    """The settings of sampling for learnability (Rutherford et al. 2024).
 
     Attributes:
-        episodes: that are played on each candidate; None: its exact score is known without.
-        every: members that are played between two searches.
-        candidates: members that are looked at.
-        best: how many of these are kept until the next search.
-        share: of all members that are played, which is drawn from them.
+        episodes: number of episodes that score each candidate; None if exact scores are known.
+        every: number of members played between two searches.
+        candidates: number of members scored in a search.
+        best: number of candidates that are used until the next search.
+        share: share of the played members that is sampled from these.
     """
 
     episodes: int | None = 4
@@ -32,15 +32,15 @@ class Sifting:
 
 
 class Sifter:
-    """Draws a share of the members from those that were worth most at the last search, the others in random order.
+    """A schedule that samples a share of members from the best of the last search, and plays others in random order.
 
-    A candidate is worth p (1 - p) for the share p of its episodes that succeed. It is asked for once for each of them,
-    not to be learned on.
+    The score of a candidate is p (1 - p), where p is the share of its episodes that succeed. A search asks for each
+    candidate once for each episode, not to be learned on.
 
     Args:
         members: their numbers.
-        sifting: how they are sought out.
-        exact: gives the scores of members, which are not played then.
+        sifting: settings.
+        exact: returns exact scores of members, so that candidates need not be played.
     """
 
     def __init__(
@@ -50,13 +50,13 @@ class Sifter:
         assert (exact is None) == (self._how.episodes is not None), "scores come from episodes, or are exact"
         self._source, self._exact = Shuffled(members), exact
         self._best: Ints = np.zeros(0, np.int64)
-        self._owed = 0.0  # members of the best that are due by their share
+        self._owed = 0.0  # number of `_best` members still to be played for their share
         self._since = self._how.every
         self._queue: Ints = np.zeros(0, np.int64)
         self._found: dict[int, list[float]] = {}
 
     def ask(self, count: int, rng: Generator) -> Batch:
-        """Candidates, while there are some to be played; else members to learn on."""
+        """Return candidates of the current search to be scored, or else members to learn on."""
         if self._since >= self._how.every:
             self._search(rng)
         if len(self._queue):
@@ -70,7 +70,7 @@ class Sifter:
         return Batch(np.concatenate([sifted, self._source.draw(count - chosen, rng)]))
 
     def tell(self, outcomes: Outcomes) -> None:
-        """The episodes of candidates."""
+        """Record the episodes of candidates, and end the search when each has enough."""
         if not self._found:
             return
         for member, success in zip(outcomes.member.tolist(), outcomes.success.tolist(), strict=True):

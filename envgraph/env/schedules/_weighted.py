@@ -1,4 +1,4 @@
-"""Schedules that go by what is known of each member: how often the student succeeds there, and how that changes."""
+"""Schedules that sample members by weights, computed from the student's success rate on each member and its change."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ SLOW: Final = 0.05
 
 
 class Known:
-    """What is known of members: two running averages of success, which begin with the first that is told.
+    """The success rates of members as two running averages, which begin with the first outcome.
 
     Attributes:
-        fast, slow: float64 [members], the average that follows quickly, and the one that lags behind.
+        fast, slow: float64 [members], averages with a high and with a low weight of the last outcome.
     """
 
     def __init__(self, count: int) -> None:
@@ -29,7 +29,7 @@ class Known:
         self._told = np.zeros(count, np.bool_)
 
     def tell(self, outcomes: Outcomes) -> None:
-        """Take in what came of members."""
+        """Update the averages with outcomes."""
         for member, success in zip(outcomes.member.tolist(), outcomes.success.tolist(), strict=True):
             for average, rate in ((self.fast, FAST), (self.slow, SLOW)):
                 average[member] += (rate if self._told[member] else 1.0) * (success - average[member])
@@ -41,23 +41,24 @@ Weight = Callable[[Known], Floats]
 
 
 def learning_progress(known: Known) -> Floats:
-    """How much success is changing, up or down (Oudeyer et al. 2007, Matiisen et al. 2017).
+    """Return how much the success rate of each member changes, up or down (Oudeyer et al. 2007, Matiisen et al. 2017).
 
-    Measured by a fast and a slow average (Kanitscheider et al. 2021).
+    It is the distance of a fast and a slow average (Kanitscheider et al. 2021).
     """
     return np.asarray(np.abs(known.fast - known.slow))
 
 
 def learnability(known: Known) -> Floats:
-    """p (1 - p), from the running average of success (Tzannetos et al. 2023, Rutherford et al. 2024)."""
+    """Return p (1 - p) of the running success rate p (Tzannetos et al. 2023, Rutherford et al. 2024)."""
     return known.fast * (1.0 - known.fast)
 
 
 @dataclass(frozen=True, slots=True)
 class Band:
-    """Members whose success lies in a band, all alike; those nearest to it where there are none.
+    """A weight that is equal for members with a success rate in a band, and 0 for others.
 
-    The zone of proximal development, as Florensa et al. (2018) have goals of intermediate difficulty.
+    If no success rate is in the band, the weight is that of the nearest ones. This is the zone of proximal development;
+    compare the goals of intermediate difficulty of Florensa et al. (2018).
 
     Attributes:
         low, high: the band.
@@ -67,18 +68,18 @@ class Band:
     high: float = 0.9
 
     def __call__(self, known: Known) -> Floats:
-        """1 for those members, 0 for others."""
+        """Return 1 for members in or nearest to the band, 0 for others."""
         away = np.maximum(0.0, np.maximum(self.low - known.fast, known.fast - self.high))
         return np.asarray(away == away.min(), np.float64)
 
 
 class Weighted:
-    """Draws members in proportion to a weight, but for a share that is drawn uniformly; first each of them once.
+    """A schedule that samples members in proportion to a weight, after playing each member once.
 
     Args:
-        count: how many members there are.
-        weight: of what is known of them.
-        uniform: the share.
+        count: number of members.
+        weight: computes the weights from the success rates.
+        uniform: share of the probability that is the same for all members.
     """
 
     def __init__(self, count: int, weight: Weight, uniform: float = 0.2) -> None:
@@ -89,7 +90,7 @@ class Weighted:
         self._first: Ints | None = None
 
     def ask(self, count: int, rng: Generator) -> Batch:
-        """Members that nothing is known of, then others by their weights."""
+        """Return members that were never played, then members sampled by weight."""
         if self._first is None:
             self._first = rng.permutation(self._count)
         first, self._first = self._first[:count], self._first[count:]
@@ -97,11 +98,11 @@ class Weighted:
         return Batch(np.concatenate([first, drawn]))
 
     def tell(self, outcomes: Outcomes) -> None:
-        """What came of members."""
+        """Update the success rates."""
         self._known.tell(outcomes)
 
     def chances(self) -> Floats:
-        """The probability of each member."""
+        """Return the probability of each member."""
         weights = self._weight(self._known)
         total = weights.sum()
         share = weights / total if total > 0.0 else np.full(self._count, 1.0 / self._count)

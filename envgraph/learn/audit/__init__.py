@@ -1,8 +1,8 @@
-"""Scores of levels, audited: what they rank, teach and cost, beside exact regret and exact learnability.
+"""Audit scores of levels: how well they rank levels, teach students, and what they cost, compared with exact scores.
 
-`audit` runs students on levels that mutation rules make, one for each method and seed; `findings_of` says which claims
-stand. Methods, their parts and the claims are named in `METHODS` and `CONTRASTS`, before anything is run. The method is
-described in `docs/evidence.md`.
+`audit` runs students on levels that mutation rules make, one for each method and seed; `findings_of` decides which
+claims hold. Methods and claims are named in `METHODS` and `CONTRASTS`, before anything is run. The method is described
+in `docs/evidence.md`.
 """
 
 from typing import TYPE_CHECKING

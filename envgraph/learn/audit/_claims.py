@@ -1,4 +1,4 @@
-"""Which claims stand: contrasts that were named before the runs, with intervals, and a verdict for each."""
+"""Decide which claims hold: contrasts that were named before the runs, with intervals and a verdict for each."""
 
 from __future__ import annotations
 
@@ -27,19 +27,19 @@ POOLED: Final = "all domains"
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """What the runs say of a claim.
+    """The result of the runs for a claim.
 
     Attributes:
-        domain: where; or all of them together.
-        part: of what: the part of the ladder, or "rank".
-        claim: in words; it is that `value` is above 0.
-        method, other: what is compared; of a rank correlation the score, and "".
+        domain: its name, or "all domains".
+        part: the part of the ladder that the claim is about, or "rank".
+        claim: in words; it claims that `value` is above 0.
+        method, other: the methods that are compared; for a rank correlation the score, and "".
         value: mean difference of success on the held-out levels, paired by seeds; or a rank correlation.
         low, high: 95 % interval, over seeds and over levels.
-        improvement: probability that a run of the first is better than one of the second.
+        improvement: probability that a run of `method` is better than one of `other`.
         p_value: of `mean_test` over seeds and levels, as the interval, corrected for all claims together.
-        seeds: how many.
-        margin: an interval below it says that there is nothing to speak of.
+        seeds: number of seeds.
+        margin: a claim fails if its whole interval is below it, since the effect is too small to matter.
     """
 
     domain: str
@@ -57,7 +57,7 @@ class Finding:
 
     @property
     def verdict(self) -> Verdict:
-        """Stands, if the value is above 0 beyond chance; fails, if it is below 0, or too small to speak of."""
+        """Return "stands" if the value is significantly above 0, "fails" if below 0 or too small, else "undecided"."""
         if self.seeds < FEWEST_UNITS:
             return "undecided"
         if self.p_value < SIGNIFICANT and self.value > 0.0:
@@ -71,7 +71,7 @@ class Finding:
 
 
 def findings_of(studies: Sequence[Study], contrasts: Sequence[Contrast] = CONTRASTS) -> list[Finding]:
-    """What holds of every claim whose methods were run, in each domain and in all together; p-values after Holm."""
+    """Return a finding for each claim whose methods were run, per domain and for all, with Holm's correction."""
     found = [one for study in studies for one in (*_contrasted([study], contrasts), *_ranked(study))]
     if len(studies) > 1:
         found += _contrasted(studies, contrasts)
@@ -82,7 +82,7 @@ def findings_of(studies: Sequence[Study], contrasts: Sequence[Contrast] = CONTRA
 def two_way_test(differences: Floats) -> tuple[float, float, float]:
     """Return low and high of the 95 % interval of the mean of differences [seeds, levels], and its p-value.
 
-    Both are about other seeds on other levels of the same generator; see `mean_test`.
+    Interval and p-value generalise to other seeds on other levels of the same generator; see `mean_test`.
     """
     return mean_test(float(differences.mean()), *_units(differences))
 
@@ -93,7 +93,7 @@ def _units(differences: Floats) -> list[Floats]:
 
 
 def paired(study: Study, method: str, other: str) -> Floats | None:
-    """Differences of success on the held-out levels [seeds, levels], for the seeds that both have; None below two."""
+    """Return differences of success on held-out levels [seeds, levels] for common seeds; None if fewer than two."""
     first, second = study.of(method), study.of(other)
     seeds = sorted(first.keys() & second.keys())
     if len(seeds) < 2:
@@ -105,7 +105,7 @@ def paired(study: Study, method: str, other: str) -> Floats | None:
 
 
 def _contrasted(studies: Sequence[Study], contrasts: Sequence[Contrast]) -> list[Finding]:
-    """Test contrasts in a domain, or in several of equal weight; claims are about these domains, not others."""
+    """Test contrasts in a domain, or in several of equal weight. The claims are about these domains only."""
     found = []
     for one in contrasts:
         every = [paired(study, one.method, one.other) for study in studies]
@@ -135,7 +135,7 @@ def _finding(
 
 
 def rank_values(study: Study, score: str, column: str, rollouts: int = SHOWN_ROLLOUTS) -> list[float]:
-    """A number of `Ranking` of each probed student, mean over the points of its training."""
+    """Return a column of `Ranking` for each probed student, averaged over the points of its training."""
     found = []
     for run in study.runs:
         values = [
@@ -147,7 +147,7 @@ def rank_values(study: Study, score: str, column: str, rollouts: int = SHOWN_ROL
 
 
 def _ranked(study: Study) -> list[Finding]:
-    """Whether scores rank levels by their regret: the solvable ones alone, since an unsolvable level has none."""
+    """Test if scores rank solvable levels by their regret. Unsolvable levels have no regret and are left out."""
     found = []
     for score in PROBED:
         values = np.array(rank_values(study, score, "regret_solvable"))

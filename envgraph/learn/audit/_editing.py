@@ -1,4 +1,4 @@
-"""Levels made of others by the mutation rules: the editor of ACCEL (Parker-Holder et al. 2022)."""
+"""Make new levels by applying mutation rules to others: the editor of ACCEL (Parker-Holder et al. 2022)."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ EDITS: Final = (1, 5)
 
 
 class Editor:
-    """Makes new levels of some, as versions of the model; they are valid, and none is a level of the tests.
+    """A function that makes new valid levels from others, as versions of the model. No new level is a test level.
 
-    A level for training is made once more by the numbers that it was drawn from when it is first edited. A student does
-    not see what no level for training has.
+    The model of a training level is made again from its number when it is first edited. Features that occur in no
+    training level are hidden from the student.
 
     Args:
         domain: has the mutation rules and the constraints.
@@ -47,7 +47,7 @@ class Editor:
             self._maker.new()
 
     def __call__(self, parents: NDArray[np.int64], rng: Generator) -> NDArray[np.int64]:
-        """A child of each level, or that itself where no edit makes a new one."""
+        """Return the number of a new child of each parent, or the parent's own number if no edit makes a new level."""
         made: list[Level] = []
         before, found = len(self.levels.plan), parents.copy()
         for place, parent in enumerate(parents.tolist()):

@@ -1,4 +1,4 @@
-"""Features of the states of a level: what a student sees."""
+"""Compute the features of the states of a level: the inputs of a student."""
 
 from __future__ import annotations
 
@@ -26,21 +26,21 @@ objects, with what reads their keys."""
 
 
 class StateFeatures:
-    """Features of the states of a level, each of which holds or not: what a student sees.
+    """The binary features of the states of a level: the inputs of a student.
 
-    For an object that the environment observes they are the rows, without their first value, that the patterns of
-    `sees` have with it in the initial model of the level; of an object for which no pattern is named, it is which one
-    it is. Every other observed value but the first of its range is a feature of its own. The rows of the patterns of
-    `knows` hold in all states of the level.
+    For an object that the environment observes, its features are the rows of the patterns `sees` that begin with it, in
+    the initial model of the level, without their first value. If no pattern of `sees` is about its class, the object
+    itself is the feature. Every other observed value except the first of its range is a feature. The rows of the
+    patterns `knows` are features of all states of the level.
 
     Args:
         domain: of the levels.
-        engine: its model is a level, whenever it is asked.
+        engine: holds the model of a level at each call.
         keys: the indices of objects.
         settings: has the patterns.
 
     Attributes:
-        numbers: of all features that were seen.
+        numbers: the number of each feature that has occurred.
     """
 
     def __init__(self, domain: Domain, engine: Engine, keys: KeyIndex, settings: AuditSettings) -> None:
@@ -51,7 +51,7 @@ class StateFeatures:
         self.numbers: dict[Feature, int] = {}
 
     def of(self, tabular: Tabular) -> list[list[int]]:
-        """The features of each state of the present model's table."""
+        """Return the numbers of the features of each state of a table of the engine's model."""
         values = _decoded(tabular)
         known = [self._number(name, row) for name, rows in self._rows(self._knows) for row in rows]
         around: dict[Value, list[tuple[str, tuple[Value, ...]]]] = {}
@@ -86,7 +86,7 @@ class StateFeatures:
             yield name, [_renamed(row, objects) for row in rows] if objects else [*map(tuple, rows)]
 
     def _view(self, name: str, first: int) -> _View:
-        """A pattern; objects in its rows, from the first place on, are named by their keys, the same in all levels."""
+        """Prepare a pattern; objects in its rows from position `first` on are named by their keys."""
         library = self._engine.library
         qualified = (library.resolve(name) or library.get(name)).qualified_name
         types = library.parameter_types(qualified)
@@ -118,7 +118,7 @@ def _renamed(row: Sequence[Value], objects: Sequence[tuple[int, Callable[[int], 
 
 
 def _components(domain: Domain, engine: Engine, keys: KeyIndex) -> Iterator[str | None]:
-    """Of each component of an observation the class of the objects that it is an index of, or None."""
+    """Yield for each component of an observation the class of the objects that it indexes, or None."""
     behaviour = domain.behaviour
     assert behaviour is not None, "the settings were checked"
     for one in behaviour.observations:
@@ -128,7 +128,7 @@ def _components(domain: Domain, engine: Engine, keys: KeyIndex) -> Iterator[str 
 
 
 def _decoded(tabular: Tabular) -> NDArray[np.int64]:
-    """The components of the observation of each state [states, components]."""
+    """Return the components of the observation of each state [states, components]."""
     rest, columns = tabular.observation, []
     for size in tabular.observation_shape:
         columns.append(rest % size)

@@ -1,4 +1,4 @@
-"""The levels of an audit: what the mutation rules make of the initial model, as tables, with what a student sees."""
+"""Make the levels of an audit: mutations of the initial model, as tables, with the features that a student sees."""
 
 from __future__ import annotations
 
@@ -36,17 +36,17 @@ Progress = Callable[[int, int], None]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AuditLevels:
-    """All levels of an audit; no two are the same model.
+    """All levels of an audit. No two levels are the same model.
 
     Attributes:
         tables: of the levels.
-        optimum: float64 [levels], the greatest discounted return within the limit.
-        plan: int64 [levels], fewest steps to a success, 0 where there are none within the limit.
-        training, probed, held_out, hard: int64, which levels they are: any for training and probing, solvable ones to
-            be tested on, and solvable ones with long plans.
-        drawn: how many models were drawn; the others were the same as one before, or not valid.
-        numbers: int64 [levels], from which number each was drawn.
-        features: what the inputs of a student stand for, in their order.
+        optimum: float64 [levels], the greatest discounted return within the step limit.
+        plan: int64 [levels], fewest steps to a success, 0 if there is none within the limit.
+        training, probed, held_out, hard: int64, numbers of the levels: any levels for training and probing; solvable
+            ones, and solvable ones with long plans, to test students on.
+        drawn: number of models drawn, including those that were not valid or the same as an earlier one.
+        numbers: int64 [levels], the number that seeds the drawing of each level.
+        features: the features that the inputs of a student stand for, in order.
     """
 
     tables: LevelTables
@@ -62,11 +62,11 @@ class AuditLevels:
 
     @property
     def solvable(self) -> NDArray[np.bool_]:
-        """Of each level, whether an episode can end in success."""
+        """Return bool [levels]: True if an episode can end in success."""
         return self.plan > 0
 
     def save(self, path: Path) -> None:
-        """Write a file, as a whole or not at all."""
+        """Write the levels to a file atomically."""
         tables = self.tables
         names = (
             "first",
@@ -89,10 +89,10 @@ class AuditLevels:
 
     @classmethod
     def load(cls, path: Path) -> AuditLevels:
-        """Read a file.
+        """Read the levels from a file.
 
         Raises:
-            InvalidArgument: it cannot be read as such a file.
+            InvalidArgument: the file cannot be read, or has another form.
         """
         try:
             with np.load(path, allow_pickle=False) as file:
@@ -122,11 +122,11 @@ class Level:
 
 
 class Maker:
-    """Draws levels, each from numbers of its own, so that a level is the same however many there are.
+    """A generator of levels. Each level depends only on its number, not on how many levels are drawn.
 
     Attributes:
-        engine: its model is the level that was made last.
-        features: what is seen of the states of a level.
+        engine: holds the model of the level that was made last.
+        features: of the states of levels.
     """
 
     def __init__(self, domain: Domain, settings: AuditSettings) -> None:
@@ -144,22 +144,22 @@ class Maker:
         self._hashes: set[int] = set()
 
     def draw(self, number: int) -> tuple[Tabular, int] | None:
-        """The table of a number's level and its shortest plan; None if it is no level, or one that there was before."""
+        """Return the table of a number's level and its shortest plan; None if the level is not valid or not new."""
         return self.taken() if self.varied(number) else None
 
     def varied(self, number: int) -> bool:
-        """Make a number's level of the initial model; False if it is none."""
+        """Make the level of a number from the initial model. Return False if no valid level is found."""
         self.engine.checkout(self._origin, discard=True)
         rng = default_rng(SeedSequence(self._domain.spec.seed, spawn_key=(number,)))
         return self.vary(rng, self._bounds)
 
     def vary(self, rng: Generator, bounds: tuple[int, int]) -> bool:
-        """Apply some mutation rules to the present model; False, and it is as before, where that makes no level."""
+        """Apply mutation rules, from `bounds[0]` to `bounds[1]`. Return False, and restore the model, on failure."""
         variation = self._variation
         return variation.attempts(rng, lambda rng: variation.several(rng, bounds)) is not None
 
     def taken(self) -> tuple[Tabular, int] | None:
-        """The table of the present model and its shortest plan; None if there was the same before."""
+        """Return the table and shortest plan (0 for none) of the current model; None if the model is not new."""
         if not self.new():
             return None
         tabular = self._tables.table(self.engine, self._keys)
@@ -167,14 +167,14 @@ class Maker:
         return tabular, int(steps) if steps <= min(tabular.n_states, self._settings.policy.limit) else 0
 
     def new(self) -> bool:
-        """Whether the present model is another one than all that were asked for before."""
+        """Return True if the current model differs from all models that this method was called with before."""
         found = self.engine.model.state_hash()
         known = found in self._hashes
         self._hashes.add(found)
         return not known
 
     def keep(self, tabular: Tabular, plan: int) -> Level:
-        """The level that was drawn last, with all that is asked of it."""
+        """Return the level of the current model, with its features and its optimum."""
         policy, scale = self._settings.policy, self._settings.scale
         optimum = optimal_return(tabular, policy.limit, discount=policy.discount) * scale
         return Level(tabular, self.features.of(tabular), plan, optimum)
@@ -218,12 +218,12 @@ def make_levels(
 
 
 class _Groups:
-    """What levels are for, filled one group after the other.
+    """The groups of levels of an audit, filled one after the other.
 
     Attributes:
-        places: the levels of each group.
-        plans: the shortest plan of each level that was kept.
-        total: levels that are wanted in all.
+        places: numbers of the levels of each group.
+        plans: the shortest plan of each level that was added.
+        total: number of levels needed in all.
     """
 
     def __init__(self, settings: AuditSettings) -> None:
@@ -240,11 +240,11 @@ class _Groups:
 
     @property
     def full(self) -> bool:
-        """Whether nothing is wanted any more."""
+        """Return True if all groups are full."""
         return len(self.plans) == self.total
 
     def wants(self, plan: int) -> list[int] | None:
-        """The group that a level with such a plan goes into; None if it has no use."""
+        """Return the group for a level with a shortest plan of `plan` steps (0: unsolvable); None if not needed."""
         name = next(name for name, size in self._sizes.items() if len(self.places[name]) < size)
         if name in ("held_out", "hard") and not plan:
             return None
@@ -266,6 +266,6 @@ def _too_few(groups: _Groups, domain: Domain) -> EvaluationError:
 
 
 def joined(levels: Sequence[Level], inputs: int, scale: float, width: int = 1) -> LevelTables:
-    """The tables of all levels, one after the other."""
+    """Return one table of all levels, in order."""
     tables, seen = [level.tabular for level in levels], [level.seen for level in levels]
     return LevelTables.of(tables, seen, inputs=inputs, scale=scale, width=width)

@@ -1,4 +1,4 @@
-"""What is compared: ways to choose the levels that a student learns on, each made of the same few parts."""
+"""The methods that an audit compares: ways to choose the levels that a student learns on, built from the same parts."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ class Method:
     """A way to choose levels.
 
     Attributes:
-        name: as it is shown.
-        score: of levels, by which they are chosen.
-        choice: how; None: levels are drawn at random.
-        solvable: whether the generator gives solvable levels alone.
-        counted: whether the steps of episodes count that are played for the score alone.
-        edited: whether levels that were replayed are edited (`Editor`), and the results offered to the buffer.
-        decisive: whether it has all seeds; it takes part in a claim about what teaches.
+        name: as shown.
+        score: of levels, by which they are chosen; None for random choice.
+        choice: settings of the schedule; None to draw levels at random.
+        solvable: True to draw only solvable levels.
+        counted: True to count the steps of episodes that are played only to score levels.
+        edited: True to edit levels that were replayed (`Editor`), and offer the results to the buffer.
+        decisive: True to run it with all seeds, since it takes part in a main claim about teaching.
     """
 
     name: str
@@ -70,12 +70,12 @@ EDITING: Final = (
 
 @dataclass(frozen=True, slots=True)
 class Contrast:
-    """What is claimed of two methods, before anything is run.
+    """A claim about two methods, made before anything is run.
 
     Attributes:
         claim: in words.
-        part: of the ladder from domain randomisation to exact scores: what the difference is due to.
-        method, other: names of methods; the claim is that the first succeeds more often.
+        part: the step from domain randomisation to exact scores that the difference is due to.
+        method, other: names of methods; the claim is that `method` succeeds more often.
     """
 
     claim: str

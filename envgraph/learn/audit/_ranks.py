@@ -1,4 +1,4 @@
-"""What a score ranks: rank correlations with what is exact, and what its highest values are."""
+"""Evaluate how scores rank levels: rank correlations with exact values, and properties of the highest-ranked levels."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ TOP = 0.1
 
 
 def midranks(values: Floats) -> Floats:
-    """The rank of each value from 1; equal ones share the mean of theirs.
+    """Return the rank of each value from 1; equal values share the mean of their ranks.
 
     >>> midranks(np.array([3.0, 1.0, 3.0])).tolist()
     [2.5, 1.0, 2.5]
@@ -28,7 +28,7 @@ def midranks(values: Floats) -> Floats:
 
 
 def rank_correlation(values: Floats, others: Floats) -> float:
-    """Spearman's correlation, of midranks (Spearman 1904); 0 where all values of one side are equal.
+    """Return Spearman's correlation of midranks (Spearman 1904); 0 if all values of one side are equal.
 
     >>> rank_correlation(np.array([1.0, 2.0, 3.0]), np.array([1.0, 4.0, 9.0]))
     1.0
@@ -40,7 +40,7 @@ def rank_correlation(values: Floats, others: Floats) -> float:
 
 
 def level_parts(values: Floats, others: Floats) -> Floats:
-    """Return the jackknife pseudo-values of a rank correlation over groups of levels, 20 or as many as levels [groups].
+    """Return jackknife pseudo-values of a rank correlation over at most 20 groups of levels [groups].
 
     With g groups, the value of a group is g times the correlation minus g - 1 times the correlation without the group
     (Tukey 1958). The variance of their mean estimates that of the correlation over samples of levels.
@@ -55,16 +55,16 @@ def level_parts(values: Floats, others: Floats) -> Floats:
 
 @dataclass(frozen=True, slots=True)
 class Ranking:
-    """What a score makes of levels beside what is exact.
+    """A comparison of how a score ranks levels with exact values.
 
     Attributes:
-        regret: rank correlation with exact regret over all levels; unsolvable ones have none, and make much of it.
-        regret_solvable: over solvable levels alone.
-        learnability, success: rank correlation with these, over all levels.
-        unsolvable, mastered, hopeless: shares of the highest tenth; hopeless are solvable ones.
-        capture: mean exact regret of the highest tenth, divided by that of the tenth with the highest regret.
-        repeat: rank correlation with a second estimate by other episodes, over all levels; its root is the greatest
-            correlation with anything that noise allows (Spearman 1904).
+        regret: rank correlation with exact regret over all levels; influenced by unsolvable levels, whose regret is 0.
+        regret_solvable: rank correlation with exact regret over solvable levels.
+        learnability, success: rank correlation with the exact values, over all levels.
+        unsolvable, mastered, hopeless: shares of the tenth of levels with the highest score; hopeless means solvable.
+        capture: mean exact regret of the tenth with the highest score, divided by that with the highest regret.
+        repeat: rank correlation with a second estimate from other episodes, over all levels; its square root is the
+            greatest correlation with anything that noise allows (Spearman 1904).
     """
 
     regret: float
@@ -81,12 +81,12 @@ class Ranking:
 def ranking(
     scores: Floats, again: Floats, regret: Floats, success: Floats, solvable: NDArray[np.bool_]
 ) -> Ranking:
-    """Compare a score, estimated twice, with what is exact.
+    """Compare a score, estimated twice, with exact values.
 
     Args:
-        scores, again: of each level.
-        regret, success: exact, of each level.
-        solvable: whether a level is.
+        scores, again: the two estimates, for each level.
+        regret, success: exact, for each level.
+        solvable: True for solvable levels.
     """
     count = max(1, round(TOP * len(scores)))
     top = np.argsort(-scores, kind="stable")[:count]

@@ -1,4 +1,4 @@
-"""A run of an audit: one student that learns by one method, and what is exact of it on other levels."""
+"""Run one student by one method, and evaluate it exactly on other levels."""
 
 from __future__ import annotations
 
@@ -36,21 +36,21 @@ _TOGETHER: Final = 8
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """What came of a run; everything is exact of the student's stochastic policy.
+    """The result of a run. All values are exact for the student's stochastic policy, unless said otherwise.
 
     Attributes:
-        method, seed: which run it is.
-        steps, updates: at each point of the curve: steps of the environment so far, with what scoring cost, and batches
-            that were learned on.
+        method, seed: identify the run.
+        steps, updates: at each point of the curve: environment steps so far, including those for scoring, and number
+            of batches that were learned on.
         curve: mean success on the held-out levels at these points.
         success: of each held-out level, at the end.
-        hard: of each hard level.
+        hard: success on each hard level, at the end.
         regret: mean over the held-out levels.
-        greedy: mean success of the likeliest actions on the held-out levels.
+        greedy: mean success of the greedy policy on the held-out levels.
         learned_solvable: share of the levels learned on that are solvable.
-        rankings: what scores rank, for students that are probed: one for each point, number of rollouts and score.
-        shown: at the middle of training, exact regret and success of the probed levels and what scores make of them
-            from 16 rollouts; of the first student that is probed.
+        rankings: a `Ranking` for each point, number of rollouts and score; empty for students that are not probed.
+        shown: for the first probed student, at the middle of training: exact regret and success of the probed levels,
+            and their scores from 16 rollouts.
         ranked_levels: for each score from 16 rollouts, the `level_parts` of its rank correlation with regret over
             solvable levels, averaged over the points of the curve; None for a student that is not probed.
     """
@@ -71,7 +71,7 @@ class Run:
 
     @property
     def final(self) -> float:
-        """Mean success on the held-out levels at the end."""
+        """Return the mean success on the held-out levels at the end."""
         return float(np.mean(self.success))
 
 
@@ -86,13 +86,14 @@ def run_method(
 ) -> Run:
     """Train a student by a method.
 
-    The first weights and what the student draws depend on the seed alone, so that runs of different methods are paired.
+    The initial weights and the student's random numbers depend only on the seed, so runs of different methods are
+    paired.
 
     Args:
-        levels: to learn and to be tested on.
+        levels: to train and test on.
         settings: of the audit.
         method: how levels are chosen.
-        seed: of everything.
+        seed: of all randomness.
         domain: of the levels, for methods that edit them.
         native: see `PolicyLearner`.
     """
@@ -121,7 +122,7 @@ def run_method(
             score = score_levels(method.score, levels, chosen, student, played, rng)
         schedule.tell(Outcomes(chosen, played.success, played.returns, played.length, score))
         if batch.episodes is not None:
-            continue  # a search is part of the batch that it is for
+            continue  # the episodes of a search belong to the next batch
         while len(curve) < POINTS and steps >= settings.steps * (len(curve) + 1) / POINTS:
             curve.append((steps, updates, float(student.evaluate(levels.held_out)[0].mean())))
             if method == METHODS[0] and seed < PROBING_SEEDS and len(curve) in PROBES:
@@ -151,7 +152,7 @@ def run_method(
 
 
 def schedule_of(method: Method, levels: AuditLevels, student: Student, edit: Edit | None = None) -> Schedule:
-    """What chooses levels as a method says; those for training are its members."""
+    """Return the schedule of a method, which chooses among the levels for training."""
     training = levels.training
     members = training[levels.solvable[training]] if method.solvable else training
     choice, score = method.choice, method.score
@@ -167,16 +168,18 @@ def schedule_of(method: Method, levels: AuditLevels, student: Student, edit: Edi
 def probe(
     levels: AuditLevels, student: PolicyLearner, seed: int, at: float
 ) -> tuple[list[dict[str, Any]], dict[str, list[float]]]:
-    """What scores rank, estimated twice from each number of rollouts, on levels that are not learned on.
+    """Compare scores with exact values on the probed levels, which are not learned on.
+
+    Each score is estimated twice from each number of rollouts.
 
     Args:
         levels: of the audit.
-        student: as it is now; it stays so.
+        student: in its current state; is not changed.
         seed: of the rollouts.
-        at: how much of the training is done, from 0 to 1.
+        at: progress of the training, from 0 to 1.
 
     Returns:
-        A mapping for each number of rollouts and score; and the exact values and scores by 16 rollouts of each level.
+        A mapping for each number of rollouts and score; and the exact values and scores from 16 rollouts of each level.
     """
     chosen = levels.probed
     success, _ = student.evaluate(chosen)
@@ -198,7 +201,7 @@ def probe(
 def _estimates(
     levels: AuditLevels, student: PolicyLearner, rollouts: int, seed: int, at: float, again: int
 ) -> dict[str, Any]:
-    """Every score of the probed levels, all from the same episodes."""
+    """Return every score of the probed levels, all from the same episodes."""
     key = (_PROBE, seed, rollouts, round(at * POINTS), again)
     rng = default_rng(SeedSequence(seed, spawn_key=key))
     twin = student.twin(int(rng.integers(2**31)))

@@ -1,4 +1,4 @@
-"""What scores make of levels that a student has played."""
+"""Compute scores of levels that a student has played."""
 
 from __future__ import annotations
 
@@ -17,24 +17,24 @@ Floats = NDArray[np.float64]
 
 
 class Student(Protocol):
-    """What exact scores ask of a student."""
+    """A student whose success and return can be computed exactly."""
 
     def evaluate(self, chosen: Ints) -> tuple[Floats, Floats]:
-        """The exact success probability and return on levels."""
+        """Return the exact success probability and return on levels."""
 
 
 def score_levels(
     score: Score, levels: AuditLevels, chosen: Ints, student: Student, played: Played, rng: Generator
 ) -> Floats:
-    """What a score makes of levels that a student has played; higher is more worth learning on.
+    """Return a score of each level that a student has played. Higher means more useful to learn on.
 
     Args:
-        score: which.
+        score: its name.
         levels: of the audit.
         chosen: the levels that were played.
-        student: is asked where a score is exact.
-        played: what was found while they were played.
-        rng: draws random scores.
+        student: is evaluated if the score is exact.
+        played: statistics of the episodes.
+        rng: samples random scores.
     """
     match score:
         case "random":
@@ -54,7 +54,7 @@ def score_levels(
 
 
 def exact_scores(score: Score, levels: AuditLevels, chosen: Ints, student: Student) -> Floats:
-    """Exact regret (0 where nothing can be won) or exact learnability of levels."""
+    """Return the exact regret (0 for unsolvable levels) or the exact learnability of levels."""
     success, value = student.evaluate(chosen)
     if score == "exact learnability":
         return success * (1.0 - success)

@@ -1,4 +1,4 @@
-"""What `[audit]` of a family file says."""
+"""Parse and check the section `[audit]` of a family file."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ MOST_LEVELS: Final = 100_000
 
 @dataclass(frozen=True, slots=True)
 class AuditSettings:
-    """An audit, without its methods.
+    """The settings of an audit, except its methods.
 
     Attributes:
-        sees: patterns whose first parameter is an object that the environment observes; the other values of their rows
-            are what a student sees of it.
-        knows: patterns whose rows a student knows of the level, wherever it is.
-        levels: for training.
-        held_out: solvable levels that students are tested on; half as many again are hard ones.
-        probed: levels that scores are asked of.
-        steps: of the environment, of each student, all that it costs to score levels included.
-        seeds: of the decisive methods; others have `controls`.
-        controls: see `seeds`.
-        scale: rewards are multiplied by it for the student, which learns best from returns of about 1.
-        policy: how students learn.
+        sees: patterns whose first parameter is an object that the environment observes; a student sees the other values
+            of their rows.
+        knows: patterns whose rows a student sees in all states of a level.
+        levels: number of levels for training.
+        held_out: number of solvable levels that students are tested on; half as many hard levels are added.
+        probed: number of levels that scores are evaluated on.
+        steps: environment steps of each student, including those for scoring levels.
+        seeds: number of seeds of decisive methods.
+        controls: number of seeds of other methods.
+        scale: factor for the rewards of the student, which learns best from returns of about 1.
+        policy: settings of the students.
     """
 
     sees: tuple[str, ...]
@@ -46,7 +46,7 @@ class AuditSettings:
 
 
 def audit_problems(spec: FamilySpec, workspace: Workspace) -> list[Diagnostic]:
-    """What is wrong with the `[audit]` of a family whose files have no other errors; nothing where there is none."""
+    """Return the errors in the `[audit]` of a family whose files have no other errors; [] without `[audit]`."""
     if spec.audit is None:
         return []
     try:
@@ -57,10 +57,10 @@ def audit_problems(spec: FamilySpec, workspace: Workspace) -> list[Diagnostic]:
 
 
 def audit_settings(domain: Domain) -> AuditSettings:
-    """The settings of a domain's family file.
+    """Return the audit settings of a domain's family file.
 
     Raises:
-        LoadError: it has no `[audit]`, no environment or no end of episodes, or something in `[audit]` makes no sense.
+        LoadError: the file has no `[audit]`, no environment or no end of episodes, or an error in `[audit]`.
     """
     spec = domain.spec
     top = spec.source.span(0, 0) if spec.source else None
@@ -112,7 +112,7 @@ def audit_settings(domain: Domain) -> AuditSettings:
 def _wrong_patterns(
     domain: Domain, spec: ComponentSpec, key: str, names: list[str], *, anchored: bool
 ) -> list[Diagnostic]:
-    """Patterns that are unknown, or whose rows are nothing that a student could see."""
+    """Return errors for patterns that are unknown, or whose rows a student cannot see."""
     registration = domain.workspace.registration
     assert registration is not None, "the files have no errors"
     library, problems = registration.library, list[Diagnostic]()

@@ -1,4 +1,4 @@
-"""An audit: all runs of all methods, kept one by one, so that an audit that was interrupted goes on."""
+"""Run an audit: all runs of all methods. Each result is stored as it ends, so an interrupted audit can be continued."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Study:
         name: of the domain.
         levels: that students learned on and were tested on.
         settings: of the audit.
-        runs: method by method in the order of `METHODS`, and by seed.
+        runs: by method in the order of `METHODS`, then by seed.
     """
 
     name: str
@@ -48,12 +48,12 @@ class Study:
     runs: tuple[Run, ...]
 
     def of(self, method: str) -> dict[int, Run]:
-        """The runs of a method by their seeds."""
+        """Return the runs of a method by their seeds."""
         return {run.seed: run for run in self.runs if run.method == method}
 
     @property
     def methods(self) -> list[str]:
-        """Those that were run, in their order."""
+        """Return the names of the methods that were run, in order."""
         return list(dict.fromkeys(run.method for run in self.runs))
 
 
@@ -67,15 +67,15 @@ def audit(
     force: bool = False,
     progress: Progress = lambda done, total, what: None,
 ) -> Study:
-    """Run an audit, or go on with it: a run whose result stands in the directory is not run again.
+    """Run an audit, or continue it: a run whose result is in the directory is not repeated.
 
     Args:
         domain: of the levels.
         settings: of the audit.
-        directory: where levels and results are kept; it is made where it is missing.
+        directory: for levels and results; created if it does not exist.
         methods: some of `METHODS` and `EDITING`.
-        workers: how many runs at a time; changes no result.
-        force: begin anew where the directory has another audit.
+        workers: number of runs at a time; does not change results.
+        force: True to replace another audit in the directory.
         progress: see `Progress`.
 
     Raises:
@@ -113,10 +113,10 @@ def _check_solvable(levels: AuditLevels, domain: Domain, settings: AuditSettings
 
 
 def read_run(path: Path) -> Run:
-    """The result of a run.
+    """Read the result of a run.
 
     Raises:
-        InvalidArgument: it cannot be read as such.
+        InvalidArgument: the file cannot be read, or has another form.
     """
     try:
         data: dict[str, Any] = json.loads(path.read_text("utf-8"))
@@ -130,7 +130,7 @@ def read_run(path: Path) -> Run:
 
 
 def _planned(settings: AuditSettings, methods: Sequence[Method]) -> Iterator[tuple[Method, int]]:
-    """Seed by seed, so that an audit that is stopped has as many of each method."""
+    """Yield all runs, seed by seed, so that an audit that is stopped has equally many of each method."""
     for seed in range(max(settings.seeds, settings.controls)):
         for method in methods:
             if seed < (settings.seeds if method.decisive else min(settings.seeds, settings.controls)):
@@ -144,7 +144,7 @@ def _finished(
     workers: int,
     source: _Source,
 ) -> Iterator[int]:
-    """Runs what is missing, and counts."""
+    """Do the missing runs, and yield the number of finished ones after each."""
     place = str(directory)
     tasks = [(place, settings, *one, source) for one in missing]
     hint = f"finished students are kept in {directory}; run `audit` again with fewer `workers`"
@@ -153,7 +153,7 @@ def _finished(
 
 
 def _work(directory: str, settings: AuditSettings, method: Method, seed: int, source: _Source) -> None:
-    """One run, and its result in a file."""
+    """Do one run, and write its result to a file."""
     domain = Domain.from_bundle(source[0], overrides=source[1]) if method.edited else None
     run = run_method(_levels(directory), settings, method, seed, domain=domain)
     path = _file(Path(directory), method, seed)
@@ -172,7 +172,7 @@ def _file(directory: Path, method: Method, seed: int) -> Path:
 
 
 def _about(domain: Domain, settings: AuditSettings) -> dict[str, Any]:
-    """What all runs depend on: the texts, and the settings but for the number of seeds."""
+    """Return the data that all runs depend on: the texts, and the settings except the number of seeds."""
     texts = sorted(text for name, text in domain.workspace.sources.items() if name != domain.spec.path)
     rules = [str(rule) for rule in domain.spec.mutation.rules], domain.spec.mutation.initial_applications
     counted = {name: value for name, value in asdict(settings).items() if name not in ("seeds", "controls")}
@@ -188,7 +188,7 @@ def _about(domain: Domain, settings: AuditSettings) -> dict[str, Any]:
 
 
 def _claim(directory: Path, about: dict[str, Any], force: bool) -> None:
-    """See that a directory has this audit, or none."""
+    """Raise `InvalidArgument` if a directory has another audit and not `force`; else mark it as that of this audit."""
     path = directory / "audit.json"
     if path.exists():
         try:

@@ -1,4 +1,4 @@
-"""What an audit found, as rows for CSV files, the terminal and the page."""
+"""Summarise an audit as rows for CSV files, the terminal and the page."""
 
 from __future__ import annotations
 
@@ -25,21 +25,21 @@ BASE: Final = METHODS[0].name
 
 @dataclass(frozen=True, slots=True)
 class Summary:
-    """All runs of a method in a domain; success is exact, on levels that nobody learned on.
+    """Statistics of all runs of a method in a domain. Success is exact, on levels that no student has learned on.
 
     Attributes:
-        domain, method, seeds: which runs they are.
+        domain, method, seeds: the runs: their domain and method, and the number of seeds.
         success: mean over seeds and held-out levels.
-        low, high: interval at 95 % over seeds; the value itself for a single seed.
+        low, high: 95 % interval over seeds; the value itself for a single seed.
         gain, gain_low, gain_high: mean paired difference to domain randomisation, with its interval over seeds and
-            levels; 0 for that itself.
+            levels; 0 for domain randomisation itself.
         improvement: probability that a run is better than one of domain randomisation with one of the same seeds.
         hard: mean success on the hard levels.
         worst: mean of the worst 30 % of the held-out levels (CVaR, by the mean success over seeds of each level).
         regret: mean exact regret on the held-out levels.
-        greedy: mean success of the likeliest actions.
+        greedy: mean success of the greedy policy.
         updates: mean number of batches that were learned on.
-        at_equal_updates: mean paired difference to domain randomisation after as many updates.
+        at_equal_updates: mean paired difference to domain randomisation after equally many updates.
         learned_solvable: share of the levels learned on that are solvable.
     """
 
@@ -63,7 +63,7 @@ class Summary:
 
 
 def summaries(study: Study) -> list[Summary]:
-    """One summary a method, in their order."""
+    """Return a summary for each method, in order."""
     base = study.of(BASE)
     found = []
     for method in study.methods:

@@ -1,9 +1,9 @@
-"""What learners come to on tables: tabular Q-learning over a sequence of environments.
+"""Train learners on tables and in compiled programs: tabular Q-learning over a sequence of environments.
 
-`train_curriculum` trains one learner on tables, on plain lists or compiled; `train_program` trains it where there are
-too many states for these, and there `play_program` plays what a network says. `Learners` and `ProgramLearners` are
-many, which a search asks what they make of a family.
-`PolicyLearner` learns on many levels by what it sees of them, so that it knows what to do on others.
+`train_curriculum` trains one learner on tables, in a Python or a compiled loop. `train_program` trains it in a
+compiled program if there are too many states for tables, and `play_program` plays the policy of a network there.
+`Learners` and `ProgramLearners` train many learners at once, for searches that measure how well a family teaches.
+`PolicyLearner` learns on many levels from features of their states, so that its policy generalises to others.
 """
 
 from typing import TYPE_CHECKING

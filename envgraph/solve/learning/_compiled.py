@@ -1,4 +1,4 @@
-"""The loop of learners, compiled with numba. Imported only when it is used, because that takes its time."""
+"""The training loop, compiled with numba. Imported only when it is used, because importing numba is slow."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def learn(
     rows: NDArray[np.uint64],
     epsilons: NDArray[np.float64],
 ) -> tuple[NDArray[Any], ...]:
-    """A stage of learners side by side, see `_loop.learn`; the curve of each."""
+    """Train all learners for a stage, see `_loop.learn`, and return their learning curves."""
     points, n_step = np.array(stage.points, np.int64), stage.settings.n_step
     shape = len(values), len(points)
     curve = np.zeros(shape), *(np.zeros(shape, np.int64) for _ in range(2))
@@ -51,7 +51,7 @@ def learn(
 
 
 def run_stage(table: Table, stage: Stage, q: NDArray[np.float64], rng: np.random.Generator) -> StageOutcome:
-    """Train on a table; `q` [observations, actions] is changed in place."""
+    """Train one learner on a table; `q` [observations, actions] is changed in place."""
     if not isinstance(rng.bit_generator, np.random.PCG64):
         message = (
             "backend 'numba' draws from NumPy's PCG64: make the generator with `numpy.random.default_rng`"

@@ -1,4 +1,4 @@
-"""Learners side by side, which are asked what they make of a family."""
+"""Train many learners in the same way, to measure how well a family teaches."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ EPISODES = 16
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Judgement:
-    """How learners do on the target, an entry for each.
+    """The results of learners on the target, with an entry for each learner.
 
     Attributes:
-        scores: float64, mean over episodes: 1 where one succeeds, else a quarter of the share of the way that it came,
-            where distances are known.
+        scores: float64, mean over episodes: 1 for a success, else a quarter of the share of the distance to success
+            that the learner came closer; 0 for other episodes in programs, where distances are unknown.
         successes: float64, share of the episodes that succeed.
     """
 
@@ -37,16 +37,16 @@ class Judgement:
 
 
 class Learners:
-    """Trains learners alike, each with a stream of numbers of its own, and lets them play a target.
+    """A trainer of many learners, each with its own random stream, that then play a target.
 
     A learner does what `train_curriculum` does with `numpy.random.Generator(PCG64(..))` over its stream, bit for bit.
 
     Args:
-        settings: how they learn; `steps_per_environment` is that of `judge`.
-        target: what they play at the end. It agrees in observations and actions with all that they are trained on.
+        settings: of the learners, except that `judge` has an argument for `steps_per_environment`.
+        target: to play at the end. It must agree in observations and actions with all training environments.
 
     Raises:
-        InvalidArgument: numba, which they need, is not installed.
+        InvalidArgument: numba is not installed.
     """
 
     def __init__(self, settings: TrainingSettings, target: Tabular) -> None:
@@ -57,11 +57,11 @@ class Learners:
         self._episodes = 1 if target.deterministic and len(target.start_states) == 1 else EPISODES
 
     def judge(self, tables: Sequence[Table], streams: NDArray[np.uint64], steps: int) -> Judgement:
-        """Train on each of the tables in their order, then play the target greedily.
+        """Train learners on each of the tables in order, then play the target greedily.
 
         Args:
             tables: of a curriculum.
-            streams: uint64 [learners, 4], see `envgraph.env.compiled.streams`; left as they are.
+            streams: uint64 [learners, 4], see `envgraph.env.compiled.streams`; not changed.
             steps: on each table.
         """
         from envgraph.solve.learning._compiled import learn, run
@@ -93,16 +93,16 @@ class Learners:
 
 
 class ProgramLearners:
-    """Trains learners alike in compiled programs, for environments with too many states for tables.
+    """A trainer of many learners in compiled programs, for environments with too many states for tables.
 
     A learner does what `train_program` does with `numpy.random.Generator(PCG64(..))` over its stream, bit for bit.
 
     Args:
-        settings: how they learn; `steps_per_environment` is that of `judge`.
-        target: what they play at the end. It agrees in observations and actions with all that they are trained on.
+        settings: of the learners, except that `judge` has an argument for `steps_per_environment`.
+        target: to play at the end. It must agree in observations and actions with all training environments.
 
     Raises:
-        InvalidArgument: numba, without which this takes too long, is not installed.
+        InvalidArgument: numba is not installed, without which training is too slow.
     """
 
     def __init__(self, settings: TrainingSettings, target: InProgram) -> None:
@@ -110,7 +110,7 @@ class ProgramLearners:
         self._settings, self._target = settings, target
 
     def judge(self, places: Sequence[InProgram], streams: NDArray[np.uint64], steps: int) -> Judgement:
-        """Train in each of the environments in their order, then play the target greedily.
+        """Train learners in each of the environments in order, then play the target greedily.
 
         Args:
             places: the environments of a curriculum.
@@ -118,7 +118,7 @@ class ProgramLearners:
             steps: on each of them.
 
         Raises:
-            EvaluationError: something has no value in a state, or a rule cannot be applied.
+            EvaluationError: an expression has no value in a state, or a rule cannot be applied.
         """
         settings, target, found = self._settings, self._target, np.empty(len(streams))
         rng = np.random.Generator(np.random.PCG64(0))

@@ -1,7 +1,8 @@
-"""Temporal-difference learning of learners side by side, each as on lists (`_q_learning`, `_on_lists`), bit for bit.
+"""Temporal-difference learning of many learners, equal to that on lists (`_q_learning`, `_on_lists`) bit for bit.
 
-The text of these functions stands behind those of `kernels` of compiled environments, which draws the numbers, NumPy's
-PCG64, and of `_values`. Nothing may be reordered without the loop on lists, and each expression is as it stands there.
+The text of these functions is compiled behind those of `kernels` of compiled environments, which samples random
+numbers with NumPy's PCG64, and of `_values`. The order of operations and each expression must be the same as in the
+loops on lists.
 """
 
 # ruff: noqa: F821
@@ -11,7 +12,7 @@ Q_LEARNING, SARSA, DOUBLE = 0, 1, 3
 
 
 def value_after(row, actions, epsilon, side):
-    """The value of what follows; double Q-learning asks one side what is best, and the other how good that is."""
+    """Return the value of the next observation. In double Q-learning one side picks the action, the other rates it."""
     if AGENT == Q_LEARNING:
         return best_of(row, actions)
     if AGENT == DOUBLE:
@@ -20,7 +21,7 @@ def value_after(row, actions, epsilon, side):
 
 
 def move(q, waiting, first, end, rate, discount, value):
-    """Move the value of the first step that waits towards the rewards up to the last one and the value after that."""
+    """Update the value of the first waiting step towards the waiting steps' rewards plus a discounted `value`."""
     seen, column, earned = waiting
     for step in range(end - 1, first - 1, -1):
         value = earned[step % N_STEP] + discount * value
@@ -36,18 +37,18 @@ def drawn_place(cumulative, first, draw):
 
 
 def learn(arrays, values, rows, epsilons, factors, limit, points, waiting, curve):
-    """One stage of each learner.
+    """Train each learner for a stage.
 
     Args:
         arrays: see `Table.arrays`.
         values: float64 [learners, observations, actions], or twice as many actions; changed.
-        rows: uint64 [learners, 4], their streams, advanced.
+        rows: uint64 [learners, 4], their random streams, advanced.
         epsilons: float64 [learners], changed.
         factors: see `Stage.factors`.
         limit: steps of an episode.
-        points: int64, steps at which the curve is read; the last one is the end.
-        waiting: space for the steps that n-step learning waits with: observations, columns and rewards.
-        curve: of each learner and point the total reward, finished episodes and successes among them; written.
+        points: int64, steps at which the curve is recorded; the last one is the end.
+        waiting: space for the steps whose update waits in n-step learning: observations, columns and rewards.
+        curve: for each learner and point the total reward, finished episodes and successes among them; written.
     """
     (
         offset,
@@ -110,7 +111,7 @@ def learn(arrays, values, rows, epsilons, factors, limit, points, waiting, curve
 
 
 def play(arrays, values, rows, distance, limit, episodes, scores, successes):
-    """Episodes of each learner's greedy policy; arguments as in `learn`, results as in `Learners.play`."""
+    """Play episodes of each learner's greedy policy; arguments as for `learn`. Write the fields of `Judgement`."""
     offset, next_state, following, _, terminated, cumulative, starts, start_seen, start_cumulative, shape = (
         arrays
     )

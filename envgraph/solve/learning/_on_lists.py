@@ -1,4 +1,6 @@
-"""All learners but the plain Q-learning of `_q_learning` on Python lists: what the compiled loop is compared with."""
+"""Training loops on Python lists for all agents except the basic Q-learning of `_q_learning`. Tests compare the
+compiled loop with them.
+"""
 
 from __future__ import annotations
 
@@ -75,14 +77,14 @@ def _value_after(
     if settings.agent == "double_q_learning":
         best = max(range(actions), key=row[side : side + actions].__getitem__)
         return row[actions - side + best]
-    total = 0.0  # `sum` is more exact than the compiled loop
+    total = 0.0  # `sum` would be more exact than the compiled loop
     for value in row:
         total += value
     return (1.0 - epsilon) * max(row) + epsilon * (total / actions)
 
 
 def _move(waiting: Waiting, rate: float, discount: float, value: float) -> None:
-    """Move the value of the first step that waits towards the rewards up to the last one and the value after that."""
+    """Update the value of the first waiting step towards the waiting steps' rewards plus a discounted `value`."""
     for _, _, reward in reversed(waiting):
         value = reward + discount * value
     row, place, _ = waiting.popleft()

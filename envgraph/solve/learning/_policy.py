@@ -1,4 +1,4 @@
-"""A learner whose policy carries over to levels that it has never seen: a network on what it sees, trained with PPO."""
+"""A learner whose policy generalises to unseen levels: a network on features of states, trained with PPO."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LevelTables:
-    """Many environments with the same actions, one after the other in flat arrays; L levels, S states in all.
+    """Many environments with the same actions in flat arrays, one after the other; L levels, S states in all.
 
-    What is seen of a state is a set of inputs, which are 1 there and 0 elsewhere. Numbers of states go
-    through all levels. `of` makes them from tables.
+    The features of a state are a set of inputs, which are 1; other inputs are 0. States are numbered through all
+    levels. `of` builds the arrays from tables.
 
     Attributes:
         first: int64 [L + 1], where the states of a level begin.
@@ -38,7 +38,7 @@ class LevelTables:
         to, chance, reward, ended: int32, float64, float64 and int8 [S * A * K], as in `Tabular`.
         seen_first: int64 [S + 1], where the inputs of a state begin.
         seen: int32, the inputs that are 1.
-        inputs, actions, width: how many inputs there are; A; K.
+        inputs, actions, width: the number of inputs; of actions, A; of outcomes of an action, K.
     """
 
     first: Ints
@@ -65,19 +65,19 @@ class LevelTables:
         scale: float = 1.0,
         width: int = 1,
     ) -> LevelTables:
-        """The tables of some environments.
+        """Build the tables of some environments.
 
         Args:
             levels: with the same actions, in the order of their numbers.
             seen: for each level, for each of its states the inputs that are 1; by default there is one input for each
                 value of each component of an observation.
-            inputs: how many there are; by default up to the last that is seen.
-            scale: what rewards are multiplied by.
-            width: the least K; it is that of the widest level.
+            inputs: number of inputs; by default up to the last one that is used.
+            scale: factor for rewards.
+            width: the least K; K is at least that of the widest level.
 
         Raises:
-            InvalidArgument: there is no level; or some have other actions than others, or, where `seen` is not given,
-                other observations.
+            InvalidArgument: there is no level, or the levels differ in actions, or, if `seen` is not given, in
+                observations.
         """
         alike = {(one.action_names, None if seen else one.observation_shape) for one in levels}
         if len(alike) != 1:
@@ -118,14 +118,14 @@ class LevelTables:
 
     @property
     def arrays(self) -> tuple[NDArray[Any], ...]:
-        """The arrays, in the order in which the loops have them."""
+        """Return the arrays, in the order that the loops expect."""
         return tuple(getattr(self, one.name) for one in fields(self)[:10])
 
     def __len__(self) -> int:
         return len(self.first) - 1
 
     def with_more(self, other: LevelTables) -> LevelTables:
-        """These levels, then others of the same inputs, actions and width."""
+        """Return these levels followed by others with the same inputs, actions and width."""
         states = self.first[-1]
         moved = {
             "first": other.first[1:] + states,
@@ -142,12 +142,12 @@ class LevelTables:
         return replace(self, **joined)
 
     def states(self, chosen: Ints) -> int:
-        """How many states some levels have together."""
+        """Return the total number of states of some levels."""
         return int((self.first[chosen + 1] - self.first[chosen]).sum())
 
 
 def _components(level: Tabular) -> list[list[int]]:
-    """For each state, the inputs of an environment that stand for the value of a component each."""
+    """Return for each state the inputs of an environment that stand for the values of its observation's components."""
     shape = level.observation_shape
     values = np.unravel_index(level.observation, shape, order="F")
     begins = np.cumsum([0, *shape[:-1]])
@@ -156,16 +156,16 @@ def _components(level: Tabular) -> list[list[int]]:
 
 @dataclass(frozen=True, slots=True)
 class PolicySettings:
-    """Proximal policy optimisation (Schulman et al. 2017).
+    """The hyperparameters of proximal policy optimisation (Schulman et al. 2017).
 
     Attributes:
-        hidden: units of the one hidden layer, rectified.
+        hidden: units of the only hidden layer, rectified.
         learning_rate: of Adam.
-        epochs: how often the steps of a batch are gone through.
-        minibatches: parts of a batch, whole levels each.
-        levels: that a batch has.
+        epochs: number of passes over the steps of a batch.
+        minibatches: parts of a batch, each of whole levels.
+        levels: number of levels in a batch.
         steps: of each level in a batch.
-        clip: how far the probability of an action may move from 1 times the old one.
+        clip: greatest distance of the ratio of new and old action probability from 1.
         entropy, value: weights of these parts of the loss.
         norm: the greatest norm of a gradient.
         discount: of rewards.
@@ -194,16 +194,16 @@ class PolicySettings:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Played:
-    """What was found while levels were played; float64, an entry a level.
+    """Statistics of levels that were played; float64, an entry for each level.
 
     Attributes:
-        length: int64, how many steps.
+        length: int64, number of steps.
         returns: mean discounted return of the finished episodes.
         positive: mean of the positive part of the advantage (positive value loss, Jiang et al. 2021b).
         absolute: mean of its absolute value (L1 value loss, Jiang et al. 2021a).
         best_return: mean of the best return ever seen on the level minus the value (MaxMC, Jiang et al. 2021b).
-        negative: minus the mean of the lambda-average of n-step advantages, each the least of those up to it; 0 where
-            no episode ended in success.
+        negative: minus the mean of the lambda-average of n-step advantages, each the minimum of those up to it; 0 if no
+            episode ended in success.
         success: share of the finished episodes that ended in success.
     """
 
@@ -217,25 +217,25 @@ class Played:
 
     @property
     def steps(self) -> int:
-        """How many steps in all."""
+        """Return the total number of steps."""
         return int(self.length.sum())
 
 
 class PolicyLearner:
-    """A policy and its values on levels, in one network with one hidden layer.
+    """A policy with a value function on levels, as a network with one hidden layer.
 
-    Everything that it draws comes from one stream of numbers. Numba and Python give the same bit for bit; without numba
-    it takes hundreds of times as long.
+    All randomness comes from one stream of numbers. Numba and Python give the same results bit for bit; Python is
+    hundreds of times slower.
 
     Args:
         tables: the levels.
-        settings: how it learns.
-        seed: of the weights and of everything that is drawn.
-        native: whether numba compiles the loops; None: if that is installed.
+        settings: hyperparameters.
+        seed: of the weights and of all sampling.
+        native: True to compile the loops with numba; None for True if numba is installed.
 
     Attributes:
         parameters: float64, see `_policy_loop`.
-        best: float64 [levels], the greatest return that was seen on each level; minus infinity where none was.
+        best: float64 [levels], the greatest return seen on each level; minus infinity if none was.
     """
 
     def __init__(
@@ -269,13 +269,13 @@ class PolicyLearner:
         self._room(1)
 
     def twin(self, seed: int) -> PolicyLearner:
-        """A learner with the same parameters, and a stream of its own: what it plays leaves no trace in this one."""
+        """Return a learner with the same parameters and its own random stream; its play does not change this one."""
         found = PolicyLearner(self._tables, self._settings, seed, native=self._native)
         found.parameters[:] = self.parameters
         return found
 
     def learn_of(self, tables: LevelTables) -> None:
-        """There are more levels: these tables begin with all that there were."""
+        """Replace the levels by tables that begin with all present levels and add new ones."""
         self._do["forget"](self._tables.arrays, self._student)
         self._tables = tables
         more = len(tables.seen_first) - 1 - len(self._rows)
@@ -284,11 +284,11 @@ class PolicyLearner:
         self.best = np.append(self.best, np.full(len(tables) - len(self.best), -np.inf))
 
     def play(self, chosen: Ints, episodes: int | None = None) -> Played:
-        """Play levels, `settings.steps` steps of each, or a number of episodes.
+        """Play levels: `settings.steps` steps of each, or a number of episodes.
 
         Args:
-            chosen: int64, the levels; `improve` learns from these, if they are as many as in a batch.
-            episodes: how many, each to its end, or None.
+            chosen: int64, the levels; `improve` can learn from them if they are as many as in a batch.
+            episodes: number of whole episodes of each level; None to play steps.
         """
         settings = self._settings
         most = settings.steps if episodes is None else episodes * settings.limit
@@ -310,7 +310,7 @@ class PolicyLearner:
         return Played(tracks[5].copy(), returns, positive, absolute, best_return, negative, success)
 
     def improve(self, rng: np.random.Generator) -> None:
-        """Learn from what was played last; `rng` mixes the levels."""
+        """Learn from the steps that were played last; `rng` shuffles the levels."""
         settings = self._settings
         count = len(self._tracks[5])
         size = count // settings.minibatches
@@ -332,13 +332,13 @@ class PolicyLearner:
                 )
 
     def evaluate(self, chosen: Ints | Sequence[int], *, greedy: bool = False) -> tuple[Floats, Floats]:
-        """Exact success probability and discounted return within the limit, of each of some levels.
+        """Return the exact success probability and discounted return within the limit, for each of some levels.
 
-        The distribution over states is carried forward step by step, as in `envgraph.solve.evaluate_policy`.
+        The distribution over states is computed step by step, as in `envgraph.solve.evaluate_policy`.
 
         Args:
             chosen: the levels.
-            greedy: whether the likeliest action is always taken.
+            greedy: True to take the likeliest action always, instead of sampling.
         """
         chosen = np.asarray(chosen, np.int64)
         found = np.zeros((len(chosen), 2))
@@ -364,7 +364,7 @@ class PolicyLearner:
     # --- room
 
     def _prepare(self, chosen: Ints) -> None:
-        """Nothing is known of any state, and there is room for those of some levels."""
+        """Discard cached outputs of all states, and make room for the states of some levels."""
         self._do["forget"](self._tables.arrays, self._student)
         self._room(self._tables.states(np.unique(chosen)))
 

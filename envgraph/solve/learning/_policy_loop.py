@@ -1,16 +1,15 @@
-"""Proximal policy optimisation of a small network on tables, as `envgraph.env.compiled` compiles it, or run by Python.
+"""Proximal policy optimisation of a small network on tables, compiled by numba or run by Python.
 
-The text stands behind that of `kernels`, which draws the numbers. Sums are made in the order of the text, so that both
-ways give the same numbers bit for bit. Names of arrays:
+The text is compiled behind that of `kernels`, which samples random numbers. Sums are computed in the order of the text,
+so both ways give the same numbers bit for bit. Names of arrays:
 
-    FIRST, STARTS, START_CHANCE, START_FIRST: of levels, where their states and start states are; see `LevelTables`.
-    TO, CHANCE, REWARD, ENDED: outcome `k` of action `a` in state `s` stands at `(s * actions + a) * width + k`.
+    FIRST, STARTS, START_CHANCE, START_FIRST: states and start states of levels; see `LevelTables`.
+    TO, CHANCE, REWARD, ENDED: outcome `k` of action `a` in state `s` is at `(s * actions + a) * width + k`.
     SEEN_FIRST, SEEN: the inputs that are 1 in a state; all others are 0.
     P: parameters: weights [inputs, hidden], biases [hidden], weights [hidden, outputs], biases [outputs]. The outputs
         are a logit for each action and the value.
-    ROW, VISITED, COUNT: states that were looked at since `forget`, numbered as they come: the number of each or -1,
-        and back.
-    HIDDEN, OUT: a row for each of these: what the hidden units give; the probability of each action and the value.
+    ROW, VISITED, COUNT: the row of each state whose outputs are cached, or -1; the state of each row; their number.
+    HIDDEN, OUT: for each row, the outputs of the hidden units; the probability of each action and the value.
 """
 
 # ruff: noqa: F821
@@ -22,7 +21,7 @@ GOES_ON, TERMINATED, TRUNCATED = 0, 1, 2
 
 
 def look(P, SEEN_FIRST, SEEN, state, row, HIDDEN, OUT, inputs, hidden, outputs):
-    """Compute the network's outputs in a state."""
+    """Compute the network's outputs in a state, and write them into a row of `HIDDEN` and `OUT`."""
     first = row * hidden
     at = inputs * hidden
     for unit in range(hidden):
@@ -54,7 +53,7 @@ def look(P, SEEN_FIRST, SEEN, state, row, HIDDEN, OUT, inputs, hidden, outputs):
 
 
 def row_of(P, SEEN_FIRST, SEEN, state, ROW, VISITED, COUNT, HIDDEN, OUT, shape):
-    """The number of a state, which is looked at if it was not before."""
+    """Return the row of a state's outputs, which are computed if they are not cached."""
     row = ROW[state]
     if row < 0:
         row = COUNT[0]
@@ -66,7 +65,7 @@ def row_of(P, SEEN_FIRST, SEEN, state, ROW, VISITED, COUNT, HIDDEN, OUT, shape):
 
 
 def forget(levels, student):
-    """No state has a number any more; done when the parameters have changed."""
+    """Clear the cached outputs of all states; necessary after the parameters have changed."""
     ROW, VISITED, COUNT = vector(student[1]), vector(student[2]), vector(student[3])
     for row in range(COUNT[0]):
         ROW[VISITED[row]] = -1
@@ -74,7 +73,7 @@ def forget(levels, student):
 
 
 def drawn(CHANCE, first, count, draw):
-    """A place among `count` from `first` on, by its probability."""
+    """Return a place among `count` from `first` on, sampled by its probability with the uniform number `draw`."""
     total = 0.0
     for place in range(first, first + count - 1):
         total += CHANCE[place]
@@ -84,16 +83,16 @@ def drawn(CHANCE, first, count, draw):
 
 
 def collect(levels, student, chosen, streams, most, episodes, limit, tracks):
-    """Play levels by the policy: each a number of steps, or of episodes, whichever is less.
+    """Play levels by the policy: each for `most` steps or `episodes` episodes, whichever is less.
 
     Args:
         levels, student: see `_policy`.
         chosen: int64, the levels.
-        streams: uint64 [1, 4], the stream of numbers that draws; it is advanced.
+        streams: uint64 [1, 4], the random stream; advanced.
         most, episodes: steps and episodes of a level.
         limit: steps after which an episode is truncated.
-        tracks: of step `t` of the level at place `b`, at `b * most + t`: the number of its state and of the next one,
-            the action, the reward and how it goes on; and of each level its steps. Written.
+        tracks: for step `t` of the level at index `b`, at `b * most + t`: the rows of its state and of the next one,
+            the action, the reward, and `GOES_ON`, `TERMINATED` or `TRUNCATED`; and the steps of each level. Written.
     """
     START_FIRST, STARTS, START_CHANCE = vector(levels[1]), vector(levels[2]), vector(levels[3])
     TO, CHANCE, REWARD, ENDED = vector(levels[4]), vector(levels[5]), vector(levels[6]), vector(levels[7])
@@ -144,7 +143,7 @@ def collect(levels, student, chosen, streams, most, episodes, limit, tracks):
 
 
 def advantages(student, tracks, most, discount, smoothing, ADVANTAGES):
-    """Generalised advantage estimates (Schulman et al. 2016, eq. 16) of all steps that were played."""
+    """Write generalised advantage estimates (Schulman et al. 2016, eq. 16) of all steps that were played."""
     OUT, outputs = vector(student[5]), student[6][2]
     AT, AFTER, GAIN, HOW, STEPS = (
         vector(tracks[0]),
@@ -169,10 +168,10 @@ def advantages(student, tracks, most, discount, smoothing, ADVANTAGES):
 
 
 def measure(student, tracks, most, discount, smoothing, ADVANTAGES, BEST, SCORES):
-    """What the scores of the literature make of the steps that were played; see `Played`.
+    """Compute the scores of the literature from the steps that were played; see `Played`.
 
     Args:
-        BEST: the greatest return seen on each level before; raised.
+        BEST: the greatest return seen on each level before; updated.
         SCORES: float64 [levels, 7]: mean positive and mean absolute advantage, mean of the best return minus the
             value, the negative advantage, finished episodes, successes among them, sum of their returns. Written.
     """
@@ -211,7 +210,7 @@ def measure(student, tracks, most, discount, smoothing, ADVANTAGES, BEST, SCORES
 
 
 def negative(OUT, AT, AFTER, GAIN, HOW, first, last, outputs, discount, smoothing):
-    """Sum over the steps of an episode of minus the average of its n-step advantages at their running minimum."""
+    """Return minus the sum over an episode's steps of the average of n-step advantages at their running minimum."""
     found = 0.0
     for begin in range(first, last + 1):
         here = OUT[AT[begin] * outputs + outputs - 1]
@@ -231,11 +230,11 @@ def negative(OUT, AT, AFTER, GAIN, HOW, first, last, outputs, discount, smoothin
 
 
 def improve(levels, student, optimiser, tracks, most, ADVANTAGES, order, first, rates):
-    """One step of Adam on a minibatch: levels `order[first[0]:first[1]]` of those that were played.
+    """Do one step of Adam on a minibatch: the levels `order[first[0]:first[1]]` of those that were played.
 
-    The loss is that of Schulman et al. 2017, eq. 9: the clipped objective with advantages made standard over the
-    minibatch, half the squared error of the value, less the entropy. A gradient is summed over the times that a state
-    occurs, and carried back through the network once for each state, which gives the same.
+    The loss is that of Schulman et al. 2017, eq. 9: the clipped objective with advantages standardised over the
+    minibatch, plus half the squared error of the value, minus the entropy. The gradients of all occurrences of a
+    state are summed, and then propagated through the network once.
     """
     SEEN_FIRST, SEEN = vector(levels[8]), vector(levels[9])
     P, VISITED, OUT, shape = vector(student[0]), vector(student[2]), vector(student[5]), student[6]
@@ -308,7 +307,7 @@ def improve(levels, student, optimiser, tracks, most, ADVANTAGES, order, first, 
 
 
 def back(P, G, SEEN_FIRST, SEEN, state, slot, HIDDEN, SLOPES, inputs, hidden, outputs):
-    """Add the gradient of a state to that of all; its hidden row is used up."""
+    """Add the gradient of a state to the total gradient. The state's row of `HIDDEN` is overwritten."""
     first, out = slot * hidden, slot * outputs
     at = inputs * hidden
     second = at + hidden
@@ -331,7 +330,7 @@ def back(P, G, SEEN_FIRST, SEEN, state, slot, HIDDEN, SLOPES, inputs, hidden, ou
 
 
 def descend(P, G, optimiser, rates, size):
-    """Adam (Kingma and Ba 2015, algorithm 1) on the gradient, whose norm is bounded before."""
+    """Do a step of Adam (Kingma and Ba 2015, algorithm 1) with the gradient clipped by its norm."""
     MEAN, SQUARE, TIME = vector(optimiser[0]), vector(optimiser[1]), vector(optimiser[8])
     norm = 0.0
     for place in range(size):
@@ -350,12 +349,12 @@ def descend(P, G, optimiser, rates, size):
 
 
 def expect(levels, student, chosen, limit, discount, greedy, PRESENT, NEXT, FOUND):
-    """Exact probability of success and discounted return of the policy on levels, within a number of steps.
+    """Compute the exact probability of success and discounted return of the policy on levels, within `limit` steps.
 
     Args:
         chosen: int64, the levels.
-        greedy: whether the likeliest action is taken, the lowest of equals, instead of one that is drawn.
-        PRESENT, NEXT: room for as many states as a level has; 0 before and after.
+        greedy: True to take the likeliest action, the lowest of equals, instead of sampling.
+        PRESENT, NEXT: space for as many states as a level has; 0 before and after.
         FOUND: float64 [levels, 2], written.
     """
     FIRST, START_FIRST, STARTS, START_CHANCE = (

@@ -1,4 +1,4 @@
-"""Q-learning in compiled environments: for those with more states than a table has."""
+"""Q-learning in compiled environments, for those with too many states for a table."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class InProgram:
 
     Attributes:
         program: the compiled behaviour with its family.
-        member: number of the member there.
+        member: number of the member in the program.
     """
 
     program: Program
@@ -33,9 +33,9 @@ class ProgramTraining:
     """An agent that was trained in a compiled environment.
 
     Attributes:
-        learner: has its values, and plays episodes.
-        curve: how it came to them.
-        epsilon: exploration at the end.
+        learner: holds the action values, and plays episodes.
+        curve: the learning curve.
+        epsilon: exploration rate at the end.
     """
 
     learner: Learner
@@ -53,20 +53,20 @@ def train_program(
     of: Literal["observation", "state"] = "observation",
     begins: Callable[[int, Learner], None] = lambda stage, learner: None,
 ) -> ProgramTraining:
-    """`train_curriculum` without tables: values are kept of what was seen, in a hash table.
+    """Train as `train_curriculum`, without tables: values of what was observed are stored in a hash table.
 
     Args:
         program: the compiled behaviour with its family.
-        settings: how to train.
-        rng: over PCG64, as `numpy.random.default_rng` makes it; it is advanced.
-        members: numbers of the members in the order of training; all of them, in theirs, by default.
+        settings: of the training.
+        rng: over PCG64, as `numpy.random.default_rng` makes it; is advanced.
+        members: numbers of the members in the order of training; all of them by default.
         steps: length of each stage; by default `settings.steps_per_environment`.
-        of: what values are of: what the agent sees, or the whole state, which a single member has alone.
-        begins: called before each stage, with its place and the learner as it is then.
+        of: "observation" for values of observations, "state" for values of whole states, with a single member only.
+        begins: called before each stage, with its index and the learner.
 
     Raises:
         InvalidArgument: an argument does not fit the program.
-        EvaluationError: something has no value in a state, or a rule cannot be applied.
+        EvaluationError: an expression has no value in a state, or a rule cannot be applied.
     """
     stages = list(range(len(program.members))) if members is None else list(members)
     lengths = [settings.steps_per_environment] * len(stages) if steps is None else list(steps)
@@ -92,10 +92,12 @@ def train_learner(
     rng: np.random.Generator,
     begins: Callable[[int, Learner], None] = lambda stage, learner: None,
 ) -> ProgramTraining:
-    """Train a learner on one environment after the other, each for a length; the programs agree in what is observed.
+    """Train a learner on one environment after the other, for `lengths[i]` steps each.
+
+    The programs of the environments must have the same observations and actions.
 
     Raises:
-        EvaluationError: something has no value in a state, or a rule cannot be applied.
+        EvaluationError: an expression has no value in a state, or a rule cannot be applied.
     """
     epsilon = settings.epsilon.start
     outcomes = []
@@ -114,8 +116,8 @@ def train_stage(learner: Learner, place: InProgram, stage: Stage, rng: np.random
     """Train a learner in an environment for a stage.
 
     Raises:
-        InvalidArgument: the agent learns in tables alone.
-        EvaluationError: something has no value in a state, or a rule cannot be applied.
+        InvalidArgument: the kind of agent can learn only in tables.
+        EvaluationError: an expression has no value in a state, or a rule cannot be applied.
     """
     learner.enter(place.program)
     rates, limit = rates_of(stage), stage.settings.limit
@@ -123,10 +125,10 @@ def train_stage(learner: Learner, place: InProgram, stage: Stage, rng: np.random
 
 
 def rates_of(stage: Stage) -> Rates:
-    """How a learner in a program does what a stage says.
+    """Return the hyperparameters of a stage in the form that a learner in a program takes.
 
     Raises:
-        InvalidArgument: the agent learns in tables alone.
+        InvalidArgument: the kind of agent can learn only in tables.
     """
     settings = stage.settings
     if settings.agent == "double_q_learning" or settings.n_step > 1:

@@ -1,4 +1,4 @@
-"""The training loop on plain Python lists: it needs no compiler, and the compiled loop is compared with it."""
+"""The training loop for Q-learning on Python lists. It needs no compiler; tests compare the compiled loop with it."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def run_stage(table: Table, stage: Stage, q: NDArray[np.float64], rng: np.random
     starts = starts_of(table)
     start_chances = table.start_cumulative.tolist()
 
-    # The greedy action of each observation and its value are kept, which spares two passes over a row each step.
+    # The greedy action of each observation and its value are cached, to save two passes over a row in each step.
     rows: list[list[float]] = q[table.seen].tolist()
     best = [max(row) for row in rows]
     greedy = [row.index(top) for row, top in zip(rows, best, strict=True)]
@@ -66,12 +66,12 @@ def run_stage(table: Table, stage: Stage, q: NDArray[np.float64], rng: np.random
 
 
 def starts_of(table: Table) -> list[tuple[int, int]]:
-    """The states in which an episode begins, and the places of their observations in `table.seen`."""
+    """Return the states in which an episode begins, with the indices of their observations in `table.seen`."""
     return list(zip(table.start_states.tolist(), table.place[table.start_states].tolist(), strict=True))
 
 
 def draws_of(table: Table, steps: int, rng: np.random.Generator) -> Iterator[tuple[float, float, float]]:
-    """Rows (u, v, w) of so many steps; 0 for what the table does not need."""
+    """Yield a row (u, v, w) of random numbers for each step; 0 for numbers that the table does not need."""
     for start in range(0, steps, BLOCK):
         block = rng.random((min(BLOCK, steps - start), table.draws))
         columns: list[Iterable[float]] = block.T.tolist()

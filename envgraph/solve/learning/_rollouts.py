@@ -1,4 +1,4 @@
-"""Episodes of a policy that is a network, in a compiled program."""
+"""Play episodes of a policy that is a network, in a compiled program."""
 
 from __future__ import annotations
 
@@ -28,29 +28,29 @@ def play_program(
 ) -> list[Evaluation]:
     """Play episodes of a policy that is a network, all in compiled code.
 
-    It sees what `observation="flat"` gives, with the indices of the program's family. Hidden units are rectified; the
-    outputs are a number for each action, of which the greatest is taken, the first of equals, or one by their softmax.
-    It is calculated in float64, the bias first, then the inputs in their order.
+    Its inputs are those of `observation="flat"`, with the indices of the program's family. Hidden units are rectified.
+    There is an output for each action. The action is the first one with the greatest output, or is sampled from the
+    softmax of the outputs. The network is computed in float64: the bias first, then the inputs in order.
 
-    For each beginning a number is drawn, and for each step one, of which the environment makes what
-    `envgraph.make(.., engine="compiled")` makes of its own; before it one for the action, if that is sampled. Where an
-    episode depends on none of them it is played once, and is all of them.
+    A random number is drawn for each beginning of an episode and for each step, and the environment uses them as
+    `envgraph.make(.., engine="compiled")` uses its own. If actions are sampled, a number for the action is drawn
+    before. If no result depends on random numbers, one episode is played and counts for all.
 
     Args:
         program: the compiled behaviour with its family.
         layers: the first has an input for each entry of an observation, the last an output for each action.
-        rng: over PCG64, as `numpy.random.default_rng` makes it; it is advanced, from member to member.
+        rng: over PCG64, as `numpy.random.default_rng` makes it; is advanced, from member to member.
         members: numbers of the members; all of them by default.
-        episodes: how many on each.
-        limit: steps after which an episode is over.
-        sampled: whether actions are drawn from the softmax of the outputs.
+        episodes: number of episodes of each member.
+        limit: steps after which an episode is truncated.
+        sampled: True to sample actions from the softmax of the outputs.
 
     Returns:
-        What comes of it on each of the members, in their order.
+        The results on each of the members, in order.
 
     Raises:
         InvalidArgument: an argument does not fit the program.
-        EvaluationError: something has no value in a state, or a rule cannot be applied.
+        EvaluationError: an expression has no value in a state, or a rule cannot be applied.
     """
     chosen = range(len(program.members)) if members is None else members
     if not all(0 <= one < len(program.members) for one in chosen):
@@ -67,10 +67,10 @@ def play_program(
 
 
 def _packed(program: Program, layers: Sequence[Layer]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """The numbers of all layers in a row [1, ..], and how many units there are from the inputs to the outputs.
+    """Return the numbers of all layers in a row [1, ..], and the number of units of each layer from inputs to outputs.
 
     Raises:
-        InvalidArgument: they do not fit each other, or the program.
+        InvalidArgument: the layers do not fit each other, or the program.
     """
     pairs = [(np.asarray(one, np.float64), np.asarray(bias, np.float64)) for one, bias in layers]
     ends = sum(program.observation_shape or (1,)), len(program.action_names)

@@ -1,4 +1,4 @@
-"""How an agent is trained; the defaults are the published settings."""
+"""Settings of the training of an agent; the defaults are the published settings."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ Reset = Literal["stage", "never"]
 
 @dataclass(frozen=True, slots=True)
 class Epsilon:
-    """How often the agent explores: epsilon starts at `start` and is multiplied by `decay` down to `minimum`.
+    """The exploration rate epsilon: it starts at `start` and is multiplied by `decay` down to `minimum`.
 
     Attributes:
         start: probability of a random action at the beginning.
         decay: factor after each finished episode or each step, see `per`.
         minimum: epsilon never falls below it.
-        per: "episode" (an episode that the budget cuts short does not count) or "step".
+        per: "episode" (an episode that a stage's end interrupts does not count) or "step".
         reset: back to `start` at each "stage" of a curriculum, or "never".
     """
 
@@ -49,30 +49,30 @@ class Epsilon:
 
 @dataclass(frozen=True, slots=True)
 class TrainingSettings:
-    """Tabular temporal-difference learning and its evaluation.
+    """The settings of tabular temporal-difference learning and of its evaluation.
 
     Attributes:
-        agent: what a step's value is moved towards: reward + discount * the value of what follows. "q_learning"
-            (Watkins 1989): that of the best action there; "sarsa" (Rummery and Niranjan 1994): that of the action
-            taken there; "expected_sarsa" (van Seijen et al. 2009): the mean over what the agent does there. Where an
-            episode or a stage is cut, so that there is no next action, SARSA takes the mean as well.
-            "double_q_learning" (van Hasselt 2010): each action has two values, one of which, drawn by lot, is moved
-            towards the other value of the action that it says is best; the agent acts by their sum.
+        agent: the target of a step's value: reward + discount * a value of the next state. "q_learning" (Watkins 1989):
+            of its best action; "sarsa" (Rummery and Niranjan 1994): of the action taken there; "expected_sarsa" (van
+            Seijen et al. 2009): the mean over the agent's action probabilities there. If an episode or a stage is cut,
+            so that there is no next action, SARSA takes the mean as well. "double_q_learning" (van Hasselt 2010): each
+            action has two values. One, chosen at random, selects the best action; its target is the other value of that
+            action. The agent acts by their sum.
         learning_rate: weight of a new target in the Q-value, in (0, 1].
         discount: weight of the next state's value, in [0, 1].
         epsilon: exploration.
         steps_per_environment: length of a stage, in steps; the running episode is cut at its end.
-        evaluation_episodes: how many episodes an evaluation samples where it is not exact.
-        seeds: how many training runs; the seeds are 0, 1, ...
-        initial_value: what every Q-value is at first; above the returns of a short episode is optimistic.
-        n_step: how many rewards are summed before the value of what follows counts, for SARSA and expected SARSA:
-            n-step learning (Sutton and Barto 2018, sections 7.1 and 7.2). At the end of an episode or a stage what
-            still waits takes the rewards that there are.
-        ties: which of several best actions an agent takes that does not explore, "lowest" or "random". What it is
-            worth at the end is that of the lowest.
+        evaluation_episodes: number of episodes that an evaluation samples if it is not exact.
+        seeds: number of training runs; the seeds are 0, 1, ...
+        initial_value: every Q-value at the beginning; above the returns of a short episode it is optimistic.
+        n_step: number of rewards that are summed before the next value counts, for SARSA and expected SARSA: n-step
+            learning (Sutton and Barto 2018, sections 7.1 and 7.2). At the end of an episode or a stage, pending updates
+            use the rewards that are available.
+        ties: the action that an agent takes among several best ones, "lowest" or "random". Evaluation always takes the
+            lowest.
         limit: steps after which an episode is truncated (the Q-value of the last step still bootstraps).
         checkpoint: steps between two points of a learning curve.
-        student: what `run_experiment` trains: "tabular", an `agent`; or "sb3:ppo" or "sb3:dqn", networks of
+        student: the learner in `run_experiment`: "tabular" for an `agent`; or "sb3:ppo" or "sb3:dqn", networks of
             Stable-Baselines3, which use only the discount, the lengths, the limit and, for DQN, epsilon.
 
     Raises:
@@ -127,12 +127,12 @@ class TrainingSettings:
 
     @classmethod
     def from_spec(cls, spec: object, **overrides: Any) -> TrainingSettings:
-        """Settings from what a family file says under `[training]`.
+        """Return the settings of the section `[training]` of a family file.
 
         Args:
-            spec: a mapping, or an object with attributes, of the names above; what is missing or None keeps its
-                default. `epsilon` is one in turn.
-            overrides: values that win over the spec, such as the `limit` of an environment; None is ignored.
+            spec: a mapping, or an object with attributes, of the names above; missing values and None keep the default.
+                `epsilon` is a mapping or object as well.
+            overrides: values with priority over the spec, such as the `limit` of an environment; None is ignored.
 
         Raises:
             InvalidArgument: a value is outside its range, or a mapping has an unknown key.
@@ -148,7 +148,7 @@ class TrainingSettings:
 
 
 def _read(spec: object, cls: type[Any]) -> dict[str, Any]:
-    """The fields of a dataclass that a spec has a value for."""
+    """Return the fields of a dataclass for which a spec has a value."""
     names = tuple(one.name for one in fields(cls))
     if isinstance(spec, Mapping):
         for key in spec:

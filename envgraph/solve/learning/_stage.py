@@ -1,12 +1,12 @@
-"""What both training loops work on: a flat table, a stage, and the random draws of its steps.
+"""The data that all training loops share: a flat table, a stage, and the random numbers of its steps.
 
-Both loops consume the same draws, so they give the same result bit for bit. A stage first takes one number for the
-start of its first episode (only where there are several start states). Then each step takes one row of numbers in
-[0, 1), whatever happens in it:
+All loops consume the same random numbers, so they give the same result bit for bit. A stage first takes one number for
+the start of its first episode (only if there are several start states). Then each step takes one row of numbers in
+[0, 1):
 
     u            explore where u < epsilon; u / epsilon is uniform again and picks the action
     v            picks the outcome, only in stochastic tables
-    w            picks the start of the next episode, should this step end one; only where there are several starts
+    w            picks the start of the next episode if this step ends one; only if there are several starts
 
 Rows are drawn in blocks; the numbers do not depend on the size of the blocks.
 """
@@ -31,18 +31,18 @@ Outcome = tuple[float, int, int, int]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Table:
-    """A `Tabular` for a loop that samples, with the outcomes that can happen alone.
+    """A `Tabular` in the form that training loops sample from, with only the outcomes that can happen.
 
-    Those of action a in state s stand from `offset[s * A + a]` up to the next number there: where steps have many
-    outcomes most of a `Tabular` is padding.
+    The outcomes of action a in state s begin at `offset[s * A + a]` and end at the next offset. If some steps have many
+    outcomes, most of a `Tabular` is padding.
 
     Attributes:
-        n_outcomes: the most that an action of the `Tabular` has room for.
-        cumulative: an outcome is the first whose value is above v. The last one of an action has infinity, so that
+        n_outcomes: the number of outcomes of an action in the `Tabular`.
+        cumulative: the outcome is the first whose value is above v. The last one of an action has infinity, so that
             rounding never leads beyond it.
-        seen: the observations of the states, ascending, each once: no other is met.
-        place: of each state, that of its observation in `seen`.
-        known: what `outcomes` gave, for a loop that needs it often; None where nobody asked.
+        seen: the distinct observations of the states, ascending.
+        place: for each state, the index of its observation in `seen`.
+        known: cached results of `outcomes`; None for those not computed yet.
         next_observation: observation of the next state.
         start_cumulative: like `cumulative`, for the start states.
     """
@@ -65,13 +65,13 @@ class Table:
 
     @property
     def draws(self) -> int:
-        """How many random numbers a step takes."""
+        """Return the number of random numbers that a step takes."""
         return 1 + int(self.n_outcomes > 1) + int(len(self.start_states) > 1)
 
     def outcomes(self, at: int) -> tuple[list[float], list[Outcome]]:
-        """Cumulative chances and outcomes of action a in state s at s * A + a, as lists.
+        """Return the cumulative probabilities and the outcomes at `at` = s * A + a, action a in state s, as lists.
 
-        An agent comes to few of the states of a large table, so each is read when it is first needed.
+        An agent visits few of the states of a large table, so each entry is converted when it is first needed.
         """
         here = slice(self.offset[at], self.offset[at + 1])
         following = self.next_state[here]
@@ -82,7 +82,7 @@ class Table:
 
     @property
     def arrays(self) -> tuple[Any, ...]:
-        """What the compiled loop takes: all but the number of observations."""
+        """Return the arguments of the compiled loop: all arrays, and the numbers of actions and outcomes."""
         return (
             self.offset,
             self.next_state,
@@ -99,13 +99,13 @@ class Table:
 
 @dataclass(frozen=True, slots=True)
 class Stage:
-    """A stretch of training on one table.
+    """A part of the training that takes place on one table.
 
     Attributes:
         steps: its length.
-        epsilon: exploration at its beginning.
-        settings: everything else.
-        learn: whether anything is learned; else the learner plays as it is.
+        epsilon: exploration rate at its beginning.
+        settings: all other settings.
+        learn: False to play without learning.
     """
 
     steps: int
@@ -115,24 +115,24 @@ class Stage:
 
     @property
     def factors(self) -> tuple[float, float, float, float, float]:
-        """Learning rate, discount; of epsilon decays (step, episode), minimum."""
+        """Return learning rate, discount, decay of epsilon per step and per episode, and minimum of epsilon."""
         settings, epsilon = self.settings, self.settings.epsilon
         decays = (1.0, epsilon.decay) if epsilon.per == "episode" else (epsilon.decay, 1.0)
         return settings.learning_rate if self.learn else 0.0, settings.discount, *decays, epsilon.minimum
 
     @property
     def points(self) -> list[int]:
-        """Steps, counted from the stage's beginning, at which the learning curve is read: its end is the last."""
+        """Return the steps of the stage after which the learning curve is recorded; the last is the stage's end."""
         inner = range(self.settings.checkpoint, self.steps, self.settings.checkpoint)
         return [*inner, self.steps]
 
 
 @dataclass(frozen=True, slots=True)
 class StageOutcome:
-    """What a stage leaves beside the Q-values.
+    """The results of a stage, beside the Q-values.
 
     Attributes:
-        epsilon: exploration at its end.
+        epsilon: exploration rate at its end.
         curve: at each of its points, totals since its beginning: reward, finished episodes, successes among them.
     """
 
@@ -141,7 +141,7 @@ class StageOutcome:
 
 
 def flatten(tabular: Tabular) -> Table:
-    """The table of an environment for the training loops."""
+    """Return the table of an environment for the training loops."""
     possible = tabular.probability > 0.0
     next_state = tabular.next_state[possible].astype(np.int64)
     observation = tabular.observation.astype(np.int64)
@@ -174,9 +174,9 @@ def with_starts(table: Table, tabular: Tabular) -> Table:
 
 
 def compact(tables: Sequence[Table]) -> Sequence[Table]:
-    """Tables with the observations alone that are met in one of them, numbered in their order.
+    """Return the tables with only those observations that occur in one of them, renumbered in order.
 
-    What is learned is the same, with fewer rows where objects that are observed could be in many more places.
+    Learning is the same, with fewer rows of values if many possible observations never occur.
     """
     seen = np.unique(np.concatenate([table.seen for table in tables]))
     if len(seen) == tables[0].n_observations:

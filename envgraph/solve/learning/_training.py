@@ -1,9 +1,9 @@
-"""Tabular learning over a sequence of environments, with a choice of two equal loops.
+"""Tabular learning over a sequence of environments, with a choice of loops that give equal results.
 
 Watkins and Dayan 1992: Q(o, a) += learning_rate * (reward + discount * max Q(o', .) - Q(o, a)), where nothing follows
-a terminated step; SARSA has other values of what follows (`TrainingSettings.agent`). What is not in the formula is as
-published with the paper: the greedy action is the lowest of equals; each environment begins a new episode; an episode
-that reaches the time limit is over, but its last step bootstraps.
+a terminated step; SARSA has another next value (`TrainingSettings.agent`). Details not in the formula are as published
+with the paper: the greedy action is the lowest of equals; each environment begins a new episode; an episode that
+reaches the time limit is over, but its last step bootstraps.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ MOST_Q_VALUES = 10**8
 
 @dataclass(frozen=True, slots=True)
 class Curve:
-    """How training went, read every `checkpoint` steps of a stage and at its end; totals since the beginning.
+    """A learning curve, recorded every `checkpoint` steps of a stage and at its end; totals since the beginning.
 
     Attributes:
         steps: steps so far.
@@ -57,8 +57,8 @@ class Training:
 
     Attributes:
         q: float64 [observations, actions], its Q-values.
-        curve: how it came to them.
-        epsilon: exploration at the end.
+        curve: its learning curve.
+        epsilon: exploration rate at the end.
     """
 
     q: NDArray[np.float64]
@@ -67,12 +67,12 @@ class Training:
 
 
 def available_backends() -> tuple[Backend, ...]:
-    """The training loops that can run here, fastest first; numba comes with the extra `fast`."""
+    """Return the training loops that can run here, fastest first; numba comes with the extra `fast`."""
     return ("numba", "python") if find_spec("numba") else ("python",)
 
 
 def choose_backend(backend: Backend, steps: int, settings: TrainingSettings) -> Backend:
-    """Return the backend that is fastest for so many steps; the choice never changes a result.
+    """Return the backend that is fastest for `steps` steps; the choice never changes a result.
 
     Raises:
         InvalidArgument: the name is unknown, or numba is asked for and not installed.
@@ -98,14 +98,14 @@ def train_curriculum(
 
     Args:
         tabulars: the environments, in the order of training; they must agree in observations and actions.
-        settings: how to train.
-        rng: where all randomness comes from; it is advanced.
+        settings: of the training.
+        rng: source of all randomness; is advanced.
         steps: length of each stage; by default `settings.steps_per_environment`.
-        q: Q-values to begin with, left as they are; by default `settings.initial_value` everywhere.
-        backend: which loop runs; both give the same result.
+        q: initial Q-values, not changed; by default `settings.initial_value` everywhere.
+        backend: the training loop; all give the same result.
 
     Raises:
-        InvalidArgument: the environments disagree or are not well formed, or an argument does not fit them.
+        InvalidArgument: the environments do not agree or are not well formed, or an argument does not fit them.
     """
     tables = prepare(tabulars)
     lengths = [settings.steps_per_environment] * len(tables) if steps is None else list(steps)
@@ -120,13 +120,12 @@ def train_curriculum(
 
 
 def occurring(tabulars: Sequence[Tabular]) -> Sequence[Tabular]:
-    """Environments with no more observations than a table of values has rows for.
+    """Return the environments with few enough observations for a table of values.
 
-    Where there are more, those that occur in one of the environments are numbered anew, in their order; what is learned
-    is the same.
+    If there are too many, those that occur in one of the environments are renumbered in order. Learning is the same.
 
     Raises:
-        InvalidArgument: the environments disagree in observations or actions.
+        InvalidArgument: the environments do not agree in observations or actions.
     """
     _agree(tabulars)
     first = tabulars[0]
@@ -150,7 +149,7 @@ def occurring(tabulars: Sequence[Tabular]) -> Sequence[Tabular]:
 
 
 def prepare(tabulars: Sequence[Tabular]) -> tuple[Table, ...]:
-    """The tables that `train` works on, checked; they can be used for any number of runs."""
+    """Check environments, and return the tables that `train` works on. They can be used for any number of runs."""
     _agree(tabulars)
     first = tabulars[0]
     if first.n_observations * first.n_actions > MOST_Q_VALUES:
@@ -184,9 +183,9 @@ def train(
     backend: Backend,
     begins: Callable[[int], None] = lambda stage: None,
 ) -> Training:
-    """`train_curriculum` without its checks; `q` is changed in place, and the backend is not "auto".
+    """Train as `train_curriculum`, without its checks; `q` is changed in place, and the backend must not be "auto".
 
-    `begins` is called with the place of each stage before it, when `q` has what was learned up to there.
+    `begins` is called with the index of each stage before it, when `q` has the values learned so far.
     """
     run_stage = loop_of(backend, settings)
     epsilon = settings.epsilon.start
@@ -205,7 +204,7 @@ def train(
 def loop_of(
     backend: Backend, settings: TrainingSettings
 ) -> Callable[[Table, Stage, NDArray[np.float64], np.random.Generator], StageOutcome]:
-    """The loop that trains on a table; the backend is not "auto"."""
+    """Return the loop that trains on a table; the backend must not be "auto"."""
     if backend == "numba":
         from envgraph.solve.learning._compiled import run_stage
     elif _plain(settings):
@@ -220,7 +219,7 @@ def _plain(settings: TrainingSettings) -> bool:
 
 
 def initial_values(table: Table, settings: TrainingSettings) -> NDArray[np.float64]:
-    """What a loop begins with, [observations, actions], twice as many actions for double Q-learning.
+    """Return the initial values [observations, actions], with twice as many actions for double Q-learning.
 
     Adding 0.0 turns -0.0, which sorts badly, into 0.0.
     """
@@ -229,7 +228,7 @@ def initial_values(table: Table, settings: TrainingSettings) -> NDArray[np.float
 
 
 def action_values(learned: NDArray[np.float64], n_actions: int) -> NDArray[np.float64]:
-    """Q-values [.., actions] of what a loop has learned: that itself, or the mean of double Q-learning's two values."""
+    """Return the Q-values [.., actions]: the learned values, or the mean of the two values of double Q-learning."""
     if learned.shape[-1] == n_actions:
         return learned
     return 0.5 * (learned[..., :n_actions] + learned[..., n_actions:])
@@ -243,7 +242,7 @@ def _checked(q: NDArray[np.float64], table: Table) -> NDArray[np.float64]:
 
 
 def joined(outcomes: Sequence[tuple[Stage, StageOutcome]]) -> Curve:
-    """One curve for all stages: each begins where the one before it ends."""
+    """Return one curve for all stages: each begins where the one before it ends."""
     points: list[tuple[int, float, int, int]] = []
     for stage, outcome in outcomes:
         steps, reward, episodes, successes = points[-1] if points else (0, 0.0, 0, 0)

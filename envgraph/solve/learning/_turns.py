@@ -1,4 +1,4 @@
-"""Training stage by stage, and in turns on members that a schedule chooses."""
+"""Train stage by stage, and in turns on members that a schedule chooses."""
 
 from __future__ import annotations
 
@@ -27,22 +27,22 @@ def take_turns(
     schedule: Schedule | None,
     rng: np.random.Generator,
 ) -> tuple[Curve, float]:
-    """Train for some stages; a schedule chooses a member for each turn of those that have several.
+    """Train for some stages; in a stage with several members, a schedule chooses a member for each turn.
 
-    A turn has as many steps as an episode may have, so that at least one ends in it; the last turn of a stage is cut.
-    The schedule is told what came of the episodes of a turn. A stage of one member is a single turn that it does not
-    know of, and so is any stage without a schedule. Exploration begins anew as `settings.epsilon` says.
+    A turn has as many steps as an episode may have, so at least one episode ends in it. The last turn of a stage is
+    cut. The schedule is told the outcomes of each turn. A stage with one member, or without a schedule, is a single
+    turn that the schedule is not told of. Exploration is reset as `settings.epsilon` says.
 
     Args:
-        turn: trains in a place.
-        settings: how to train.
-        stages: steps of each, and its place.
+        turn: trains for a stage on members.
+        settings: of the training.
+        stages: steps and members of each stage.
         begins: called with the number of each stage before it.
-        schedule: chooses places in a stage of several members, which are the same in all of these.
-        rng: what the schedule draws from; no training does.
+        schedule: chooses members in stages with several ones, which must be the same in all such stages.
+        rng: for the schedule only; training does not use it.
 
     Returns:
-        The curve, and exploration at the end.
+        The learning curve, and the exploration rate at the end.
     """
     epsilon, outcomes = settings.epsilon.start, list[tuple[Stage, StageOutcome]]()
     for number, (length, place) in enumerate(stages):
@@ -62,7 +62,7 @@ def take_turns(
 def _chosen(
     turn: Turn, whole: Stage, place: Place, schedule: Schedule, rng: np.random.Generator
 ) -> Iterator[tuple[Stage, StageOutcome]]:
-    """The turns of a stage."""
+    """Train a stage in turns, and yield each turn with its outcome."""
     limit, epsilon = whole.settings.limit, whole.epsilon
     settings = replace(whole.settings, checkpoint=limit)
     for done in range(0, whole.steps, limit):
@@ -82,7 +82,7 @@ def _told(members: np.ndarray[tuple[int], np.dtype[np.int64]], steps: int, outco
 
 
 def _thinned(curve: Curve, checkpoint: int) -> Curve:
-    """The first point after each so many steps, and the last."""
+    """Return a curve with the first point after every `checkpoint` steps, and the last point."""
     steps = np.array(curve.steps)
     marks = np.append(np.arange(checkpoint, steps[-1], checkpoint), steps[-1])
     kept = np.unique(np.searchsorted(steps, marks)).tolist()
