@@ -21,7 +21,7 @@ Measure = Literal["success", "return"]
 Verdict = Literal["better", "worse", "equal", "neither", "undecided"]
 
 SIGNIFICANT = 0.05
-"""A p-value below it is significant."""
+"""p-values below it are significant."""
 
 MARGIN = 0.05
 """Success rates are "equal" if the whole interval of their difference is within -MARGIN and MARGIN."""
@@ -80,7 +80,7 @@ class Comparison:
 
     @property
     def is_tie(self) -> bool:
-        """True if the means are equal, or the difference is not significant although there are enough seeds."""
+        """Return True if the means are equal, or the difference is not significant although there are enough seeds."""
         return self.value == self.other or (self.p_value >= SIGNIFICANT and self.seeds >= self.seeds_needed)
 
     def format_mean(self, value: float) -> str:

@@ -49,11 +49,11 @@ class Curriculum:
             raise InvalidArgument(f"curriculum `{self.label}` needs a positive share for each of its stages")
         if any(not names or len(set(names)) != len(names) for names in self.members):
             raise InvalidArgument(
-                f"curriculum `{self.label}` draws episodes from environments with different names"
+                f"each stage of curriculum `{self.label}` needs one or more environments with different names"
             )
         if self.schedule is not None and len({one for one in self.members if len(one) > 1}) != 1:
             raise InvalidArgument(
-                f"curriculum `{self.label}` has a schedule, which needs stages of the same several environments"
+                f"curriculum `{self.label}` has a schedule, so its stages with several environments must be the same"
             )
         if self.initial_value is not None and not isfinite(self.initial_value):
             raise InvalidArgument(f"`initial_value` of curriculum `{self.label}` must be finite")
@@ -106,7 +106,7 @@ def sequences(names: Sequence[str], kind: Sequences = "suffixes") -> tuple[Curri
     """
     check_known(kind, get_args(Sequences), f"unknown kind of sequences {kind!r}")
     if not names or len(set(names)) != len(names):
-        raise InvalidArgument("a family needs environments with different names")
+        raise InvalidArgument("`names` must be one or more environments with different names")
     if kind in ("suffixes", "full"):
         last = max(len(names) - 1, 1) if kind == "suffixes" else 1
         return tuple(_suffix(names[first:]) for first in range(last))

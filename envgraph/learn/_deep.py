@@ -33,7 +33,7 @@ class DeepAgent(TableAgent):
     def __init__(self, family: Tables | Programs, settings: TrainingSettings, rng: Generator) -> None:
         if isinstance(family, Programs):
             raise InvalidArgument(
-                f"`{settings.student}` needs tables, and there are too many states for them"
+                f"`{settings.student}` needs tables, but the environments have too many states for tables"
             )
         super().__init__(family, settings, "python")
         import stable_baselines3

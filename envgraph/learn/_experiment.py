@@ -36,7 +36,7 @@ from envgraph.solve.learning import (
 TRAINING, EVALUATION, BEFORE, CHOOSING = 0, 1, 2, 3
 
 _SEVERAL = 2**16
-"""Added to their number, it tells a stage of several environments from as many stages; families are smaller."""
+"""Added to the number of environments of a mixed stage, to distinguish it from as many stages; families are smaller."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -251,9 +251,11 @@ def _prepare(
             parts[place,], ready[place,] = one, with_starts(ready[len(family) - 1,], one)
         return _Prepared(positions, Tables(ready, numbered[: len(family)], parts))
     if tables or len({id(one.program) for one in placed}) > 1:
-        raise InvalidArgument("a family is in one program, or has a table of each member")
+        raise InvalidArgument("all environments must be tables, or all must be members of one program")
     if drawn or starts:
-        raise InvalidArgument("drawn environments and other starts need tables: there are too many states")
+        raise InvalidArgument(
+            "mixed stages and other start states need tables, but there are too many states"
+        )
     program = placed[0].program
     program.functions("learn")  # compile before threads ask for it
     return _Prepared(positions, Programs(program, tuple(one.member for one in placed)))
@@ -320,14 +322,14 @@ def _generator(seed: int, role: int, stages: Sequence[Place]) -> np.random.Gener
 
 def _check(names: Sequence[str], curricula: Sequence[Curriculum], seeds: Sequence[int], workers: int) -> None:
     if not names or len(set(names)) != len(names):
-        raise InvalidArgument("a family needs environments with different names")
+        raise InvalidArgument("`family` must be one or more environments with different names")
     for curriculum in curricula:
         for name in (name for stage in curriculum.members for name in stage):
             check_known(name, names, f"no environment is called `{name}`")
     labels = [(curriculum.kind, curriculum.label) for curriculum in curricula]
     if not labels or len(set(labels)) != len(labels):
-        raise InvalidArgument("an experiment needs curricula with different labels")
+        raise InvalidArgument("`curricula` must be one or more curricula with different labels")
     if not seeds or len(set(seeds)) != len(seeds) or min(seeds) < 0:
-        raise InvalidArgument("an experiment needs different seeds from 0")
+        raise InvalidArgument("`seeds` must be one or more different numbers, at least 0")
     if workers < 1:
         raise InvalidArgument(f"`workers` is {workers}, it must be at least 1")

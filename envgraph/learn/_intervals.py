@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 from envgraph.errors import InvalidArgument
 
 RESAMPLES = 2_000
-"""Of a bootstrap."""
+"""The default number of resamples of a bootstrap."""
 
 _BLOCK = 2**22
-"""Values that are drawn at a time."""
+"""The most values that are drawn at a time."""
 
 Statistic = Callable[..., NDArray[Any]]
-"""Of values along their last axis."""
+"""A statistic of values along their last axis."""
 
 
 def wilson_interval(proportion: float, runs: int, confidence: float = 0.95) -> tuple[float, float]:
@@ -84,7 +84,7 @@ def bootstrap_interval(
     """
     tail = (1.0 - _checked(confidence)) / 2
     if resamples < 1 or not samples:
-        raise InvalidArgument("a bootstrap needs a sample, and `resamples` must be positive")
+        raise InvalidArgument("`samples` must not be empty, and `resamples` must be positive")
     arrays = [np.asarray(sample, np.float64) for sample in samples]
     if min(map(len, arrays)) < 2:
         return None
@@ -108,7 +108,7 @@ def interquartile_mean(values: Sequence[float] | NDArray[Any], axis: int = -1) -
     ordered = np.sort(np.asarray(values, np.float64), axis=axis)
     size = ordered.shape[axis]
     if not size:
-        raise InvalidArgument("an interquartile mean needs a value")
+        raise InvalidArgument("`values` must contain at least one number")
     middle = np.take(ordered, range(size // 4, size - size // 4), axis=axis)
     return np.asarray(middle.mean(axis=axis))
 
@@ -126,7 +126,7 @@ def probability_of_improvement(
     """
     first, second = (np.moveaxis(np.asarray(one, np.float64), axis, -1) for one in (values, others))
     if not first.size or not second.size:
-        raise InvalidArgument("a comparison needs values on both sides")
+        raise InvalidArgument("`values` and `others` must each contain at least one number")
     found = np.empty(first.shape[:-1])
     for place in np.ndindex(found.shape):
         ordered = np.sort(second[place])
@@ -142,7 +142,7 @@ def performance_profile(values: Sequence[float], thresholds: Sequence[float]) ->
     [1.0, 0.75, 0.5, 0.0]
     """
     if not len(values):
-        raise InvalidArgument("a profile needs a value")
+        raise InvalidArgument("`values` must contain at least one number")
     return np.asarray(np.greater.outer(np.asarray(values), np.asarray(thresholds)).mean(axis=0))
 
 

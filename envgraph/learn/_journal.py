@@ -68,7 +68,9 @@ class Journal:
                 entry = json.loads(line)
                 journal._note(str(entry["part"]), str(entry["target"]), _result(entry["agent"]))
         except (ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RecursionError) as error:
-            raise InvalidArgument(f"{path}:{number}: not a line of a training under way") from error
+            raise InvalidArgument(
+                f"{path}:{number}: the line is not part of an unfinished training"
+            ) from error
         with path.open("r+b") as kept:
             kept.truncate(sum(len(line) + 1 for line in lines))
         return journal

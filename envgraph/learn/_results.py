@@ -37,7 +37,7 @@ SUMMARY_COLUMNS = (
     "steps_to_threshold",
 )
 THRESHOLD = 0.5
-"""Share of successes that counts as reached in `steps_to_threshold`."""
+"""The default share of successes for `steps_to_threshold`."""
 
 OPTIMISTIC = "optimistic"
 """Prefix of the labels of "optimistic" controls, which differ in initial value and epsilon; see `best_optimistic`."""
@@ -295,5 +295,5 @@ def _read(path: Path, columns: Sequence[str], parse: Callable[[list[str]], Parse
     except EnvgraphError:
         raise
     except (ValueError, KeyError, csv.Error) as error:
-        raise InvalidArgument(f"{path}:{line}: not a line of such a result") from error
+        raise InvalidArgument(f"{path}:{line}: the line is not a valid result") from error
     return parsed

@@ -11,18 +11,18 @@ from numpy.typing import ArrayLike, NDArray
 from envgraph.errors import InvalidArgument
 
 DRAWS = 10_000
-"""Of a test that is not exact."""
+"""The default number of draws of a test that is not exact."""
 
 _EXACT = 2**16
-"""A test is exact as long as the sum of the values has no more values than this."""
+"""A test is exact if the sum has at most this many possible values."""
 
 _GRID = 2.0**40
 
 _ANGLES = 2**14
-"""Parts of a right angle in the numerical integral of Student's t; see `mean_test`."""
+"""The number of parts of a right angle in the numerical integral of Student's t; see `mean_test`."""
 
 FEWEST_UNITS = 10
-"""Fewer units, such as seeds, decide no claim: if a few agree by chance, their variance is far too small."""
+"""Claims from fewer units, such as seeds, stay undecided: if a few agree by chance, their variance is far too small."""
 
 
 def permutation_test(values: ArrayLike, others: ArrayLike, *, draws: int = DRAWS, seed: int = 0) -> float:
@@ -50,7 +50,7 @@ def permutation_test(values: ArrayLike, others: ArrayLike, *, draws: int = DRAWS
     second = np.asarray(others, np.float64)
     if first.ndim != 1 or not first.size or second.shape != first.shape:
         raise InvalidArgument(
-            f"values of as many seeds are needed on both sides, not {first.shape} and {second.shape}"
+            f"`values` and `others` must have one number for each seed, not {first.shape} and {second.shape}"
         )
     pairs = np.column_stack([first, second])[first != second]
     if not len(pairs):

@@ -15,10 +15,10 @@ from envgraph.solve import evaluate_policy, optimal_return
 from envgraph.solve.learning import TrainingSettings
 
 EXACT: Final = ("exact_regret", "exact_learnability")
-"""Those that need tables: replay by a score that is computed of them."""
+"""Schedules that need tables: replay by an exact score that is computed from them."""
 
 TEACHERS: Final = (*(name for name in SCHEDULES if name != "sfl"), *EXACT)
-"""What may choose the environments of a family; SFL is for thousands of levels."""
+"""Schedules that can choose the environments of a family; SFL is for thousands of levels."""
 
 
 class ExactScore:
@@ -77,5 +77,5 @@ def teacher(name: str, count: int, exact: ExactScore | None = None) -> Schedule:
     if name not in EXACT:
         return named_schedule(name, count)
     if exact is None:
-        raise InvalidArgument(f"`{name}` needs tables of all states, of which there are too many")
+        raise InvalidArgument(f"`{name}` needs tables, but the environments have too many states for tables")
     return Replay(np.arange(count), score=exact)

@@ -16,7 +16,7 @@ from envgraph.errors import EnvgraphError
 T = TypeVar("T")
 
 _PAUSE = 0.2
-"""Seconds between two looks at whether the parent is alive; a look takes a microsecond."""
+"""Seconds between two checks that the parent is alive; a check takes a microsecond."""
 
 
 def run_in_workers(

@@ -51,7 +51,9 @@ def evaluate(
         InvalidArgument: the Q-values do not fit the environment, or a number is not positive.
     """
     if q.shape != (tabular.n_observations, tabular.n_actions):
-        raise InvalidArgument(f"`q` is {q.shape}, not {(tabular.n_observations, tabular.n_actions)}")
+        raise InvalidArgument(
+            f"`q` has the shape {q.shape}, not {(tabular.n_observations, tabular.n_actions)}"
+        )
     if episodes < 1 or limit < 1:
         raise InvalidArgument("`episodes` and `limit` must be positive")
     policy = np.argmax(q[tabular.observation], axis=1)
@@ -138,12 +140,14 @@ def _shares(tabular: Tabular, policy: NDArray[Any] | None) -> NDArray[np.float64
         return np.full(shape, 1.0 / tabular.n_actions)
     if policy.shape == shape:
         if not (policy >= 0.0).all() or not np.allclose(policy.sum(axis=1), 1.0, rtol=0.0, atol=1e-9):
-            raise InvalidArgument("`policy` has a row that is no distribution over actions")
+            raise InvalidArgument("each row of `policy` must be probabilities of actions with the sum 1")
         return np.ascontiguousarray(policy, np.float64)
     if policy.shape != shape[:1] or not np.issubdtype(policy.dtype, np.integer):
-        raise InvalidArgument(f"`policy` is {policy.shape}, not {shape}, nor an action for each state")
+        raise InvalidArgument(
+            f"`policy` has the shape {policy.shape}, not {shape}, or is not an int for each state"
+        )
     if not ((policy >= 0) & (policy < tabular.n_actions)).all():
-        raise InvalidArgument("`policy` names an action that is not there")
+        raise InvalidArgument("`policy` has an action that the environment does not have")
     shares = np.zeros(shape)
     shares[np.arange(tabular.n_states), policy] = 1.0
     return shares

@@ -26,17 +26,17 @@ def mixture(tabulars: Sequence[Tabular]) -> Tabular:
         InvalidArgument: they do not agree.
     """
     if not tabulars:
-        raise InvalidArgument("a mixture needs an environment")
+        raise InvalidArgument("`tabulars` is empty, but a mixture needs at least one environment")
     first = tabulars[0]
     for place, other in enumerate(tabulars[1:], start=2):
         for name in ("n_observations", "observation_shape", "action_names"):
             if getattr(other, name) != getattr(first, name):
-                message = (
-                    f"number {place} of the environments that are mixed has other `{name}` than number 1"
-                )
+                message = f"environment {place} of the mixture has other `{name}` than environment 1"
                 raise InvalidArgument(message)
         if bool(other.agent_names) != bool(first.agent_names):
-            raise InvalidArgument("agents take turns in some of the environments, and not in others")
+            raise InvalidArgument(
+                "either all environments of a mixture must have agents that take turns, or none"
+            )
     agents = tuple(dict.fromkeys(name for one in tabulars for name in one.agent_names))
     outcomes = max(one.next_state.shape[2] for one in tabulars)
     before = np.cumsum([0, *(one.n_states for one in tabulars[:-1])])

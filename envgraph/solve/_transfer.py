@@ -27,7 +27,7 @@ def hit_probability(tabular: Tabular, policy: NDArray[np.float64] | None = None,
     """
     shape = (tabular.n_observations, tabular.n_actions)
     if policy is not None and policy.shape != shape:
-        raise InvalidArgument(f"`policy` is {policy.shape}, not {shape}")
+        raise InvalidArgument(f"`policy` has the shape {policy.shape}, but must have {shape}")
     of_states = None if policy is None else policy[tabular.observation]
     return evaluate_policy(tabular, of_states, horizon).success_rate
 

@@ -57,7 +57,9 @@ def value_iteration(tabular: Tabular, discount: float = 0.99, tolerance: float =
     enough = scale * tolerance * ((1.0 - discount) / discount if 0.0 < discount < 1.0 else 1.0)
     values, change = _settled(tabular, discount, enough, MOST_ITERATIONS)
     if change > enough:
-        raise EvaluationError(f"values do not settle in {MOST_ITERATIONS} sweeps at discount {discount}")
+        raise EvaluationError(
+            f"values do not converge in {MOST_ITERATIONS} sweeps: use a `discount` below {discount}"
+        )
     onward = np.where(tabular.terminated == 0, discount * values[tabular.next_state], 0.0)
     action_values = (tabular.probability * (tabular.reward + onward)).sum(axis=2)
     return Optimum(values, action_values, np.argmax(_best(action_values), axis=1))

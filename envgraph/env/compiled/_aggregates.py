@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 COUNT = code.Local("n", "int")
 PARTS, SPACE = code.Local("parts", "int"), code.Local("space", "int")
-"""How many floats add up exactly to what was found so far, and the row from which on they are kept."""
+"""The number of floats whose sum is exactly that of the values so far, and the row from which on they are stored."""
 
 
 def count_solutions(body: Body, number: code.Local) -> None:

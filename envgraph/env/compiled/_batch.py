@@ -22,11 +22,11 @@ from envgraph.env.compiled.kernels import BEYOND, CAPACITY, FULL, OVERFLOW
 from envgraph.errors import EvaluationError
 
 SHOWN: Final = {
-    OVERFLOW: f"a question has more than {CAPACITY} matches",
+    OVERFLOW: f"a condition or rule has more than {CAPACITY} matches",
     BEYOND: "an int has more than 32 bits",
-    FULL: "rules create more objects in one step than there is space for",
+    FULL: "rules create too many objects in one step",
 }
-"""What only a program has bounds for."""
+"""Messages for errors that only compiled programs have, since the live engine has no such bounds."""
 
 
 class Batch:
@@ -204,7 +204,7 @@ class Batch:
                     simulator.begin(uniform)
                 else:
                     simulator.act(action, uniform)
-        message = SHOWN.get(error, "a rule cannot be applied, or something has no value")
+        message = SHOWN.get(error, "a rule cannot be applied, or an expression has no value")
         raise EvaluationError(message, self.program.behaviour.span, 'step with `engine="live"`')
 
     @contextmanager

@@ -38,7 +38,7 @@ class Text:
     Attributes:
         functions: callees before their callers.
         layout: the tables and columns.
-        levels, width: number of stretches in the row space, and of columns in a row.
+        levels, width: number of segments of the row space, and of columns in a row; see `Module`.
         action_names: of the actions.
         shape: sizes of the components of an observation.
         observation_names: of these components.
@@ -109,10 +109,10 @@ class _Program:
             key = key_attributes(self._metamodel, cls)
             if key and not self._changes.created.isdisjoint(indexable(self._metamodel, cls)):
                 span = next(body.span for plan in plans for body in plan.blocks if body.creates)
-                raise NotCompiled(f"objects with a key that a rule creates (`{cls}`)", span)
+                raise NotCompiled(f"a rule that creates objects with a key (`{cls}`)", span)
             for attribute in key:
                 if attribute.index in self._changes.written:
-                    raise NotCompiled(f"keys that change (`{attribute}`)", _set_at(plans, attribute))
+                    raise NotCompiled(f"a rule that changes a key (`{attribute}`)", _set_at(plans, attribute))
 
     def text(self) -> Text:
         """Emit all functions of the program."""

@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 CAPACITY = code.Name("CAPACITY")
 
 Found = Callable[["Body"], None]
-"""Writes what is done with a solution."""
+"""Emits the code that runs for a solution."""
 
 
 class Body:
@@ -78,7 +78,7 @@ class Body:
         return call(name, *values, top=self._top)
 
     def take_space(self, top: code.Local) -> None:
-        """Emit code that sets `top` to the first row of an unused stretch of the row space."""
+        """Emit code that sets `top` to the first row of an unused segment of the row space."""
         self.block.add(code.Assign(top, plus(self._top, CAPACITY)))
         self._top, self._levels = top, self._levels + 1
         self.matching.module.needs(self._levels + 1)
@@ -136,7 +136,7 @@ class Body:
         todo = list(steps)
         while todo:
             if self.block.full:
-                raise NotCompiled("too many loops inside each other")
+                raise NotCompiled("a pattern or condition with too many nested loops")
             loops, known = self.block.loops, {*self._names}
             step = todo.pop(0)
             goal = step.goal
@@ -313,7 +313,7 @@ class Body:
         reference, source, target = goal.reference, goal.source, goal.target
         if isinstance(reference, Attribute) or self.facts.changes.fixed_feature(reference):
             if isinstance(reference, Attribute) and not self.facts.changes.fixed_feature(reference):
-                raise NotCompiled(f"many values that change (`{reference}`)")
+                raise NotCompiled(f"a rule that changes a multi-valued attribute (`{reference}`)")
             self._look_up(goal, step)
             return
         links, forward = self.facts.links, self.known(source)

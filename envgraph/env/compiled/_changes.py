@@ -75,12 +75,12 @@ def checked_unit(engine: Engine, call: RuleCall) -> CheckedUnit:
 def _check(plan: RulePlan, call: RuleCall) -> None:
     for body in plan.blocks:
         for absorb in body.absorbs:
-            raise NotCompiled(f"objects that a rule merges (`{plan.name}`)", absorb.span or body.span)
+            raise NotCompiled(f"a rule that merges objects (`{plan.name}`)", absorb.span or body.span)
         for change in body.sets:
             if isinstance(change, Increase) and change.attribute.type is Scalar.STRING:
-                raise NotCompiled(f"strings that a rule puts together (`{plan.name}`)", change.span)
+                raise NotCompiled(f"a rule that concatenates strings (`{plan.name}`)", change.span)
             if isinstance(change, SetValues | Increase) and change.attribute.many:
-                raise NotCompiled(f"many values that a rule sets (`{plan.name}`)", change.span)
+                raise NotCompiled(f"a rule that sets a multi-valued attribute (`{plan.name}`)", change.span)
 
 
 @dataclass(frozen=True, slots=True)
@@ -179,11 +179,11 @@ class _Found:
                     self._reference(reference)
                     if self.metamodel.containment(reference, 0, 1) and not _alone(change, body):
                         raise NotCompiled(
-                            f"containers that are set among others (`{reference}`)", change.span
+                            f"a rule that sets a container among other changes (`{reference}`)", change.span
                         )
                     if isinstance(change, SetTargets) and reference.many and not self._replaced(change, body):
                         raise NotCompiled(
-                            f"many targets that are set among others (`{reference}`)", change.span
+                            f"a rule that sets many targets among other changes (`{reference}`)", change.span
                         )
                 case SetValue(_, attribute) | Increase(_, attribute):
                     self.written.add(attribute.index)

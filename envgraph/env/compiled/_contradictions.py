@@ -24,7 +24,7 @@ Kind = Literal[
 
 @dataclass(frozen=True, slots=True)
 class Claim:
-    """One effect that a match requires, to be compared with those of other matches.
+    """An effect that a match requires, for comparison with those of other matches.
 
     Attributes:
         node: slot of the object that the effect is about.
@@ -317,7 +317,7 @@ def _check_order(site: Site) -> None:
                     change.reference if opposite is not None and opposite.upper not in (None, 1) else None
                 )
             if feature is not None and changing.setdefault(feature, frame.plan) is not frame.plan:
-                raise NotCompiled(f"`{feature}` in several blocks of a rule", frame.plan.span)
+                raise NotCompiled(f"changes of `{feature}` in several blocks of a rule", frame.plan.span)
 
 
 def check_kept(site: Site) -> None:
@@ -342,7 +342,7 @@ def check_kept(site: Site) -> None:
             if len(frames) > 1 or cls is None:
                 first, plan = deletes[0]
                 raise NotCompiled(
-                    "containers that blocks delete beside their contents", first.span or plan.span
+                    "a rule with blocks that deletes a container and its contents", first.span or plan.span
                 )
             _check_alive(site, slot, cls)
 

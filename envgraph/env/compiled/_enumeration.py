@@ -28,11 +28,11 @@ from envgraph.env.scene._scene import Scene
 from envgraph.rewrite import Engine
 
 CHOICES: Final = 1_000
-"""Choices that one step may make."""
+"""The most random choices in one step."""
 FIRST: Final = 1_024
-"""States and outcomes that there is space for at first."""
+"""The initial capacity for states and for outcomes."""
 TOLD: Final = 100_000
-"""Outcomes after which progress is reported."""
+"""The number of outcomes between two reports of progress."""
 
 Array = NDArray[Any]
 
@@ -74,10 +74,10 @@ def _visited(
 
 
 MOST_SPARE: Final = 1_024
-"""More objects than rules make where there is a table."""
+"""The most space for created objects: environments small enough for a table do not need more."""
 FEW: Final = 2_000
 FEW_OUTCOMES: Final = 20_000
-"""States, and outcomes, that the live engine visits in less time than it takes to load a compiled program."""
+"""States and outcomes that the live engine visits in less time than it takes to load a compiled program."""
 
 
 def explored(
@@ -102,7 +102,7 @@ def explored(
 
 
 LIVE_OUTCOMES: Final = 50_000
-"""Outcomes of actions that the live engine makes in the time that it takes to compile a program."""
+"""Outcomes of actions that the live engine computes in the time that it takes to compile a program."""
 
 
 class Tables:
@@ -289,8 +289,8 @@ class Visit:
             for _ in outcomes:
                 simulator.observe()
         self.full = bool(self.states[row, ERROR] == FULL)
-        bounds = f"{CAPACITY} matches of a question, {program.spare} new objects, an int of 32 bits"
-        raise NotCompiled(f"more than there is space for: {bounds}")
+        bounds = f"{CAPACITY} matches of a condition, {program.spare} created objects, ints of 32 bits"
+        raise NotCompiled(f"a state that exceeds a limit: {bounds}")
 
     def _allowed(self, states: int) -> NDArray[np.bool_]:
         """Return the action masks [states, actions], from the outcomes, or by asking if agents act together."""

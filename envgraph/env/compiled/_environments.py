@@ -157,11 +157,13 @@ class CompiledVectorEnv(VectorEnvironmentBase):
         check_render_mode(render_mode, ("rgb_array",), drawn=program.behaviour.draw is not None)
         chosen = np.arange(len(program.members)) if members is None else np.asarray(members, dtype=np.int64)
         if not len(chosen) or not ((chosen >= 0) & (chosen < len(program.members))).all():
-            raise InvalidArgument(f"members are numbers in 0..{len(program.members) - 1}, at least one")
+            raise InvalidArgument(
+                f"`members` must be one or more numbers from 0 to {len(program.members) - 1}"
+            )
         if streams not in ("shared", "each"):
-            raise InvalidArgument(f'`streams` is "shared" or "each", not {streams!r}')
+            raise InvalidArgument(f'`streams` must be "shared" or "each", not {streams!r}')
         if threads < 1:
-            raise InvalidArgument(f"{threads} threads")
+            raise InvalidArgument(f"`threads` is {threads}, but must be at least 1")
         count = len(chosen) if num_envs is None else num_envs
         which = chosen[np.arange(max(count, 0)) % len(chosen)]
         self._batch = Batch(program, which, threads)

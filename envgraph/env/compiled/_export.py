@@ -20,10 +20,14 @@ from envgraph.errors import InvalidArgument
 from envgraph.files import _cache, check_free, markdown, replace_file
 
 MOST_NAMED: Final = 20
-"""Actions that are named in a README."""
+"""The most actions that a README names."""
 _NUMBA: Final = "arrays", "machine_code"
 """Modules that cannot be imported without numba."""
-_ERRORS: Final = {FAILED: "a value is missing or too large", REFUSED: "a rule cannot be applied", **SHOWN}
+_ERRORS: Final = {
+    FAILED: "a value is missing or too large",
+    REFUSED: "a rule cannot be applied",
+    **SHOWN,
+}
 
 _TAIL: Final = """
 from inspect import isfunction
@@ -97,7 +101,7 @@ def export(
 def check_package(name: str) -> None:
     """Raise InvalidArgument if a name cannot be the name of a package."""
     if not (name.isascii() and name.isidentifier() and name == name.strip("_")) or iskeyword(name):
-        hint = "a name of the letters a to z, digits and `_`, such as `my_environments`"
+        hint = "use a name of letters a to z, digits and `_`, such as `my_environments`"
         raise InvalidArgument(f"`{name}` cannot be imported as a package", hint)
 
 

@@ -69,11 +69,13 @@ class Environments:
         chosen = [len(names) - 1] if members is None else [_number(one, names) for one in members]
         count = len(chosen) if num_envs is None else num_envs
         if count < 1 or not chosen or streams not in (SHARED_STREAM, OWN_STREAMS):
-            raise ValueError('there are one or more environments and members; streams are "shared" or "each"')
+            raise ValueError(
+                '`num_envs` must be at least 1, `members` not empty, and `streams` "shared" or "each"'
+            )
         if observation not in ("index", "multi"):
-            raise ValueError('an observation is an "index" or "multi"')
+            raise ValueError('`observation` must be "index" or "multi"')
         if observation == "index" and prod(ABOUT["observation_shape"]) >= 2**63:
-            raise ValueError('there are more observations than numbers: ask for `observation="multi"`')
+            raise ValueError('there are too many observations for an index: use `observation="multi"`')
         self.num_envs = count
         self.members = np.array([chosen[place % len(chosen)] for place in range(count)], dtype=np.int64)
         self._limit = (ABOUT["limit"] if max_episode_steps == -1 else max_episode_steps) or 0
@@ -221,7 +223,7 @@ def _number(member: int | str, names: Sequence[str]) -> int:
     if member in names:
         return names.index(str(member))
     if isinstance(member, str) or not 0 <= member < len(names):
-        raise ValueError(f"there is no member {member!r}, but {', '.join(names)}, or 0..{len(names) - 1}")
+        raise ValueError(f"unknown member {member!r}: choose {', '.join(names)}, or 0 to {len(names) - 1}")
     return member
 
 
@@ -229,5 +231,5 @@ def _actions(actions: Any, count: int) -> NDArray[np.int64]:
     chosen = np.asarray(actions)
     most = len(ABOUT["actions"])
     if chosen.shape != (count,) or not ((chosen >= 0) & (chosen < most)).all():
-        raise ValueError(f"actions are {count} numbers in 0..{most - 1}")
+        raise ValueError(f"`actions` must be {count} numbers from 0 to {most - 1}")
     return chosen.astype(np.int64, copy=False)

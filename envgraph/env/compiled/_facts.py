@@ -35,15 +35,17 @@ from envgraph.metamodel import Attribute, Reference, Scalar
 from envgraph.pattern import Library, StaticType
 
 SHIFT = code.Constant(5)
-"""Of a place in a set, to the number of its word."""
+"""Shifting a place in a class set by this gives the index of its word."""
 
 
 class Module:
     """The functions of a program; each is after those that it calls.
 
+    Functions store matches as rows in the row space, which consists of segments of `CAPACITY` rows.
+
     Attributes:
         functions: the functions.
-        levels: for each function, the number of stretches of the row space that it may use.
+        levels: for each function, the number of segments of the row space that it may use.
         width: number of columns of the widest row.
     """
 
@@ -68,7 +70,7 @@ class Module:
 
     @contextmanager
     def writing(self) -> Iterator[None]:
-        """Count the stretches of the row space that a function needs, while its code is emitted."""
+        """Count the segments of the row space that a function needs, while its code is emitted within the context."""
         self._open.append(1)
         yield
         self._open.pop()
@@ -82,11 +84,11 @@ class Module:
         self.functions[:], self.levels, self._names = functions, levels, names
 
     def uses(self, name: str, above: int) -> None:
-        """Record that the current function calls another, whose rows begin `above` stretches behind its own."""
+        """Record that the current function calls another, whose rows begin `above` segments behind its own."""
         self.needs(above + self.levels[name])
 
     def needs(self, levels: int) -> None:
-        """Record that the current function uses `levels` stretches of the row space."""
+        """Record that the current function uses `levels` segments of the row space."""
         self._open[-1] = max(self._open[-1], levels)
 
     def once(
@@ -345,7 +347,7 @@ class Facts:
             NotCompiled: the attribute is multi-valued.
         """
         if attribute.many:
-            raise NotCompiled(f"many values of `{attribute}`, one by one")
+            raise NotCompiled(f"an expression that reads the multi-valued attribute `{attribute}`")
         if self.changes.fixed_feature(attribute):
             return self._fixed_value(attribute, attribute.type, node)
         place, guard = self.attribute_cell(attribute, node, sure=sure)

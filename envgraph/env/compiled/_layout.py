@@ -34,23 +34,23 @@ from envgraph.env.compiled._world import Arrays
 from envgraph.env.compiled.kernels import CAPACITY
 
 T, G = code.Local("T"), code.Local("G")
-"""What no rule changes about the member: ints, and floats."""
+"""The tables of the member, which rules do not change: ints, and floats."""
 S, F = code.Local("S"), code.Local("F")
 """The state of the environment: ints, and floats."""
 L, K = code.Local("L"), code.Local("K")
-"""Offsets, and behind them what is the same for the whole family; the offsets again, as a tuple."""
+"""The vector of offsets, followed by the constants of the family; and the offsets as a tuple."""
 D = code.Local("D")
-"""What is drawn from."""
+"""The source of random numbers."""
 RI, RF = code.Local("RI"), code.Local("RF")
-"""Space for rows: ints, and floats."""
+"""The row space, where matches are stored: ints, and floats."""
 TOP = code.Local("top")
 STATE: Final = (T, G, L, K, S, F, RI, RF, D, TOP)
-"""What each function gets."""
+"""The first parameters of each function."""
 
 ZERO, ONE, NOBODY = code.Constant(0), code.Constant(1), code.Constant(-1)
 
 ERROR, TURN, FIRST_COLUMN = 0, 1, 2
-"""Columns of each state: what went wrong, and whose turn it is."""
+"""Columns of each state: the error, and the agent whose turn it is."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -189,7 +189,9 @@ class Layout:
             if isinstance(symbol, Width):
                 offsets[number] = ends[symbol.of]
                 if ends[symbol.of] > CAPACITY:  # The saved state needs the space of the rows.
-                    raise NotCompiled("a rule in a unit that the model may refuse, where states are large")
+                    raise NotCompiled(
+                        "a rule in a unit that may be refused, and states too large to save for it"
+                    )
         count = len(filled)
         arrays: dict[str, NDArray[Any]] = {
             "T": np.full((count, ends["T"]), NO_OBJECT, dtype=np.int32),

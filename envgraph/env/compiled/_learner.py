@@ -15,7 +15,7 @@ from envgraph.env.compiled._program import Program
 from envgraph.errors import InvalidArgument
 
 FIRST: Final = 4_096
-"""Keys that there is space for at first."""
+"""The initial capacity for keys."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,7 +75,9 @@ class Learner:
             known.observation_shape,
         )
         if self._of_states or not same:
-            raise InvalidArgument("programs agree in actions and observations, and values are of these alone")
+            raise InvalidArgument(
+                "programs must agree in actions and observations, and values must be of observations"
+            )
         self._player = Player(program, "learn")
 
     def train(

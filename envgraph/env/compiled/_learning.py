@@ -9,9 +9,9 @@ action of a pending update. `LEVELS` holds the exploration rate, the total rewar
 # mypy: ignore-errors
 
 DONE, SPACE, WRONG = 0, 1, 2
-"""How it ends: all steps are done, the keys need more space, an error of the environment."""
+"""How learning ends: all steps are done, the keys need more space, or an error occurred in the environment."""
 OUTCOMES, STARTS = 1, 2
-"""What numbers are drawn for besides the choice of the action."""
+"""Bits of `DRAWS`: random numbers to draw besides that for the choice of the action."""
 
 
 def write_key(S, BITS, KEYS, row, seen, of_states):

@@ -202,7 +202,7 @@ class Links:
         site.add(code.If(code.Operation("!=", (old, target)), site.collected(write)))
 
     def set_container(self, change: SetTargets) -> None:
-        """Emit code that moves an object out of its container and into another, or into none without a value."""
+        """Emit code that moves an object into a new container, or only out of its old one if there is no value."""
         site, reference, value = self._site, change.reference, change.values[0] if change.values else None
         contains = reference if reference.containment else self._facts.metamodel.opposite(reference)
         assert contains is not None

@@ -11,7 +11,7 @@ DONE, SPACE, WRONG, MANY, FOUND, PAUSED = 0, 1, 2, 3, 4, 5
 """How a visit ends: all is done, arrays are full, an error of the environment, too many outcomes of an action, what was
 sought, or as many outcomes as were wanted."""
 MADE, CHANCE, KNOWN, SCRIPT = 0, 1, 2, 3
-"""Places of `D`: choices made, their probability, choices that the script says; then place and count of each."""
+"""Indices of `D`: choices made, their probability, choices in the script; then alternative and count of each choice."""
 
 
 def take(D, count):

@@ -27,7 +27,7 @@ from envgraph.pattern import (
 
 
 class Shape(Enum):
-    """How rows are found: without a loop, so at most ONE; as bits of WORDS, in order; or as stored and sorted ROWS."""
+    """The way in which rows are found: without a loop, so at most ONE; as bits of WORDS, in order; or as sorted ROWS."""
 
     ONE = auto()
     WORDS = auto()
@@ -55,7 +55,7 @@ class Matching:
         self._shapes: dict[tuple[ViewKey, bool], Shape] = {}
 
     def rows(self, key: ViewKey, sure: bool = True) -> str:
-        """Emit a function that stores the distinct sorted rows from `top` on and returns their number."""
+        """Emit a function that stores the distinct rows, sorted, and returns their number. Return its name."""
         return self._function("rows", key, sure, self._rows)
 
     def exists(self, key: ViewKey, sure: bool = True) -> str:
@@ -156,13 +156,13 @@ class Matching:
 
     def _check_recursion(self, pattern: str) -> None:
         if self.calls.recursive(pattern):
-            raise NotCompiled(f"recursion over what changes (`{pattern}`)")
+            raise NotCompiled(f"a recursive pattern whose matches change (`{pattern}`)")
 
     def _view(self, key: ViewKey) -> ViewPlan:
         try:
             return self.planner.view(key)
         except Unplannable:
-            raise NotCompiled(f"`{key.pattern}`, asked without its inputs") from None
+            raise NotCompiled(f"a use of `{key.pattern}` without values for its inputs") from None
 
     def _shape(self, key: ViewKey, sure: bool) -> Shape:
         """Return how the rows of a view are found, by emitting its bodies on trial."""

@@ -15,22 +15,22 @@ from envgraph.errors import visible
 NODE_RADIUS = 0.42
 _SPACING = 2.4
 _LEAST_RADIUS = 1.6
-"""Of the circle of nodes; the picture of one node alone has room for it, so that members of a family are as large."""
+"""Of the circle of nodes. A picture of a single node is as large, so that members of a family have equal sizes."""
 _EDGE_LABELS = 3.4
-"""At least so far apart are nodes with labels between them."""
+"""The least distance of nodes if edges between them have labels."""
 
 _LABEL_SHARE = 0.76
-"""Where on an edge its label stands: nearer to the end, so that those of an edge and of its way back are apart."""
+"""The position of a label on its edge: nearer to the end, so that labels of opposite edges do not overlap."""
 
 _LONGEST = 24
-"""Letters of a label; a longer one is cut."""
+"""The most letters of a label; a longer one is shortened."""
 
 _LABEL_GAP = NODE_RADIUS + 0.32
 _EDGE_SHIFT = 0.13
 _BEND = 0.3
-"""How far the middles of edges between the same two nodes are apart."""
+"""The distance between the middles of edges that join the same two nodes."""
 _PIECES = 16
-"""Straight lines of a curve."""
+"""The number of straight lines that a curve consists of."""
 
 Point = tuple[float, float]
 

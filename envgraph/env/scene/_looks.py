@@ -29,7 +29,7 @@ _NAMED: Final[Mapping[str, str]] = MappingProxyType(
 )
 
 _Marked = tuple[Attribute, tuple[str, ...]]
-"""An attribute that changes how objects look, and what its `@glyph` says; () of a `@colour` and of an int."""
+"""An attribute that changes the appearance of objects, and the arguments of its `@glyph`; () for `@colour` and ints."""
 
 _IN_TURN = ("#1c3d6e", "#9c36b5", "#0b7285", "#c2255c", "#5c940d", "#d9480f")
 

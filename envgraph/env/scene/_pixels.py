@@ -45,7 +45,7 @@ def scene_rgb(scene: Scene, cell: int = 32) -> NDArray[np.uint8]:
         InvalidArgument: `cell` is not positive, or the picture would have more than 64 million pixels.
     """
     if cell < 1:
-        raise InvalidArgument(f"a cell of {cell} pixels")
+        raise InvalidArgument(f"`cell` is {cell}, but must be at least 1 pixel")
     return _grid(scene, cell) if isinstance(scene, GridScene) else _graph(scene, cell)
 
 

@@ -30,10 +30,10 @@ from envgraph.pattern import Expression, Navigation, Parameter
 Draw = DrawGrid | DrawGraph
 
 EMPTY = 255
-"""In `GridScene.cells`: nothing is there."""
+"""The value in `GridScene.cells` for a position without a cell."""
 
 DRAW_HINT = "write a clause such as `draw graph Class label name`"
-"""Where something is to be drawn and the behaviour does not say how."""
+"""The hint of errors about a behaviour that has no `draw` clause."""
 
 MOST_CELLS = 1_000_000
 
@@ -358,7 +358,9 @@ class _Grid:
         mm = model.metamodel
         kinds = mm.concrete(draw.cls)
         if len(kinds) >= EMPTY:
-            raise InvalidArgument(f"`{draw.cls}` has {len(kinds)} classes of cells, {EMPTY - 1} can be drawn")
+            raise InvalidArgument(
+                f"`{draw.cls}` has {len(kinds)} subclasses, but at most {EMPTY - 1} can be drawn"
+            )
         column, row = mm.feature(draw.cls, draw.column), mm.feature(draw.cls, draw.row)
         assert isinstance(column, Attribute)
         assert isinstance(row, Attribute)
@@ -384,7 +386,9 @@ class _Grid:
         width = max(x for x, _ in at.values()) - left + 1
         height = max(y for _, y in at.values()) - top + 1
         if width * height > MOST_CELLS:
-            raise InvalidArgument(f"a grid of {width} x {height} cells is too large to be drawn")
+            raise InvalidArgument(
+                f"a grid of {width} x {height} cells is too large: at most {MOST_CELLS:,} can be drawn"
+            )
         cells = bytearray([EMPTY]) * (width * height)
         places = {node: (x - left, y - top) for node, (x, y) in at.items()}
         for node, (x, y) in places.items():

@@ -19,7 +19,7 @@ from envgraph.env.scene._text import scene_title
 
 _LETTER_WIDTH = 0.2
 _HALO = ' stroke="#ffffff" stroke-width="0.12" stroke-linejoin="round" aria-hidden="true"'
-"""Of a text below another one, which is to be read over lines."""
+"""The style of a white outline behind a text, which makes it readable above lines."""
 
 
 def scene_svg(scene: Scene, cell: int = 32) -> str:

@@ -23,7 +23,7 @@ SCHEDULES: Final[dict[str, Callable[[int], Schedule]]] = {
     "robust_plr": lambda count: Replay(np.arange(count), Buffer(fresh_learned=False)),
     "sfl": lambda count: Sifter(np.arange(count)),
 }
-"""What makes each of them for a number of members."""
+"""For each name, a function that creates the schedule for a number of members."""
 
 
 def named_schedule(name: str, count: int) -> Schedule:

@@ -20,7 +20,7 @@ class InOrder:
 
     def __init__(self, steps: Sequence[int]) -> None:
         if not steps or min(steps) < 1:
-            raise InvalidArgument("an order needs a positive number of steps for each member")
+            raise InvalidArgument("`steps` must have a positive number of steps for each member")
         self._ends = np.cumsum(steps)
         self._done = 0
 
@@ -43,7 +43,7 @@ class Shuffled:
 
     def __init__(self, members: Ints) -> None:
         if not len(members):
-            raise InvalidArgument("a schedule needs a member")
+            raise InvalidArgument("`members` is empty, but a schedule needs at least one member")
         self.members = members
         self._order: Ints = np.zeros(0, np.int64)
 

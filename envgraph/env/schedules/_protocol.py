@@ -51,7 +51,7 @@ class Outcomes:
 
 
 Score = Callable[[Outcomes], Floats]
-"""What members that were played are worth; the higher, the more there is to be learned on them."""
+"""Computes a score for each member that was played; higher means more useful to learn on."""
 
 
 @runtime_checkable

@@ -14,10 +14,10 @@ from envgraph.env.schedules._order import Shuffled
 from envgraph.env.schedules._protocol import Batch, Floats, Ints, Outcomes, Score
 
 Edit = Callable[[Ints, Generator], Ints]
-"""Makes a new member of each of some."""
+"""Creates a new member from each of some members."""
 
 FILLED: Final = 0.5
-"""A buffer is replayed when so much of it is filled, as in JaxUED (Coward et al. 2024)."""
+"""The share of a buffer that must be filled before it is replayed, as in JaxUED (Coward et al. 2024)."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -27,8 +27,10 @@ class Seats:
 
     def __init__(self, schedule: object, count: int, members: int) -> None:
         if not isinstance(schedule, Schedule):
-            hint = "a schedule has `ask` and `tell`; `envgraph.env.schedules.named_schedule` makes those with names"
-            raise InvalidArgument(f"{schedule!r} is no schedule", hint)
+            hint = (
+                "use an object with `ask` and `tell`, such as `envgraph.env.schedules.named_schedule` returns"
+            )
+            raise InvalidArgument(f"`schedule` is {schedule!r}, which is not a schedule", hint)
         self.schedule, self._members = schedule, members
         self.member = np.zeros(count, np.int64)
         self.learn = np.ones(count, np.bool_)
@@ -48,7 +50,7 @@ class Seats:
         members: Ints = np.asarray(batch.members)
         if members.shape != places.shape or not ((members >= 0) & (members < self._members)).all():
             raise InvalidArgument(
-                f"the schedule gave {members.tolist()} when asked for {len(places)} of {self._members} members"
+                f"the schedule returned {members.tolist()}, but must return {len(places)} numbers below {self._members}"
             )
         self.member[places], self.learn[places], self._returns[places] = members, batch.learn, 0.0
 

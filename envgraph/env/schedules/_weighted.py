@@ -37,7 +37,7 @@ class Known:
 
 
 Weight = Callable[[Known], Floats]
-"""What each member is drawn in proportion to."""
+"""Computes for each member the weight that its probability is proportional to."""
 
 
 def learning_progress(known: Known) -> Floats:
@@ -84,7 +84,7 @@ class Weighted:
 
     def __init__(self, count: int, weight: Weight, uniform: float = 0.2) -> None:
         if count < 1 or not 0.0 <= uniform <= 1.0:
-            raise InvalidArgument("a schedule needs a member, and a share from 0 to 1")
+            raise InvalidArgument("`count` must be at least 1, and `uniform` from 0 to 1")
         self._count, self._weight, self._uniform = count, weight, uniform
         self._known = Known(count)
         self._first: Ints | None = None

@@ -20,7 +20,7 @@ from envgraph.learn.audit._study import Study
 Verdict = Literal["stands", "fails", "undecided"]
 
 MARGIN: Final = 0.01
-"""A gain in success that is smaller is none: where the whole interval lies below it, the claim fails."""
+"""The smallest gain in success that matters: if the whole interval is below it, the claim fails."""
 
 POOLED: Final = "all domains"
 

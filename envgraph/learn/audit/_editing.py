@@ -16,7 +16,7 @@ from envgraph.search import Domain
 from envgraph.solve.learning import PolicyLearner
 
 EDITS: Final = (1, 5)
-"""How many mutation rules are applied to a level at least and at most."""
+"""The least and the greatest number of mutation rules that are applied to a level."""
 
 
 class Editor:

@@ -18,7 +18,7 @@ from envgraph.rewrite import Engine
 from envgraph.search import Domain
 
 Feature = tuple[str, tuple[Value, ...]]
-"""What may be seen: what it is about, and the values."""
+"""A name, such as that of a pattern, and the values of a row."""
 
 _View = tuple[str, str, tuple[object, ...], list[tuple[int, Callable[[int], Any]]]]
 """A pattern's name in the settings and its full name, arguments that ask for all rows, and which values of its rows are
@@ -28,9 +28,9 @@ objects, with what reads their keys."""
 class StateFeatures:
     """The binary features of the states of a level: the inputs of a student.
 
-    For an object that the environment observes, its features are the rows of the patterns `sees` that begin with it, in
-    the initial model of the level, without their first value. If no pattern of `sees` is about its class, the object
-    itself is the feature. Every other observed value except the first of its range is a feature. The rows of the
+    The features of an object that the environment observes are rows of the patterns `sees`: those that begin with the
+    object, in the initial model of the level, without their first value. If no pattern of `sees` is about its class, the
+    object itself is the feature. Every other observed value except the first of its range is a feature. The rows of the
     patterns `knows` are features of all states of the level.
 
     Args:

@@ -23,20 +23,20 @@ from envgraph.solve import optimal_return, steps_to_success
 from envgraph.solve.learning import LevelTables
 
 MOST_STATES: Final = 20_000
-"""Of a level."""
+"""The most states of a level."""
 
 HARD: Final = 0.8
-"""A level is hard whose shortest plan is longer than those of so many of the held-out levels."""
+"""A level is hard if its shortest plan is longer than those of this share of the held-out levels."""
 
 PATIENCE: Final = 20
-"""So many times as many levels are drawn as are wanted, until it is said that there are too few."""
+"""The most models that are drawn for each level needed, before an error is raised."""
 
 Progress = Callable[[int, int], None]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AuditLevels:
-    """All levels of an audit. No two levels are the same model.
+    """The levels of an audit. No two levels are the same model.
 
     Attributes:
         tables: of the levels.
@@ -107,7 +107,7 @@ class AuditLevels:
             tables = LevelTables(**arrays, inputs=sizes[0], actions=sizes[1], width=sizes[2])
             return cls(tables, drawn=drawn, features=features, **found)
         except (OSError, ValueError, KeyError, TypeError, EOFError) as error:
-            raise InvalidArgument(f"{path}: not the levels of an audit") from error
+            raise InvalidArgument(f"{path}: the file does not contain the levels of an audit") from error
 
 
 _OWN: Final = "optimum", "plan", "training", "probed", "held_out", "hard", "numbers"

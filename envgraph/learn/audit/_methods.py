@@ -11,7 +11,7 @@ Score = Literal["random", "PVL", "L1", "MaxMC", "MNA", "SFL", "exact regret", "e
 SCORES: Final[tuple[Score, ...]] = get_args(Score)
 
 PROBED: Final[tuple[Score, ...]] = ("PVL", "L1", "MaxMC", "MNA", "SFL", "exact learnability")
-"""Scores whose ranks are audited; the exact regret is what they are compared with."""
+"""Scores whose rankings are audited, by comparison with exact regret."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,14 +58,14 @@ METHODS: Final = (
     Method("PLR, MaxMC, solvable only", "MaxMC", Buffer(), solvable=True),
     Method("PLR, exact learnability, solvable only", "exact learnability", Buffer(), solvable=True),
 )
-"""All methods; the first is what others are compared with."""
+"""All methods of an audit; the first is the baseline of the others."""
 
 
 EDITING: Final = (
     Method("ACCEL, MaxMC", "MaxMC", ROBUST, edited=True),
     Method("PLR with edits, exact learnability", "exact learnability", Buffer(), edited=True),
 )
-"""Methods that make levels while they run, which takes ten times as long: they are run where they are named."""
+"""Methods that make new levels during training. They take ten times as long, so they are run only if named."""
 
 
 @dataclass(frozen=True, slots=True)

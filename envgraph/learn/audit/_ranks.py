@@ -10,10 +10,10 @@ from envgraph.code import dataclass
 Floats = NDArray[np.float64]
 
 MASTERED, HOPELESS = 0.95, 0.05
-"""A level on which the policy succeeds more often is mastered, one on which it does less often hopeless."""
+"""A level is mastered if the policy's success rate is above the first, and hopeless if it is below the second."""
 
 TOP = 0.1
-"""The share of the levels that a score puts highest."""
+"""The share of levels that count as ranked highest by a score."""
 
 
 def midranks(values: Floats) -> Floats:

@@ -20,14 +20,14 @@ from envgraph.search import Domain
 from envgraph.solve.learning import PolicyLearner
 
 POINTS: Final = 8
-"""Of a learning curve, at equal distances; scores are probed at the first, second, fourth and last of them."""
+"""The number of points of a learning curve, at equal distances; scores are probed at those in `PROBES`."""
 
 PROBES: Final = (1, 2, 4, 8)
 ROLLOUTS: Final = (1, 4, 16, 64, 256)
-"""Episodes from which scores are estimated."""
+"""The numbers of episodes from which scores are estimated."""
 
 PROBING_SEEDS: Final = 16
-"""Number of students that are probed; all learn by domain randomisation."""
+"""The number of students that are probed; all of them learn by domain randomisation."""
 
 SHOWN_ROLLOUTS: Final = 16
 _SCHEDULER, _PROBE = 3, 4

@@ -75,9 +75,16 @@ def audit_settings(domain: Domain) -> AuditSettings:
         problems.append(Diagnostic("missing-key", "an audit needs an environment", spec.audit.span(), hint))
     elif limit is None:
         hint = "write `limit = 64` at the top"
-        problems.append(Diagnostic("missing-key", "episodes have no end", spec.audit.span(), hint))
+        problems.append(
+            Diagnostic(
+                "missing-key",
+                "an audit needs a `limit` of episodes",
+                spec.audit.span(),
+                hint,
+            )
+        )
     elif behaviour.agents:
-        message = "an audit has one student, and this environment several agents"
+        message = "an audit trains a single agent, but this environment has `agent` blocks"
         problems.append(Diagnostic("bad-audit", message, behaviour.agents[0].span))
     options = Options(spec.audit)
     names = [*(options.names("sees") if options.given("sees") else ())]
@@ -125,10 +132,12 @@ def _wrong_patterns(
             continue
         types = library.parameter_types(pattern.qualified_name)
         if anchored and not (types and isinstance(types[0], ObjectType)):
-            message = f"the first parameter of `{name}` is no object"
-            hint = f"give it the object that the student looks from, or name it in `knows` instead of `{key}`"
+            message = f"the first parameter of `{name}` must be an object"
+            hint = (
+                f"give it an object that the environment observes, or write it in `knows` instead of `{key}`"
+            )
             problems.append(Diagnostic("wrong-type", message, span, hint))
         elif any(one is Scalar.FLOAT for one in types):
-            message = f"`{name}` gives a float, of which there are too many to see each by itself"
-            problems.append(Diagnostic("wrong-type", message, span, "give a whole number, or an enum"))
+            message = f"`{name}` has a float among its parameters, which cannot be an input of a student"
+            problems.append(Diagnostic("wrong-type", message, span, "use an int or an enum instead"))
     return problems

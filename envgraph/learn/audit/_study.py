@@ -22,13 +22,13 @@ from envgraph.learn.audit._settings import AuditSettings
 from envgraph.search import Domain
 
 FORMAT: Final = 3
-"""Raised when the same files give other results than before."""
+"""The version of results; increased if the same files give other results than before."""
 
 _Source = tuple[Bundle, tuple[str, ...]]
-"""The texts of a domain, which other processes read, and what holds instead of what they say."""
+"""The texts of a domain, for other processes to read, and the settings that override them."""
 
 Progress = Callable[[int, int, str], None]
-"""Called with how much is done, of how much, and of what."""
+"""Called with the number of finished units of work, the number of all, and their name."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -105,10 +105,10 @@ def audit(
 def _check_solvable(levels: AuditLevels, domain: Domain, settings: AuditSettings) -> None:
     found, wanted = int(levels.solvable[levels.training].sum()), settings.policy.levels
     if found < wanted:
-        message = f"{found} of the {len(levels.training):,} levels for training are solvable, and a batch has {wanted}"
+        message = f"{found} of the {len(levels.training):,} training levels are solvable, but a batch needs {wanted}"
         span = domain.spec.audit.span("levels") if domain.spec.audit else None
         raise EvaluationError(
-            message, span, "ask for more `levels`, or for fewer mutations: `initial_applications`"
+            message, span, "increase `levels`, or reduce the number of mutations, `initial_applications`"
         )
 
 
@@ -126,7 +126,9 @@ def read_run(path: Path) -> Run:
             values[one.name] = tuple(value) if isinstance(value, list) else value
         return Run(**values)
     except (OSError, ValueError, LookupError, TypeError) as error:
-        raise InvalidArgument(f"{path}: not the result of a run; remove it, and it is run again") from error
+        raise InvalidArgument(
+            f"{path}: the file is not the result of a run; remove it to repeat the run"
+        ) from error
 
 
 def _planned(settings: AuditSettings, methods: Sequence[Method]) -> Iterator[tuple[Method, int]]:
@@ -147,7 +149,7 @@ def _finished(
     """Do the missing runs, and yield the number of finished ones after each."""
     place = str(directory)
     tasks = [(place, settings, *one, source) for one in missing]
-    hint = f"finished students are kept in {directory}; run `audit` again with fewer `workers`"
+    hint = f"run `audit` again with fewer `workers`; finished students are stored in {directory}"
     for count, _ in enumerate(run_in_workers(_work, tasks, workers, hint=hint), 1):
         yield count
 
@@ -199,7 +201,7 @@ def _claim(directory: Path, about: dict[str, Any], force: bool) -> None:
             return
         if not force:
             raise InvalidArgument(
-                f"{directory} has another audit: of other files, or with other settings",
+                f"{directory} contains another audit, with other files or settings",
                 "give `--force` to replace it, or another `--directory`",
             )
         (directory / "levels.npz").unlink(missing_ok=True)

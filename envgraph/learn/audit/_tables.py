@@ -18,7 +18,7 @@ from envgraph.learn.audit._study import Study
 from envgraph.solve import cvar
 
 WORST: Final = 0.3
-"""The share of the held-out levels that is looked at for the worst case."""
+"""The share of the held-out levels that counts as the worst case."""
 
 BASE: Final = METHODS[0].name
 

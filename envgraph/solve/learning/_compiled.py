@@ -53,9 +53,7 @@ def learn(
 def run_stage(table: Table, stage: Stage, q: NDArray[np.float64], rng: np.random.Generator) -> StageOutcome:
     """Train one learner on a table; `q` [observations, actions] is changed in place."""
     if not isinstance(rng.bit_generator, np.random.PCG64):
-        message = (
-            "backend 'numba' draws from NumPy's PCG64: make the generator with `numpy.random.default_rng`"
-        )
+        message = "backend 'numba' needs a generator over PCG64: create it with `numpy.random.default_rng`"
         raise InvalidArgument(message)
     rows, epsilons = streams([rng]), np.array([stage.epsilon])
     curve = learn(table, stage, q[None], rows, epsilons)

@@ -19,7 +19,7 @@ from envgraph.solve.learning._stage import Stage, Table, compact, flatten
 from envgraph.solve.learning._training import action_values, available_backends, initial_values
 
 EPISODES = 16
-"""Episodes that are played where starts or outcomes are drawn; elsewhere all are the same."""
+"""The number of episodes that are played if starts or outcomes are random; otherwise one episode suffices."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -133,4 +133,4 @@ class ProgramLearners:
 
 def _check_numba() -> None:
     if "numba" not in available_backends():
-        raise InvalidArgument("learners side by side need numba: pip install 'envgraph[fast]'")
+        raise InvalidArgument("training many learners at once needs numba: pip install 'envgraph[fast]'")

@@ -20,7 +20,7 @@ from envgraph.solve.learning._stage import Stage, StageOutcome, Table
 drawn_action: Callable[..., tuple[int, float]] = values.drawn_action
 
 Waiting = deque[tuple[list[float], int, float]]
-"""Steps whose values wait for what comes after them: the values of the observation, which of them, the reward."""
+"""Steps whose update waits for later rewards: the values of the observation, the index of the value, and the reward."""
 
 
 def run_stage(table: Table, stage: Stage, q: NDArray[np.float64], rng: np.random.Generator) -> StageOutcome:

@@ -18,7 +18,7 @@ from envgraph.solve.learning import _policy_loop
 CALLED: Final = ("forget", "collect", "advantages", "measure", "improve", "expect")
 
 TOGETHER: Final = 64
-"""Levels that are evaluated at a time: what is known of their states stays in the processor's cache."""
+"""Levels that are evaluated at a time, so that the outputs for their states stay in the processor's cache."""
 
 Ints = NDArray[np.int64]
 Floats = NDArray[np.float64]
@@ -82,7 +82,7 @@ class LevelTables:
         alike = {(one.action_names, None if seen else one.observation_shape) for one in levels}
         if len(alike) != 1:
             raise InvalidArgument(
-                "there must be a level, and all must have the same actions and observations"
+                "`levels` must be one or more levels with the same actions and observations"
             )
         if seen is None:
             inputs = sum(levels[0].observation_shape)

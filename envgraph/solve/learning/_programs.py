@@ -71,15 +71,15 @@ def train_program(
     stages = list(range(len(program.members))) if members is None else list(members)
     lengths = [settings.steps_per_environment] * len(stages) if steps is None else list(steps)
     if not stages or not all(0 <= stage < len(program.members) for stage in stages):
-        raise InvalidArgument(f"members are numbers in 0..{len(program.members) - 1}, at least one")
+        raise InvalidArgument(f"`members` must be one or more numbers from 0 to {len(program.members) - 1}")
     if len(lengths) != len(stages) or min(lengths) < 1:
         raise InvalidArgument(
-            f"`steps` is {lengths}: it needs a positive length for each of {len(stages)} stages"
+            f"`steps` is {lengths}, but must have a positive length for each of {len(stages)} stages"
         )
     if of not in ("observation", "state"):
-        raise InvalidArgument(f'`of` is "observation" or "state", not {of!r}')
+        raise InvalidArgument(f'`of` must be "observation" or "state", not {of!r}')
     if of == "state" and len(set(stages)) > 1:
-        raise InvalidArgument("states of different members are different: train on one, or of observations")
+        raise InvalidArgument("values of states need a single member: choose one, or values of observations")
     learner = Learner(program, settings.initial_value + 0.0, of_states=of == "state")
     return train_learner(learner, [InProgram(program, one) for one in stages], settings, lengths, rng, begins)
 
@@ -134,7 +134,7 @@ def rates_of(stage: Stage) -> Rates:
     if settings.agent == "double_q_learning" or settings.n_step > 1:
         what = "double Q-learning" if settings.n_step == 1 else "n-step learning"
         raise InvalidArgument(
-            f"{what} needs a table of all states, of which there are too many",
-            "without tables there are `q_learning`, `sarsa` and `expected_sarsa` of one step",
+            f"{what} needs tables, but the environment has too many states for a table",
+            "use `q_learning`, `sarsa` or `expected_sarsa` with `n_step = 1`",
         )
     return Rates(AGENTS.index(settings.agent), settings.ties == "random", *stage.factors)

@@ -54,9 +54,9 @@ def play_program(
     """
     chosen = range(len(program.members)) if members is None else members
     if not all(0 <= one < len(program.members) for one in chosen):
-        raise InvalidArgument(f"members are numbers in 0..{len(program.members) - 1}")
+        raise InvalidArgument(f"`members` must be numbers from 0 to {len(program.members) - 1}")
     if episodes < 1 or limit < 1:
-        raise InvalidArgument(f"{episodes} episodes of {limit} steps: it needs at least one of each")
+        raise InvalidArgument(f"`episodes` is {episodes} and `limit` is {limit}, but both must be at least 1")
     weights, sizes = _packed(program, layers)
     shape = program.observation_shape or (1,)
     firsts = np.cumsum([0, *shape[:-1]])
@@ -78,10 +78,10 @@ def _packed(program: Program, layers: Sequence[Layer]) -> tuple[NDArray[np.float
     given = [(weights.shape, bias.shape) for weights, bias in pairs]
     if given != [((before, after), (after,)) for before, after in pairwise(sizes)] or sizes[-1] != ends[1]:
         raise InvalidArgument(
-            f"layers of {given} are no network from {ends[0]} inputs to {ends[1]} actions",
-            "weights are [inputs, outputs]: those of torch's `Linear` are `weight.T`",
+            f"layers with the shapes {given} do not form a network from {ends[0]} inputs to {ends[1]} actions",
+            "pass weights as [inputs, outputs]: for torch's `Linear` use `weight.T`",
         )
     numbers = np.concatenate([part.ravel() for weights, bias in pairs for part in (bias, weights)])
     if not np.isfinite(numbers).all():
-        raise InvalidArgument("weights and biases are finite numbers")
+        raise InvalidArgument("weights and biases must be finite numbers")
     return numbers[None], np.array(sizes)

@@ -119,9 +119,7 @@ class TrainingSettings:
             _positive(name, getattr(self, name))
         if self.n_step > 1 and "sarsa" not in self.agent:  # Sutton and Barto 2018, section 7.3
             message = f"`n_step` above 1 is for `sarsa` and `expected_sarsa`, not `{self.agent}`"
-            raise InvalidArgument(
-                message, "rewards of an agent that explores are not those of the best actions"
-            )
+            raise InvalidArgument(message, "set `n_step = 1`, or choose `sarsa` or `expected_sarsa`")
         if not isfinite(self.initial_value):
             raise InvalidArgument("`initial_value` must be finite")
 

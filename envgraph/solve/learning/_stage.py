@@ -26,7 +26,7 @@ from envgraph.solve._evaluation import accumulate
 from envgraph.solve.learning._settings import TrainingSettings
 
 Outcome = tuple[float, int, int, int]
-"""Reward, next state, its place in `Table.seen`, how the episode ends (0: it goes on)."""
+"""Reward, next state, index of its observation in `Table.seen`, and how the episode ends (0: it does not end)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -31,7 +31,7 @@ Each lies between the break-even points with and without a compiled loop in the 
 """
 
 MOST_Q_VALUES = 10**8
-"""Eight hundred megabytes."""
+"""The most action values in a table: 800 megabytes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,7 +111,7 @@ def train_curriculum(
     lengths = [settings.steps_per_environment] * len(tables) if steps is None else list(steps)
     if len(lengths) != len(tables) or min(lengths) < 1:
         raise InvalidArgument(
-            f"`steps` is {lengths}: it needs a positive length for each of {len(tables)} stages"
+            f"`steps` is {lengths}, but must have a positive length for each of {len(tables)} stages"
         )
     values = initial_values(tables[0], settings)
     if q is not None:
@@ -156,7 +156,7 @@ def prepare(tabulars: Sequence[Tabular]) -> tuple[Table, ...]:
         raise InvalidArgument(
             f"a table of values for {first.n_observations:,} observations and {first.n_actions} actions is too large, "
             f"at most {MOST_Q_VALUES:,} are possible",
-            "observe less, or in smaller ranges; `run_experiment` keeps values of what occurs alone",
+            "observe less or smaller ranges, or use `run_experiment`: its tables have only observations that occur",
         )
     for tabular in tabulars:
         tabular.check()
@@ -165,7 +165,7 @@ def prepare(tabulars: Sequence[Tabular]) -> tuple[Table, ...]:
 
 def _agree(tabulars: Sequence[Tabular]) -> None:
     if not tabulars:
-        raise InvalidArgument("a curriculum needs an environment")
+        raise InvalidArgument("`tabulars` is empty, but a curriculum needs at least one environment")
     first = tabulars[0]
     for tabular in tabulars:
         if (tabular.n_observations, tabular.action_names) != (first.n_observations, first.action_names):
@@ -237,7 +237,7 @@ def action_values(learned: NDArray[np.float64], n_actions: int) -> NDArray[np.fl
 def _checked(q: NDArray[np.float64], table: Table) -> NDArray[np.float64]:
     shape = (table.n_observations, table.n_actions)
     if q.shape != shape or not np.isfinite(q).all():
-        raise InvalidArgument(f"`q` is {q.shape}: it needs finite values, {shape}")
+        raise InvalidArgument(f"`q` must have finite values and the shape {shape}, not {q.shape}")
     return q + 0.0
 
 

@@ -13,10 +13,10 @@ from envgraph.solve.learning._stage import Stage, StageOutcome
 from envgraph.solve.learning._training import Curve, joined
 
 Place = tuple[int, ...]
-"""Numbers of the members that a stage is in: one, or several from which episodes or turns are drawn."""
+"""Numbers of the members of a stage: one, or several among which episodes or turns are distributed."""
 
 Turn = Callable[[Place, Stage], StageOutcome]
-"""Trains in a place for a stage."""
+"""Trains an agent on members for a stage."""
 
 
 def take_turns(

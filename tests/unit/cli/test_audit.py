@@ -63,4 +63,6 @@ def test_workers_change_nothing_and_an_audit_goes_on(envgraph: Call, tmp_path: P
         path.unlink()
     again = envgraph("audit", "network", *few, *small, "-d", "two", "--format", "json")
     assert json.loads(again) == json.loads(printed)
-    assert "has another audit" in envgraph("audit", "network", "--steps", 50_000, *small, "-d", "two", code=1)
+    assert "contains another audit" in envgraph(
+        "audit", "network", "--steps", 50_000, *small, "-d", "two", code=1
+    )

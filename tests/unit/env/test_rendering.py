@@ -179,7 +179,7 @@ def test_every_size_of_cell_can_be_drawn(cell: int) -> None:
 
 
 def test_sizes_out_of_bounds_are_refused() -> None:
-    with pytest.raises(InvalidArgument, match="a cell of 0 pixels"):
+    with pytest.raises(InvalidArgument, match="`cell` is 0, but must be at least 1 pixel"):
         pixels(forest.model(ROWS), DRAW, cell=0)
     with pytest.raises(InvalidArgument, match="too large"):
         pixels(forest.model(ROWS), DRAW, cell=10_000)

@@ -183,12 +183,12 @@ class Stubborn:
 
 @pytest.mark.parametrize("members", [[3], [-1], [0, 1]])
 def test_what_is_no_member_is_refused(members: list[int]) -> None:
-    with pytest.raises(InvalidArgument, match="when asked for 1 of 3 members"):
+    with pytest.raises(InvalidArgument, match="must return 1 numbers below 3"):
         Seats(Stubborn(members), 1, 3).begin(np.array([True]))
 
 
 def test_names_are_suggested() -> None:
-    with pytest.raises(InvalidArgument, match="'plr' is no schedule"):
+    with pytest.raises(InvalidArgument, match="is 'plr', which is not a schedule"):
         Seats("plr", 1, 3)  # type: ignore[arg-type]
     with pytest.raises(InvalidArgument, match="unknown schedule `prl`") as caught:
         named_schedule("prl", 3)

@@ -240,10 +240,10 @@ def test_stages_of_several_draw_other_numbers_than_as_many_stages() -> None:
         (lambda: Curriculum("control", "mine", ((),), (1,)), "different names"),
         (lambda: Curriculum("control", "mine", ("E1",), (1,), float("inf")), "finite"),
         (lambda: Curriculum("control", "mine", ("E1",), (1,), orders=(("E2",),)), "must have all its stages"),
-        (lambda: mixture([]), "needs an environment"),
+        (lambda: mixture([]), "needs at least one environment"),
         (
             lambda: mixture([random_table(1), table([[[(1.0, 0, 0.0, 0)]]])]),
-            "number 2 .* other `n_observations`",
+            "environment 2 .* other `n_observations`",
         ),
         (
             lambda: run_experiment(FAMILY, SETTINGS, [Curriculum("control", "x", (("E1", "E22"),), (1,))]),
@@ -319,7 +319,7 @@ def test_exact_scores_are_those_of_the_learner_as_it_explores() -> None:
 def test_a_schedule_has_a_name_and_stages_of_the_same_environments() -> None:
     with pytest.raises(InvalidArgument, match="unknown schedule `plrr`"):
         run_experiment(FAMILY, SETTINGS, [replace(TAUGHT[0], schedule="plrr")])
-    with pytest.raises(InvalidArgument, match="stages of the same several"):
+    with pytest.raises(InvalidArgument, match="stages with several environments must be the same"):
         Curriculum("control", "x", ("E1", "E2"), (1, 1), schedule="plr")
     assert get_args(Scheduled) == TEACHERS
 
@@ -341,5 +341,5 @@ def test_agents_that_take_turns_may_be_others_in_each_environment_of_a_mixture()
     family = [FamilyMember(name, one) for name, one in zip(NAMES, tables, strict=False)]
     control = Curriculum("control", "randomised", (tuple(NAMES[:2]),), (2,))
     assert train_run(family, control, SETTINGS, 0)[0].steps == 2 * SETTINGS.steps_per_environment
-    with pytest.raises(InvalidArgument, match="take turns in some"):
+    with pytest.raises(InvalidArgument, match="that take turns, or none"):
         mixture([tables[0], random_table(1)])

@@ -74,7 +74,9 @@ def test_a_line_that_was_edited_is_told(old: str, new: str, line: int, tmp_path:
     text = path.read_text(encoding="utf-8")
     assert old in text
     path.write_text(text.replace(old, new, 1), encoding="utf-8")
-    with pytest.raises(InvalidArgument, match=f"a.jsonl:{line}: not a line of a training under way"):
+    with pytest.raises(
+        InvalidArgument, match=f"a.jsonl:{line}: the line is not part of an unfinished training"
+    ):
         Journal.open(path)
 
 
@@ -82,7 +84,7 @@ def test_no_file_and_an_empty_one(tmp_path: Path) -> None:
     with pytest.raises(InvalidArgument, match="No such file"):
         Journal.open(tmp_path / "a.jsonl")
     (tmp_path / "a.jsonl").touch()
-    with pytest.raises(InvalidArgument, match=":1: not a line"):
+    with pytest.raises(InvalidArgument, match=":1: the line is not"):
         Journal.open(tmp_path / "a.jsonl")
 
 

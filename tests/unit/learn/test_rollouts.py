@@ -128,14 +128,14 @@ def test_what_is_no_network_of_the_program_is_told() -> None:
     program, rng = program_of(*domain("keydoor"), native=False), np.random.default_rng(0)
     inputs, actions = sum(program.observation_shape), len(program.action_names)
     layers = network(inputs, 8, actions)
-    said = rf"no network from {inputs} inputs to {actions} actions"
+    said = rf"network from {inputs} inputs to {actions} actions"
     transposed = [(weights.T, bias) for weights, bias in layers]
     for wrong in ([], layers[:1], layers[1:], transposed, network(inputs, actions + 1)):
         with pytest.raises(InvalidArgument, match=said):
             play_program(program, wrong, rng)
     with pytest.raises(InvalidArgument, match="finite"):
         play_program(program, [(np.full((inputs, actions), np.nan), np.zeros(actions))], rng)
-    with pytest.raises(InvalidArgument, match=r"members are numbers in 0\.\.0"):
+    with pytest.raises(InvalidArgument, match=r"`members` must be numbers from 0 to 0"):
         play_program(program, layers, rng, members=[1])
-    with pytest.raises(InvalidArgument, match="at least one of each"):
+    with pytest.raises(InvalidArgument, match="both must be at least 1"):
         play_program(program, layers, rng, episodes=0)

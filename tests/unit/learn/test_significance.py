@@ -80,7 +80,7 @@ def test_holm_steps_down(p_values: list[float]) -> None:
 
 @pytest.mark.parametrize(("values", "others"), [([], []), ([1], [1, 2]), ([[1]], [[1]]), ([1], [[[1]]])])
 def test_both_sides_have_the_same_seeds(values: list[object], others: list[object]) -> None:
-    with pytest.raises(InvalidArgument, match="as many seeds"):
+    with pytest.raises(InvalidArgument, match="one number for each seed"):
         permutation_test(values, others)  # type: ignore[arg-type]
 
 

@@ -224,16 +224,16 @@ def test_cvar_goes_from_the_worst_to_the_mean() -> None:
 @pytest.mark.parametrize("policy", [[0.5, 0.4], [1.5, -0.5], [0.5, float("nan")]])
 def test_what_is_no_distribution_is_refused(policy: list[float]) -> None:
     two = table([[[(1.0, 0, 0.0, 0)]] * 2])
-    with pytest.raises(InvalidArgument, match="no distribution"):
+    with pytest.raises(InvalidArgument, match="probabilities of actions"):
         evaluate_policy(two, np.array([policy]), 1)
 
 
 def test_arguments_that_do_not_fit_are_refused() -> None:
     loop = table([[[(1.0, 0, 0.0, 0)]]])
     for policy in (np.zeros(2, int), np.zeros(1), np.ones((1, 2))):
-        with pytest.raises(InvalidArgument, match="`policy` is"):
+        with pytest.raises(InvalidArgument, match="`policy` has the shape"):
             certify(loop, policy)
-    with pytest.raises(InvalidArgument, match="action that is not there"):
+    with pytest.raises(InvalidArgument, match="action that the environment does not have"):
         certify(loop, np.array([1]))
     with pytest.raises(InvalidArgument, match="`limit` must be positive"):
         certify(loop, limit=0)

@@ -135,7 +135,7 @@ def _reachable_part(tabular: Tabular) -> Tabular:
 
 def test_arguments_that_do_not_fit_are_refused() -> None:
     loop = table([[[(1.0, 0, 0.0, 0)]]])
-    with pytest.raises(InvalidArgument, match="`policy` is"):
+    with pytest.raises(InvalidArgument, match="`policy` has the shape"):
         hit_probability(loop, np.ones((2, 1)))
     with pytest.raises(InvalidArgument, match="`epsilon`"):
         softened_policy(loop, 1.5)

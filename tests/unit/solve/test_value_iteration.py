@@ -53,7 +53,7 @@ def test_undiscounted_values_are_found_where_episodes_end() -> None:
 
 def test_values_that_grow_for_ever_are_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(_value_iteration, "MOST_ITERATIONS", 1_000)
-    with pytest.raises(EvaluationError, match="do not settle"):
+    with pytest.raises(EvaluationError, match="do not converge"):
         value_iteration(table([[[(1.0, 0, 1.0, 0)]]]), 1.0)
 
 

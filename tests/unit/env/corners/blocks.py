@@ -147,7 +147,7 @@ CORNERS = {
 }
 
 REFUSED = {
-    "`Item.weight` in several blocks of a rule": Yard(
+    "changes of `Item.weight` in several blocks of a rule": Yard(
         """
         rule add { lhs { y : Yard; } forall { lhs { i : Item; } modify { set i.weight += 0.1; } }
             forall { [[lhs]] { i : Item; } modify { set i.weight += 0.7; } } modify { } }

@@ -247,7 +247,7 @@ CORNERS = {
 }
 
 REFUSED = {
-    "objects that a rule merges (`yard.wrong`)": wrong(
+    "a rule that merges objects (`yard.wrong`)": wrong(
         "lhs { s : Item; t : Item; } modify { [[merge s <- t;]] }"
     ),
     "agents that a model has none of (`Pit`)": Yard(

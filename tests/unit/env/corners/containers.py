@@ -127,10 +127,10 @@ CORNERS = {
 }
 
 REFUSED = {
-    "containers that blocks delete beside their contents": wrong(
+    "a rule with blocks that deletes a container and its contents": wrong(
         "lhs { y : Yard; } forall { lhs { b : Box; i : Item; } modify { delete [[b]]; delete i; } } modify { }"
     ),
-    "containers that are set among others (`Box.item`)": wrong(
+    "a rule that sets a container among other changes (`Box.item`)": wrong(
         "lhs { b : Box; i : Item; } modify { [[set b.item = i;]] set i.pair = i; }"
     ),
 }

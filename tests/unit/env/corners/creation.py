@@ -136,7 +136,7 @@ CORNERS = {
 }
 
 REFUSED = {
-    f"objects with a key that a rule creates (`Item`) | {name}": Yard(
+    f"a rule that creates objects with a key (`Item`) | {name}": Yard(
         MADE.replace("lhs", "[[lhs]]"), f"action make = make(adam, _)\n{observed}"
     )
     for name, observed in (

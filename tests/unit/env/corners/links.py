@@ -240,10 +240,10 @@ CORNERS = {
 }
 
 REFUSED = {
-    "many targets that are set among others (`Box.inner`)": wrong(
+    "a rule that sets many targets among other changes (`Box.inner`)": wrong(
         "lhs { b : Box; c : Box; } modify { [[set b.inner = c;]] }"
     ),
-    "many targets that are set among others (`Man.visited`)": wrong(
+    "a rule that sets many targets among other changes (`Man.visited`)": wrong(
         "lhs { m : Man; n : Man; } modify { [[set m.visited = none;]] set n.visited = none; }"
     ),
 }

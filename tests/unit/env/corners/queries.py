@@ -133,7 +133,7 @@ CORNERS = {
 }
 
 REFUSED = {
-    "recursion over what changes (`yard.after`)": Yard(
+    "a recursive pattern whose matches change (`yard.after`)": Yard(
         "rule wed(i : Item, j : Item) { lhs { i : Item; j : Item; } modify { set i.pair = j; } }",
         "action wed(i : Item, j : Item) = wed(i, j)\non find after(i, j) reward 1",
         "pattern [[after]](i : Item, j : Item) { Item.pair(i, j); } or { Item.pair(i, k); find after(k, j); }",

@@ -235,11 +235,11 @@ CORNERS = {
 
 REFUSED = {
     "strings that are put together": wrong('lhs { s : Spot; } modify { set s.tag = [[s.tag + "x"]]; }'),
-    "strings that a rule puts together (`yard.wrong`)": wrong(
+    "a rule that concatenates strings (`yard.wrong`)": wrong(
         'lhs { s : Spot; } modify { [[set s.tag += "x";]] }'
     ),
-    "keys that change (`Spot.x`)": wrong("lhs { s : Spot; } modify { [[set s.x += 1;]] }"),
-    "many values that a rule sets (`yard.wrong`)": wrong(
+    "a rule that changes a key (`Spot.x`)": wrong("lhs { s : Spot; } modify { [[set s.x += 1;]] }"),
+    "a rule that sets a multi-valued attribute (`yard.wrong`)": wrong(
         'lhs { s : Spot; } modify { [[set s.marks = ["x"];]] }'
     ),
     "a product of products": wrong("lhs { s : Spot; } modify { set s.n = [[s.n * s.n * s.n]]; }"),

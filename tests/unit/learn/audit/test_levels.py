@@ -160,7 +160,7 @@ def test_floats_are_not_seen(tmp_path: Path) -> None:
     query.write_text(f"{query.read_text()}\n{slow}\n")
     path = tmp_path / "network" / "audit" / "audit.toml"
     path.write_text(path.read_text().replace('"onward"', '"slow"'))
-    with pytest.raises(LoadError, match="`slow` gives a float"):
+    with pytest.raises(LoadError, match="`slow` has a float"):
         audit_settings(Domain.load(str(path)))
 
 

@@ -114,14 +114,14 @@ def test_more_seeds_go_on_and_other_settings_are_refused(prepared: Path, domain:
     audit(domain, given, prepared, methods=FEW[:1])
     study = audit(domain, replace(given, seeds=3), prepared, methods=FEW[:1])
     assert sorted(study.of("DR")) == [0, 1, 2]
-    with pytest.raises(InvalidArgument, match="has another audit"):
+    with pytest.raises(InvalidArgument, match="contains another audit"):
         audit(domain, replace(given, steps=9_999), prepared, methods=FEW[:1])
 
 
 def test_a_damaged_result_is_named(tmp_path: Path) -> None:
     path = tmp_path / "DR.0.json"
     path.write_text(json.dumps({"method": "DR"}))
-    with pytest.raises(InvalidArgument, match=r"DR\.0\.json: not the result of a run; remove it"):
+    with pytest.raises(InvalidArgument, match=r"DR\.0\.json: the file is not the result of a run; remove it"):
         read_run(path)
 
 

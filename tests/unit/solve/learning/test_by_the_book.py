@@ -155,5 +155,5 @@ def test_more_than_one_step_is_for_agents_that_learn_of_what_they_do(agent: str)
     ],
 )
 def test_without_tables_they_are_refused(spec: dict[str, object], what: str) -> None:
-    with pytest.raises(InvalidArgument, match=f"{what} needs a table of all states"):
+    with pytest.raises(InvalidArgument, match=f"{what} needs tables"):
         rates_of(Stage(10, 1.0, TrainingSettings.from_spec(spec)))

@@ -82,7 +82,7 @@ def test_tables_become_levels_with_an_input_for_each_value_of_a_component() -> N
 
 def test_levels_have_the_same_actions_and_observations() -> None:
     for others in ([small((3, 2)), small((2, 3))], [small((3,)), small((3,), ("go", "stay"))], []):
-        with pytest.raises(InvalidArgument, match="must have the same actions and observations"):
+        with pytest.raises(InvalidArgument, match="with the same actions and observations"):
             LevelTables.of(others)
     one, other = small((3,)), small((4,))
     assert LevelTables.of([one, other], [[[0], [1]], [[], [6]]]).inputs == 7
