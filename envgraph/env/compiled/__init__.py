@@ -1,7 +1,7 @@
-"""Environments as programs over flat arrays: many at once, a hundred times as fast as the live engine.
+"""Compile behaviours into programs over flat arrays, which step many environments at once.
 
-A behaviour whose rules and queries have known bounds becomes one program: the plans of the engine, written in a second
-dialect, with numbers in place of objects. A member of a family is a row of data, a state another row.
+A program is about a hundred times as fast as the live engine. It needs rules and queries with known bounds, and uses
+the engine's search plans, with numbers in place of objects. A member of a family is a row of data, a state another row.
 """
 
 from typing import TYPE_CHECKING

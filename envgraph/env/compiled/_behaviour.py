@@ -115,7 +115,7 @@ class _Program:
                     raise NotCompiled(f"a rule that changes a key (`{attribute}`)", _set_at(plans, attribute))
 
     def text(self) -> Text:
-        """Emit all functions of the program."""
+        """Emit all functions of the program, and return them with the sizes and names that callers need."""
         step, may, look = self._step.bodies()
         if self._changes.growing is not None:
             self._define("tidy", (), tidied(self._facts, self._changes.growing))

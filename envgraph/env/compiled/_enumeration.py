@@ -293,7 +293,7 @@ class Visit:
         raise NotCompiled(f"a state that exceeds a limit: {bounds}")
 
     def _allowed(self, states: int) -> NDArray[np.bool_]:
-        """Return the action masks [states, actions], from the outcomes, or by asking if agents act together."""
+        """Return the action masks [states, actions], from recorded effects, or computed if agents act together."""
         program = self._program
         if not program.behaviour.together:
             return allowed_or_all(self.did[: states * self._actions].reshape(states, -1) > 0)

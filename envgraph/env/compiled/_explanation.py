@@ -42,5 +42,5 @@ def _facts(program: Program) -> Iterator[str]:
     if classes:
         yield f"            which objects are {', '.join(dict.fromkeys(classes))}"
     if written := [name for name in dict.fromkeys(patterns) if "#" not in name]:
-        yield f"  tables:   {', '.join(written)}, answered once for each member of a family"
+        yield f"  tables:   {', '.join(written)}, computed once for each member of a family"
     yield f"  program:  {len(program.source.splitlines())} lines"

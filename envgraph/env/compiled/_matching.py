@@ -27,7 +27,7 @@ from envgraph.pattern import (
 
 
 class Shape(Enum):
-    """The way in which rows are found: without a loop, so at most ONE; as bits of WORDS, in order; or as sorted ROWS."""
+    """The way in which rows are found: without a loop, so at most ONE; as bits of WORDS, in order; or sorted ROWS."""
 
     ONE = auto()
     WORDS = auto()

@@ -29,9 +29,9 @@ class StateFeatures:
     """The binary features of the states of a level: the inputs of a student.
 
     The features of an object that the environment observes are rows of the patterns `sees`: those that begin with the
-    object, in the initial model of the level, without their first value. If no pattern of `sees` is about its class, the
-    object itself is the feature. Every other observed value except the first of its range is a feature. The rows of the
-    patterns `knows` are features of all states of the level.
+    object, in the initial model of the level, without their first value. If no pattern of `sees` is about its class,
+    the object itself is the feature. Every other observed value except the first of its range is a feature. The rows
+    of the patterns `knows` are features of all states of the level.
 
     Args:
         domain: of the levels.

@@ -68,7 +68,7 @@ def test_more_new_objects_in_a_step_than_there_is_space_for_are_an_error() -> No
     engine, behaviour = Yard(CROWD, "action many = many()\nobserve adam.kind").opened()
     batch = Batch(program_of(engine, behaviour, native=False, spare=5), [0])
     batch.reset(np.ones(1, dtype=np.bool_))
-    with pytest.raises(EvaluationError, match="more objects in one step than there is space for"):
+    with pytest.raises(EvaluationError, match="too many objects in one step"):
         batch.step(np.zeros(1, dtype=np.int64), again=False)
 
 

@@ -32,5 +32,5 @@ def test_of_several_that_fail_the_last_one_is_over(threads: int) -> None:
 
 def test_there_is_a_thread_at_least() -> None:
     engine, behaviour = Yard("", "action wait = nothing()\nobserve adam.kind").opened()
-    with pytest.raises(InvalidArgument, match="0 threads"):
+    with pytest.raises(InvalidArgument, match="`threads` is 0"):
         CompiledVectorEnv(program_of(engine, behaviour, native=False), 2, threads=0)
