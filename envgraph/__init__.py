@@ -1,7 +1,7 @@
-"""envgraph: graph rewriting, and families of reinforcement-learning environments made with it.
+"""Graph rewriting, and families of reinforcement-learning environments derived from one environment.
 
-The names below are loaded when they are first used, so that importing the engine needs neither the parser nor
-NumPy nor Gymnasium.
+The public names are imported lazily, on first use. So importing the engine does not import the parser, NumPy or
+Gymnasium.
 """
 
 from typing import TYPE_CHECKING

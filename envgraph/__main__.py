@@ -1,4 +1,4 @@
-"""`python -m envgraph`."""
+"""Run the command line program with `python -m envgraph`."""
 
 from envgraph.cli import main
 

@@ -1,7 +1,7 @@
-"""Generated code: a small tree, one printer to Python text, one place that compiles and runs it; quick data classes.
+"""Generate Python functions: a syntax tree, its printer, and the compiler; also fast data classes and lazy imports.
 
-A producer never writes text. It makes nodes (`envgraph.code._tree`), most easily with a `Block`, which keeps loops and
-tests open until what stands inside them has been added::
+Code that generates functions builds syntax tree nodes (`envgraph.code._tree`) and never source text. The easiest way
+is a `Block`, which keeps loops and tests open until their contents have been added::
 
     block = Block()
     block.loop(Local("v0"), Name("E3"))                       # for v0 in E3:
@@ -10,13 +10,13 @@ tests open until what stands inside them has been added::
     view = Function("view", (Local("a0"),), block.body())
     define((view,), "<generated>", {"E3": .., "add": ..})["view"]
 
-The tree settles everything that decides results and their order, so that other printers can follow: loops, sharing,
-what stands inside what. What it refers to from outside is a `Name`, which the namespace given to `define` has; what it
-computes itself is a `Local`. A test is an `If` of its own: the printer joins those that stand directly inside each
-other, so a pass can put something between two of them. Where parentheses and line breaks are, the printer alone knows.
+The tree fixes loops, sharing of values and nesting, and so all results and their order. A printer for another language
+could use the same tree. A `Name` refers to a value in the namespace given to `define`. A `Local` is a variable of the
+function. Each test is its own `If` node, so that a pass can insert a statement between two tests. The printer joins
+directly nested tests with `and`, and decides on parentheses and line breaks.
 
-Every statement can carry an `origin`: the step, the operation, whatever it was made from. Lines inside it have the same
-unless they have one of their own, and `origin_of` finds that of the line that has raised an error.
+Each statement can carry an `origin`, any object that it was generated from, such as a step of a plan. Nested statements
+without an origin inherit it. `origin_of` returns the origin of the generated line that raised an error.
 """
 
 from typing import TYPE_CHECKING

@@ -1,4 +1,4 @@
-"""Bodies of functions that are built from the outside in."""
+"""Build the bodies of generated functions from the outermost loop or test inwards."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from typing import Final, NamedTuple
 from envgraph.code._tree import Body, Expression, For, If, Local, Statement, Tuple
 
 MOST_LOOPS: Final = 12
-"""Loops of one function, of the 20 that CPython allows: what is done inside the last one has some too."""
+"""Maximal nesting of loops in one function. CPython allows 20; statements inside the last loop may need more."""
 MOST_LEVELS: Final = 38
-"""Levels of indentation in it, of the 100 that CPython allows: tests between statements have levels and no loops."""
+"""Maximal levels of indentation in one function, of 100 that CPython allows: tests add levels but no loops."""
 
 
 class Place(NamedTuple):
-    """How much of a block is open."""
+    """A position in a `Block`: how many loops and tests are open."""
 
     heads: int
     loops: int
@@ -22,39 +22,41 @@ class Place(NamedTuple):
 
 
 class Block:
-    """A body in the making. Tests are collected until something stands under them.
+    """A builder of a function body that keeps loops and tests open for the statements added next.
 
     Attributes:
-        loops: loops that are open.
-        tests: those under which nothing stands yet, each with its origin.
+        loops: the number of open loops.
+        tests: the tests that contain no statement yet, each with its origin. The next statement or loop opens them.
     """
 
     def __init__(self) -> None:
         self.loops = 0
         self.tests: list[tuple[Expression, object]] = []
         self._levels = 0
-        self._open: list[tuple[Local | Tuple | None, Expression]] = []  # loops, and tests with None
+        self._open: list[
+            tuple[Local | Tuple | None, Expression]
+        ] = []  # loops, and tests with None as the target
         self._origins: list[object] = []
         self._bodies: list[list[Statement]] = [[]]
 
     def add(self, *statements: Statement) -> None:
-        """Add statements here, under the tests so far."""
+        """Append statements inside the open loops and tests."""
         self._enter()
         self._bodies[-1] += statements
 
     def test(self, test: Expression) -> None:
-        """What follows holds only if a test does."""
+        """Open an `if` test: statements added from now on are inside it."""
         self.tests.append((test, None))
 
     def loop(self, target: Local | Tuple, iterable: Expression) -> None:
-        """What follows is done for each element."""
+        """Open a `for` loop: statements added from now on are inside it."""
         self._enter()
         self._begin(target, iterable)
         self.loops += 1
         self._levels += 1
 
     def come_from(self, origin: object) -> None:
-        """Say where the last test, loop or statement comes from."""
+        """Set the origin of the test, loop or statement that was added last."""
         if self.tests:
             self.tests[-1] = (self.tests[-1][0], origin)
         elif self._bodies[-1]:
@@ -64,11 +66,11 @@ class Block:
 
     @property
     def place(self) -> Place:
-        """Where the block is."""
+        """Return the current nesting, to which `back_to` can return."""
         return Place(len(self._open), self.loops, self._levels)
 
     def back_to(self, place: Place) -> None:
-        """Close the loops and tests that were opened since the block was at a place."""
+        """Close all loops and tests that were opened after `place` was read."""
         self.tests = []
         while len(self._open) > place.heads:
             (target, value), origin = self._open.pop(), self._origins.pop()
@@ -79,17 +81,17 @@ class Block:
         self.loops, self._levels = place.loops, place.levels
 
     def body(self) -> Body:
-        """Everything, with all loops and tests closed."""
+        """Close all loops and tests, and return the statements of the whole body."""
         self.back_to(Place(0, 0, 0))
         return tuple(self._bodies[0])
 
     @property
     def full(self) -> bool:
-        """Whether anything more should go into a function of its own."""
+        """Return True if the nesting is near Python's limit, so that further code belongs in another function."""
         return self.loops >= MOST_LOOPS or self._levels >= MOST_LEVELS
 
     def _enter(self) -> None:
-        """Go inside the tests so far."""
+        """Open the collected tests, so that the next statement is added inside them."""
         if self.tests:
             for test, origin in self.tests:
                 self._begin(None, test, origin)

@@ -1,4 +1,4 @@
-"""Source text to functions: the only place that compiles and runs generated source."""
+"""Compile and run generated source text; no other module does."""
 
 from __future__ import annotations
 
@@ -8,15 +8,16 @@ from typing import Any
 
 
 def define_text(text: str, file: str, names: dict[str, Any]) -> dict[str, Any]:
-    """Run generated definitions.
+    """Execute generated source text in the namespace `names`, and return the namespace.
 
     Args:
-        text: made by a printer of this project, with names of ours, numbers and operators: no text of anybody else.
-        file: what tracebacks call it.
-        names: what the text may use; the definitions are added.
+        text: source text that this project generated from its own names, numbers and operators. It must contain no text
+            from users.
+        file: the file name shown in tracebacks.
+        names: the namespace: the values that the text may use. The definitions of the text are added to it.
 
     Returns:
-        The names with the definitions.
+        `names`.
     """
     exec(compiled(text, file), names)
     return names
@@ -24,5 +25,5 @@ def define_text(text: str, file: str, names: dict[str, Any]) -> dict[str, Any]:
 
 @lru_cache(maxsize=4096)
 def compiled(text: str, file: str) -> CodeType:
-    """Compile a text; that is most of the work of making a matcher, and the same text needs it once in a process."""
+    """Return the compiled code of a source text, from a cache if possible: compiling is slow."""
     return compile(text, file, "exec")

@@ -1,4 +1,4 @@
-"""Watching how often functions come to certain places."""
+"""Insert calls into generated functions that count how often each place in them is reached."""
 
 from __future__ import annotations
 
@@ -8,11 +8,15 @@ from dataclasses import replace
 from envgraph.code._tree import Assign, Body, Call, Do, For, Function, If, Statement
 
 Counter = Callable[[object], Call | None]
-"""What is called where something with an origin has been done; None if nothing is. It returns True."""
+"""Returns the call to insert after a statement with the given origin, or None. The call must return True."""
 
 
 def with_counters(function: Function, counter: Counter) -> Function:
-    """The function with a call behind each test that holds, in each round of a loop, and behind each assignment."""
+    """Return a copy of the function with counting calls.
+
+    A call is inserted after each test that holds, at the start of each loop iteration, and after each assignment.
+    `counter` returns the call for the origin of the statement, or None to insert none.
+    """
     return replace(function, body=_counted(function.body, counter))
 
 
@@ -23,7 +27,7 @@ def _counted(body: Body, counter: Counter) -> Body:
         match statement:
             case If(test, then, otherwise):
                 then = _counted(then, counter)
-                # A test of its own, so that nothing comes to stand deeper.
+                # Use a separate test, so that the nesting does not become deeper.
                 then = then if call is None else (If(call, then),)
                 found.append(If(test, then, _counted(otherwise, counter), statement.origin))
             case For():

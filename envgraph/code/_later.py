@@ -1,4 +1,4 @@
-"""Packages whose public names are loaded when they are first used: most programs need few of them, and start sooner."""
+"""Import the public names of a package lazily, on first use, so that programs which need few of them start faster."""
 
 from __future__ import annotations
 
@@ -8,16 +8,14 @@ from typing import Any
 
 
 def later(names: dict[str, Any]) -> None:
-    """Set `__all__`, `__dir__` and `__getattr__` of a package whose names are imported when they are first used.
+    """Install `__all__`, `__dir__` and `__getattr__` in a package so that its public names are imported on first use.
 
-    The public names are those that the source of the package imports as `X as X`, most of them under
-    `if TYPE_CHECKING`. Python, type checkers and readers so have one list, as `lazy_loader.attach_stub` of Scientific
-    Python (SPEC 1) has with a stub.
-
-    The source file of the package has to be installed.
+    The public names are those that the package's source imports as `X as X`, most of them under `if TYPE_CHECKING`. So
+    Python, type checkers and readers share one list, like the stub of `lazy_loader.attach_stub` (Scientific Python,
+    SPEC 1). The source file of the package must be installed.
 
     Args:
-        names: the globals of the package. Names that are imported are added to them.
+        names: the globals of the package. Imported names are added to them.
     """
     package = names["__name__"]
     homes = {

@@ -1,4 +1,4 @@
-"""Trees to functions that know where their lines come from."""
+"""Compile syntax trees to functions, and find the tree node that a generated line came from."""
 
 from __future__ import annotations
 
@@ -10,26 +10,29 @@ from envgraph.code._printer import printed
 from envgraph.code._tree import Body
 
 _ORIGINS: Final = "_origins"
-"""The name of the table of lines in the namespace of generated functions."""
+"""Key of the tuple of line origins in the namespace of generated functions."""
 
 
 def define(definitions: Body, file: str, names: dict[str, Any]) -> dict[str, Any]:
-    """Run generated definitions.
+    """Compile and execute generated definitions in the namespace `names`, and return the namespace.
 
     Args:
-        definitions: functions.
-        file: what tracebacks call it.
-        names: what the definitions may use; they are added.
+        definitions: the functions to define.
+        file: the file name shown in tracebacks.
+        names: the namespace: the values that the definitions may use. The functions are added to it.
 
     Returns:
-        The names with the definitions.
+        `names`.
     """
     text, names[_ORIGINS] = printed(definitions)
     return define_text(text, file, names)
 
 
 def origin_of(error: BaseException) -> tuple[object, FrameType | None]:
-    """Where the outermost generated line that an error has come through is from, and the frame of its function."""
+    """Return the origin and the frame of the outermost generated line in the traceback of an error.
+
+    Both are None if the traceback contains no generated line.
+    """
     trace = error.__traceback__
     while trace is not None:
         origins = trace.tb_frame.f_globals.get(_ORIGINS)

@@ -1,4 +1,4 @@
-"""Trees as Python text, with a table of where each line comes from."""
+"""Print syntax trees as Python source text, with the origin of each line."""
 
 from __future__ import annotations
 
@@ -37,12 +37,12 @@ from envgraph.code._tree import (
 
 INDENT: Final = "    "
 MOST_COLUMNS: Final = 100
-"""Longer conditions are broken into lines, since people read generated code too."""
+"""Conditions longer than this are broken into several lines, since people read generated code too."""
 
 _CHOICE, _OR, _AND, _NOT, _COMPARISON, _BIT_OR, _BIT_XOR, _BIT_AND, _SHIFT, _SUM, _PRODUCT, _MINUS, ATOM = (
     range(13)
 )
-"""How tightly operators hold their operands."""
+"""Precedence levels of operators, the loosest first."""
 _LEVELS: Final = {
     **{
         "or": _OR,
@@ -64,11 +64,11 @@ _LEVELS: Final = {
 
 
 class Printed(NamedTuple):
-    """Source text.
+    """Printed source text with the origin of each line.
 
     Attributes:
-        text: ends with a line break.
-        origins: of each line, where it comes from.
+        text: the source text; it ends with a line break.
+        origins: the origin of each line, in order.
     """
 
     text: str
@@ -76,14 +76,14 @@ class Printed(NamedTuple):
 
 
 def printed(definitions: Body) -> Printed:
-    """The text of some statements."""
+    """Return the source text of statements, with the origin of each line."""
     printer = _Printer()
     printer.body(definitions, "", None)
     return Printed("\n".join([*printer.lines, ""]), tuple(printer.origins))
 
 
 class _Printer:
-    """Collects lines."""
+    """A printer that collects source lines and their origins."""
 
     def __init__(self) -> None:
         self.lines: list[str] = []
@@ -98,7 +98,7 @@ class _Printer:
             self.statement(statement, pad, origin if statement.origin is None else statement.origin)
 
     def inside(self, head: str, statements: Body, pad: str, origin: object) -> None:
-        """What stands under a line."""
+        """Write a head line such as `for x in y:` and, indented below, its statements, or `pass` if there are none."""
         self.line(f"{pad}{head}:", origin)
         if statements:
             self.body(statements, pad + INDENT, origin)
@@ -138,7 +138,7 @@ class _Printer:
                 assert_never(node)
 
     def condition(self, node: If, pad: str, origin: object) -> None:
-        """A test, together with those that stand directly inside it."""
+        """Write an `if` statement; tests nested directly inside each other become one condition joined by `and`."""
         tests = [node.test]
         while not node.otherwise and len(node.then) == 1:
             inner = node.then[0]
@@ -170,12 +170,11 @@ def _listed(nodes: tuple[Expression, ...]) -> str:
 
 
 def expression_text(node: Expression, level: int = _CHOICE) -> str:
-    """The text of an expression.
+    """Return the source text of an expression, in parentheses if the surrounding operator requires them.
 
     Args:
         node: the expression.
-        level: how tightly what stands around it holds its operands; where it holds less tightly itself, it stands in
-            parentheses.
+        level: the precedence of the surrounding operator. An expression of lower precedence gets parentheses.
     """
     match node:
         case Local(name) | Name(name):
@@ -202,7 +201,7 @@ def expression_text(node: Expression, level: int = _CHOICE) -> str:
         case Mapping(items):
             return f"{{{', '.join(f'{expression_text(key)}: {expression_text(value)}' for key, value in items)}}}"
         case Each(value, target, elements, test, late):
-            # An element that is a choice, or the test, would be read as the end of the elements.
+            # Parenthesise conditional expressions: Python would read their `if` as the comprehension's filter.
             text = f"{expression_text(value)} for {target.name} in {expression_text(elements, _OR)}"
             text += f" if {expression_text(test, _OR)}" if test else ""
             return f"({text})" if late else f"[{text}]"

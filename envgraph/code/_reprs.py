@@ -1,4 +1,4 @@
-"""Reprs that fit on two lines of a terminal, for people."""
+"""Shorten reprs to two lines of a terminal."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from typing import Any, Final, TypeVar
 T = TypeVar("T")
 
 LONGEST: Final = 199
-"""Characters of a repr."""
+"""Maximal length of a repr, in characters."""
 
 _PART: Final = 40
-"""Characters of the value of a field, where the whole is too long."""
+"""Maximal length of a field's value, in characters, if the whole repr is too long."""
 
 
 def short_repr(cls: type[T]) -> type[T]:
-    """Keep the reprs of a class below 200 characters, and free of control characters.
+    """Limit the reprs of a class to 199 characters without control characters, and return the class.
 
-    A repr that is short is what it was. A longer one, which may hold a whole model, is cut; that of a data class names
-    what its long parts are. All data classes are decorated by `dataclass`.
+    Shorter reprs do not change. Longer reprs are cut. A longer repr of a data class first replaces its long fields by
+    their types or sizes. `dataclass` applies this decorator to all data classes.
     """
     whole = cls.__repr__
 
@@ -40,7 +40,7 @@ def short_repr(cls: type[T]) -> type[T]:
 
 
 def _part(value: object) -> str:
-    """Return the value of a field; of data inside, its name or nothing: it may be thousands of levels deep."""
+    """Return a short repr of a field's value; of a nested data class only the type and the name."""
     if is_dataclass(value):
         name = getattr(value, "name", None)
         return f"{type(value).__name__}({repr(name[:_PART]) if isinstance(name, str) else '...'})"
@@ -53,9 +53,9 @@ def _part(value: object) -> str:
 
 
 def visible(text: str) -> str:
-    r"""Return a text in one line whose characters all show: what is not printable becomes an escape.
+    r"""Return the text as one line of printable characters: all other characters are replaced by backslash escapes.
 
-    For terminals, which obey control characters, for logs and for pictures.
+    Use it for terminals, which obey control characters, for logs and for pictures.
 
     >>> print(visible("a\n\x00b\x1b[31m"))
     a\n\x00b\x1b[31m

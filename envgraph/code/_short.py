@@ -1,4 +1,4 @@
-"""Short ways to make nodes."""
+"""Shorthand functions that build nodes of generated code."""
 
 from __future__ import annotations
 
@@ -14,32 +14,32 @@ FALSE: Final = Constant(False)
 
 
 def call(function: Expression | str, *arguments: Expression) -> Call:
-    """A call; of a name from outside, if it is a string."""
+    """Return a call node; a string as `function` refers to a name of the namespace."""
     return Call(Name(function) if isinstance(function, str) else function, arguments)
 
 
 def method(object_: Expression, name: str, *arguments: Expression) -> Call:
-    """A call of a method."""
+    """Return a node that calls the method `name` of an object."""
     return Call(Member(object_, name), arguments)
 
 
 def tuple_of(*items: Expression) -> Tuple:
-    """Several values as one."""
+    """Return a tuple node with the given items."""
     return Tuple(items)
 
 
 def equal(left: Expression, right: Expression) -> Operation:
-    """Return whether two values are equal."""
+    """Return the expression `left == right`."""
     return Operation("==", (left, right))
 
 
 def some(value: Expression) -> Operation:
-    """Return whether there is a value."""
+    """Return the expression `value is not None`."""
     return Operation("is not", (value, NONE))
 
 
 def inverse(test: Expression) -> Expression:
-    """The opposite of a test."""
+    """Return an expression that is true if and only if `test` is false."""
     match test:
         case Constant(value=held):
             return Constant(not held)
@@ -50,17 +50,17 @@ def inverse(test: Expression) -> Expression:
 
 
 def joined(operator: str, operands: Sequence[Expression], empty: int) -> Expression:
-    """An operation, if there is anything to operate on."""
+    """Return `operands` joined by an operator: a single operand alone, and the constant `empty` if there are none."""
     if len(operands) < 2:
         return operands[0] if operands else Constant(empty)
     return Operation(operator, tuple(operands))
 
 
 def is_none(value: Expression) -> Operation:
-    """Return whether there is no value."""
+    """Return the expression `value is None`."""
     return Operation("is", (value, NONE))
 
 
 def chained(operator: str, operands: Sequence[Expression]) -> Expression:
-    """An operator between each operand and all before it."""
+    """Return nested binary operations, grouped from the left: `((a op b) op c)`."""
     return reduce(lambda left, right: Operation(operator, (left, right)), operands)

@@ -1,4 +1,4 @@
-"""The nodes of generated code. Equal nodes do the same; where they come from makes no difference."""
+"""Nodes of the syntax tree of generated code. Nodes compare equal if they do the same, whatever their origins are."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from envgraph.code._records import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Name:
-    """Something from outside: a value of the namespace, or a function beside this one."""
+    """A reference to a value of the namespace, or to another function defined with this one."""
 
     name: str
 
 
 @dataclass(frozen=True, slots=True)
 class Local:
-    """A variable of the function.
+    """A local variable of the generated function.
 
     Attributes:
-        name: unlike that of any `Name`.
-        type: "object", "bool", "int", "float" or "string"; "" for collections and the like.
+        name: differs from the name of every `Name`.
+        type: "object", "bool", "int", "float" or "string"; "" for collections and all other values.
     """
 
     name: str
@@ -32,12 +32,12 @@ class Local:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Constant:
-    """A number, a truth value, or None. Texts and the like are values of the namespace."""
+    """A literal number, bool or None. Strings and other objects must be values of the namespace (`Name`)."""
 
     value: int | float | bool | None
 
     def __eq__(self, other: object) -> bool:
-        """As for other nodes; 1 and True are different."""
+        """Compare type and value, so that `Constant(1)` differs from `Constant(True)`."""
         return isinstance(other, Constant) and (type(self.value), self.value) == (
             type(other.value),
             other.value,
@@ -49,7 +49,7 @@ class Constant:
 
 @dataclass(frozen=True, slots=True)
 class Call:
-    """A function with arguments."""
+    """A call of a function with positional arguments."""
 
     function: Expression
     arguments: tuple[Expression, ...] = ()
@@ -57,7 +57,7 @@ class Call:
 
 @dataclass(frozen=True, slots=True)
 class Index:
-    """The entry of a collection at a place, or under a key."""
+    """A subscript expression, `collection[key]`."""
 
     collection: Expression
     key: Expression
@@ -65,7 +65,7 @@ class Index:
 
 @dataclass(frozen=True, slots=True)
 class Member:
-    """A method, or another member, of a value."""
+    """An attribute access, `object.name`; methods are called through it."""
 
     object: Expression
     name: str
@@ -73,14 +73,14 @@ class Member:
 
 @dataclass(frozen=True, slots=True)
 class Tuple:
-    """Several values as one."""
+    """A tuple expression, `(a, b)`."""
 
     items: tuple[Expression, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class Operation:
-    """An operator of Python with its operands: one for `not`, one or more for `-`, else two or more."""
+    """A Python operator with its operands: one for `not`, one or more for `-`, two or more for all others."""
 
     operator: str
     operands: tuple[Expression, ...]
@@ -88,7 +88,7 @@ class Operation:
 
 @dataclass(frozen=True, slots=True)
 class Choice:
-    """`then if test else otherwise`."""
+    """A conditional expression, `then if test else otherwise`."""
 
     test: Expression
     then: Expression
@@ -97,7 +97,7 @@ class Choice:
 
 @dataclass(frozen=True, slots=True)
 class Let:
-    """A value, which a variable gets on the way."""
+    """An assignment expression, `(local := value)`."""
 
     local: Local
     value: Expression
@@ -105,14 +105,14 @@ class Let:
 
 @dataclass(frozen=True, slots=True)
 class Mapping:
-    """Values by key."""
+    """A dict expression, `{key: value, ..}`."""
 
     items: tuple[tuple[Expression, Expression], ...]
 
 
 @dataclass(frozen=True, slots=True)
 class Each:
-    """A list of something for each element that passes a test; if `late`, an iterator that looks when it is asked."""
+    """A list comprehension with an optional filter; a generator expression, evaluated lazily, if `late` is True."""
 
     value: Expression
     target: Local
@@ -123,7 +123,7 @@ class Each:
 
 @dataclass(frozen=True, slots=True)
 class Lambda:
-    """A function without a name."""
+    """A lambda expression."""
 
     parameters: tuple[Local, ...]
     value: Expression
@@ -131,11 +131,11 @@ class Lambda:
 
 @dataclass(frozen=True, slots=True)
 class Text:
-    """What only Python needs to understand: a text for it, without parts of any other text.
+    """Literal Python source text of an expression that no pass needs to analyse; never text from users.
 
     Attributes:
-        text: as an expression it is atomic, or in parentheses.
-        reads, writes: local variables.
+        text: an atomic expression, or one in parentheses.
+        reads, writes: the local variables that the text reads and assigns.
     """
 
     text: str
@@ -153,7 +153,7 @@ Expression: TypeAlias = (
 
 @dataclass(frozen=True, slots=True)
 class Assign:
-    """Gives a value to a variable, an entry, or, with a `Tuple` of them, the items of a value to several."""
+    """An assignment statement, also augmented (`+=`); a `Tuple` as the target unpacks the value."""
 
     target: Local | Name | Index | Member | Tuple
     value: Expression
@@ -163,7 +163,7 @@ class Assign:
 
 @dataclass(frozen=True, slots=True)
 class Do:
-    """Computes a value for what that does."""
+    """An expression statement: the value is computed for its side effect and discarded."""
 
     value: Expression
     origin: object = field(default=None, compare=False, repr=False)
@@ -171,7 +171,7 @@ class Do:
 
 @dataclass(frozen=True, slots=True)
 class If:
-    """One thing where a test holds, another where it does not."""
+    """An `if` statement with an optional `else`."""
 
     test: Expression
     then: Body
@@ -181,7 +181,7 @@ class If:
 
 @dataclass(frozen=True, slots=True)
 class For:
-    """Something for each element."""
+    """A `for` loop."""
 
     target: Local | Tuple
     iterable: Expression
@@ -191,7 +191,7 @@ class For:
 
 @dataclass(frozen=True, slots=True)
 class While:
-    """Something as long as a test holds."""
+    """A `while` loop."""
 
     test: Expression
     body: Body
@@ -200,7 +200,7 @@ class While:
 
 @dataclass(frozen=True, slots=True)
 class Leave:
-    """Goes on behind the innermost loop, or with its next round."""
+    """A `break` or `continue` statement."""
 
     how: Literal["break", "continue"]
     origin: object = field(default=None, compare=False, repr=False)
@@ -208,7 +208,7 @@ class Leave:
 
 @dataclass(frozen=True, slots=True)
 class Return:
-    """Ends the function."""
+    """A `return` statement, with or without a value."""
 
     value: Expression | None = None
     origin: object = field(default=None, compare=False, repr=False)
@@ -216,7 +216,7 @@ class Return:
 
 @dataclass(frozen=True, slots=True)
 class Yield:
-    """Hands out a value, or `each` item of it."""
+    """A `yield` statement, or `yield from` if `each` is True."""
 
     value: Expression
     each: bool = False
@@ -225,7 +225,7 @@ class Yield:
 
 @dataclass(frozen=True, slots=True)
 class Raise:
-    """Raises an error; without a value the one that is being handled."""
+    """A `raise` statement; without a value the exception being handled is raised again."""
 
     value: Expression | None = None
     origin: object = field(default=None, compare=False, repr=False)
@@ -233,7 +233,7 @@ class Raise:
 
 @dataclass(frozen=True, slots=True)
 class Handler:
-    """What is done about an error, which gets a name if that is used."""
+    """An `except` clause of a `Try`; `name` is the variable of the exception, or None."""
 
     error: Name
     name: Local | None
@@ -242,7 +242,7 @@ class Handler:
 
 @dataclass(frozen=True, slots=True)
 class Try:
-    """Something, and something else where that raises an error: what the first handler for it says."""
+    """A `try` statement with its `except` clauses, in order."""
 
     body: Body
     handlers: tuple[Handler, ...]
@@ -251,7 +251,7 @@ class Try:
 
 @dataclass(frozen=True, slots=True)
 class Function:
-    """Defines a function."""
+    """A `def` statement that defines a function."""
 
     name: str
     parameters: tuple[Local | Name, ...]

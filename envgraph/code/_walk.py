@@ -1,4 +1,4 @@
-"""Walks through frozen data: generated code, patterns and rules."""
+"""Walk through frozen data: generated code, patterns and rules."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from typing import Any
 
 @cache
 def compared_fields(cls: Hashable) -> tuple[str, ...]:
-    """Return the names of the fields that the objects of a data class are compared by; () for any other class."""
+    """Return the names of a data class's fields that take part in comparison; () for any other class."""
     return tuple(field.name for field in fields(cls) if field.compare) if is_dataclass(cls) else ()
 
 
 def differing_fields(one: Any, other: Any) -> list[str]:
-    """Return the names of the compared fields of `one` that have another value in `other`, or none."""
+    """Return the names of the compared fields whose values in `one` and `other` differ, in field order."""
     names = compared_fields(one.__class__)
     return [name for name in names if getattr(one, name) != getattr(other, name, None)]
 
 
 def walk(data: Any) -> Iterator[Any]:
-    """Yield data and all parts of it, outermost first: elements of tuples, and compared fields of data classes."""
+    """Yield `data` and, recursively, the items of tuples and the compared fields of data classes, parents first."""
     waiting = [data]
     while waiting:
         one = waiting.pop()

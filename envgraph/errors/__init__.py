@@ -1,8 +1,8 @@
-"""Source spans, diagnostics as data, and the exception tree.
+"""Define source spans, diagnostics as data, and all exceptions of the package.
 
-Every problem that a person can cause by writing a file is a `Diagnostic`: a severity, a stable code, a message,
-the `Span` it is about and, where one is known, a hint. Every exception that envgraph raises on purpose descends
-from `EnvgraphError`.
+Every mistake that a person can make in a file is reported as a `Diagnostic`: a severity, a stable code, a message, the
+`Span` of the mistake and, if known, a hint. Every exception that envgraph raises on purpose derives from
+`EnvgraphError`.
 """
 
 from typing import TYPE_CHECKING

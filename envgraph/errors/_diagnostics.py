@@ -1,4 +1,4 @@
-"""Diagnostics as data, and how they read."""
+"""Define diagnostics as data, and format them as text."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from envgraph.code import dataclass, visible
 from envgraph.errors._source import Span
 
 _LONGEST = 2000
-"""A message that is longer is not shown in full: names may have any length."""
+"""Maximal length of a message, in characters. Longer messages are cut in the middle, since names may be long."""
 
 
 class Severity(StrEnum):
-    """How bad a diagnostic is: an error stops the load, a warning does not."""
+    """The severity of a diagnostic: an error prevents the file from being loaded, a warning does not."""
 
     ERROR = "error"
     WARNING = "warning"
@@ -22,7 +22,7 @@ class Severity(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Note:
-    """A second place that explains a diagnostic, such as the first of two definitions."""
+    """A remark on a diagnostic that points to another place in the text, such as the first of two definitions."""
 
     message: str
     span: Span | None = None
@@ -30,14 +30,15 @@ class Note:
 
 @dataclass(frozen=True, slots=True)
 class Diagnostic:
-    """One problem.
+    """One problem found in an input file or in a definition made in Python.
 
     Attributes:
-        code: stable, kebab-case, for programs ("unknown-class").
-        message: one line, lower case, names in backquotes.
-        span: what it is about; None where the input has no text (patterns built in Python).
-        hint: how to mend it, without the word "hint".
-        subject: what it is about, for programs: the name that stands in the message, or the keys that lead to a value.
+        code: stable kebab-case code for programs ("unknown-class").
+        message: one line in lower case, with names in backquotes.
+        span: the place of the problem; None if the input has no text, like a pattern built in Python.
+        hint: how to correct the problem, without the word "hint".
+        subject: the subject of the problem, for programs: the name quoted in the message, or the keys that lead to a
+            value.
     """
 
     code: str
@@ -49,12 +50,12 @@ class Diagnostic:
     subject: tuple[str | int, ...] = field(default=(), compare=False, repr=False)
 
     def __str__(self) -> str:
-        """Position, message, the code of a warning, excerpt with caret, notes and hint, on several lines."""
+        """Return the lines that a person sees: position and message, excerpt with carets, notes, hint."""
         mark = "" if self.severity is Severity.ERROR else "warning: "
-        # The code of a warning is shown because `@suppress` and `--ignore` take it.
+        # Show the code of a warning, because `@suppress` and `--ignore` take it.
         message = f"{_shown(self.message)} [{self.code}]" if mark else _shown(self.message)
         lines = [f"{self.span}: {mark}{message}" if self.span else f"{mark}{message}"]
-        if self.span and self.span.source.text:  # the text of a file that cannot be read is empty
+        if self.span and self.span.source.text:  # the text is empty if the file cannot be read
             lines.append(self.span.excerpt())
         for note in self.notes:
             message = _shown(note.message)
@@ -66,7 +67,7 @@ class Diagnostic:
         return "\n".join(lines)
 
     def to_dict(self) -> dict[str, object]:
-        """The diagnostic as JSON-ready data; lines and columns from 1, the end excluded."""
+        """Return the diagnostic as JSON-ready data. Lines and columns count from 1, and the end is excluded."""
         data: dict[str, object] = {
             "severity": str(self.severity),
             "code": self.code,
@@ -97,12 +98,15 @@ def _place(span: Span | None) -> dict[str, object]:
 
 
 def has_errors(diagnostics: Iterable[Diagnostic]) -> bool:
-    """Return whether any of them is an error rather than a warning."""
+    """Return True if at least one diagnostic is an error rather than a warning."""
     return any(diagnostic.severity is Severity.ERROR for diagnostic in diagnostics)
 
 
 def sort_diagnostics(diagnostics: Iterable[Diagnostic]) -> list[Diagnostic]:
-    """In the order of the text: by file as first met, then by position; those without a span first."""
+    """Return diagnostics in order of their positions, grouped by file; diagnostics without a span come first.
+
+    Files keep the order in which the diagnostics mention them.
+    """
     ordered = list(diagnostics)
     files: dict[str, int] = {}
     for diagnostic in ordered:
@@ -118,8 +122,8 @@ def sort_diagnostics(diagnostics: Iterable[Diagnostic]) -> list[Diagnostic]:
 
 
 def too_many_errors(span: Span | None, rest: str = "the rest of the file is not read") -> Diagnostic:
-    """The last error where there are too many: what comes of it."""
-    return Diagnostic("too-many-errors", f"too many mistakes: {rest}", span, "mend these first")
+    """Return the final diagnostic when the limit of errors is reached; `rest` tells what is skipped because of it."""
+    return Diagnostic("too-many-errors", f"too many mistakes: {rest}", span, "correct these mistakes first")
 
 
 def defined_twice(
@@ -128,12 +132,12 @@ def defined_twice(
     hint: str = "choose another name, or leave one out",
     first: Mapping[str, Span | None] | None = None,
 ) -> Iterator[Diagnostic]:
-    """Yield an error for each name that is defined again, with a note where it is defined first.
+    """Yield an error for each repeated definition of a name, with a note at its first definition.
 
     Args:
-        named: the names, each with its place, in the order of the file.
-        message, hint: the texts; `{}` in them becomes the name.
-        first: the places of names that other files define.
+        named: the defined names with their spans, in the order of the file.
+        message, hint: templates of the texts; `{}` is replaced by the name.
+        first: spans of names that other files define.
     """
     known = dict(first or {})
     for name, span in named:

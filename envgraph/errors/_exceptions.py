@@ -1,4 +1,4 @@
-"""The exception tree: one root, children by cause."""
+"""Define the exceptions of the package: one root class, with one subclass for each cause."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from envgraph.errors._source import Span
 from envgraph.errors._suggest import did_you_mean, quoted
 
 _LONGEST = 140
-"""Of a message in a repr."""
+"""Maximal length of the message in a repr, in characters."""
 
 
 @short_repr
 class EnvgraphError(Exception):
-    """Root of every exception that envgraph raises on purpose.
+    """The base class of all exceptions that envgraph raises on purpose.
 
     Attributes:
         message: what is wrong.
-        hint: how to mend it, if that is known.
+        hint: how to correct the problem, or None.
     """
 
     def __init__(self, message: str = "", hint: str | None = None) -> None:
@@ -31,46 +31,46 @@ class EnvgraphError(Exception):
         return f"{self.message}; {self.hint}" if self.hint else self.message
 
     def __repr__(self) -> str:
-        """The class and the first line of the message; `str` has all."""
+        """Return the class name and the first line of the message, shortened; `str()` returns the whole message."""
         text = visible(str(self).partition("\n")[0])
         return f"{type(self).__name__}({text if len(text) <= _LONGEST else text[:_LONGEST] + ' ...'})"
 
 
 class DiagnosticError(EnvgraphError):
-    """One or more diagnostics; `str()` shows them all, `diagnostics` holds them as data."""
+    """An error that consists of one or more diagnostics: as text in `str()`, as data in `diagnostics`."""
 
     def __init__(self, diagnostics: Sequence[Diagnostic]) -> None:
         self.diagnostics = tuple(diagnostics)
         super().__init__("\n\n".join(str(diagnostic) for diagnostic in self.diagnostics))
 
     def __reduce__(self) -> tuple[Callable[..., EnvgraphError], tuple[object, ...]]:
-        """Errors cross from worker processes; by default they would be made again from their text."""
+        """Pickle the error with its diagnostics, since worker processes send errors back."""
         return type(self), (self.diagnostics,)
 
 
 class LoadError(DiagnosticError):
-    """A file, or several that import each other, cannot be loaded; all their problems together."""
+    """An error that reports all problems of a file, and of its imports, that cannot be loaded."""
 
     @classmethod
     def of(cls, code: str, message: str, span: Span | None = None, hint: str | None = None) -> LoadError:
-        """One problem."""
+        """Return an error with one diagnostic."""
         return cls([Diagnostic(code, message, span, hint)])
 
 
 class ResolutionError(DiagnosticError):
-    """A name in a definition made in Python (pattern, rule, behaviour) means nothing, or a type is wrong."""
+    """An error in a definition made in Python (pattern, rule, behaviour): an unknown name or a wrong type."""
 
 
 class TraceError(DiagnosticError):
-    """A recorded run does not lead where it did, or something changed the model that no rule did."""
+    """An error in recording or replaying a run: a step's result differs, or the model was changed outside rules."""
 
 
 class TypeMismatch(EnvgraphError):
-    """A value, class or reference that the metamodel does not allow at that place of a model."""
+    """An error raised for a value, class or reference that the metamodel does not allow at this place of the model."""
 
 
 class _PlacedError(EnvgraphError):
-    """An error at run time; where what failed was read from a text, `str()` shows the place like a diagnostic."""
+    """A run-time error with the span of the failed element, if known; `str()` shows this place."""
 
     def __init__(self, message: str, span: Span | None, hint: str | None) -> None:
         super().__init__(message, hint)
@@ -87,7 +87,7 @@ class _PlacedError(EnvgraphError):
 
 
 class RuleError(_PlacedError):
-    """A rule cannot be applied at a match; `reason` says which condition fails.
+    """An error raised because a rule cannot be applied at a match; `reason` names the condition that fails.
 
     Attributes:
         message: what is wrong, in one line.
@@ -95,8 +95,8 @@ class RuleError(_PlacedError):
         reason: stable word for programs: "dangling", "multiplicity", "identification", "stale-match", "full",
             "containment", "ambiguous", "lost-link", "missing-link".
         details: one line for each offending element.
-        span: the action that is refused, or the rule; None where they were not read from a text.
-        hint: how to mend it, if that is known.
+        span: the refused action, or the rule; None if the rule was not read from a text.
+        hint: how to correct the problem, or None.
     """
 
     def __init__(
@@ -115,13 +115,13 @@ class RuleError(_PlacedError):
         self.details = tuple(details)
 
     def everywhere(self, where: str) -> RuleError:
-        """The last refusal of several, saying so: `where` is what the rule was refused at."""
+        """Return a copy whose message adds that the rule is refused at all places that `where` describes."""
         message = f"{self.message}; it is refused at {where}"
         return _rule_error(message, self.rule, self.reason, self.details, self.span, self.hint)
 
     @property
     def diagnostics(self) -> tuple[Diagnostic, ...]:
-        """The error as a diagnostic; empty without a place."""
+        """Return the error as one diagnostic; () if the error has no span."""
         return self._diagnostic(self.reason, [Note(detail) for detail in self.details])
 
     def __str__(self) -> str:
@@ -129,7 +129,7 @@ class RuleError(_PlacedError):
         return str(found[0]) if found else "\n  ".join([self.message, *self.details]) + self._advice
 
     def __reduce__(self) -> tuple[Callable[..., EnvgraphError], tuple[object, ...]]:
-        """Errors cross from worker processes; by default they would be made again from their text."""
+        """Pickle the error with all its fields, since worker processes send errors back."""
         return _rule_error, (self.message, self.rule, self.reason, self.details, self.span, self.hint)
 
 
@@ -140,17 +140,20 @@ def _rule_error(
 
 
 class TransactionError(EnvgraphError):
-    """Savepoints closed out of order, a version of another model, a checkout inside a transaction."""
+    """An error in using transactions: savepoints closed in the wrong order, or a checkout inside a transaction.
+
+    Checking out a version of another model is reported as this error too.
+    """
 
 
 class EvaluationError(_PlacedError):
-    """An expression has no value: division by zero, overflow, a step limit that is used up.
+    """An error raised for an expression without a value: division by zero, overflow, or an exhausted step limit.
 
     Attributes:
         message: what is wrong, in one line.
-        span: the expression or step; None where it was not read from a text.
-        hint: how to mend it, if that is known.
-        notes: other places that explain it.
+        span: the expression or step; None if it was not read from a text.
+        hint: how to correct the problem, or None.
+        notes: other places that explain the error.
     """
 
     def __init__(
@@ -165,7 +168,7 @@ class EvaluationError(_PlacedError):
 
     @property
     def diagnostics(self) -> tuple[Diagnostic, ...]:
-        """The error as a diagnostic; empty without a place."""
+        """Return the error as one diagnostic; () if the error has no span."""
         return self._diagnostic("no-value", self.notes)
 
     def __str__(self) -> str:
@@ -173,21 +176,21 @@ class EvaluationError(_PlacedError):
         return str(found[0]) if found else self.message + self._advice
 
     def __reduce__(self) -> tuple[Callable[..., EnvgraphError], tuple[object, ...]]:
-        """Errors cross from worker processes; by default they would be made again from their text."""
+        """Pickle the error with all its fields, since worker processes send errors back."""
         return EvaluationError, (self.message, self.span, self.hint, self.notes)
 
 
 class FunctionError(_PlacedError):
-    """A function that was registered with an engine has no code, raised an exception, or returned something else.
+    """An error in calling a user's function: it is not registered, it raised, or it returned a value of a wrong type.
 
-    Unlike an `EvaluationError` it is never taken for "no value": matching, applying and running stop. An exception that
-    the function raised is the `__cause__`.
+    Unlike an `EvaluationError` this error always stops matching and rule application. If the function raised an
+    exception, it is the `__cause__`.
 
     Attributes:
         message: what is wrong, in one line, with the arguments.
         function: name of the function.
-        span: the call; None where it was not read from a text.
-        hint: how to mend it.
+        span: the call; None if it was not read from a text.
+        hint: how to correct the problem, or None.
     """
 
     def __init__(
@@ -198,7 +201,7 @@ class FunctionError(_PlacedError):
 
     @property
     def diagnostics(self) -> tuple[Diagnostic, ...]:
-        """The error as a diagnostic; empty without a place."""
+        """Return the error as one diagnostic; () if the error has no span."""
         return self._diagnostic("function-failed")
 
     def __str__(self) -> str:
@@ -206,16 +209,16 @@ class FunctionError(_PlacedError):
         return str(found[0]) if found else self.message + self._advice
 
     def __reduce__(self) -> tuple[Callable[..., EnvgraphError], tuple[object, ...]]:
-        """Errors cross from worker processes; by default they would be made again from their text."""
+        """Pickle the error with all its fields, since worker processes send errors back."""
         return FunctionError, (self.message, self.function, self.span, self.hint)
 
 
 class InvalidArgument(EnvgraphError, ValueError):
-    """An argument of a Python call is outside what its docstring allows."""
+    """An error raised for an argument of a Python call that its docstring does not allow."""
 
 
 def check_known(name: object, known: Collection[str], message: str) -> None:
-    """Raise `InvalidArgument` with a message unless a name is known; the hint says which names there are.
+    """Raise `InvalidArgument` with `message` if `name` is not one of `known`; its hint lists the known names.
 
     >>> check_known("full", ("full", "direct"), "unknown kind `full`")
     >>> check_known("fast", ("full", "direct"), "unknown kind `fast`")

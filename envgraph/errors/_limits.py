@@ -1,4 +1,4 @@
-"""How much a file may ask for, and how a person allows more."""
+"""Limit the sizes that a file may ask for; the variable `ENVGRAPH_LIMITS` raises all limits."""
 
 from __future__ import annotations
 
@@ -11,25 +11,24 @@ from envgraph.errors._numbers import LARGEST_INT, parse_float, parse_int
 _VARIABLE = "ENVGRAPH_LIMITS"
 
 MOST_ERRORS: Final = 100
-"""Mistakes after which the rest of a file is not read or checked: nobody reads so many before mending some."""
+"""Number of errors after which the rest of a file is not read or checked: nobody reads more at once."""
 MOST_NESTED: Final = 100
-"""How deep anything may nest: brackets, expressions, blocks of rules, steps of units, packages, closures.
+"""Maximal nesting of brackets, expressions, blocks of rules, steps of units, packages and closures.
 
-Checks descend by recursion, and generated source nests alike: Python allows 1,000 calls, 200 parentheses and 100 levels
-of indentation.
+Checks are recursive, and generated source is nested in the same way. Python allows 1,000 nested calls, 200 nested
+parentheses and 100 levels of indentation.
 """
 MOST_STEPS: Final = 1_000_000_000
-"""Steps, generations and attempts that a person may ask for; all of them end sooner with Ctrl-C."""
+"""Maximal number of steps, generations or attempts that a person may ask for. Ctrl-C stops them earlier."""
 
 
 def limit(usual: int) -> int:
-    """A limit on what a file may ask for: `usual`, times the number in the environment variable `ENVGRAPH_LIMITS`.
+    """Return a limit: the default `usual` times the factor in the environment variable `ENVGRAPH_LIMITS`.
 
-    One number for all limits: who raises one trusts the file, and worker processes see it too. A message about a
-    limit ends with `RAISE_LIMIT`.
+    One factor raises all limits, also in worker processes. A message about a limit ends with `RAISE_LIMIT`.
 
     Raises:
-        InvalidArgument: the variable is no number above 0, or more than a million.
+        InvalidArgument: the variable is not a number above 0 and at most a million.
 
     >>> limit(1000)
     1000
@@ -38,15 +37,15 @@ def limit(usual: int) -> int:
     factor = parse_float(text)
     if factor is None or not 0 < factor <= 1_000_000:
         message = f"the environment variable {_VARIABLE} is `{text[:20]}`, but must be a number"
-        raise InvalidArgument(message, "write one above 0, and 1,000,000 at most, such as 10")
+        raise InvalidArgument(message, "set it to a number above 0 and at most 1,000,000, such as 10")
     return max(int(usual * factor), 1)
 
 
 def parse_within(text: str, low: int, most: int) -> int:
-    """Parse a whole number of at least `low`, and at most the limit `most`.
+    """Parse a whole number from `low` to the limit `most`, which `ENVGRAPH_LIMITS` can raise.
 
     Raises:
-        InvalidArgument: the text is not such a number.
+        InvalidArgument: the text is not a whole number in this range.
     """
     highest, number = min(limit(most), LARGEST_INT), parse_int(text)
     if number is None or not low <= number <= highest:
@@ -57,4 +56,4 @@ def parse_within(text: str, low: int, most: int) -> int:
 
 
 RAISE_LIMIT = f"set the environment variable {_VARIABLE}=10 to make every limit ten times as large"
-"""The hint of every message about a limit."""
+"""Hint of every message about a limit."""

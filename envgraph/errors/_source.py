@@ -1,4 +1,4 @@
-"""Texts and half-open stretches of them."""
+"""Define source texts, and half-open spans of characters in them."""
 
 from __future__ import annotations
 
@@ -10,15 +10,14 @@ from unicodedata import category, east_asian_width
 from envgraph.code import dataclass, visible
 
 _LONGEST = 300
-"""Of a longer line, only what surrounds the place is shown."""
+"""Maximal length of a shown line, in characters. Longer lines are cut to the surroundings of the span."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Source:
-    """A text and the name it is shown under.
+    """A source text with the name that messages show for it.
 
-    Two sources are equal only if they are the same object: spans into different readings of one file must not be
-    mixed.
+    Two sources are equal only if they are the same object, so that spans of two readings of one file are never mixed.
     """
 
     name: str
@@ -30,7 +29,7 @@ class Source:
         object.__setattr__(self, "_line_starts", tuple(starts))
 
     def position(self, offset: int) -> tuple[int, int]:
-        """Line and column of a character offset, both counted from 1; the end of the text is a position too.
+        r"""Return line and column of a character offset, both from 1; the offset may be the end of the text.
 
         >>> Source("a", "one\\ntwo").position(5)
         (2, 2)
@@ -39,7 +38,7 @@ class Source:
         return line, offset - self._line_starts[line - 1] + 1
 
     def line(self, number: int) -> str:
-        """Text of a line (from 1), without its end; "" past the last line."""
+        """Return a line (from 1) without its line break; "" if the text has fewer lines."""
         if number > len(self._line_starts):
             return ""
         start = self._line_starts[number - 1]
@@ -47,7 +46,7 @@ class Source:
         return self.text[start:end].removesuffix("\r")
 
     def span(self, start: int, end: int) -> Span:
-        """The half-open span from one character offset to another, clipped to the text."""
+        """Return the half-open span between two character offsets, clipped to the text."""
         size = len(self.text)
         start = min(max(start, 0), size)
         return Span(self, start, min(max(end, start), size))
@@ -55,7 +54,7 @@ class Source:
 
 @dataclass(frozen=True, slots=True)
 class Span:
-    """Characters `start` (included) to `end` (excluded) of a source; both are offsets from 0."""
+    """A half-open range of characters of a source: offsets from 0, `start` included, `end` excluded."""
 
     source: Source
     start: int
@@ -63,25 +62,25 @@ class Span:
 
     @property
     def line(self) -> int:
-        """Line of the first character, from 1."""
+        """Return the line of the first character, from 1."""
         return self.source.position(self.start)[0]
 
     @property
     def column(self) -> int:
-        """Column of the first character, from 1."""
+        """Return the column of the first character, from 1."""
         return self.source.position(self.start)[1]
 
     @property
     def text(self) -> str:
-        """The characters themselves."""
+        """Return the characters of the span."""
         return self.source.text[self.start : self.end]
 
     def to(self, other: Span) -> Span:
-        """The span from the start of this one to the end of another of the same source."""
+        """Return the span from the start of this span to the end of `other`, a span of the same source."""
         return Span(self.source, self.start, max(self.end, other.end))
 
     def excerpt(self) -> str:
-        """The first line of the span with its number, and carets below the characters.
+        r"""Return the first line of the span with its line number, and a line with carets below the characters.
 
         >>> print(Source("m", "class C {\\n  int metods\\n}").span(16, 22).excerpt())
          2 |   int metods
@@ -91,7 +90,7 @@ class Span:
         text = self.source.line(line)
         width = max(1, min(self.end - self.start, len(text) - column + 1))
         text, column, width = _clipped(text, column, width)
-        # One character for each: the carets stand below what they mean.
+        # Replace each character by exactly one, so that the carets stay below the right characters.
         text = "".join(c if c.isprintable() or c == "\t" else "\N{REPLACEMENT CHARACTER}" for c in text)
         number = f" {line} | "
         pad = "".join(char if char == "\t" else " " * _columns(char) for char in text[: column - 1])
@@ -103,7 +102,7 @@ class Span:
 
 
 def _columns(char: str) -> int:
-    """Return how much room a character takes on a terminal."""
+    """Return the number of terminal columns that a character takes: 0, 1 or 2."""
     if char.isascii():
         return 1
     if category(char) in ("Mn", "Me", "Cf"):
@@ -112,7 +111,7 @@ def _columns(char: str) -> int:
 
 
 def _clipped(text: str, column: int, width: int) -> tuple[str, int, int]:
-    """A line cut to what surrounds a place, with the column and width of the place there."""
+    """Return a long line cut to the surroundings of a span, and the column and width of the span in the cut line."""
     if len(text) <= _LONGEST:
         return text, column, width
     start = max(0, column - 1 - _LONGEST // 3)

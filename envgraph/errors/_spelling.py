@@ -1,4 +1,4 @@
-"""Spellings of definitions, which tell everything, for comparing."""
+"""Compare definitions exactly as they are written."""
 
 from __future__ import annotations
 
@@ -6,14 +6,14 @@ from dataclasses import fields, is_dataclass
 
 
 def spelling(item: object) -> tuple[object, ...]:
-    """Return the types and the written values of a definition, which differ for 1 and 1.0 although these are equal.
+    """Return a tuple of all types and values of a definition. Unlike `==`, it distinguishes `1` from `1.0`.
 
     >>> spelling((1, "a")) == spelling((1.0, "a"))
     False
     """
     found: list[object] = []
     waiting: list[object] = [item]
-    while waiting:  # a stack of our own: expressions may be thousands of operators deep
+    while waiting:  # an explicit stack: expressions may be thousands of operators deep
         one = waiting.pop()
         if is_dataclass(one) and not isinstance(one, type):
             found.append(type(one).__qualname__)

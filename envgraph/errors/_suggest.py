@@ -1,4 +1,4 @@
-"""Names in messages and hints."""
+"""Format names in messages, and suggest known names for misspelt ones."""
 
 from __future__ import annotations
 
@@ -7,22 +7,22 @@ from difflib import get_close_matches
 from unicodedata import normalize
 
 _MANY = 1000
-"""Among more names than this, only those that begin in the same way are compared letter by letter."""
+"""If there are more names than this, only names with the same first two letters are compared with the name."""
 _LONG = 200
-"""A name that is longer than this is compared with none."""
+"""A name longer than this, in characters, gets no suggestion."""
 _SHOWN = 5
-"""So many names are listed."""
+"""Number of names that a long list shows."""
 
 
 _LOOKALIKES = str.maketrans(
     "АВЕКМНОРСТУХаеорсухіјѕԁԛԝΑΒΕΖΗΙΚΜΝΟΡΤΥΧο",
     "ABEKMHOPCTYXaeopcyxijsdqwABEZHIKMNOPTYXo",
 )
-"""Letters of Cyrillic and Greek that look like Latin ones."""
+"""Maps Cyrillic and Greek letters to the Latin letters that they look like."""
 
 
 def with_article(name: str) -> str:
-    """A name in backquotes with its article, for messages.
+    """Return a name in backquotes with its article, for messages.
 
     >>> with_article("int"), with_article("Tile")
     ('an `int`', 'a `Tile`')
@@ -31,7 +31,7 @@ def with_article(name: str) -> str:
 
 
 def plural(count: int, word: str) -> str:
-    """A number of things, for messages.
+    """Return a count with its noun, in the plural unless the count is 1.
 
     >>> plural(1, "value"), plural(0, "value")
     ('1 value', '0 values')
@@ -40,7 +40,7 @@ def plural(count: int, word: str) -> str:
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str | None:
-    """A hint naming the known name that is nearest to `name`, or None when none is near.
+    """Return a hint that names the known name most similar to `name`, or None if no known name is similar.
 
     >>> did_you_mean("metods", ["methods", "fields"])
     'did you mean `methods`?'
@@ -50,12 +50,14 @@ def did_you_mean(name: str, known: Iterable[str]) -> str | None:
         return None
     if not name.isascii() and near == _latin(name):
         other = next(char for char in name if not char.isascii())
-        return f"did you mean `{near}`? `{other}` only looks like a letter of it (U+{ord(other):04X})"
+        return f"did you mean `{near}`? `{other}` (U+{ord(other):04X}) only looks like a Latin letter"
     return f"did you mean `{near}`?"
 
 
 def nearest(name: str, known: Iterable[str]) -> str | None:
-    """The known name that is nearest to `name`, or None when none is near; the only one that it is the first word of.
+    """Return the known name most similar to `name`, or None if no known name is similar.
+
+    A single known name that continues `name` with an underscore counts as similar.
 
     >>> nearest("metods", ["methods", "fields"]), nearest("steps", ["seeds", "steps_per_environment"])
     ('methods', 'steps_per_environment')
@@ -84,7 +86,7 @@ def _latin(name: str) -> str:
 
 
 def listed(names: Iterable[str]) -> str:
-    """Names in backquotes, in order; of more than six only the first five.
+    """Return sorted names in backquotes, separated by commas; if there are more than six, only the first five.
 
     >>> listed("b") + "; " + listed("gfedcba")
     '`b`; `a`, `b`, `c`, `d`, `e` and 2 more'
@@ -96,7 +98,7 @@ def listed(names: Iterable[str]) -> str:
 
 
 def quoted(names: Iterable[object]) -> str:
-    """Names in backquotes, all of them as they come.
+    """Return all names in backquotes, separated by commas, in the given order.
 
     >>> quoted("ba")
     '`b`, `a`'
@@ -105,7 +107,7 @@ def quoted(names: Iterable[object]) -> str:
 
 
 def name_hint(name: str, known: Iterable[str]) -> str | None:
-    """A hint for an unknown name: the known name that is nearest, or else what there is; None if there is nothing.
+    """Return a hint for an unknown name: a similar known name, else all known names; None if `known` is empty.
 
     >>> name_hint("methds", ["methods", "fields"]), name_hint("Zed", ["methods", "fields"])
     ('did you mean `methods`?', 'there are `fields`, `methods`')

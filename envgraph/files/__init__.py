@@ -1,6 +1,6 @@
-"""Files on the disk: opened where they are files, and replaced as a whole, so that no failure costs what was there.
+"""Read and replace files safely, lock and cache them, escape text in templates, and show progress on standard error.
 
-Also the one that people read meanwhile: standard error, where long work says how far it has come.
+A file is replaced as a whole, so that a failure never destroys its former content.
 """
 
 from typing import TYPE_CHECKING

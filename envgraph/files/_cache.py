@@ -1,6 +1,6 @@
-"""The cache: files that can be computed again, kept from one process to the next.
+"""Cache files that can be computed again, shared by several processes.
 
-This module imports nothing of envgraph, since exported packages have a copy of it.
+This module imports nothing of envgraph, because exported packages contain a copy of it.
 """
 
 from __future__ import annotations
@@ -12,14 +12,14 @@ from hashlib import sha256
 from pathlib import Path
 
 CACHE_VARIABLE = "ENVGRAPH_CACHE"
-"""Environment variable: another directory than the one in the user's home, or "off" to keep nothing."""
+"""Environment variable that names another cache directory, or "off" to cache nothing."""
 
 
 def cache_directory() -> Path | None:
-    """Return the directory of the cache, which need not exist; None if there is to be none.
+    """Return the cache directory, which may not exist yet; None if caching is off or the user has no home.
 
-    It is `$ENVGRAPH_CACHE`, else `envgraph` in `$XDG_CACHE_HOME`, else `envgraph` in `.cache` of the user's home. There
-    is none if `$ENVGRAPH_CACHE` is "off", or if the user has no home.
+    The directory is `$ENVGRAPH_CACHE`, else `envgraph` in `$XDG_CACHE_HOME`, else `envgraph` in `.cache` of the user's
+    home. Caching is off if `$ENVGRAPH_CACHE` is "off".
     """
     named = os.environ.get(CACHE_VARIABLE, "")
     if named:
@@ -29,9 +29,10 @@ def cache_directory() -> Path | None:
 
 
 def read_cached(path: Path, key: str) -> bytes | None:
-    """Return what `write_cached` wrote to a file for a key; None if another user wrote it, or it was changed since.
+    """Return the content that `write_cached` wrote to the file with the same key, or None.
 
-    Never waits and never raises OSError: a missing file, and a pipe or a link in its place, give None as well.
+    None is returned if the file is missing, is a pipe or a link, belongs to another user, or was changed since. This
+    function never blocks and never raises OSError.
 
     Args:
         path: the file.
@@ -49,14 +50,14 @@ def read_cached(path: Path, key: str) -> bytes | None:
 
 
 def write_cached(path: Path, key: str, content: bytes) -> None:
-    """Write a file that this user alone can read; do nothing if it cannot be written.
+    """Write content to a cache file that only this user can read; do nothing if the file cannot be written.
 
-    A missing directory is created for this user alone.
+    A missing directory is created, for this user only.
 
     Args:
         path: the file.
         key: everything that the content depends on.
-        content: what `read_cached` is to return for the key.
+        content: the bytes that `read_cached` will return for the same key.
     """
     draft = path.with_name(f".{path.name}.{os.urandom(4).hex()}")
     with suppress(OSError, ValueError):
@@ -71,7 +72,10 @@ def write_cached(path: Path, key: str, content: bytes) -> None:
 
 
 def is_own(found: os.stat_result) -> bool:
-    """Return True for a regular file of this user that no other user can write; Windows has no such bits."""
+    """Return True for a regular file of this user that no other user can write.
+
+    On Windows only the kind of file is checked.
+    """
     if os.name == "posix" and (found.st_uid != os.geteuid() or found.st_mode & (stat.S_IWGRP | stat.S_IWOTH)):
         return False
     return stat.S_ISREG(found.st_mode)

@@ -1,7 +1,7 @@
-r"""Text of users in files that templates make: it stays text, whatever characters it has.
+r"""Escape users' text in files generated from templates, so that it can never become code or markup.
 
-What could mean something in the language of a file becomes an escape: `\u0028` for a parenthesis in Python. So a text
-is the same between quotes, and cannot be read as code where there are none.
+Each character with a meaning in the file's language is replaced by an escape, such as `\u0028` for a parenthesis in
+Python. Inside quotes the text keeps its value; outside quotes it cannot be read as code.
 """
 
 from __future__ import annotations
@@ -20,9 +20,10 @@ if TYPE_CHECKING:
 
 
 def jinja_environment(loader: jinja2.BaseLoader, ending: str) -> jinja2.sandbox.SandboxedEnvironment:
-    """Return a Jinja2 environment that escapes values as files with an ending, such as `.py`, need it.
+    """Return a Jinja2 environment that escapes all values for files with the given suffix, such as `.py`.
 
-    Results of the filters of the language, of macros and of `safe` are not escaped, and for other endings nothing is.
+    Results of the suffix's own filters, of macros and of `safe` are not escaped. For unknown suffixes nothing is
+    escaped.
     """
     from jinja2 import StrictUndefined, pass_context
     from jinja2.sandbox import SandboxedEnvironment
@@ -45,39 +46,39 @@ def jinja_environment(loader: jinja2.BaseLoader, ending: str) -> jinja2.sandbox.
 
 
 def markdown(text: object) -> str:
-    """Return a text in one line of Markdown, in which nothing is markup: it may stand in a table."""
+    """Return a text as one line of Markdown without any markup, which is also safe in a table cell."""
     return re.sub(r"([\\`*_|<>\[\]&~#])", r"\\\1", visible(str(text)))
 
 
 def _python(value: object) -> str:
-    """Return a value as Python text; a string is between double quotes, and all other quotes in it are escaped."""
+    """Return a value as a Python literal; strings are in double quotes, and double quotes inside them are escaped."""
     if not isinstance(value, str):
         return repr(value)
     return '"' + visible(value.replace("\\", r"\\")).replace('"', r"\"") + '"'
 
 
 def _json(value: object) -> str:
-    """Return a value as JSON that may also stand in TOML and in a script of HTML."""
+    """Return a value as JSON that is also valid in TOML and inside an HTML script."""
     return _escaped(r"[^\w -~]|[<>&']", json.dumps(value, ensure_ascii=False, default=list))
 
 
 def _escaped(special: str, text: str) -> str:
-    # Beyond 16 bits languages have different escapes, and no character is special.
+    # Characters beyond 16 bits have different escapes in different languages, and none of them is special.
     return re.sub(f"(?![\U00010000-\U0010ffff])(?:{special})", lambda at: f"\\u{ord(at[0]):04x}", text)
 
 
 def _referred(special: str, text: str) -> str:
-    lines = "\n".join(map(visible, text.split("\n")))  # HTML has no names of control characters
+    lines = "\n".join(map(visible, text.split("\n")))  # HTML has no escapes for control characters
     return re.sub(special, lambda at: at[0].translate(_REFERENCES), lines)
 
 
 _REFERENCES: Final = {code: f"&{codepoint2name.get(code, f'#{code}')};" for code in range(128)}
 _SPECIAL: Final = r"[^\w .,:/+%!?-]"
-"""Characters that may end a string or a comment, begin markup, or call a function."""
+"""Matches characters that could end a string or a comment, begin markup, or call a function."""
 _CODE: Final = (".py", ".pyi", ".toml", ".json", ".js", ".ts", ".yaml", ".yml")
 _LANGUAGES: Final[dict[str, tuple[Callable[[str], str], str]]] = {
     **dict.fromkeys(_CODE, (partial(_escaped, _SPECIAL), "python json")),
     **dict.fromkeys((".html", ".htm", ".xml", ".svg"), (partial(_referred, _SPECIAL), "json")),
     ".md": (partial(_referred, r"<|(?<=\])[(:]"), "markdown"),
 }
-"""The function that escapes texts in files with an ending, and the filters whose results need no escaping."""
+"""By file suffix: the function that escapes texts, and the names of filters whose results need no escaping."""

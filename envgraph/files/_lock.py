@@ -1,4 +1,4 @@
-"""Locks: of two processes that want to write the same thing the second is refused."""
+"""Lock files for writing: a second process that wants to write the same file is refused."""
 
 from __future__ import annotations
 
@@ -16,14 +16,16 @@ from envgraph.files._replace import lock_file
 
 @contextmanager
 def write_lock(path: Path) -> Iterator[None]:
-    """Lock a file, or a group of files with one name, for writing while the block runs; readers need no lock.
+    """Hold an exclusive write lock on a file, or on files with a common name, during the block.
 
-    The file `.NAME.lock` beside it is locked, and removed at the end of the block. It names the process and the host.
-    The kernel unlocks it when the process dies; the next process that locks it logs a warning. Nothing is locked on
-    Windows, and where no such file can be created, as on a read-only disk.
+    Readers need no lock.
+
+    The lock is on the file `.NAME.lock` beside it, which names the process and the host and is removed after the block.
+    If the process dies, the kernel releases the lock, and the next process that locks it logs a warning. Nothing is
+    locked on Windows, or if no lock file can be created, as on a read-only disk.
 
     Raises:
-        InvalidArgument: another process, or another block of this one, has the lock.
+        InvalidArgument: another process, or another block of this process, holds the lock.
     """
     lock = path.resolve().with_name(f".{path.resolve().name}.lock")
     descriptor = None if sys.platform == "win32" else _open_locked(lock, path)
@@ -36,9 +38,9 @@ def write_lock(path: Path) -> Iterator[None]:
 
 
 def _open_locked(lock: Path, path: Path) -> int | None:
-    """Return a descriptor of a lock file that this process has locked; None if there can be none."""
+    """Open and lock a lock file, and return its descriptor; None if the file system does not allow it."""
     if os.path.lexists(lock) and (lock.is_symlink() or not lock.is_file()):
-        raise InvalidArgument(f"{lock} is not a file, and {path} cannot be locked", "remove it")
+        raise InvalidArgument(f"{path} cannot be locked, because {lock} is not a file", f"remove {lock}")
     try:
         descriptor = os.open(lock, os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0), 0o666)
     except OSError:
@@ -50,15 +52,15 @@ def _open_locked(lock: Path, path: Path) -> int | None:
         os.close(descriptor)
         if not isinstance(error, BlockingIOError):  # a file system without locks
             return None
-        hint = "wait for that process, or stop it; commands that only read work meanwhile"
+        hint = "wait for that process, or stop it; commands that only read still work"
         raise InvalidArgument(f"{known or 'another process'} is writing {path}", hint) from None
-    if not os.fstat(descriptor).st_nlink:  # a process that ended just now has removed the file
+    if not os.fstat(descriptor).st_nlink:  # the process that held the lock has just removed the file
         os.close(descriptor)
         return _open_locked(lock, path)
     if known:
-        message = "%s died while it wrote %s; its lock is taken over"
+        message = "%s died while it wrote %s; this process locks the file now"
         logging.getLogger("envgraph").warning(message, known, path)
-    with suppress(OSError):  # on a full disk the lock names nobody
+    with suppress(OSError):  # on a full disk the lock file stays empty
         os.ftruncate(descriptor, 0)
         os.pwrite(descriptor, f"process {os.getpid()} on host {socket.gethostname()}".encode(), 0)
     return descriptor

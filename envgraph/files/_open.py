@@ -1,4 +1,4 @@
-"""Opening a file to read from it."""
+"""Open input files, but not pipes or devices."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ _SPECIAL = {
 
 
 def open_input(path: str | os.PathLike[str]) -> BinaryIO:
-    """Opens a file to read from it; everything that reads what a person has named goes this way.
+    """Open a file that a user named, for reading bytes. All such files must be opened with this function.
 
     Raises:
-        OSError: there is no such file, or it is none: a directory, a pipe (which may never end), a device.
-        ValueError: this cannot be the name of a file.
+        OSError: the file does not exist, or is a directory, a pipe (which may never end) or a device.
+        ValueError: the path is not a valid file name.
     """
-    # Without O_NONBLOCK a pipe would be waited for: somebody has to open its other end.
+    # Without O_NONBLOCK, opening a pipe would wait until another process opens its other end.
     file = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
     kind = stat.S_IFMT(os.fstat(file).st_mode)
     if kind != stat.S_IFREG:
         os.close(file)
         if kind == stat.S_IFDIR:
             raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), os.fspath(path))
-        message = f"this is {_SPECIAL.get(kind, 'something else')}, not a file"
+        message = f"this is {_SPECIAL.get(kind, 'a special file')}, not a regular file"
         raise OSError(errno.EINVAL, message, os.fspath(path))
     return os.fdopen(file, "rb")

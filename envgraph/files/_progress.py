@@ -1,6 +1,6 @@
-"""Long work says on standard error how far it has come: visiting states, generations, agents that learn.
+"""Show the progress of long work on standard error: explored states, generations, training agents.
 
-Work inside of work is shown behind it: "environments: 2 of 6, E3; states of Triage: 1,200".
+The progress of nested work is appended: "environments: 2 of 6, E3; states of Triage: 1,200".
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from envgraph.code import dataclass
 from envgraph.errors import visible
 
 FIRST_LINE = 5.0
-"""Seconds until the first line where nobody sits at a terminal; each further one comes after twice the time."""
+"""Seconds until the first progress line if standard error is no terminal; each further line waits twice as long."""
 
 Show = Callable[[str], None]
 Tell = Callable[[str], None]
@@ -25,10 +25,10 @@ Tell = Callable[[str], None]
 
 @dataclass(slots=True)
 class _Work:
-    """What is under way: a text for each piece of work, the outermost first.
+    """A stack of progress texts, one for each nested piece of work, the outermost first.
 
     Attributes:
-        counted: what was counted last, with the texts around it, and how often that has begun.
+        counted: the texts of the last `counting` block, and how many times in a row it was entered.
     """
 
     show: Show
@@ -36,7 +36,7 @@ class _Work:
     counted: tuple[list[str], int] = ([], 0)
 
     def begun(self, what: str) -> int:
-        """How often something is counted, this time included, while the texts around it stay as they are."""
+        """Return how many times in a row, with this one, `counting` began with the same texts."""
         key = [*self.texts, what]
         self.counted = key, self.counted[1] + 1 if key == self.counted[0] else 1
         return self.counted[1]
@@ -47,11 +47,11 @@ _under_way: ContextVar[_Work | None] = ContextVar("envgraph_under_way", default=
 
 @contextmanager
 def telling(show: Show | None = None) -> Iterator[Tell]:
-    """Call what this gives with a text now and then; with none at all, work inside of it is shown as one.
+    """Yield a function that shows a progress text; inside another such block the text is appended to the outer texts.
 
     Args:
-        show: shows a text, if this is the outermost work; else a terminal has a line that changes, gone at the end, and
-            a file or a pipe has plain lines, one after 5 s, the next ones after 10 s, 20 s and so on.
+        show: receives the whole text, if this is the outermost block. By default a terminal shows one changing line,
+            which is cleared at the end. A file or a pipe gets a line after 5 s, 10 s, 20 s and so on.
     """
     work = _under_way.get()
     if work is not None:
@@ -73,9 +73,9 @@ def telling(show: Show | None = None) -> Iterator[Tell]:
 
 @contextmanager
 def counting(what: str) -> Iterator[Callable[[int, int], None]]:
-    """`telling` of work that counts something of a model, and the outcomes of that, if there are any.
+    """Yield a function `(count, outcomes)` that shows the progress of counting `what`, and outcomes unless 0.
 
-    What is counted for one model after the other has the number of the model, from the second one on.
+    If the same counter begins again, as for the next model, the text also shows the number of the model.
     """
     work = _under_way.get()
     number = 1 if work is None else work.begun(what)
@@ -108,7 +108,7 @@ def _write_over(text: str) -> None:
 
 @dataclass(slots=True)
 class _Seldom:
-    """Shows few of the texts, as lines: the times between them grow."""
+    """A writer of progress lines that skips texts: each line waits twice the time of the line before."""
 
     begun: float
     due: float = FIRST_LINE

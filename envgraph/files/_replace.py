@@ -1,4 +1,4 @@
-"""Replacing a file as a whole: a draft beside it is written, flushed to the disk, and renamed."""
+"""Replace a file as a whole: write a draft beside it, flush it to the disk, and rename it."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from envgraph.errors import InvalidArgument
 
 
 def replace_file(path: Path, content: str | bytes) -> None:
-    """Write a file: text as UTF-8, its line ends as they are.
+    """Write a file as a whole: text as UTF-8, with unchanged line ends.
 
-    Readers see what was there before or the whole new content, and so does everybody after a full disk, Ctrl-C, a
-    kill or a power cut. A link stays a link, permissions stay, missing directories are made. What is no regular file,
-    such as `/dev/stdout` or a pipe, is written to.
+    Readers see either the old or the whole new content, even after a full disk, Ctrl-C, a kill or a power cut. Links
+    and permissions are preserved, and missing directories are created. A pipe or a device, such as `/dev/stdout`, is
+    written directly.
 
     Raises:
         OSError: the file cannot be written; its `filename` is the path.
@@ -30,23 +30,23 @@ def replace_file(path: Path, content: str | bytes) -> None:
 
 
 def check_free(folder: Path) -> None:
-    """Raise InvalidArgument where something is in a folder that is to be written as a whole."""
+    """Raise InvalidArgument if the folder is not empty, or is not a folder; a missing folder is allowed."""
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise InvalidArgument(f"{folder} exists already", "choose another folder, or remove that one")
+        raise InvalidArgument(f"{folder} exists already", "choose another folder, or remove this one")
 
 
 @contextmanager
 def replacing(path: Path, *, overwrite: bool = True) -> Iterator[Path]:
-    """A draft, an empty file to be written in the block, that becomes the file at its end; an exception removes it.
+    """Yield an empty draft file to write. It replaces the file after the block, but is deleted after an exception.
 
-    The draft is locked while the block runs. Whoever replaces this file next removes drafts that nobody holds: a kill
-    left them.
+    The draft is locked during the block. The next replacement of the same file deletes unlocked drafts, which killed
+    processes have left.
 
     Raises:
-        FileExistsError: there is such a file, and it is not to be overwritten.
+        FileExistsError: the file exists, and `overwrite` is False.
         OSError: the file cannot be written; its `filename` is the path.
     """
-    target = Path(os.path.realpath(path))  # of links in a circle the path itself: opening that is an error
+    target = Path(os.path.realpath(path))  # for a circle of links the path itself, which cannot be opened
     drafts = _prefix(target)
     try:
         if _is_special(path):
@@ -61,8 +61,8 @@ def replacing(path: Path, *, overwrite: bool = True) -> Iterator[Path]:
             if overwrite:
                 os.replace(draft, target)
             else:
-                os.link(draft, target)  # unlike a renaming, this fails where somebody else was faster
-        with suppress(OSError):  # Windows, and some file systems, cannot do that
+                os.link(draft, target)  # unlike renaming, linking fails if the file exists meanwhile
+        with suppress(OSError):  # Windows and some file systems cannot do this
             directory = os.open(target.parent, os.O_RDONLY)
             with suppress(OSError):
                 os.fsync(directory)
@@ -74,24 +74,31 @@ def replacing(path: Path, *, overwrite: bool = True) -> Iterator[Path]:
 
 
 def _is_special(path: Path) -> bool:
-    """Whether something is written to and not replaced: a device, a pipe; also what a link of `/dev/fd` leads to."""
+    """Return True for an existing path that is not a regular file (a device or a pipe), which is written directly.
+
+    Raises:
+        PermissionError: the path is a regular file without write permission.
+    """
     try:
         mode = path.stat().st_mode
     except FileNotFoundError:
         return False
-    if stat.S_ISREG(mode) and not os.access(path, os.W_OK):  # renaming would not ask
+    if stat.S_ISREG(mode) and not os.access(path, os.W_OK):  # renaming would ignore the missing permission
         raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(path))
     return not stat.S_ISREG(mode)
 
 
 def _prefix(target: Path) -> str:
-    """Return how the names of drafts of a file begin."""
+    """Return the prefix of the names of all drafts of a file."""
     return f".{target.name}.draft-"
 
 
 @contextmanager
 def _draft(target: Path) -> Iterator[tuple[Path, int]]:
-    """A new locked file beside the target, and its descriptor; removed at the end if it is still there."""
+    """Create a locked draft beside the target, and yield its path and descriptor.
+
+    At the end delete it if it still exists.
+    """
     prefix = _prefix(target)
     _remove_stale(target.parent, re.compile(re.escape(prefix) + "[0-9a-f]{8}"))
     draft = target.with_name(prefix + os.urandom(4).hex())
@@ -116,7 +123,11 @@ def _remove_stale(directory: Path, drafts: re.Pattern[str]) -> None:
 
 
 def lock_file(descriptor: int) -> None:
-    """Lock a file; BlockingIOError if somebody else holds it, and on Windows, where the drafts of a crash stay."""
+    """Lock an open file without waiting.
+
+    Raises:
+        BlockingIOError: another process holds the lock, or the system is Windows, where stale drafts therefore remain.
+    """
     if sys.platform == "win32":
         raise BlockingIOError
     import fcntl

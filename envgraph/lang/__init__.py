@@ -1,7 +1,7 @@
-"""Text to data for the five languages and for family files, with diagnostics.
+"""Parse the five languages and family files into data, with diagnostics, and write data as text.
 
-`open` and `load` are what most programs need; `load_workspace` gives everything that files say together with what is
-wrong with them, without raising.
+Most programs need only `open` and `load`. `load_workspace` raises no exception for mistakes in files. It returns all
+data together with all diagnostics.
 """
 
 from typing import TYPE_CHECKING

@@ -1,4 +1,7 @@
-"""Patterns, rules and units of Python, in texts or data or some of each: the same data as a file gives."""
+"""Construct patterns, rules and units in Python, from texts, from data, or from a mixture of both.
+
+The result equals the data that is read from a file.
+"""
 
 from __future__ import annotations
 
@@ -43,20 +46,20 @@ def Pattern(
     annotations: str | Iterable[Annotation] = (),
     doc: str | None = None,
 ) -> PatternData:
-    """A pattern, for `Engine.add`: equal to what is read from a `.query` file.
+    """Return a pattern for `Engine.add`, equal to a pattern read from a `.query` file.
 
     Args:
-        name: its name, without the package.
-        parameters: what is in the brackets, `a : Tile, b : Tile`, or data.
-        body: what is in the braces, or constraints; for several bodies (`or`) a list of texts or `Body`s. The `;` at
-            the end of a text may be left out.
+        name: the name of the pattern, without its package.
+        parameters: the text between the parentheses, such as `a : Tile, b : Tile`, or data.
+        body: the text between the braces, or constraints. For several bodies (`or`) pass a list of texts or `Body`s.
+            The last `;` of a text is optional.
         package, private, strategy: see `envgraph.pattern.Pattern`.
-        annotations: such as `@Constraint(severity = "error")`, or data.
-        doc: the comment before it.
+        annotations: text such as `@Constraint(severity = "error")`, or data.
+        doc: the comment written before the pattern.
 
     Raises:
-        LoadError: mistakes in texts, each with its place.
-        InvalidArgument: a name that is none; something that is neither text nor the data that belongs there.
+        LoadError: the texts contain mistakes, each reported with its position.
+        InvalidArgument: `name` is not a valid name, or an argument is neither a text nor data of the right kind.
 
     >>> from envgraph.lang import to_text
     >>> near = Pattern("near", "a : Tile, b : Tile", ["Tile.right(a, b)", "Tile.down(a, b)"])
@@ -96,26 +99,26 @@ def Rule(
     annotations: str | Iterable[Annotation] = (),
     doc: str | None = None,
 ) -> RuleData:
-    """A rule, for `Engine.add`: equal to what is read from a `.rules` file.
+    """Return a rule for `Engine.add`, equal to a rule read from a `.rules` file.
 
     Args:
-        name: its name, without the package.
-        parameters: what is in the brackets, `hedgehog : Hedgehog, out label : string`, or data.
-        lhs: what is in the braces of `lhs`, or nodes, edges and constraints. The `;` at the end of a text, and
-            before a `}` in it, may be left out, here and below.
-        rhs: what is there afterwards: the inside of `rhs`, or nodes, edges and actions.
-        modify: what changes: the inside of `modify`, or actions. Not together with `rhs`.
-        blocks: `not { .. }`, `require { .. }`, `forall { .. }`, `optional { .. }`, as one text or as data.
-        package: of the name.
-        weight, priority, semantics, injective, homomorphic: see `envgraph.pattern.Rule`; None for what the annotations
-            say.
-        annotations: such as `@weight(2.0) @semantics(spo)`, or data.
-        doc: the comment before it.
+        name: the name of the rule, without its package.
+        parameters: the text between the parentheses, such as `hedgehog : Hedgehog, out label : string`, or data.
+        lhs: the left-hand side: the text between the braces of `lhs`, or nodes, edges and constraints. In this text and
+            the texts below, a `;` is optional at the end and before a `}`.
+        rhs: the right-hand side, the graph after the application: the text inside `rhs`, or nodes, edges and actions.
+        modify: the changes: the text inside `modify`, or actions. Give either `rhs` or `modify`.
+        blocks: `not { .. }`, `require { .. }`, `forall { .. }` and `optional { .. }` blocks, as one text or as data.
+        package: the package of the rule.
+        weight, priority, semantics, injective, homomorphic: see `envgraph.pattern.Rule`; None means the value in
+            `annotations`, or the default.
+        annotations: text such as `@weight(2.0) @semantics(spo)`, or data.
+        doc: the comment written before the rule.
 
     Raises:
-        LoadError: mistakes in texts, each with its place.
-        InvalidArgument: a name that is none; something that is neither text nor the data that belongs there; `rhs`
-            and `modify`.
+        LoadError: the texts contain mistakes, each reported with its position.
+        InvalidArgument: `name` is not a valid name, an argument is neither a text nor data of the right kind, or both
+            `rhs` and `modify` are given.
 
     >>> from envgraph.lang import to_text
     >>> burn = Rule("burn", lhs="tile : RoadTile", modify="retype tile : BurningTile", weight=2.0)
@@ -128,7 +131,7 @@ def Rule(
     """
     if rhs is not None and modify is not None:
         raise InvalidArgument(
-            f"`{name}` has `rhs`, what is there afterwards, and `modify`, what changes: keep one of them"
+            f"rule `{name}` has both `rhs` (the graph after the rule) and `modify` (the changes): keep one of them"
         )
     parts = Parts("rule", name)
     marks = parts.marks(annotations)
@@ -165,21 +168,21 @@ def Unit(
     annotations: str | Iterable[Annotation] = (),
     doc: str | None = None,
 ) -> UnitData:
-    """A unit, for `Engine.add`: equal to what is read from a `.rules` file.
+    """Return a unit for `Engine.add`, equal to a unit read from a `.rules` file.
 
     Args:
-        name: its name, without the package.
-        parameters: what is in the brackets, `hedgehog : Hedgehog`, or data.
-        body: what is in the braces, or steps, or a list of texts and steps. The last `;` of a text, and
-            of a block in it, may be left out.
-        package: of the name.
-        weight, priority: see `envgraph.pattern.Unit`; None for what the annotations say.
-        annotations: such as `@weight(2.0)`, or data.
-        doc: the comment before it.
+        name: the name of the unit, without its package.
+        parameters: the text between the parentheses, such as `hedgehog : Hedgehog`, or data.
+        body: the text between the braces, or steps, or a list of texts and steps. The last `;` of a text, and of each
+            block in it, is optional.
+        package: the package of the unit.
+        weight, priority: see `envgraph.pattern.Unit`; None means the value in `annotations`, or the default.
+        annotations: text such as `@weight(2.0)`, or data.
+        doc: the comment written before the unit.
 
     Raises:
-        LoadError: mistakes in texts, each with its place.
-        InvalidArgument: a name that is none; something that is neither text nor the data that belongs there.
+        LoadError: the texts contain mistakes, each reported with its position.
+        InvalidArgument: `name` is not a valid name, or an argument is neither a text nor data of the right kind.
 
     >>> from envgraph.lang import to_text
     >>> print(to_text(Unit("day", "hog : Hedgehog", "walk(hog); repeat 1..3 { water | mow; }")), end="")
@@ -205,5 +208,5 @@ def Unit(
 
 
 def _said(data: _Data) -> _Data:
-    """With annotations and comment as a text has them."""
+    """Return a copy with the annotations and the doc comment that its text would have."""
     return replace(data, annotations=annotations_of(data), doc=plain_doc(data.doc), span=None)

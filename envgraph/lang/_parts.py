@@ -1,4 +1,4 @@
-"""The parts of a pattern, rule or unit of Python, as texts or as data, such as the inside of a `lhs`."""
+"""Parse or check the parts of a pattern, rule or unit that Python code passes, such as the contents of a `lhs`."""
 
 from __future__ import annotations
 
@@ -37,11 +37,13 @@ from envgraph.pattern import (
 
 @dataclass(frozen=True, slots=True)
 class _Frame:
-    """The text around a part of a definition.
+    """A template that completes the text of one part to a whole definition, so that the usual parser can read it.
 
     Attributes:
-        fills: fields of the definition that the part may fill; the first is its own.
-        ends: what may stand at the end of the part; else `;` is added. Empty: nothing is.
+        language: the language of the definition.
+        before, after: the text in front of the part and behind it.
+        fills: the fields of the definition that the part may set; the first is the field that the part is for.
+        ends: tokens that may end the part; after any other token `;` is appended. Empty: nothing is appended.
     """
 
     language: str
@@ -75,46 +77,46 @@ _FRAMES: Final = {
 
 
 class Parts:
-    """Reads the parts of one definition, and keeps what is wrong with their texts.
+    """A reader for the parts of one definition, given as texts or data; it collects the diagnostics of the texts.
 
     Args:
         kind: "pattern", "rule" or "unit".
-        name: of the definition, for messages.
+        name: the name of the definition, for messages.
     """
 
     def __init__(self, kind: str, name: str) -> None:
         if not isinstance(name, str) or not name:
-            raise InvalidArgument(f"a {kind} begins with its name, not with {name!r}")
+            raise InvalidArgument(f"the name of a {kind} must be a string that is not empty, not {name!r}")
         TermText(name, ()).name(name)
         self._frames = _FRAMES[kind]
         self._name = name
         self._problems: list[Diagnostic] = []
 
     def finish(self) -> None:
-        """Raise what is wrong with any of the texts.
+        """Raise an error if any of the texts read so far has errors.
 
         Raises:
-            LoadError: all errors together.
+            LoadError: contains all errors.
         """
         raise_errors(self._problems)
 
     # --- texts and data
 
     def marks(self, given: str | Iterable[Annotation]) -> Any:
-        """A definition that has nothing but annotations."""
+        """Return an otherwise empty definition with the given annotations."""
         if isinstance(given, str):
             return self._read("annotations", given)
         found = self._items("annotations", given, Annotation, "annotations")
         return replace(self._read("annotations", ""), annotations=found)
 
     def parameters(self, given: str | Iterable[Parameter]) -> Any:
-        """Parameters."""
+        """Return the parameters of the definition."""
         if isinstance(given, str):
             return self._field("parameters", given)
         return self._items("parameters", given, Parameter, "parameters")
 
     def bodies(self, given: str | Body | Iterable[str | Body | Constraint]) -> tuple[Body, ...]:
-        """One body, or several."""
+        """Return the bodies of a pattern: one for constraints, else one for each text or `Body`."""
         wanted = "constraints, or several texts or bodies"
         items = self._items("body", given, str | Body | Constraint, wanted)
         conditions = [item for item in items if isinstance(item, Constraint)]
@@ -125,7 +127,7 @@ class Parts:
         return tuple(self._field("body", one)[0] if isinstance(one, str) else one for one in items)
 
     def left(self, given: str | LeftSide | Iterable[Node | Edge | Constraint]) -> Any:
-        """A left side."""
+        """Return the left-hand side of a rule."""
         if isinstance(given, str):
             return self._field("lhs", given)
         if not isinstance(given, LeftSide):
@@ -134,7 +136,7 @@ class Parts:
         return left_again(given)
 
     def right(self, given: str | RightSide | Iterable[Node | Edge | Action]) -> Any:
-        """Return what is there afterwards."""
+        """Return the right-hand side that an `rhs` text or data describes."""
         if isinstance(given, str):
             return self._field("rhs", given)
         if not isinstance(given, RightSide):
@@ -143,7 +145,7 @@ class Parts:
         return right_again(given)
 
     def modification(self, given: str | Modification | Iterable[Action] | None) -> Any:
-        """Return what changes, or nothing."""
+        """Return the changes that a `modify` text or data describes; None if there are none."""
         if isinstance(given, str):
             return self._field("modify", given)
         if not (given is None or isinstance(given, Modification)):
@@ -151,19 +153,23 @@ class Parts:
         return right_again(given)
 
     def blocks(self, given: str | Iterable[Block]) -> Any:
-        """Nested conditions and rules."""
+        """Return the nested conditions and nested rules of a rule."""
         if isinstance(given, str):
             return self._field("blocks", given)
         return tuple(map(block_again, self._items("blocks", given, Block, "blocks")))
 
     def steps(self, given: str | Step | Iterable[str | Step]) -> Steps:
-        """One sequence of steps."""
+        """Return the body of a unit as one flat sequence of steps."""
         items = self._items("body", given, str | Step, "steps")
         found = (self._field("body", one) if isinstance(one, str) else steps_again(one) for one in items)
         return Steps(tuple(step for one in found for step in one.steps))
 
     def _items(self, part: str, given: Any, kinds: Any, wanted: str) -> tuple[Any, ...]:
-        """A single item or several, all of these kinds."""
+        """Return a single item or an iterable as a tuple.
+
+        Raises:
+            InvalidArgument: an item is not of the allowed kinds.
+        """
         single = isinstance(given, kinds)
         items = (given,) if single else tuple(given) if isinstance(given, Iterable) else None
         for item in (given,) if items is None else items:
@@ -174,11 +180,14 @@ class Parts:
     # --- texts
 
     def _field(self, part: str, text: str) -> Any:
-        """What a part says."""
+        """Parse the text of a part, and return the field of the definition that the part is for."""
         return getattr(self._read(part, text), self._frames[part].fills[0])
 
     def _read(self, part: str, text: str) -> Any:
-        """A definition that has nothing but this part; something, if the part has errors."""
+        """Parse the text of a part inside its frame, and return a definition that contains nothing else.
+
+        If the text has errors, they are recorded, and the returned definition has an empty part.
+        """
         frame = self._frames[part]
         own = Source(f"{part} of {self._name}", text)
         (empty,) = read_framed(frame.language, Source(own.name, frame.before + frame.after))[0].definitions
@@ -197,14 +206,14 @@ class Parts:
             return empty
         alone = len(found) == 1 and file.header == Header()
         if not alone or {*differing_fields(found[0], empty)} - {*frame.fills}:
-            message = f"there is more here than what belongs into `{part}`"
-            hint = "leave the rest out, or read the whole with `envgraph.lang.from_text`"
+            message = f"this text contains more than `{part}` can have"
+            hint = "remove the rest, or read a whole definition with `envgraph.lang.from_text`"
             self._problems.append(Diagnostic("misplaced-part", message, own.span(0, len(text)), hint))
         return found[-1]
 
 
 def _graph(items: Sequence[Any]) -> tuple[tuple[Any, ...], tuple[Any, ...], tuple[Any, ...]]:
-    """The nodes and the edges among some items, and the rest."""
+    """Split items into nodes, edges and the remaining items."""
     nodes = tuple(one for one in items if isinstance(one, Node))
     edges = tuple(one for one in items if isinstance(one, Edge))
     return nodes, edges, tuple(one for one in items if not isinstance(one, Node | Edge))
@@ -218,38 +227,41 @@ _SIDES: Final = ("lhs", "rhs", "modify")
 
 
 def _misplaced(part: str, source: Source, lexemes: Sequence[Lexeme], *, several: bool) -> Diagnostic | None:
-    """Return what does not belong into a part, where the parser could only be puzzled by the frame."""
+    """Return a diagnostic for text that does not belong in a part, or None.
+
+    It finds mistakes for which the parser would report a confusing error, since it sees the frame around the part.
+    """
 
     def problem(lexeme: Lexeme, message: str, hint: str | None) -> Diagnostic:
         return Diagnostic("misplaced-part", message, source.span(lexeme.start, lexeme.end), hint)
 
     stray = _stray(lexemes)
     if stray is not None:
-        return problem(stray, f"`{stray.value}` closes nothing in this text", None)
+        return problem(stray, f"`{stray.value}` has no opening bracket in this text", "remove it")
     words = [_word(lexeme) for lexeme in lexemes]
     if part == "parameters" and words[0] == "(":
         return problem(
-            lexemes[0], "`parameters` takes what stands between the brackets", "leave the brackets out"
+            lexemes[0], "`parameters` takes only the text between the brackets", "remove the brackets"
         )
     braces = words[0] == "{" and (part != "body" or several or _closes_last(words))
     if part in (*_SIDES, "body") and (braces or words[:2] == [part, "{"]):
-        hint = "leave them out; several bodies are a list of texts" if several else "leave them out"
-        return problem(lexemes[0], f"`{part}` takes what stands between its braces", hint)
+        hint = "remove the braces; give several bodies as a list of texts" if several else "remove the braces"
+        return problem(lexemes[0], f"`{part}` takes only the text between its braces", hint)
     if part == "blocks" and words[0] and words[0] not in _BLOCKS:
-        hint = "conditions belong into `lhs`, and what happens into `rhs` or `modify`"
-        message = "`blocks` takes `not`, `require`, `forall` and `optional` blocks"
+        hint = "write conditions in `lhs`, and actions in `rhs` or `modify`"
+        message = "`blocks` takes only `not`, `require`, `forall` and `optional` blocks"
         return problem(lexemes[0], message, hint)
     for number, word in enumerate(words if part in _SIDES else ()):
         begins = number == 0 or words[number - 1] in (";", "}")
         after = words[number + 1 : number + 3]
         if begins and word in (*_BLOCKS, *_SIDES) and (after[:1] == ["{"] or after == ["+", "{"]):
-            hint = f"give it as `{'blocks' if word in _BLOCKS else word}`"
-            return problem(lexemes[number], f"`{word} {{ .. }}` does not stand in `{part}`", hint)
+            hint = f"pass it as the argument `{'blocks' if word in _BLOCKS else word}`"
+            return problem(lexemes[number], f"`{word} {{ .. }}` is not allowed in `{part}`", hint)
     return None
 
 
 def _closes_last(words: Sequence[str]) -> bool:
-    """Return whether the brace that a text begins with is closed by its last word, or not at all."""
+    """Return True if the brace at the start of a text is closed by the last word of the text, or is never closed."""
     level = 0
     for number, word in enumerate(words):
         level += (word == "{") - (word == "}")
@@ -259,12 +271,12 @@ def _closes_last(words: Sequence[str]) -> bool:
 
 
 def _word(lexeme: Lexeme) -> str:
-    """A sign, or a word that may be a keyword; "" for anything else."""
+    """Return a punctuation sign or an unescaped word, which may be a keyword; "" for any other token."""
     return lexeme.value if lexeme.kind in ("NAME", "punctuation") and not lexeme.escaped else ""
 
 
 def _but_last_separators(problems: Sequence[Diagnostic], lexemes: Sequence[Lexeme]) -> tuple[Diagnostic, ...]:
-    """The problems without a `;` that is missing before a `}`, where the parser has put it in."""
+    """Return the problems except for a missing `;` before a `}`, which the parser has inserted itself."""
     starts = [lexeme.start for lexeme in lexemes]
 
     def follows(problem: Diagnostic) -> str:
@@ -276,13 +288,13 @@ def _but_last_separators(problems: Sequence[Diagnostic], lexemes: Sequence[Lexem
 
 
 def _of_the_part(problems: Sequence[Diagnostic], length: int) -> Sequence[Diagnostic]:
-    """The problems inside a part; if they are all behind it, the first of them."""
+    """Return the problems inside the part; if all are behind the part, only the first problem."""
     inside = [one for one in problems if one.span is None or one.span.start < length]
     return inside or problems[:1]
 
 
 def _stray(lexemes: Sequence[Lexeme]) -> Lexeme | None:
-    """The first bracket that closes what the text has not opened."""
+    """Return the first closing bracket that has no opening bracket in the text, or None."""
     waiting: list[str] = []
     for lexeme in lexemes:
         if lexeme.kind == "punctuation" and lexeme.value in _OPENING:
@@ -291,5 +303,5 @@ def _stray(lexemes: Sequence[Lexeme]) -> Lexeme | None:
             if lexeme.value not in waiting:
                 return lexeme
             while waiting.pop() != lexeme.value:
-                pass  # the parser tells of brackets that pair up wrongly
+                pass  # the parser reports brackets that do not match
     return None

@@ -1,1 +1,1 @@
-"""Texts in one style: the same tokens and comments, other blanks and line ends."""
+"""Format texts in one style: tokens and comments stay the same, only blanks and line breaks change."""

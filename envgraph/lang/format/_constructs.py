@@ -1,9 +1,9 @@
-"""How each construct of the languages is laid out: the tree of a text to a document.
+"""Build the layout document of each language construct from the syntax tree of a text.
 
-- A block `{ .. }` is on one line if the author put it there and it fits; else each of its statements has a line.
-- Brackets `( .. )` stay on the line while they fit; then each of their items has a line.
+- A block `{ .. }` stays on one line if the author wrote it there and it fits, else each statement gets its own line.
+- Brackets `( .. )` stay on the line if they fit, else each item gets its own line.
 - A chain of operators, arrows or alternatives that does not fit is broken before each of them.
-- Comments stay where they are between the tokens, empty lines between statements are kept, two of them become one.
+- Comments stay between the same tokens. Empty lines between statements stay, but two or more become one.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _EFFECTS: Final = frozenset({"reward", "other", "apply", "end", "each_object", "
 
 
 def _assignment(layout: Layout, part: Part) -> Document:
-    """`name = value`; a long expression has lines of its own."""
+    """Return the document of `name = value`; a value that does not fit on the line is moved to lines of its own."""
     value = next((one for one in part.parts(*CHAINS)), None)
     if value is None:
         return layout.plain(part)
@@ -45,7 +45,10 @@ def _assignment(layout: Layout, part: Part) -> Document:
 
 
 def _graph(layout: Layout, part: Part) -> Document:
-    """`a -ref-> b <-ref- c`, broken before the arrows; not because of the values of the last object."""
+    """Return the document of `a -ref-> b <-ref- c`, which is broken before the arrows if it does not fit.
+
+    The attribute block of the last object does not count for this.
+    """
     *items, last = part.items
     assert isinstance(last, Part)
     start = next(
@@ -60,7 +63,7 @@ def _graph(layout: Layout, part: Part) -> Document:
 
 
 def _alternatives(layout: Layout, part: Part) -> Document:
-    """`a | b`, broken before each `|`; blocks among them as in `try { } else { }`."""
+    """Return the document of `a | b`, broken before each `|`; with blocks it is laid out like `try`."""
     if any(isinstance(item, Part) and item.kind == "block" for item in part.items):
         return _nested(layout, part)
     found: list[Document] = []
@@ -73,7 +76,7 @@ def _alternatives(layout: Layout, part: Part) -> Document:
 
 
 def _listed(layout: Layout, part: Part) -> Document:
-    """Items with commas and no brackets; as many on a line as fit."""
+    """Return the document of comma-separated items without brackets, with as many items on a line as fit."""
     found = [layout.item(part.items[0])]
     for before, item in pairwise(part.items):
         if layout.is_word(before, ","):
@@ -84,7 +87,7 @@ def _listed(layout: Layout, part: Part) -> Document:
 
 
 def _legend(layout: Layout, part: Part) -> Document:
-    """`legend a = A, b = B`: the lines of the author, aligned behind the word."""
+    """Return the document of `legend a = A, b = B`; the author's line breaks are kept, and lines are aligned."""
     first, *rest = part.items
     assert isinstance(first, int)
     found: list[Document] = [layout.item(rest[0])]
@@ -103,7 +106,7 @@ def _legend(layout: Layout, part: Part) -> Document:
 
 
 def _definition(layout: Layout, part: Part) -> Document:
-    """Annotations, then the rest."""
+    """Return the document of a definition: its annotations, then the definition itself."""
     notes = [item for item in part.items if isinstance(item, Part) and item.kind == "annotation"]
     rest = part.items[len(notes) :]
     if not notes:
@@ -131,7 +134,7 @@ def _body(layout: Layout, part: Part, items: Sequence[Item]) -> Document:
 
 
 def _bodies(layout: Layout, items: Sequence[Item]) -> Document:
-    """A pattern: all of its bodies on one line, or none."""
+    """Return the document of a pattern: either all of its bodies are on one line, or each is on several."""
     found: list[Document] = []
     for place, item in enumerate(items):
         found += [layout.between(first_of(item))] if place else []
@@ -143,19 +146,19 @@ def _bodies(layout: Layout, items: Sequence[Item]) -> Document:
 
 
 def _open_block(layout: Layout, part: Part) -> Document:
-    """A body of a pattern, for the group around it."""
+    """Return the document of a pattern's body; the group around all bodies decides where lines end."""
     start = _place(layout, part.items, "{")
     head = [layout.row(part.items[:start]), layout.between(first_of(part.items[start]))] if start else []
     return joined((*head, layout.block(part.items[start:])))
 
 
 def _place(layout: Layout, items: Sequence[Item], word: str) -> int:
-    """Where a token is first among some items."""
+    """Return the index of the first item that is the token `word`."""
     return next(place for place, item in enumerate(items) if layout.is_word(item, word))
 
 
 def _rule(layout: Layout, items: Sequence[Item]) -> Document:
-    """A rule; short ones that stand below each other may be set in columns."""
+    """Return the document of a rule; one-line rules below each other may be aligned in columns."""
     start = _place(layout, items, "{")
     opening = first_of(items[start])
     mark = Mark("rule", layout.tokens.gaps[opening].spaces)
@@ -164,7 +167,7 @@ def _rule(layout: Layout, items: Sequence[Item]) -> Document:
 
 
 def _nested(layout: Layout, part: Part) -> Document:
-    """`try`, `if` and the like: all of their blocks on one line, or none."""
+    """Return the document of `try`, `if` or the like: either all of its blocks are on one line, or none is."""
     return grouped(_blocks(layout, part))
 
 
@@ -182,7 +185,7 @@ def _blocks(layout: Layout, part: Part) -> Document:
 
 
 def _clause(layout: Layout, part: Part) -> Document:
-    """An action, `on` or the like: what follows from it has lines of its own if it does not fit."""
+    """Return the document of an `action`, `on` or similar clause; effects that do not fit get lines of their own."""
     mark = "on" if part.kind == "on" else ""
     if part.kind != "action":
         return grouped(layout.row(part.items, lines=_EFFECTS, mark=mark))
@@ -197,7 +200,7 @@ def _clause(layout: Layout, part: Part) -> Document:
 
 
 def _rows(layout: Layout, part: Part) -> Document:
-    """The letters of a grid, one row a line."""
+    """Return the document of the letters of a grid, with one row on each line."""
     place = next(i for i in part.items if isinstance(i, int) and i > part.first)
     if layout.tokens.kinds[place] != "TEXT":
         return layout.plain(part)
@@ -217,7 +220,7 @@ def _rows(layout: Layout, part: Part) -> Document:
 
 
 def _line(layout: Layout, part: Part) -> Document:
-    """A line of a table; the values may be set in columns."""
+    """Return the document of a line of a table, whose values may be aligned in columns with other lines."""
     found: list[Document] = []
     for place, item in enumerate(part.items):
         first = first_of(item)
@@ -248,4 +251,4 @@ CONSTRUCTS: Final[Mapping[str, Callable[[Layout, Part], Document]]] = {
     "rows": _rows,
     "line": _line,
 }  # fmt: skip
-"""Parts that are not laid out plainly."""
+"""By kind of part: the function that lays it out. Parts of other kinds are laid out in one row."""

@@ -1,7 +1,7 @@
-"""Documents: text with places where a line may end, and how they become lines of at most so many columns.
+"""Lay out documents: texts with optional line breaks are printed as lines of limited width.
 
-After P. Wadler, "A prettier printer" (2003), in the form that Prettier gave it: a group is printed on one line if it
-fits there, else each of its own places ends the line. Besides, neighbouring lines can be set in columns.
+The method is P. Wadler's "A prettier printer" (2003) in the form used by Prettier. A group is printed on one line if it
+fits, else all of its own optional breaks become line breaks. In addition, neighbouring lines can be aligned in columns.
 """
 
 from __future__ import annotations
@@ -13,30 +13,30 @@ from typing import Final
 from envgraph.code import dataclass
 
 WIDTH: Final = 120
-"""Columns of a line; a word that is longer by itself stays whole."""
+"""Maximal width of a line, in columns. A longer token is not split."""
 
 STEP: Final = 4
-"""Columns of an indentation."""
+"""Width of one indentation, in columns."""
 
 
 @dataclass(frozen=True, slots=True)
 class Text:
-    """Characters as they are."""
+    """A text that is printed unchanged."""
 
     text: str
 
     @property
     def forced(self) -> bool:
-        """Whether it ends a line, wherever it stands."""
+        """Return True if the text contains a line break, so that every group around it is printed on several lines."""
         return "\n" in self.text
 
 
 @dataclass(frozen=True, slots=True)
 class Comment:
-    """A comment of several lines; its text is shifted as far as its first line was.
+    """A comment of several lines, whose lines are shifted by as many columns as its first line.
 
     Attributes:
-        column: where it began.
+        column: the column at which the comment began in the input.
     """
 
     text: str
@@ -44,18 +44,18 @@ class Comment:
 
     @property
     def forced(self) -> bool:
-        """It ends a line."""
+        """Return True: a comment always breaks the groups around it."""
         return True
 
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """A place where a line may end.
+    """A possible line break.
 
     Attributes:
-        flat: what stands there if it does not.
-        forced: it always ends.
-        blank: an empty line follows, if it ends.
+        flat: the text printed instead if the line does not end here.
+        forced: the line always ends here.
+        blank: if the line ends here, an empty line follows.
     """
 
     flat: str = " "
@@ -65,13 +65,14 @@ class Line:
 
 @dataclass(frozen=True, slots=True)
 class Mark:
-    """A place that can be set below the same place of the line above.
+    """A position that can be aligned with the same position in neighbouring lines.
 
     Attributes:
-        kind: lines whose first marks are of one kind are set in columns together.
-        spaces: how many blanks the author has put there. Where nobody put more than usual, nothing is moved.
-        usual: how many blanks stand there otherwise.
-        always: it counts in broken groups too.
+        kind: neighbouring lines are aligned together if their first marks have the same kind.
+        spaces: the number of blanks that the author wrote here. Lines are aligned only if an author wrote more than
+            usual.
+        usual: the number of blanks here without alignment.
+        always: the mark also counts in groups that are broken into lines.
     """
 
     kind: str
@@ -81,13 +82,13 @@ class Mark:
 
     @property
     def forced(self) -> bool:
-        """It ends no line."""
+        """Return False: a mark never breaks a line."""
         return False
 
 
 @dataclass(frozen=True, slots=True)
 class Joined:
-    """One document after the other."""
+    """A sequence of documents, printed one after the other; `forced` breaks every group around it."""
 
     parts: tuple[Document, ...]
     forced: bool
@@ -95,7 +96,7 @@ class Joined:
 
 @dataclass(frozen=True, slots=True)
 class Indent:
-    """A document whose lines are indented by so many columns more."""
+    """A document whose line breaks are indented by `columns` more columns."""
 
     inner: Document
     columns: int
@@ -104,7 +105,7 @@ class Indent:
 
 @dataclass(frozen=True, slots=True)
 class Group:
-    """A document that is on one line or on several; `forced` says that it is on several."""
+    """A document that is printed on one line if it fits; if `forced` is True, always on several lines."""
 
     inner: Document
     forced: bool
@@ -121,19 +122,19 @@ BLANK: Final = Line(forced=True, blank=True)
 
 
 def joined(parts: Iterable[Document], *, broken: bool = False) -> Document:
-    """One after the other; `broken` breaks the group around it."""
+    """Return a sequence of documents; `broken=True` forces the group around it onto several lines."""
     found = tuple(parts)
     return Joined(found, broken or any(part.forced for part in found))
 
 
 def indented(*parts: Document, columns: int = STEP) -> Document:
-    """One after the other, further in."""
+    """Return a sequence of documents whose line breaks are indented further."""
     inner = joined(parts)
     return Indent(inner, columns, inner.forced)
 
 
 def grouped(*parts: Document) -> Document:
-    """One after the other, on one line if possible."""
+    """Return a sequence of documents that is printed on one line if possible."""
     inner = joined(parts)
     return Group(inner, inner.forced)
 
@@ -143,7 +144,7 @@ def grouped(*parts: Document) -> Document:
 
 Piece = str | Mark
 Command = tuple[int, bool, Document]
-"""Indentation, whether on one line, what."""
+"""The indentation, True if the document is printed on one line, and the document."""
 
 
 @dataclass(slots=True)
@@ -195,7 +196,7 @@ class _Printer:
 
 
 def fits(rest: Sequence[Command], first: Command, room: int) -> bool:
-    """Return whether a document fits on the line, with what follows it up to the next place where the line may end."""
+    """Return True if `first`, and `rest` up to its next line break, fit into the remaining `room` columns."""
     waiting = [first]
     after = len(rest)
     while room >= 0:
@@ -226,9 +227,10 @@ def fits(rest: Sequence[Command], first: Command, room: int) -> bool:
 
 
 def _shifted(text: str, column: int, to: int) -> str:
-    """A comment of several lines, moved from one column to another; as far left as all of its lines can go.
+    """Return a comment of several lines moved from one column to another, but not beyond the left margin.
 
-    Where each line has a `*`, they stand below each other.
+    If every further line begins with `*`, these stars are placed below each other. Lines indented with tabs are not
+    moved.
     """
     first, *rest = text.split("\n")
     full = [line for line in rest if line.strip()]
@@ -243,14 +245,14 @@ def _shifted(text: str, column: int, to: int) -> str:
 
 
 def printed(document: Document) -> list[Piece]:
-    """A document as it is printed from the start of a line; line ends are pieces of their own."""
+    """Return the printed pieces of a document that starts on a new line; line breaks are separate pieces."""
     printer = _Printer()
     printer.run(document)
     return printer.pieces
 
 
 def lines_of(pieces: Iterable[Piece]) -> list[str]:
-    """The lines of what was printed, set in columns where the marks in them say so."""
+    """Return printed pieces as lines, aligned in columns as their marks require."""
     rows = _columns(list(_rows(pieces)), comments=False)
     return ["".join(row.cells) for row in _columns(rows, comments=True)]
 
@@ -260,13 +262,16 @@ def lines_of(pieces: Iterable[Piece]) -> list[str]:
 
 @dataclass(slots=True)
 class _Row:
-    """A line, cut at its marks; `marks[i]` stands before `cells[i + 1]`."""
+    """A line, split at its marks; `marks[i]` is before `cells[i + 1]`."""
 
     cells: list[str] = field(default_factory=lambda: [""])
     marks: list[Mark] = field(default_factory=list)
 
     def kind(self, comments: bool) -> tuple[str, int] | None:
-        """Return what it can be set in columns with: the kind of its marks, and its indentation."""
+        """Return the kind and indentation that a neighbouring line must share to be aligned with this line, or None.
+
+        If `comments` is True, only the marks of trailing comments count, else all others.
+        """
         found = [mark.kind for mark in self.marks if (mark.kind == COMMENT) is comments]
         if not found:
             return None
@@ -275,7 +280,7 @@ class _Row:
 
 
 COMMENT: Final = "comment"
-"""Kind of the marks before comments at the ends of lines; they are set in columns after everything else."""
+"""Kind of the marks before comments at the ends of lines, which are aligned after all other marks."""
 
 
 def _rows(pieces: Iterable[Piece]) -> Iterator[_Row]:
@@ -307,7 +312,7 @@ def _columns(rows: list[_Row], *, comments: bool) -> list[_Row]:
 
 
 def _align(rows: list[_Row], kind: str) -> None:
-    """Set lines in columns, unless the author did not, or one gets too long."""
+    """Align lines in columns, unless the author has not aligned them, or a line would become too long."""
     places = [[i for i, mark in enumerate(row.marks) if mark.kind == kind] for row in rows]
     marks = [[row.marks[place] for place in found] for row, found in zip(rows, places, strict=True)]
     if len(rows) < 2 or not any(mark.spaces > mark.usual for found in marks for mark in found):
@@ -326,4 +331,4 @@ def _align(rows: list[_Row], kind: str) -> None:
 
 
 _WIDE: Final = frozenset({"annotation", "on", "table"})
-"""Kinds of marks with two blanks between the columns, if the author has two or more everywhere."""
+"""Kinds of marks with two blanks between the columns, if the author wrote two or more blanks at all of them."""

@@ -1,4 +1,4 @@
-"""Texts of the five languages in one style: the same tokens and comments, other blanks and line ends."""
+"""Format texts of the five languages in one style."""
 
 from __future__ import annotations
 
@@ -15,26 +15,26 @@ from envgraph.lang.syntax._parsing import parse_tokens
 
 
 def format_text(language: str, text: str, name: str = "<text>") -> str:
-    """A text in the one style that all files of its language can have.
+    """Return a text in the standard style of its language.
 
-    Only blanks, line ends and the indentation of comments and of the letters of a grid differ; a comment between a
-    statement and its `;` goes behind that. What is formatted stays as it is when it is formatted again. Lines end as
-    the first line of the text does.
+    Only blanks, line breaks and the indentation of comments and grid rows change. A comment between a statement and its
+    `;` is moved behind the `;`. Formatting a formatted text changes nothing. The kind of line break of the first line
+    is used for all lines.
 
     Args:
         language: "metamodel", "model", "query", "rules" or "environment".
-        text: without errors of syntax; what its names mean is not asked.
-        name: of the file, for diagnostics.
+        text: a text without syntax errors. Names in it need not be defined.
+        name: the name of the file, for diagnostics.
 
     Raises:
-        LoadError: the text has errors of syntax; all of them.
-        InvalidArgument: there is no such language.
+        LoadError: the text has syntax errors; contains all of them.
+        InvalidArgument: the language is unknown.
 
     >>> print(format_text("query", "pattern far(a:Tile,b:Tile){neg find near( a,b ) ;a!=b;}"), end="")
     pattern far(a : Tile, b : Tile) { neg find near(a, b); a != b; }
     """
     if language not in RECOVERY:
-        raise InvalidArgument(f"no language `{language}`; there are {', '.join(RECOVERY)}")
+        raise InvalidArgument(f"unknown language `{language}`; the languages are {', '.join(RECOVERY)}")
     plain = text.replace("\r\n", "\n")
     source = Source(name, plain)
     parsed, lexemes = parse_tokens(grammar(language), source)
@@ -51,7 +51,7 @@ def format_text(language: str, text: str, name: str = "<text>") -> str:
 
 
 def language_of(name: str) -> str | None:
-    """The language that a file of this name is written in; None for files that are none of our texts.
+    """Return the language of a file with this name; None if the suffix belongs to none of the five languages.
 
     >>> language_of("rules/railway.vql"), language_of("family.toml")
     ('query', None)
@@ -63,7 +63,11 @@ def language_of(name: str) -> str | None:
 
 
 def _lines(tokens: Tokens, definitions: list[Part]) -> list[str]:
-    """The definitions below each other; an empty line after each long one, and before a long one of another kind."""
+    """Return the lines of all definitions.
+
+    An empty line is inserted after each definition of several lines, and before it if the previous definition is of
+    another kind.
+    """
     layout = Layout(tokens, CONSTRUCTS)
     if tokens.gaps[0].remarks:
         first, *rest = tokens.gaps[0].remarks
@@ -84,7 +88,7 @@ def _lines(tokens: Tokens, definitions: list[Part]) -> list[str]:
 
 
 def _assert_same(language: str, tokens: Tokens, lexemes: list[Lexeme], result: str) -> None:
-    """A formatter that loses something is worse than none."""
+    """Assert that the formatted text has the same tokens and comments as the original text."""
     source = Source("<formatted>", result)
     parsed, again = parse_tokens(grammar(language), source)
     assert parsed.tree is not None and not parsed.diagnostics, "the formatted text cannot be read"

@@ -1,4 +1,4 @@
-"""How expressions, brackets and blocks are laid out, with the comments between the tokens: from parts to documents."""
+"""Build layout documents of expressions, brackets and blocks, with the comments between their tokens."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ _ATTACHED: Final = frozenset({";", ","})
 
 
 class Layout:
-    """Makes documents of the parts of one text.
+    """A builder of layout documents for the parts of one text.
 
     Args:
-        tokens: of the text.
-        constructs: how parts of some kinds are laid out; those of others have one item after the other.
+        tokens: the tokens of the text.
+        constructs: by kind of part: the function that lays out the part. Parts of other kinds are laid out in one row.
     """
 
     def __init__(self, tokens: Tokens, constructs: Mapping[str, Callable[[Layout, Part], Document]]) -> None:
@@ -44,13 +44,15 @@ class Layout:
     # --- tokens and what is between them
 
     def word(self, index: int) -> Document:
-        """A token as it is written."""
+        """Return the document of a token, as it is written."""
         return Text(self.tokens.words[index])
 
     def between(self, index: int, wanted: Document | None = None) -> Document:
-        """What stands before a token inside of a statement: a blank or nothing, unless a place for a line is wanted.
+        """Return the document before a token inside a statement: its comments, then a blank, nothing or `wanted`.
 
-        With comments there, they come first.
+        Args:
+            index: the position of the token.
+            wanted: the document to put there, such as a possible line break; by default the usual blank or nothing.
         """
         if not index:
             return NOTHING
@@ -82,24 +84,24 @@ class Layout:
     # --- parts
 
     def part(self, part: Part) -> Document:
-        """The document of a part, without what stands before it."""
+        """Return the document of a part, without the gap before it."""
         return self._constructs.get(part.kind, Layout.plain)(self, part)
 
     def item(self, item: Item) -> Document:
-        """A token or a part."""
+        """Return the document of a token or a part."""
         return self.part(item) if isinstance(item, Part) else self.word(item)
 
     def plain(self, part: Part) -> Document:
-        """One after the other; brackets in it are laid out as brackets."""
+        """Return the document of a part with all of its items in one row."""
         return self.row(part.items)
 
     def row(self, items: Sequence[Item], *, lines: frozenset[str] = frozenset(), mark: str = "") -> Document:
-        """One after the other.
+        """Return the document of items one after the other; brackets among them are laid out as brackets.
 
         Args:
             items: tokens and parts.
-            lines: before parts of these kinds the line may end.
-            mark: kind of the marks there.
+            lines: a line may end before parts of these kinds.
+            mark: the kind of the alignment marks at these places; "" for no marks.
         """
         found: list[Document] = []
         index = 0
@@ -121,7 +123,7 @@ class Layout:
         return joined(found)
 
     def _closing(self, items: Sequence[Item], start: int) -> int:
-        """The place of the bracket that closes the one at `start`."""
+        """Return the index of the closing bracket for the opening bracket at `start`."""
         opening, depth = self.tokens.words[first_of(items[start])], 0
         for place in range(start, len(items)):
             item = items[place]
@@ -136,7 +138,7 @@ class Layout:
     # --- brackets
 
     def _bracket(self, items: Sequence[Item]) -> Document:
-        """`( .. )`, `[ .. ]` or `{ .. }` with everything in it."""
+        """Return the document of `( .. )`, `[ .. ]` or `{ .. }` with its contents."""
         opening = self.tokens.words[first_of(items[0])]
         if opening == "{" and self.tokens.owners[first_of(items[0])] != "annotation_named":
             return grouped(self.block(items))
@@ -158,7 +160,7 @@ class Layout:
         )
 
     def _inside(self, item: Item) -> Document:
-        """An item of brackets: a chain needs no indentation of its own there."""
+        """Return the document of an item in brackets; a chain of operators gets no indentation of its own there."""
         if isinstance(item, Part) and item.kind in CHAINS:
             return grouped(self.links(item))
         return self.item(item)
@@ -167,11 +169,14 @@ class Layout:
         return self.tokens.gaps[index].ends_line
 
     def is_word(self, item: Item, word: str) -> bool:
-        """Return whether this is a certain token."""
+        """Return True if the item is the token `word`."""
         return isinstance(item, int) and self.tokens.words[item] == word
 
     def block(self, items: Sequence[Item], mark: str = "") -> Document:
-        """`{ .. }` with its statements, for a group; `mark` is the kind of the marks between them."""
+        """Return the document of `{ .. }` with its statements, to be put in a group.
+
+        `mark` is the kind of the alignment marks between the statements; "" for no marks.
+        """
         start, end = first_of(items[0]), first_of(items[-1])
         statements = self._statements(items[1:-1])
         if not statements and not self.tokens.gaps[end].remarks:
@@ -187,7 +192,7 @@ class Layout:
         return joined((self.word(start), indented(*inner), LINE, self.word(end)), broken=broken)
 
     def _statements(self, items: Sequence[Item]) -> list[list[Item]]:
-        """Items with the `;` or `,` behind them."""
+        """Split the items of a block into statements, each with the `;` or `,` behind it."""
         found: list[list[Item]] = []
         for item in items:
             if isinstance(item, int) and self.tokens.words[item] in _ATTACHED and found:
@@ -203,7 +208,10 @@ class Layout:
         return joined(parts)
 
     def vertical(self, index: int, inner: bool) -> Document:
-        """Return what stands before a statement of a block; `inner`: it is not the first."""
+        """Return the document before a statement of a block: comments and a line break.
+
+        `inner` is False for the first statement.
+        """
         gap = self.tokens.gaps[index]
         found = self.remarks(gap, inner)
         last = gap.remarks[-1] if gap.remarks else None
@@ -216,7 +224,7 @@ class Layout:
         return joined(found)
 
     def remarks(self, gap: Gap, inner: bool) -> list[Document]:
-        """The comments between statements; `inner`: they are not the first in their block."""
+        """Return the comments before a statement, as documents; `inner` is False for the first of a block."""
         found: list[Document] = []
         for remark in gap.remarks:
             if not remark.breaks:
@@ -229,14 +237,14 @@ class Layout:
     # --- chains
 
     def chain(self, part: Part) -> Document:
-        """Operators and their operands outside of brackets."""
+        """Return the document of operators and operands outside of brackets."""
         return grouped(indented(self.links(part)))
 
     def links(self, part: Part) -> Document:
         return self._conditional(part) if part.kind == "conditional" else self._operators(part)
 
     def _operators(self, part: Part) -> Document:
-        """`a && b && c`: operators of one level, to be broken before each of them."""
+        """Return the document of operators of one precedence, `a && b && c`; lines may break before each."""
         level = self._level(part)
         links: list[tuple[int, Item]] = []
         first: Item = part
@@ -257,7 +265,7 @@ class Layout:
         return level_of(self.tokens.words[operator])
 
     def _conditional(self, part: Part) -> Document:
-        """`a ? b : c ? d : e`: broken before each `:`."""
+        """Return the document of `a ? b : c ? d : e`, which may be broken before each `:`."""
         found: list[Document] = []
         item: Item = part
         while isinstance(item, Part) and item.kind == "conditional":
@@ -274,16 +282,16 @@ _BRACKETS: Final[Mapping[str, str]] = {"(": ")", "[": "]", "{": "}"}
 
 
 def first_of(item: Item) -> int:
-    """Its first token."""
+    """Return the position of the first token of an item."""
     return item.first if isinstance(item, Part) else item
 
 
 def _spliced(item: Item) -> list[Item]:
-    """The items of a list of expressions, which the grammar makes a part of."""
+    """Return the items of an expression list, or the single item itself."""
     return item.items if isinstance(item, Part) and item.kind == "expression_list" else [item]
 
 
 def _remark(remark: Remark) -> Document:
-    # Behind something else its place may still change, when lines are set in columns.
+    # A comment behind a token may still move, when lines are aligned in columns.
     shifted = "\n" in remark.text and remark.breaks > 0
     return Comment(remark.text, remark.column) if shifted else Text(remark.text)

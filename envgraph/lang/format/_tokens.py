@@ -1,4 +1,4 @@
-"""The tokens of a text as the formatter has them: what is between them, and which part of the text each belongs to."""
+"""Prepare the tokens of a text for the formatter: the gaps between them, and the syntax tree part of each token."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ _COMMENT: Final = re.compile(r"//[^\n]*|/\*[\s\S]*?\*/")
 
 @dataclass(frozen=True, slots=True)
 class Remark:
-    """A comment.
+    """A comment in the text.
 
     Attributes:
-        breaks: how many lines end between it and what comes before.
-        column: where it begins on its line.
-        spaces: how many blanks stand before it.
+        breaks: the number of line breaks between the comment and the token or comment before it.
+        column: the column at which the comment begins.
+        spaces: the number of characters between the comment and the token or comment before it.
     """
 
     text: str
@@ -33,17 +33,18 @@ class Remark:
 
     @property
     def to_end(self) -> bool:
-        """Whether it goes on to the end of its line."""
+        """Return True if the comment extends to the end of its line (`//`)."""
         return self.text.startswith("//")
 
 
 @dataclass(frozen=True, slots=True)
 class Gap:
-    """What stands before a token.
+    """The comments, line breaks and blanks before a token.
 
     Attributes:
-        breaks: how many lines end between the last comment (or the token before, if there is none) and the token.
-        spaces: how many blanks stand before it, if nothing else does.
+        remarks: the comments, in order.
+        breaks: the number of line breaks directly before the token, after the last comment or the previous token.
+        spaces: the number of blanks before the token, if the gap has neither comments nor line breaks.
     """
 
     remarks: tuple[Remark, ...] = ()
@@ -52,18 +53,18 @@ class Gap:
 
     @property
     def ends_line(self) -> bool:
-        """Whether the two tokens are on different lines."""
+        """Return True if the tokens before and after the gap are on different lines."""
         return self.breaks > 0 or any(remark.breaks for remark in self.remarks)
 
 
 @dataclass(slots=True)
 class Part:
-    """A rule of the grammar with what it was made of.
+    """A node of the syntax tree, made by one grammar rule.
 
     Attributes:
-        kind: name of the rule, or of its alternative.
-        items: positions of tokens, and parts, in the order of the text.
-        first, last: positions of its first and its last token.
+        kind: the name of the grammar rule, or of its alternative.
+        items: the positions of its own tokens, and its child parts, in the order of the text.
+        first, last: the positions of its first and last token.
     """
 
     kind: str
@@ -72,7 +73,7 @@ class Part:
     last: int
 
     def parts(self, *kinds: str) -> list[Part]:
-        """Its parts, those of some kinds if any are given."""
+        """Return the child parts; if kinds are given, only the child parts of these kinds."""
         return [item for item in self.items if isinstance(item, Part) and (not kinds or item.kind in kinds)]
 
 
@@ -81,14 +82,14 @@ Item = int | Part
 
 @dataclass(slots=True)
 class Tokens:
-    """All tokens of a text.
+    """All tokens of a text, as parallel lists.
 
     Attributes:
-        words: each as it is written.
-        kinds: "NAME", "TEXT", "punctuation" ..., of each.
-        gaps: what stands before each, and at last before the end of the text.
-        owners: kind of the innermost part that each belongs to.
-        whole: the `check`s that have all of their expression in brackets.
+        words: the text of each token.
+        kinds: the kind of each token: "NAME", "TEXT", "punctuation" and so on.
+        gaps: the gap before each token, and finally the gap before the end of the text.
+        owners: the kind of the innermost part that contains each token.
+        whole: the positions of `check` keywords whose whole expression is in parentheses.
     """
 
     words: list[str] = field(default_factory=list)
@@ -99,7 +100,7 @@ class Tokens:
 
 
 def read_tokens(text: str, lexemes: list[Lexeme], tree: Tree[Token]) -> tuple[Tokens, Part]:
-    """The tokens of a text without errors, and its tree over them."""
+    """Return the tokens of a text without syntax errors, and the root part of its syntax tree."""
     words = [one for one in lexemes if one.start < one.end]
     found = Tokens()
     end = 0
@@ -117,7 +118,7 @@ def read_tokens(text: str, lexemes: list[Lexeme], tree: Tree[Token]) -> tuple[To
 
 
 def comments_of(tokens: Tokens) -> Iterator[str]:
-    """The comments in the order of the text, without how their lines are indented."""
+    """Yield the comments in the order of the text, with the indentation of their lines removed."""
     for gap in tokens.gaps:
         for remark in gap.remarks:
             yield "\n".join(line.strip() for line in remark.text.split("\n"))
@@ -139,7 +140,7 @@ def _gap(text: str, start: int, end: int) -> Gap:
 
 
 def _separators_first(tokens: Tokens) -> None:
-    """Moves comments between an item and its `;` or `,` behind that."""
+    """Move comments between an item and its `;` or `,` behind this separator."""
     for index, word in enumerate(tokens.words):
         gap = tokens.gaps[index]
         if word not in (";", ",") or tokens.kinds[index] != PUNCTUATION or not gap.remarks or not index:
@@ -158,10 +159,13 @@ def _separators_first(tokens: Tokens) -> None:
 
 
 def _part(root: Tree[Token], starts: list[int], end: int, found: Tokens) -> Part:
-    """The part for the tree of all tokens; without recursion, since a long sum is as many trees inside each other."""
+    """Return the root part for a syntax tree, and record which part owns each token in `found`.
+
+    The function is not recursive, since a long sum is a very deep tree.
+    """
     whole = Part(str(root.data), [], 0, end - 1)
     waiting = [(root, whole)]
-    for tree, part in waiting:  # which grows
+    for tree, part in waiting:  # the list grows during the loop
         items, position, end = part.items, part.first, part.last + 1
         for child in tree.children:
             if not isinstance(child, Tree):
@@ -186,7 +190,7 @@ def _part(root: Tree[Token], starts: list[int], end: int, found: Tokens) -> Part
 
 
 _SIGNED: Final = frozenset({"unary", "constant", "positive", "number", "bound", "annotation_number", "index"})
-"""Where `-` or `!` belongs to what comes after it."""
+"""Kinds of parts in which `-` or `!` is a sign, written without a blank behind it."""
 
 _ARROWS: Final = frozenset({"forward", "backward", "half_arrow", "unnamed"})
 
@@ -196,13 +200,13 @@ _CALLS: Final = frozenset(
         "static_method", "terms", "unwind",
     }
 )  # fmt: skip
-"""What has its `(` directly behind a name."""
+"""Kinds of parts whose `(` is written directly behind a name."""
 
 _TYPES: Final = frozenset({"aliased_literal", "enum_literal", "static_method", "type"})
 
 
 def spaced(tokens: Tokens, index: int) -> bool:
-    """Return whether a blank stands between a token and the next one."""
+    """Return True if a blank belongs between the token at `index` and the next token."""
     left, right = tokens.words[index], tokens.words[index + 1]
     owner, following = tokens.owners[index], tokens.owners[index + 1]
     if tokens.kinds[index] == "STRING" or tokens.kinds[index] == "TEXT":

@@ -1,1 +1,1 @@
-"""Text to tokens and trees, with every mistake at its place: the five languages, XML and TOML."""
+"""Turn text into tokens and syntax trees with exact positions of all mistakes: the five languages, XML and TOML."""

@@ -1,4 +1,4 @@
-"""Where grammars and bundled domains lie: inside the package in a wheel, beside it in a checkout."""
+"""Find the grammars and the bundled domains: inside the package in a wheel, beside the package in a checkout."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from envgraph.errors import check_known
 
 
 def data_path(*parts: str) -> Path:
-    """A path below the data directory, such as `data_path("grammars", "model.lark")`; it need not exist.
+    """Return a path below the data directory, such as `data_path("grammars", "model.lark")`; it need not exist.
 
     >>> data_path("grammars", "common.lark").is_file()
     True
@@ -19,7 +19,7 @@ def data_path(*parts: str) -> Path:
 
 
 def bundled_domains() -> tuple[str, ...]:
-    """Names of the domains that come with envgraph, sorted.
+    """Return the sorted names of the domains that are installed with envgraph.
 
     >>> "burning_forest" in bundled_domains()
     True
@@ -29,17 +29,20 @@ def bundled_domains() -> tuple[str, ...]:
 
 
 def bundled_domain(name: str) -> Path:
-    """The directory of a bundled domain.
+    """Return the directory of a bundled domain.
 
     Raises:
-        InvalidArgument: there is no such domain.
+        InvalidArgument: no bundled domain has this name.
     """
     check_known(name, bundled_domains(), f"no bundled domain `{name}`")
     return data_path("rules", name)
 
 
 def bundled_file(path: str) -> str:
-    """Where a file of a bundled domain is, if a path says `domain/file` and no such thing is here; else the path."""
+    """Return the location of a bundled file given as `domain/file`, or the path unchanged.
+
+    The path is unchanged if no bundled domain has this name, or if a file or directory of this name exists here.
+    """
     domain, _, file = path.partition("/")
     known = file and domain in bundled_domains() and not Path(domain).exists()
     return str(data_path("rules", domain, file)) if known else path

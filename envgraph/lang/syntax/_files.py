@@ -1,4 +1,4 @@
-"""Where texts come from: the disk, or texts at hand, such as those that a run keeps."""
+"""Read source texts by name, from the disk or from texts in memory, such as the texts stored with a run."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from envgraph.lang.syntax._xml import decoded, xml_source
 
 LARGEST_FILE = 16 * 1024 * 1024
 LARGEST_MODEL = 256 * 1024 * 1024
-"""Of files that programs write: models as XMI or JSON, traces."""
+"""Maximal size in bytes of files written by programs: traces, and models as XMI or JSON."""
 LARGEST_QUERIES = 1024 * 1024
-"""Of files with definitions that are checked together, which takes about 10 seconds for each MB."""
+"""Maximal size in bytes of files whose definitions are checked together: about 10 seconds for each MB."""
 
 _XML = ("ecore", "xmi")
 _WRITTEN = ("xmi", "json", "family", "trace")
@@ -28,34 +28,34 @@ _LARGEST = dict.fromkeys(_WRITTEN, LARGEST_MODEL) | dict.fromkeys(_DIVIDED, LARG
 
 
 class Files(Protocol):
-    """Access to files by name; names are what diagnostics show, and equal names are the same file."""
+    """Access to files by name; diagnostics show these names, and equal names refer to the same file."""
 
     def name(self, path: str, beside: str | None = None) -> str:
-        """The name of a path, which may be relative to the directory of the file named `beside`."""
+        """Return the name for a path; a relative path starts at the directory of the file named `beside`, if given."""
 
     def read(self, name: str, most: int = LARGEST_FILE) -> bytes:
-        """The contents, or of a file above `most` bytes at least one byte more than that.
+        """Return the contents of a file; of a file with more than `most` bytes at least `most + 1` bytes.
 
         Raises:
-            OSError: there is no such file, or it cannot be read.
-            ValueError: this cannot be the name of a file.
+            OSError: the file does not exist or cannot be read.
+            ValueError: the name is not a valid file name.
         """
 
     def is_directory(self, name: str) -> bool:
-        """Return whether the name is that of a directory."""
+        """Return True if this is the name of a directory."""
 
     def exists(self, name: str) -> bool:
-        """Return whether there is a file of this name."""
+        """Return True if a file of this name exists."""
 
     def entries(self, name: str) -> list[str]:
-        """The names of what a directory holds, sorted; () when there is no such directory."""
+        """Return the sorted names of the entries of a directory; [] if the directory does not exist."""
 
 
 class DiskFiles:
-    """The file system; names are relative to the working directory where that is shorter."""
+    """The files of the file system; files below the working directory have names relative to it."""
 
     def name(self, path: str, beside: str | None = None) -> str:
-        """See `Files`."""
+        """Return the resolved path: relative to the working directory if the file is below it, else absolute."""
         if "\0" in path:
             return path
         full = os.path.realpath(os.path.join(os.path.dirname(beside), path) if beside else path)
@@ -64,21 +64,21 @@ class DiskFiles:
         return Path(os.path.relpath(full, here) if inside else full).as_posix()
 
     def read(self, name: str, most: int = LARGEST_FILE) -> bytes:
-        """See `Files`."""
+        """Return the contents of a file, or at least `most + 1` bytes of a larger file."""
         with open_input(name) as file:
-            # Only as much memory as the file has bytes: a limit may be raised beyond all memory.
+            # Allocate no more memory than the file needs: the limit may be raised beyond all memory.
             return file.read() if os.fstat(file.fileno()).st_size <= most else file.read(most + 1)
 
     def is_directory(self, name: str) -> bool:
-        """See `Files`."""
+        """Return True if a directory of this name is on the disk."""
         return "\0" not in name and os.path.isdir(name)
 
     def exists(self, name: str) -> bool:
-        """See `Files`."""
+        """Return True if a regular file of this name is on the disk."""
         return "\0" not in name and os.path.isfile(name)
 
     def entries(self, name: str) -> list[str]:
-        """See `Files`."""
+        """Return the sorted paths of the entries of a directory; [] if it cannot be read."""
         try:
             return sorted((Path(name) / entry).as_posix() for entry in os.listdir(name))
         except OSError:
@@ -86,7 +86,7 @@ class DiskFiles:
 
 
 class TextFiles:
-    """Texts at hand, by name; `/` separates directories.
+    """Files whose texts are in memory, by name; `/` separates directories.
 
     >>> files = TextFiles({"a/b.query": "", "a/c.metamodel": ""})
     >>> files.name("c.metamodel", beside="a/b.query")
@@ -97,25 +97,25 @@ class TextFiles:
         self._texts = {posixpath.normpath(name): text for name, text in texts.items()}
 
     def name(self, path: str, beside: str | None = None) -> str:
-        """See `Files`."""
+        """Return the normalised path; it starts at the directory of the file named `beside`, if given."""
         return posixpath.normpath(posixpath.join(posixpath.dirname(beside or ""), path))
 
     def read(self, name: str, most: int = LARGEST_FILE) -> bytes:
-        """See `Files`."""
+        """Return the text with this name in UTF-8, whatever its size; raise FileNotFoundError if there is none."""
         if name not in self._texts:
             raise FileNotFoundError(2, "No such file", name)
         return self._texts[name].encode()
 
     def is_directory(self, name: str) -> bool:
-        """See `Files`."""
+        """Return True if any text is in a directory of this name."""
         return bool(self.entries(name))
 
     def exists(self, name: str) -> bool:
-        """See `Files`."""
+        """Return True if there is a text with this name."""
         return name in self._texts
 
     def entries(self, name: str) -> list[str]:
-        """See `Files`."""
+        """Return the sorted names of the texts and directories directly in a directory; [] if it does not exist."""
         start = "" if name == "." else name + "/"
         inside = {one[len(start) :].split("/")[0] for one in self._texts if one.startswith(start)}
         return sorted(start + one for one in inside)
@@ -123,9 +123,13 @@ class TextFiles:
 
 @dataclass(frozen=True, slots=True)
 class Bundle:
-    """A set of files that can be loaded anywhere: names relative to a common directory, and which were asked for.
+    """A set of files that can be loaded on any machine.
 
-    `load_workspace(bundle.roots, files=TextFiles(bundle.texts))` reads the same as from the disk.
+    `load_workspace(bundle.roots, files=TextFiles(bundle.texts))` reads the same data as from the disk.
+
+    Attributes:
+        roots: the names of the files that were asked for; the other files are imported by them.
+        texts: the text of each file by its name, relative to the common directory of all files.
     """
 
     roots: tuple[str, ...]
@@ -133,7 +137,7 @@ class Bundle:
 
 
 def bundle(roots: Iterable[str], texts: Mapping[str, str]) -> Bundle:
-    """The bundle of texts by full or relative name."""
+    """Return a bundle of the given texts; all names are made relative to their common directory."""
     names = {name: os.path.abspath(name) for name in (*texts, *roots)}
     base = os.path.commonpath([os.path.dirname(full) for full in names.values()]) if names else ""
 
@@ -146,7 +150,7 @@ def bundle(roots: Iterable[str], texts: Mapping[str, str]) -> Bundle:
 
 
 def file_format(files: Files, name: str) -> str | None:
-    """Return what a file is (see `format_of`); None where nothing says it, or the file cannot be read."""
+    """Return the format of a file (see `format_of`); None if it is unknown, or the file cannot be read."""
     known = format_of(name, b"")
     if known is not None and known not in UNCLEAR:
         return known
@@ -157,12 +161,13 @@ def file_format(files: Files, name: str) -> str | None:
 
 
 def read_source(files: Files, name: str) -> Source:
-    """The text of a file.
+    """Return the text of a file.
 
     Raises:
-        LoadError: the file is missing, a directory or another thing that is no file, unreadable, larger than 16 MB (a
-            model as XMI or JSON, a trace: 256 MB; queries, rules and environments: 1 MB), or not UTF-8 (XML: not what
-            it declares). The diagnostic is at the start of the file.
+        LoadError: the file is missing, a directory or another special file, unreadable, too large, or wrongly encoded.
+            At most 16 MB are read; 256 MB of traces and of models as XMI or JSON; 1 MB of queries, rules and
+            environments. The encoding is UTF-8; XML files may declare another. The diagnostic points to the start of
+            the file.
     """
     format = file_format(files, name)
     most = limit(_LARGEST.get(format or "", LARGEST_FILE))
@@ -174,7 +179,7 @@ def read_source(files: Files, name: str) -> Source:
         _refuse(name, "missing-file", "there is no such file", _near(files, name))
     except NotADirectoryError:
         _refuse(
-            name, "not-a-file", "a part of the path is a file, not a directory", "look at the `/` in the path"
+            name, "not-a-file", "a part of the path is a file, not a directory", "check each `/` in the path"
         )
     except IsADirectoryError:
         _refuse(name, "not-a-file", "this is a directory, not a file", _inside(files, name))
@@ -193,9 +198,9 @@ def _refuse(name: str, code: str, message: str, hint: str | None) -> NoReturn:
 
 
 def _inside(files: Files, name: str) -> str | None:
-    """Return what may have been meant by the name of a directory."""
+    """Return a hint that lists the files of a directory which was given in place of a file."""
     known = [one.rpartition("/")[2] for one in files.entries(name) if "." in one]
-    return f"name a file of it: {listed(known)}" if known else "it has no files"
+    return f"name a file in it: {listed(known)}" if known else "it contains no files"
 
 
 def _reason(error: Exception) -> str:
@@ -203,7 +208,7 @@ def _reason(error: Exception) -> str:
 
 
 def in_directory(directory: str, entry: str) -> str:
-    """The name of a file in a directory of this name; the working directory is left out, as names of files do.
+    """Return the name of a file in a directory; the working directory `.` is omitted from the name.
 
     >>> in_directory(".", "family.toml"), in_directory("a", "family.toml")
     ('family.toml', 'a/family.toml')
@@ -212,7 +217,7 @@ def in_directory(directory: str, entry: str) -> str:
 
 
 def _near(files: Files, name: str) -> str | None:
-    """The nearest file name in the same directory."""
+    """Return a hint that names the most similar file in the same directory; None if no file is similar."""
     directory, _, last = name.rpartition("/")
     beside = [entry.rpartition("/")[2] for entry in files.entries(directory or ".")]
     return did_you_mean(last, beside)

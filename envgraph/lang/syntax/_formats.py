@@ -1,4 +1,4 @@
-"""What a file is: its suffix says so, or else how it begins."""
+"""Recognise the format of a file by its suffix, or else by its first bytes."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ FORMATS: Mapping[str, str] = {
     "trace": "a trace",
     "sqlite": "a run store",
 }
-"""What a file of each format is, for messages."""
+"""By suffix: a description of such a file, for messages."""
 
 HEAD = 4096
-"""So many bytes say what a file is."""
+"""Number of bytes at the start of a file that are enough to recognise its format."""
 
 UNCLEAR = ("json", "model", "metamodel")
-"""Suffixes of files that may be something else: families, and models of EMF."""
+"""Suffixes that do not determine the format: the files may also be families, traces or EMF files."""
 
 _ECORE = "http://www.eclipse.org/emf/2002/Ecore"
 _ROOT = re.compile(r"(?:<[?!].*?>\s*)*<(?:([\w.-]+):)?([\w.-]+)([^>]*)", re.DOTALL)
@@ -38,7 +38,7 @@ _BEFORE = re.compile(
     |package\b[^\n;]*+;?|import\b[^\n;"]*+(?:"[^"\n]*+")?+(?:\s++as\s++\w++)?+;?)*+""",
     re.DOTALL | re.VERBOSE,
 )
-"""What may stand before the first definition of any language: comments, annotations, the package and imports."""
+"""Matches all text allowed before the first definition: comments, annotations, the package and imports."""
 
 _DEFINITIONS: Mapping[str, re.Pattern[str]] = {
     language: re.compile(rf"^[ \t]*(?:{words})", re.MULTILINE)
@@ -53,33 +53,35 @@ _DEFINITIONS: Mapping[str, re.Pattern[str]] = {
         "xmi": r"<[?!\w]",
     }.items()
 }
-"""How a definition of each format begins, on a line of its own."""
+"""By format: matches the start of a definition at the start of a line."""
 
 
 def other_language(wanted: str, source: Source) -> Diagnostic | None:
-    """The one mistake of a text that has the definitions of another language, and none of the wanted one.
+    """Return a diagnostic if a text has definitions of another language but none of the wanted language; else None.
+
+    If the result is not None, all other mistakes in the text follow from it.
 
     >>> print(other_language("rules", Source("a.rules", "pattern p(x : Box) { }")).message)
-    this seems to be a file of patterns, and a file of rules is wanted
+    this seems to be a file of patterns, but must be a file of rules
     """
     text = source.text
-    start = _BEFORE.match(text).end()  # type: ignore[union-attr]  # it may be empty
+    start = _BEFORE.match(text).end()  # type: ignore[union-attr]  # the pattern also matches the empty text
     held = next((one for one, words in _DEFINITIONS.items() if words.match(text[start:])), None)
     own = _DEFINITIONS.get(wanted)
     if held is None or own is None or own.match(text[start:]) or own.search(text):
         return None
     word = re.compile(r"\S\w*").match(text, start)
     span = source.span(start, word.end() if word else start + 1)
-    message = f"this seems to be {FORMATS[held]}, and {FORMATS[wanted]} is wanted"
-    hint = f"if it is, let its name end with `.{held}`"
-    if not suffix_of(source.name):  # a text that is given to `from_text`
+    message = f"this seems to be {FORMATS[held]}, but must be {FORMATS[wanted]}"
+    hint = f"if it is {FORMATS[held]}, rename it to end with `.{held}`"
+    if not suffix_of(source.name):  # a text passed to `from_text`
         argument = held in ("query", "rules")
-        hint = f'if it is, say `language="{held}"`' if argument else f"write it to a file `name.{held}`"
+        hint = f'pass `language="{held}"`' if argument else f"write it to a file `name.{held}`"
     return Diagnostic("other-language", message, span, hint)
 
 
 def namespace_of(text: str) -> str | None:
-    """Return the namespace of the first tag of a text of XML; None if it has none.
+    """Return the XML namespace of the first tag of a text; None if it has none.
 
     >>> namespace_of('<?xml version="1.0"?><xs:schema xmlns:xs="http://www.w3.org/2001/XMLSchema"/>')
     'http://www.w3.org/2001/XMLSchema'
@@ -91,7 +93,7 @@ def namespace_of(text: str) -> str | None:
 
 
 def suffix_of(name: str) -> str:
-    """Return what stands after the last dot of the name of a file; "" without one.
+    """Return the text behind the last dot of a file name; "" if the name has no dot.
 
     >>> suffix_of("a.b/c.query"), suffix_of("a.b/c")
     ('query', '')
@@ -100,10 +102,10 @@ def suffix_of(name: str) -> str:
 
 
 def format_of(name: str, head: bytes) -> str | None:
-    """One of `FORMATS`: the suffix where it is one of them, else by how the file begins; None if nothing says it.
+    """Return the format of a file, a key of `FORMATS`: by its suffix, else by its first bytes; None if it is unknown.
 
-    XML is a metamodel where its first tag is a package of Ecore, and else a model: EMF gives models the suffix of
-    their metamodel, `.cyberphysicalsystem`.
+    An XML file is a metamodel if its first tag is an Ecore package, else a model. Its suffix does not count, because
+    EMF names the suffix of models after their metamodel, such as `.cyberphysicalsystem`.
 
     >>> format_of("a.query", b""), format_of("a.cps", b"<cps:System/>"), format_of("a.txt", b"Hello")
     ('query', 'xmi', None)

@@ -1,8 +1,8 @@
-"""The grammars, each built once in a process, when it is first needed, and kept.
+"""Build the LALR(1) parsing tables of the grammars, on first use, and cache them.
 
-Lark keeps LALR(1) tables as pickles; these are the same data as JSON, since building them takes longer than all the
-rest. A file begins with a hash of its text and of the grammar it was made from, and is made anew when it is another
-one. Of what it says little is made into objects: a small text comes to few states, and needs few rules.
+Lark itself caches tables as pickles. This module caches the same data as JSON, since building the tables takes longer
+than all other work. A cache file is valid for one text of the grammars and one version of Lark. Table rows become
+objects only when the parser reaches them, because a small text uses few states and rules.
 """
 
 from __future__ import annotations
@@ -34,8 +34,8 @@ RECOVERY: dict[str, tuple[str, ...]] = {
     "rules": ("definition", "part", "statement", "action", "step"),
     "environment": ("definition", "clause"),
 }
-"""For each language the grammar rules that parsing can resume after: the elements of lists of definitions or
-statements. A broken one is left out, so such a rule must stand only where it is repeated (`definition*`)."""
+"""By language: the grammar rules after which parsing can resume, which are elements of lists of definitions or
+statements. A broken element is skipped, so the grammar may use these rules only in repetitions (`definition*`)."""
 
 _NAMES = {
     END: "the end of the file",
@@ -50,11 +50,15 @@ _NAMES = {
 
 @dataclass(frozen=True, slots=True)
 class Grammar:
-    """The LALR(1) tables of a language, and how to split its text.
+    """The LALR(1) tables of a language, and the lexer that splits its text.
 
     Attributes:
-        states: for each parser state, what to do at each terminal and where to go after each rule.
-        spelling: terminal to what a person would type or call it.
+        name: the name of the language.
+        core: the lexer.
+        states: for each parser state: the action for each terminal, and the next state after each rule.
+        start, end: the first state, and the state after the whole text.
+        recovery: the grammar rules that parsing can resume after.
+        spelling: for each terminal: its text or description in messages.
     """
 
     name: str
@@ -66,7 +70,7 @@ class Grammar:
     spelling: dict[str, str]
 
     def accepts(self, stack: list[int], terminal: str) -> bool:
-        """Return whether the parser in this state would take the terminal, all reductions before it included."""
+        """Return True if the parser with this stack of states accepts the terminal; the stack is not changed."""
         size = len(stack)
         added: list[int] = []
         while True:
@@ -89,7 +93,7 @@ class Grammar:
                 return True
 
     def shift(self, stack: list[int], terminal: str) -> None:
-        """Moves a stack of states past a terminal that it accepts, building nothing."""
+        """Advance a stack of states past a terminal that it accepts, without building a tree."""
         while True:
             action, argument = self.states[stack[-1]][terminal]
             if action is Shift:
@@ -102,14 +106,14 @@ class Grammar:
                 return
 
     def expected(self, stack: list[int]) -> list[str]:
-        """The terminals that may come next."""
+        """Return the terminals that the parser accepts next."""
         return [
             name for name in self.states[stack[-1]] if name in self.spelling and self.accepts(stack, name)
         ]
 
 
 def build(name: str, path: Path, recovery: tuple[str, ...] = ()) -> Grammar:
-    """Reads a grammar file; a conflict in it is an exception."""
+    """Return the grammar in a file; raise Lark's exception if it has conflicts."""
     data = tables(path)
     (start,), (end,) = (data["table"][one].values() for one in ("start_states", "end_states"))
     terminals = [TerminalDef.deserialize(data["memo"][str(one["@"])], {}) for one in data["terminals"]]
@@ -123,17 +127,17 @@ def build(name: str, path: Path, recovery: tuple[str, ...] = ()) -> Grammar:
 
 @cache
 def grammar(language: str) -> Grammar:
-    """The grammar of one of the languages, by the name that is also its file extension."""
+    """Return the grammar of one of the five languages, named by its file suffix."""
     return build(language, data_path("grammars", f"{language}.lark"), RECOVERY[language])
 
 
 class Reduction(NamedTuple):
-    """What a rule makes of its parts.
+    """A parser action that replaces the parts of a grammar rule by one result.
 
     Attributes:
-        size: how many parts there are.
-        rule: what the result is called.
-        make: makes it; None where it is the one part, as in a chain of precedences.
+        size: the number of parts.
+        rule: the name of the rule.
+        make: builds the result from the parts; None if the result is the only part, as in a chain of precedences.
     """
 
     size: int
@@ -142,15 +146,11 @@ class Reduction(NamedTuple):
 
 
 Row = dict[str, tuple[Any, Any]]
-"""What to do at each terminal: shift to a state, or a `Reduction`; and the state to go to after each rule."""
+"""By terminal: the action, a shift to a state or a `Reduction`. By rule: the next state after the rule."""
 
 
 class States(dict[int, Row]):
-    """For each state of a parser what to do, made when the parser first comes to it.
-
-    Attributes:
-        names: of all terminals and rules that any state knows.
-    """
+    """The parsing table: a dict from parser states to rows, in which a row is decoded when it is first used."""
 
     def __init__(self, data: dict[str, Any]) -> None:
         super().__init__()
@@ -169,7 +169,7 @@ class States(dict[int, Row]):
 
     @property
     def names(self) -> set[str]:
-        """See above."""
+        """Return the names of all terminals and rules in the table."""
         return set(self._names.values())
 
     def _reduction_of(self, number: int) -> Reduction:
@@ -182,7 +182,7 @@ class States(dict[int, Row]):
 
 
 class _NoLexer(Lexer):
-    """Stands for the lexer that Lark asks for; to build tables none is needed."""
+    """A lexer that does nothing, for building tables: Lark requires a lexer although it does not use it then."""
 
     def __init__(self, conf: Any) -> None:
         pass
@@ -192,7 +192,10 @@ class _NoLexer(Lexer):
 
 
 def tables(path: Path) -> Any:
-    """The tables of a grammar file, as Lark serialises them; a conflict in it is an exception when they are built."""
+    """Return the tables of a grammar file in Lark's serialised form, from the cache if possible.
+
+    Lark's exception is raised if the grammar has conflicts.
+    """
     directory, key = cache_directory(), _key(path)
     kept = directory / f"grammar-{path.stem}" if directory else None
     if kept is not None and (known := read_cached(kept, key)) is not None:
@@ -204,13 +207,13 @@ def tables(path: Path) -> Any:
 
 
 def _key(path: Path) -> str:
-    """Return everything that the tables of a grammar depend on: its name, all grammars, since they import, and Lark."""
+    """Return the cache key: Lark's version, the grammar's name, and all grammar texts (they import each other)."""
     texts = [one.read_text(encoding="utf-8") for one in sorted(path.parent.glob("*.lark"))]
     return "\0".join([lark.__version__, path.name, *texts])
 
 
 def _built(path: Path) -> dict[str, Any]:
-    """The tables as Lark serialises them."""
+    """Build the tables with Lark, and return them in serialised form."""
     with path.open(encoding="utf-8") as text:
         made = Lark(text, parser="lalr", lexer=_NoLexer, strict=True)
     memo = SerializeMemoizer([Rule, TerminalDef])

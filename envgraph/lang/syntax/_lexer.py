@@ -1,9 +1,9 @@
-"""Text to lexemes: what is a word, a number, a string, punctuation; where comments and errors are.
+"""Split text into lexemes: words, numbers, strings and punctuation; find doc comments and lexical errors.
 
-Lark's contextual lexer asks at each position for the tokens of the parser's state. This one splits the whole text
-first, once, with the terminals of the grammar, and leaves only two questions to the parser: whether a word is a
-keyword here, and whether `<-` is one sign or two. So the words of a mistyped statement can be looked at again, an
-error can see how the brackets pair up, and building a parser costs no regular expression for each state.
+Lark's contextual lexer asks at each position for the tokens allowed by the parser's state. This lexer instead splits
+the whole text once, in advance, with the terminals of the grammar. The parser decides only two questions: whether a
+word is a keyword here, and whether `<-` is one sign or two. So error recovery can read lexemes again and sees how
+brackets pair up, and no regular expressions are built for each parser state.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _MEANT = {
     "\uff08": "(", "\uff09": ")", "\uff1b": ";", "\uff0c": ",", "\uff1a": ":", "\u037e": ";",
     "&": "&&", "|": "||", "~": "!", "[": "(", "]": ")",
 }  # fmt: skip
-"""Signs of print, and what they are here."""
+"""By typographic or foreign sign: the sign of the languages that was probably meant."""
 _QUOTES = "\u2018\u2019\u201a\u201b\u201c\u201d\u201e\u201f\u00ab\u00bb\u2039\u203a`\u00b4"
 _CURLY = re.compile(
     '[\u2018-\u201f\u00ab\u2039]([^\u2018-\u201f\u00bb\u203a"\n]*)[\u2018-\u201f\u00bb\u203a"]'
@@ -43,20 +43,21 @@ _TOUCHING = re.compile(r"[\w#@$]")
 
 
 Frame = tuple[str, str]
-"""Texts that are read before and after another one, as if they stood there and took up no room."""
+"""Two texts that are read before and after another text; their lexemes have width 0, so positions do not change."""
 NO_FRAME: Frame = ("", "")
 
 
 @dataclass(slots=True)
 class Lexeme:
-    """A stretch of text that is one token, whatever the parser makes of it.
+    """A piece of text that becomes one token.
 
     Attributes:
         kind: name of the regular terminal (NAME, INT, STRING ...), or "punctuation", or "$END".
-        value: the word without `^`, the contents of a string, otherwise the text itself.
+        value: a word without `^`, the contents of a string, otherwise the text itself.
+        start, end: the range of the lexeme, as offsets in the text.
         escaped: the word was written `^word` and is never a keyword.
-        braces: how many `{` are open before it.
-        bracketed: whether a `(` or `[` is open before it, inside the innermost `{`.
+        braces: the number of `{` that are open before the lexeme.
+        bracketed: True if a `(` or `[` is open before the lexeme, inside the innermost `{`.
     """
 
     kind: str
@@ -70,7 +71,7 @@ class Lexeme:
 
 @dataclass(frozen=True, slots=True)
 class DocComment:
-    """A `/** */`: its text, where the token before it ends and where the token after it starts."""
+    """A `/** */` comment: its text, the end of the token before it, and the start of the token after it."""
 
     text: str
     before: int
@@ -79,7 +80,7 @@ class DocComment:
 
 @dataclass(slots=True)
 class Scan:
-    """All lexemes of a source (the last is the end), and what is wrong with its spelling."""
+    """The result of the lexer: all lexemes (the last is the end of the text), doc comments, and lexical errors."""
 
     lexemes: list[Lexeme] = field(default_factory=list)
     docs: list[DocComment] = field(default_factory=list)
@@ -87,7 +88,7 @@ class Scan:
 
 
 class LexicalCore:
-    """The terminals of one grammar, sorted into words, regular tokens and punctuation."""
+    """The lexer of one grammar; its terminals are sorted into keywords, punctuation signs and regular terminals."""
 
     def __init__(self, terminals: Iterable[TerminalDef]) -> None:
         self.keywords: dict[str, str] = {}
@@ -102,7 +103,7 @@ class LexicalCore:
             else:
                 self.signs[value] = terminal.name
         regular.sort(key=lambda terminal: (-terminal.priority, terminal.name))
-        # A `/*` that is not closed is an open comment, not a division.
+        # A `/*` without an end is an open comment, not a division.
         signs = "|".join(
             re.escape(sign) + (r"(?!\*)" if sign == "/" else "")
             for sign in sorted(self.signs, key=len, reverse=True)
@@ -111,7 +112,7 @@ class LexicalCore:
         self._token = re.compile("|".join([*groups, f"(?P<{PUNCTUATION}>{signs})"] if signs else groups))
 
     def scan(self, source: Source, frame: Frame = NO_FRAME) -> Scan:
-        """Splits a text; nothing in it can make this raise."""
+        """Split a text into lexemes; mistakes are returned as diagnostics and never raised."""
         before, after = (self.scan(Source("", one)).lexemes[:-1] if one else () for one in frame)
         return _Scanner(source, self._token, self.signs, self.keywords).run(before, after)
 
@@ -140,7 +141,7 @@ class _Scanner:
         while position < end:
             if len(self._scan.diagnostics) >= MOST_ERRORS:
                 message = "too many mistakes: the rest of the file is not read"
-                self._report("too-many-errors", message, position, hint="mend these first")
+                self._report("too-many-errors", message, position, hint="correct these mistakes first")
                 break
             found = match(text, position)
             if text[position] == "#" and self._is_remark(position):
@@ -189,8 +190,8 @@ class _Scanner:
             self._braces += lexeme.value == "{"
             if len(self._open) > MOST_NESTED and not self._too_deep:
                 self._too_deep = True
-                message = f"more than {MOST_NESTED} brackets inside each other"
-                hint = "a bracket before it may not be closed; else make a definition of a part"
+                message = f"more than {MOST_NESTED} brackets are nested in each other"
+                hint = "look for a bracket that is not closed; else move a part into its own definition"
                 self._report("nested-too-deeply", message, lexeme.start, hint=hint)
         elif lexeme.value in {"}", ")", "]"} and self._open:
             self._open.pop()
@@ -208,13 +209,13 @@ class _Scanner:
             digits = str(int(text[2:18], 16)) if len(text.lstrip("0xX")) <= 16 else "9" * 20
         else:
             digits = text.replace("_", "").rstrip("lLfFdDbBiI")
-        # With the sign before it: the least int is `-9223372036854775808`.
+        # Include the sign, because the least int is `-9223372036854775808`.
         sign = "-" if self._scan.lexemes and self._scan.lexemes[-1].value == "-" else ""
         if (parse_float(digits) if kind == "FLOAT" else parse_int(sign + digits)) is None:
             most = "1.8e308" if kind == "FLOAT" else str(LARGEST_INT)
-            hint = f"{'a float' if kind == 'FLOAT' else 'an int'} has 64 bits: it is {most} at most"
+            hint = f"{'a float' if kind == 'FLOAT' else 'an int'} has 64 bits: write {most} at most"
             self._report("number-too-large", "the number is too large", start, end, hint)
-            kind, digits = "INT", "1"  # which may stand wherever a number may
+            kind, digits = "INT", "1"  # an INT is allowed wherever any number is
         following = re.compile(r"\w+").match(self._text, end)
         if following:
             word = following.group()
@@ -238,17 +239,17 @@ class _Scanner:
             if code not in _ESCAPES:
                 self._report(
                     "bad-escape",
-                    f"`\\{code}` means nothing in a string",
+                    f"`\\{code}` is not an escape sequence",
                     start + found.start(),
                     start + found.end(),
-                    "write `\\\\` for a backslash; there are \\n \\t \\r \\\" \\' and \\uXXXX",
+                    "write `\\\\` for a backslash; other escapes are \\n \\t \\r \\\" \\' and \\uXXXX",
                 )
             return _ESCAPES.get(code, "")
 
         return _ESCAPE.sub(character, body)
 
     def _unknown(self, start: int) -> int:
-        """Reports what starts no token, and returns where to go on."""
+        """Report a character that starts no token, and return the position where scanning continues."""
         text = self._text
         if text.startswith("/*", start):
             self._report(
@@ -267,39 +268,42 @@ class _Scanner:
             return start + 1
         curly = _CURLY.match(text, start)
         if curly:
-            message = f"`{text[start]}` is no quotation mark here"
+            message = f"`{text[start]}` is not a quotation mark of the language"
             self._report("stray-character", message, start, curly.end(), f'write `"{curly.group(1)[:30]}"`')
             self._append(Lexeme("STRING", curly.group(1), start, curly.end()))
             return curly.end()
         return self._stray(start)
 
     def _is_remark(self, start: int) -> bool:
-        """Whether a `#` stands for a comment, as in other languages: alone, or before words at the start of a line."""
+        """Return True if a `#` seems to start a comment, as in other languages.
+
+        This needs a blank behind it; at the start of a line a word is enough.
+        """
         before = self._scan.lexemes[-1].value if self._scan.lexemes else ""
-        if before in {"(", ","}:  # it marks the column of an aggregate
+        if before in {"(", ","}:  # here `#` marks the column of an aggregate
             return False
         return bool(
             (_WORD_REMARK if first_on_line(self._source, start) else _REMARK).match(self._text, start)
         )
 
     def _remark(self, start: int) -> int:
-        """Reports a comment of other languages, those on the lines after it included, and returns its end."""
+        """Report a `#` comment, and return its end; comments on adjacent lines are reported once."""
         if self._text[self._remarks_end : start].strip() or not self._remarks_end:
-            self._report("unexpected-token", "`#` starts no comment", start, hint="write `//`")
+            self._report("unexpected-token", "`#` does not start a comment", start, hint="write `//`")
         end = self._text.find("\n", start)
         self._remarks_end = len(self._text) if end < 0 else end
         return self._remarks_end
 
     def _instead(self, start: int) -> bool:
-        """A sign that other languages write here: what is meant is read for it."""
+        """Report a sign of other languages and append the intended lexeme; return False for unknown signs."""
         sign, words = self._text[start], [one.value for one in self._scan.lexemes[-2:]]
         if len(words) < 2:
             return False
         following = _WORDS.match(self._text, start + 1)
         if sign == "." and words[0] == "import" and following:
-            hint = f'the path of a file stands in quotes: `import "{words[1]}.{following.group()}"`'
+            hint = f'write the path of the file in quotes: `import "{words[1]}.{following.group()}"`'
         elif sign == "." and following and "::" in self._signs and self._scan.lexemes[-1].kind == "NAME":
-            hint = f"a literal of an enum is written `{words[1]}::{following.group()}`"
+            hint = f"write `{words[1]}::{following.group()}` for a literal of an enum"
         elif sign in ":<" and words[0] == "class":
             hint = f"write `class {words[1]} extends`"
         elif sign == "|" and words[1] == "}" and "or" in self._keywords:
@@ -314,7 +318,7 @@ class _Scanner:
     def _unterminated(self, start: int) -> int:
         end = self._text.find("\n", start)
         end = len(self._text) if end < 0 else end
-        # What ends a statement or closes a bracket at the end of the line was hardly meant to stand in the string.
+        # Signs at the end of the line that end a statement or close a bracket were hardly meant as part of the string.
         end = start + len(self._text[start:end].rstrip(" \t\r;,)]}")) or start + 1
         quote = self._text[start]
         self._report(
@@ -322,15 +326,16 @@ class _Scanner:
             "the string is not closed on its line",
             self._closed_too_soon(start),
             end,
-            f'close it with `{quote}`; a text of several lines stands between `"""`',
+            f'close it with `{quote}`; write a text of several lines between `"""`',
         )
         self._append(Lexeme("STRING", self._text[start + 1 : end], start, end))
         return end
 
     def _closed_too_soon(self, start: int) -> int:
-        """Return where the strings of this line begin to be wrong: in `"S, "#b0"` it is the first that lacks its end.
+        """Return the start of the first string on this line that lacks its end: in `"S, "#b0"` it is the first one.
 
-        Nothing but a sign may touch the end of a string. What was wrong since then is the same mistake.
+        Only punctuation may directly follow a string. The errors found on the line since then have the same cause and
+        are removed.
         """
         line = self._text.rfind("\n", 0, start) + 1
         for lexeme in reversed(self._scan.lexemes):
@@ -350,21 +355,21 @@ class _Scanner:
                 break
             end += 1
         shown = self._text[start:end]
-        hint = "take it out: such a character stands in strings and comments only"
+        hint = "remove it: such a character is allowed only in strings and comments"
         if _MEANT.get(shown) in self._signs:
             hint = f"write `{_MEANT[shown]}`"
         elif shown[0] in _QUOTES:
-            hint = 'a string stands between two `"`'
+            hint = 'write a string between two `"`'
         before = self._scan.lexemes[-1] if self._scan.lexemes else None
         if before is not None and before.kind == "STRING" and before.end == start:
             string = self._text[before.start : start][-20:]
-            hint = f"the string {string} ends right before it: is a quotation mark missing?"
+            hint = f"look for a missing quotation mark: the string {string} ends right before it"
         if not shown.isprintable():
             shown = repr(shown)[1:-1]
-            hint = "take the character out, which cannot be seen"
+            hint = "remove this invisible character"
             if end > start + 1:
-                hint = "take these characters out, which cannot all be seen"
-        self._report("stray-character", f"`{shown[:20]}` means nothing here", start, end, hint)
+                hint = "remove these characters, which are partly invisible"
+        self._report("stray-character", f"`{shown[:20]}` is not allowed here", start, end, hint)
         return end
 
     def _report(
@@ -377,13 +382,13 @@ class _Scanner:
 
 
 def first_on_line(source: Source, offset: int) -> bool:
-    """Return whether only blanks stand before a character of the text on its line."""
+    """Return True if only blanks are before this character on its line."""
     start = source.text.rfind("\n", 0, offset) + 1
     return not source.text[start:offset].strip()
 
 
 def overlapping(diagnostics: Iterable[Diagnostic], span: Span) -> bool:
-    """Return whether one of the diagnostics is about characters of the span, its ends included."""
+    """Return True if one of the diagnostics overlaps or touches the span."""
     return any(
         diagnostic.span is not None
         and diagnostic.span.start <= span.end

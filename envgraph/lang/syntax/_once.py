@@ -1,4 +1,4 @@
-"""Mistakes that show in several places, and are reported once."""
+"""Merge diagnostics of one mistake that shows in several places."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from envgraph.errors import Diagnostic, Note, Span, plural
 
 _ROWS = frozenset({"stray-character", "unterminated-text"})
 _MOST_LINES = 3
-"""Characters that mean nothing in more lines, one below the other, are the rows of a text; in fewer, mistakes."""
+"""If more adjacent lines than this contain invalid characters, these lines are the rows of one unquoted text."""
 NAMES = frozenset(
     f"unknown-{kind}"
     for kind in (
@@ -17,18 +17,18 @@ NAMES = frozenset(
         *("object", "pattern", "prefix", "reference", "rule", "type", "uri"),
     )
 )
-"""Names that mean the same in a whole file: one that is misspelt where it is defined is unknown wherever it stands."""
+"""Codes about names with the scope of a file: if a name's definition is misspelt, all its uses are unknown."""
 _PARAMETERS = ("unknown-variable", ".environment")
-"""The parameters of an environment are names of a whole file, too; in others a variable is known in one body."""
+"""The code and suffix for parameters of environments, whose scope is a file too, unlike that of other variables."""
 _MOST_PLACES = 10
-"""A note tells of so many other places of such a name: by then it is found by searching."""
+"""Number of other places of a name that a note lists."""
 
 
 def once_for_each_name(found: Iterable[Diagnostic]) -> list[Diagnostic]:
-    """Report a name that means nothing once in each file; a note says where else it stands.
+    """Report each unknown name once for each file, with a note that lists its other places.
 
     Args:
-        found: file by file, in the order of the text.
+        found: the diagnostics, file by file, in the order of the text.
     """
     places: dict[tuple[str, str, str, str], list[Diagnostic]] = {}
     kept: list[Diagnostic] = []
@@ -56,7 +56,7 @@ def _elsewhere(problems: Sequence[Diagnostic]) -> Note:
 
 
 def once_for_each_text(diagnostics: Sequence[Diagnostic]) -> Iterator[Diagnostic]:
-    """Report the rows of a text that was not opened as one once."""
+    """Yield the diagnostics, but only one for all rows of a text of several lines whose opening quotes are missing."""
     rows = sorted(
         (one for one in diagnostics if one.span and one.code in _ROWS),
         key=lambda one: (one.span.source.name, one.span.start) if one.span else ("", 0),
@@ -74,11 +74,11 @@ def once_for_each_text(diagnostics: Sequence[Diagnostic]) -> Iterator[Diagnostic
         if head is None or len(lines[head]) <= _MOST_LINES:
             yield one
         elif one is head:
-            yield replace(one, hint='a text of several lines stands between `"""` and `"""`')
+            yield replace(one, hint='write a text of several lines between `"""` and `"""`')
 
 
 def _next_line(one: Diagnostic, other: Diagnostic) -> bool:
-    """Return whether the second place is on the line of the first, or on the next one."""
+    """Return True if the second diagnostic is on the same line as the first or on the next line."""
     if one.span is None or other.span is None or one.span.source is not other.span.source:
         return False
     return other.span.line - one.span.line <= 1

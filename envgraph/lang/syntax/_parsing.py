@@ -1,4 +1,4 @@
-"""Text to trees: an LALR(1) loop that reports every mistake once and goes on."""
+"""Parse text into syntax trees with an LALR(1) loop that reports each mistake once and continues."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from envgraph.metamodel import Annotation, Value
 Branch = Tree[Token] | Token | None
 
 _TO_THE_END = frozenset({"unterminated-comment", "too-many-errors"})
-"""After these nothing of a file is read."""
+"""Codes of errors after which the rest of a file is not read."""
 _NAME = re.compile(r"[^\W\d]\w*")
 
 _DEEPEST = 150
@@ -30,21 +30,23 @@ _DEEPEST = 150
 LEVELS = {
     "||": 1, "&&": 2, "==": 3, "!=": 3, "<": 4, "<=": 4, ">": 4, ">=": 4, "+": 5, "-": 5, "*": 6, "/": 6, "%": 6,
 }  # fmt: skip
-"""How tightly operators bind. Of one number any number may follow each other, but for comparisons."""
+"""Precedence of binary operators, higher binds tighter. Operators of one precedence can be chained, except comparisons."""
 MEANT = {"=": "==", "===": "==", "!==": "!=", "and": "&&", "or": "||"}
-"""Operators of other languages."""
+"""By operator of other languages: the operator that was meant."""
 EQUALITIES, ORDERINGS = 3, 4
 
 
 @dataclass(slots=True)
 class Parsed:
-    """What a text says, as far as it can be read.
+    """The result of parsing a text, as far as it can be parsed.
 
     Attributes:
-        tree: the tree of the start rule, without what was given up; None when nothing could be saved.
+        source: the text.
+        tree: the tree of the start rule, without the skipped statements; None if no tree could be built.
         diagnostics: all lexical and syntax errors, in the order of the text.
-        lost: the names in what could not be read; that one of them is unknown says nothing.
-        gaps: where that stood, as offsets of the text.
+        docs: the doc comments.
+        lost: the names in skipped text. They may be defined there, so later checks must not report them as unknown.
+        gaps: the skipped ranges, as offsets in the text.
     """
 
     source: Source
@@ -55,18 +57,18 @@ class Parsed:
     gaps: tuple[tuple[int, int], ...] = ()
 
     def span(self, item: Tree[Token] | Token) -> Span:
-        """The characters that a tree or token was made of, brackets and keywords included."""
+        """Return the characters that a tree or token was made of, brackets and keywords included."""
         return span_of(self.source, item)
 
     def mended(self, tree: Tree[Token]) -> bool:
-        """Return whether a mistake in the text of a tree was mended: what it says may not be what was meant."""
+        """Return True if the text of a tree contains a mistake, so that the tree is a guess of its meaning."""
         span = self.span(tree)
         return any(
             one.span and one.span.start <= span.end and span.start < one.span.end for one in self.diagnostics
         )
 
     def doc(self, tree: Tree[Token]) -> str | None:
-        """The doc comment before a definition, or between its annotations and the rest of it."""
+        """Return the doc comment of a definition, before it or behind its annotations; None without one."""
         found = bisect_left(self.docs, tree.meta.start_pos, key=lambda doc: doc.after)
         if self.docs[found : found + 1] and self.docs[found].after == tree.meta.start_pos:
             return self.docs[found].text
@@ -79,12 +81,12 @@ class Parsed:
 
 
 def parse(language: str, source: Source) -> Parsed:
-    """The tree of a text in one of the five languages, and all its errors."""
+    """Return the tree of a text in one of the five languages, with all errors."""
     return parse_tokens(grammar(language), source)[0]
 
 
 def parse_tokens(grammar: Grammar, source: Source, frame: Frame = NO_FRAME) -> tuple[Parsed, list[Lexeme]]:
-    """As `parse`, with all lexemes as the tree has them: where `<-` was two signs, it is two lexemes."""
+    """Parse a text; return the result, and the lexemes with a `<-` that was read as two signs split in two."""
     scan = grammar.core.scan(source, frame)
     if any(problem.code == "nested-too-deeply" for problem in scan.diagnostics):
         return _nothing(source, scan.diagnostics), scan.lexemes
@@ -98,7 +100,7 @@ def parse_tokens(grammar: Grammar, source: Source, frame: Frame = NO_FRAME) -> t
     diagnostics = list(once_for_each_text(found)) if found else []
     deep = None if tree is None else _tidy(tree)
     if deep is not None:
-        message, hint = "this is nested too deeply to be read", f"there may be {_DEEPEST} levels"
+        message, hint = "this is nested too deeply to be read", f"use at most {_DEEPEST} levels"
         diagnostics.append(Diagnostic("nested-too-deeply", message, span_of(source, deep), hint))
     if tree is None or deep is not None:
         return _nothing(source, diagnostics), stack.lexemes
@@ -107,12 +109,12 @@ def parse_tokens(grammar: Grammar, source: Source, frame: Frame = NO_FRAME) -> t
 
 
 def _nothing(source: Source, diagnostics: list[Diagnostic]) -> Parsed:
-    """Return what is left of a text of which nothing can be read: all that it defines is unknown."""
+    """Return the result for a text that cannot be parsed at all; all names in it count as lost."""
     return Parsed(source, None, diagnostics, lost=frozenset(_NAME.findall(source.text)))
 
 
 def _unread(source: Source, diagnostics: Iterable[Diagnostic]) -> Iterator[str]:
-    """The names in tokens that could not be read, and in what comes after a comment that is not closed."""
+    """Yield the names in misspelt tokens, and all names behind an unclosed comment."""
     for one in diagnostics:
         if one.span and one.code in _TO_THE_END:
             yield from _NAME.findall(source.text, one.span.start)
@@ -121,24 +123,24 @@ def _unread(source: Source, diagnostics: Iterable[Diagnostic]) -> Iterator[str]:
 
 
 def span_of(source: Source, item: Tree[Token] | Token) -> Span:
-    """The characters that a tree or token was made of."""
+    """Return the characters that a tree or token was made of."""
     if isinstance(item, Token):
         return source.span(item.start_pos or 0, item.end_pos or 0)
     return source.span(item.meta.start_pos, item.meta.end_pos)
 
 
 def trees(items: Iterable[Branch], *names: str) -> list[Tree[Token]]:
-    """Those of the items that are trees, of one of the names if any are given."""
+    """Return the items that are trees; if names are given, only trees with one of these names."""
     return [item for item in items if isinstance(item, Tree) and (not names or item.data in names)]
 
 
 def tokens(items: Iterable[Branch], *types: str) -> list[Token]:
-    """Those of the items that are tokens, of one of the types if any are given."""
+    """Return the items that are tokens; if types are given, only tokens of these types."""
     return [item for item in items if isinstance(item, Token) and (not types or item.type in types)]
 
 
 def annotation_of(source: Source, tree: Tree[Token]) -> Annotation:
-    """The data of an `annotation` tree; a list of values for one key repeats the key."""
+    """Return the annotation that an `annotation` tree describes; a list of values for a key repeats the key."""
     name, *arguments = [child for child in tree.children if child is not None]
     positional: list[Value] = []
     named: list[tuple[str, Value]] = []
@@ -165,35 +167,35 @@ def _annotation_value(tree: Tree[Token]) -> Value:
 
 
 def number_of(token: Token) -> int | float:
-    """The value of an INT, LONG or FLOAT."""
+    """Return the value of an INT, LONG or FLOAT token."""
     return float(token) if token.type == "FLOAT" else int(token)
 
 
 def signed(tree: Tree[Token]) -> int | float:
-    """The number of a tree that has one, negative if a sign stands before it."""
+    """Return the number in a tree, negated if a sign is before it."""
     *sign, number = tokens(tree.children)
     return -number_of(number) if sign else number_of(number)
 
 
 def qualified_name_of(tree: Tree[Token]) -> str:
-    """`a.b.c` of a `qualified_name` tree."""
+    """Return the dotted name of a `qualified_name` tree, such as `a.b.c`."""
     return ".".join(str(part) for part in tree.children)
 
 
 def _run(stack: ParseStack, lexical: list[Diagnostic], mistakes: list[Diagnostic]) -> Tree[Token] | None:
-    """The tree of the whole text, with error trees in it; None when nothing could be saved.
+    """Parse the whole text, and return its tree, which still contains error trees; None if no tree could be built.
 
     Args:
-        stack: of the parse.
-        lexical: the misspelt tokens.
-        mistakes: to which the others are added.
+        stack: the state of the parser.
+        lexical: the diagnostics of misspelt tokens.
+        mistakes: the list to which the syntax errors are added.
     """
     recovery: Recovery | None = None
     index = errors = 0
     while True:
         terminal = stack.resolve(stack.states, index) or stack.split(stack.states, index)
         if terminal is None:
-            # Counted, and not the diagnostics: what follows from a misspelt token is not reported.
+            # Count the errors, not the diagnostics, because consequences of a misspelt token are not reported.
             errors += 1
             recovery = recovery or Recovery(stack, lexical, mistakes)
             if errors > MOST_ERRORS:
@@ -213,12 +215,12 @@ def _run(stack: ParseStack, lexical: list[Diagnostic], mistakes: list[Diagnostic
 
 
 def level_of(operator: str) -> int | None:
-    """Return how tightly an operator binds; None for other signs."""
+    """Return the precedence of a binary operator, higher binds tighter; None for other signs."""
     return LEVELS.get(MEANT.get(operator, operator))
 
 
 def follows(left: Tree[Token], tree: Tree[Token]) -> bool:
-    """Return whether one tree is the `a + b` of `a + b - c`."""
+    """Return True if `left` is the left operand of `tree` and has the same precedence: `a + b` in `a + b - c`."""
     if left is not tree.children[0] or not left.data.endswith("binary") or not tree.data.endswith("binary"):
         return False
     level, before = level_of(str(tree.children[1])), level_of(str(left.children[1]))
@@ -226,16 +228,15 @@ def follows(left: Tree[Token], tree: Tree[Token]) -> bool:
 
 
 def _tidy(root: Tree[Token]) -> Tree[Token] | None:
-    """Removes the trees of what was given up; returns a tree that lies too deep for recursion, or None.
+    """Remove error trees, and return the first tree nested too deeply for recursion, or None.
 
-    The left sides of a flat `a + b - c`, however long, lie as deep as the whole of it.
-
-    The rules of an imported grammar are known by their own names: `name` for Lark's `common__name`.
+    The operands of a flat chain such as `a + b - c` count as one level, however long the chain is. Names of imported
+    grammar rules lose their prefix: `common__name` becomes `name`.
     """
     level = [root]
     for _ in range(_DEEPEST):
         below: list[Tree[Token]] = []
-        for tree in level:  # which grows
+        for tree in level:  # the list grows during the loop
             if "__" in tree.data:
                 tree.data = tree.data.rpartition("__")[2]
             children = [child for child in tree.children if isinstance(child, Tree)]

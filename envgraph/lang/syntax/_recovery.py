@@ -1,10 +1,9 @@
-"""What happens at an unexpected token.
+"""Recover from syntax errors: repair the text by one token, or skip a statement, and report one diagnostic.
 
-First the mistake behind it is looked for. Most are one token: a mistyped keyword is read as the keyword meant, a
-forgotten separator is put in. Such repairs are tried one after the other, each a few tokens ahead. A keyword that
-starts an outer definition closes the ones before it. What cannot be mended that way is left out: the innermost
-definition or statement that is under way is given up, and parsing resumes behind its `;`, before the `}` of its
-surroundings, or at a word that starts the next one. Either way there is one diagnostic.
+Most mistakes are a single token: a mistyped keyword is read as the intended keyword, a missing separator is inserted.
+The repairs are tried in a fixed order, and each must make sense for the next few tokens. A keyword that starts an outer
+definition closes the definitions around it. If no repair helps, the innermost unfinished definition or statement is
+skipped. Parsing then resumes behind its `;`, before the `}` around it, or at a word that starts the next statement.
 """
 
 from __future__ import annotations
@@ -27,16 +26,17 @@ _SEPARATORS = (";", ",", ")", "]")
 
 @dataclass(frozen=True, slots=True)
 class Repair:
-    """One token that is read for a lexeme, or put before it.
+    """A possible correction of the text: a token that is read in place of a lexeme, or inserted before it.
 
     Attributes:
-        place: of that lexeme.
-        height: how much of the stack stands before it.
-        terminal, token: what is read.
-        inserted: whether it is put before the lexeme.
-        until: up to this lexeme the text has to make sense then.
-        told: code, message, lexeme, hint and notes; () for what is said of any unexpected lexeme.
-        times: how often the token is read.
+        place: the index of the lexeme.
+        height: the number of parser states that remain on the stack before the token is read.
+        terminal, token: the terminal and the token to read.
+        inserted: True if the token is inserted before the lexeme, False if it replaces the lexeme.
+        until: the repair is accepted only if the text can be parsed up to the lexeme with this index.
+        told: the arguments of the report (code, message, lexeme, hint and notes); () for the usual report of an
+            unexpected lexeme.
+        times: how many times the token is read.
     """
 
     place: int
@@ -50,12 +50,12 @@ class Repair:
 
 
 class Recovery:
-    """Mends a parse at its errors, and collects the diagnostics.
+    """An error recovery that repairs a parse at syntax errors and collects the diagnostics.
 
     Args:
-        stack: of the parse.
-        lexical: the misspelt tokens; what follows from them is not reported.
-        diagnostics: to which what is wrong is added.
+        stack: the state of the parser.
+        lexical: the diagnostics of misspelt tokens, whose consequences are not reported.
+        diagnostics: the list to which syntax errors are added.
     """
 
     def __init__(self, stack: ParseStack, lexical: list[Diagnostic], diagnostics: list[Diagnostic]) -> None:
@@ -66,10 +66,10 @@ class Recovery:
         self._source = stack.source
         self._lexemes = stack.lexemes
         self._closed: set[int] = set()
-        """Keywords that braces have been closed before: once is enough, if it does not help."""
+        """The indices of keywords before which `}` was inserted once; if that did not help, it is not repeated."""
 
     def recover(self, index: int) -> int | None:
-        """Reports the unexpected lexeme, mends or gives up a part, and says where to go on."""
+        """Report the unexpected lexeme, repair or skip text, and return the index to continue at, or None."""
         self._stack.depth = self._lexemes[index].braces
         attempts: tuple[Callable[[int], int | None], ...] = (
             partial(self._mend, self._misplaced),
@@ -88,11 +88,14 @@ class Recovery:
         return self._close_all(index) if self._lexemes[index].kind == END else self._give_up(index)
 
     def stop(self, index: int) -> None:
-        """Reports that the rest of the text is not read."""
+        """Report that the rest of the text is not read because of too many errors."""
         self.diagnostics.append(too_many_errors(self._stack.span(self._lexemes[index])))
 
     def _mend(self, repairs: Callable[[int], Iterator[Repair]], index: int) -> int | None:
-        """Makes the first of some repairs after which the text makes sense for a while; says where to go on."""
+        """Apply the first repair after which the next lexemes can be parsed.
+
+        Return the index of the lexeme to continue at, or None if no repair helps.
+        """
         stack, grammar = self._stack, self._grammar
         for repair in repairs(index):
             start = repair.place + (not repair.inserted)
@@ -116,7 +119,7 @@ class Recovery:
         return None
 
     def _insertion(self, sign: str, place: int, height: int, until: int) -> Iterator[Repair]:
-        """A sign that is missing before a lexeme, if the language has it."""
+        """Yield a repair that inserts a missing sign before a lexeme, if the language has this sign."""
         terminal = self._grammar.core.signs.get(sign)
         if terminal is None:
             return
@@ -129,12 +132,12 @@ class Recovery:
         yield Repair(place, height, terminal, token, True, until, told)
 
     def _misplaced(self, index: int) -> Iterator[Repair]:
-        """Every `}` that is missing before a keyword that starts an outer definition, taken for a name so far."""
+        """Yield repairs that insert `}` before a keyword that starts an outer definition but was read as a name."""
         levels = list(self._stack.levels())
         brace = self._grammar.core.signs.get("}")
         if len(levels) < 2 or brace is None:
             return
-        # What has just been read as a whole stays; else it is given up.
+        # A complete definition before the keyword is kept, an incomplete one is skipped.
         whole = self._grammar.accepts(self._stack.states, brace)
         inner = levels[0]
         height = len(self._stack.states) if whole else inner.height
@@ -149,7 +152,7 @@ class Recovery:
                 self._closed.add(place)
                 token, hint = (
                     Lexeme(PUNCTUATION, "}", lexeme.start, lexeme.start),
-                    "a `}` is missing before it",
+                    "write the missing `}` before it",
                 )
                 told = (
                     "unexpected-token",
@@ -166,7 +169,7 @@ class Recovery:
         return self._stack.column(lexeme) <= self._stack.column(self._lexemes[outer.begin])
 
     def _braces_before(self, keyword: str, brace: str, height: int) -> int:
-        """Return how many braces have to be closed until a keyword can follow; 0 if that does not help."""
+        """Return how many `}` must be inserted before the keyword fits; 0 if no number helps, or none is needed."""
         states = self._stack.states[:height]
         for times in range(_MOST_CLOSED):
             if self._grammar.accepts(states, keyword):
@@ -177,7 +180,7 @@ class Recovery:
         return 0
 
     def _mistyped(self, index: int) -> Iterator[Repair]:
-        """A word that is nearly the keyword that makes sense here, or at the start of the statement under way."""
+        """Yield repairs that replace a mistyped word, here or at the statement's start, by a similar keyword."""
         height = len(self._stack.states)
         places = [(index, height)]
         if self._just_before(index):
@@ -197,11 +200,11 @@ class Recovery:
                 yield Repair(place, kept, self._grammar.core.keywords[meant], token, False, until, told)
 
     def _just_before(self, index: int) -> bool:
-        """Return whether the lexeme before is all of what stands last on the stack."""
+        """Return True if the last value on the stack is exactly the previous lexeme."""
         return bool(self._stack.begins) and self._stack.begins[-1] == index - 1
 
     def _line_end(self, index: int, most: int) -> int:
-        """The last lexeme on the line of one, at most another: the next line may have a mistake of its own."""
+        """Return the index of the last lexeme on this line, at most `most`: the next line may have other mistakes."""
         last = index
         while last < min(most, len(self._lexemes) - 1):
             if first_on_line(self._source, self._lexemes[last + 1].start):
@@ -210,7 +213,7 @@ class Recovery:
         return last
 
     def _unescaped(self, index: int) -> Iterator[Repair]:
-        """A name that is a keyword where it stands, just before the unexpected lexeme."""
+        """Yield a repair that reads the keyword just before the unexpected lexeme as a name."""
         if not self._just_before(index) or self._lexemes[index].value == "(":
             return
         lexeme, height = self._lexemes[index - 1], len(self._stack.states) - 1
@@ -221,14 +224,17 @@ class Recovery:
             return
         level = next(self._stack.levels(), None)
         if level and level.begin == index - 1 and lexeme.value not in VALUE_WORDS:
-            return  # the word of a statement: more likely its name is missing
+            return  # the keyword starts a statement: probably the name behind it is missing
         hint = f"write `^{lexeme.value}` for the name"
         told = "unescaped-keyword", f"`{lexeme.value}` is a keyword here", lexeme, hint
         until = self._line_end(index, index + _LOOKAHEAD)
         yield Repair(index - 1, height, "NAME", lexeme, False, until, told)
 
     def _swallowed(self, index: int) -> int | None:
-        """A keyword that starts the next statement, taken for a name by an unfinished one before it."""
+        """Handle a keyword that starts the next statement but was read as a name by an unfinished statement before it.
+
+        Return the index of the keyword to continue at, or None.
+        """
         level = next(self._stack.levels(), None)
         if level is None or level.begin < 0:
             return None
@@ -259,7 +265,7 @@ class Recovery:
         return None
 
     def _begins_statement(self, states: list[int], place: int, index: int) -> bool:
-        """Return whether a keyword that ended the statement before should rather have started this one."""
+        """Return True if the keyword that ended the previous statement fits better as the start of this one."""
         lexeme = self._lexemes[place]
         keyword = None if lexeme.escaped else self._grammar.core.keywords.get(lexeme.value)
         if place < 0 or keyword is None or not self._grammar.accepts(states, keyword):
@@ -269,7 +275,7 @@ class Recovery:
         )
 
     def _separators(self, index: int) -> Iterator[Repair]:
-        """A `,` for a `;`, or the other way round; a separator or closing bracket that was left out."""
+        """Yield repairs that exchange `,` and `;`, or insert a missing separator or closing bracket."""
         lexeme, height, until = self._lexemes[index], len(self._stack.states), index + _LOOKAHEAD
         meant = {",": ";", ";": ","}.get(lexeme.value, "") if lexeme.kind == PUNCTUATION else ""
         if meant in self._grammar.core.signs:
@@ -284,11 +290,11 @@ class Recovery:
                 yield replace(repair, told=()) if on_line else repair
 
     def _opens_block(self, lexeme: Lexeme) -> bool:
-        """Whether it is a `{` that more likely belongs to a mistyped word before it than to a statement of its own."""
+        """Return True for a `{` behind a word on its line: probably the word is mistyped, and no `;` is missing."""
         return lexeme.value == "{" and not first_on_line(self._source, lexeme.start)
 
     def _braces(self, index: int) -> Iterator[Repair]:
-        """A `{` before this or the previous lexeme, or a `}` before a `;` or a keyword that was taken for a name."""
+        """Yield repairs that insert a missing `{` here or one lexeme before, or a missing `}`."""
         lexeme, height = self._lexemes[index], len(self._stack.states)
         if lexeme.kind == END:
             return
@@ -303,7 +309,7 @@ class Recovery:
             yield from self._insertion("}", index, height, until)
 
     def _closes_before(self, place: int, height: int) -> bool:
-        """Return whether a word is a keyword after a `}`, which can stand before it."""
+        """Return True if a `}` can be inserted before this word, and the word is a keyword then."""
         states, terminal = self._stack.states[:height], self._grammar.core.signs.get("}")
         if terminal is None or not self._grammar.accepts(states, terminal):
             return False
@@ -311,7 +317,7 @@ class Recovery:
         return self._stack.resolve(states, place) not in {None, "NAME"}
 
     def _is_inside(self, index: int) -> bool:
-        """Whether a `{` opens a block that ends right before a `}`: so what it stands in is closed, after all."""
+        """Return True for a `{` whose block ends right before another `}`, which closes the surrounding block."""
         opening = self._lexemes[index]
         if opening.value != "{":
             return False
@@ -321,15 +327,18 @@ class Recovery:
         return False
 
     def _completion(self, sign: str, index: int) -> str:
-        """Return where a separator belongs that was left out."""
+        """Return a hint that says where the missing sign belongs."""
         if sign == ";":
-            return "a statement ends with `;`"
+            return "end the statement with `;`"
         lexeme = self._lexemes[index]
         before = (self._source.text[lexeme.start : lexeme.end] or lexeme.value).split("\n")[0][:30]
         return f"write `{sign}` before `{before}`"
 
     def _close_all(self, index: int) -> int | None:
-        """At the end of the text: gives up what is under way and closes every open definition."""
+        """Skip the unfinished statements at the end of the text, and close all open definitions.
+
+        Return the index to continue at, or None if no tree can be built.
+        """
         brace = self._grammar.core.signs.get("}")
         for _ in range(100):
             level = next(self._stack.levels(), None)
@@ -350,7 +359,7 @@ class Recovery:
         return None
 
     def _give_up(self, index: int) -> int | None:
-        """Drops the statement under way and looks for the next one."""
+        """Skip the unfinished statement, and return the index of the lexeme where parsing resumes, or None."""
         levels = list(self._stack.levels())
         for place in range(index, len(self._lexemes)):
             lexeme = self._lexemes[place]
@@ -373,7 +382,7 @@ class Recovery:
         return last if self._grammar.accepts(self._stack.states, END) else self._close_all(last)
 
     def _resumes(self, level: Level, place: int, index: int) -> int | None:
-        """Return where to go on if the statement of this level ends before or at the lexeme at `place`, else None."""
+        """Return the index to resume at if the level's statement ends at or before the lexeme `place`, else None."""
         lexeme = self._lexemes[place]
         begin = level.begin if level.begin >= 0 else index
         depth = self._lexemes[begin].braces
@@ -402,7 +411,7 @@ class Recovery:
         if lexeme.value == "}" and lexeme.braces == depth and accepted:
             return place
         if lexeme.value == "}" and lexeme.braces == depth + 1:
-            # The `}` of a block inside the broken statement: the statement ends here if another can start.
+            # This `}` closes a block inside the broken statement, which ends here if another statement can start.
             following = place + 1
             while following + 1 < len(self._lexemes) and self._lexemes[following].value in {
                 ";",
@@ -415,7 +424,7 @@ class Recovery:
         return None
 
     def _surplus(self, index: int) -> bool:
-        """Return whether this is a `}` without a `{`, and an error before it explains that."""
+        """Return True for a `}` without a `{` that is a consequence of an earlier error."""
         lexeme = self._lexemes[index]
         return (
             lexeme.value == "}"

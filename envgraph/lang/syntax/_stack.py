@@ -1,4 +1,4 @@
-"""The state of one parse: an LALR(1) stack over lexemes, and what can be asked of it."""
+"""The state of one parse: an LALR(1) stack over lexemes, with the questions that error recovery asks about it."""
 
 from __future__ import annotations
 
@@ -13,32 +13,37 @@ from envgraph.lang.syntax._grammar import Grammar
 from envgraph.lang.syntax._lexer import END, PUNCTUATION, Lexeme
 
 ERROR = "error"
-"""`data` of the tree that stands for what was given up; `parse` removes them."""
+"""The `data` of trees that stand for skipped statements; `parse` removes these trees."""
 
 
 class Level(NamedTuple):
-    """A place on the stack where parsing can resume: how much to keep, and what is taken as read there."""
+    """A stack position where parsing can resume, as if a statement or definition had just been read.
+
+    Attributes:
+        height: the number of states to keep.
+        rule: the grammar rule that counts as read.
+    """
 
     height: int
     rule: str
     begin: int
-    """Index of the first lexeme that resuming here gives up; -1 for none."""
+    """Index of the first lexeme that is skipped if parsing resumes here; -1 for none."""
     states: list[int]
-    """The stack of states after resuming."""
+    """The parser states after resuming."""
 
 
 class ParseStack:
-    """One parse. `states`, `values` and `begins` are one stack.
+    """The state of one parse; `states`, `values` and `begins` together are the parser stack.
 
     Attributes:
-        lexemes: of the whole text.
-        states: of the parser, one more than there are values.
-        values: trees and tokens.
-        begins: for each value the index of its first lexeme.
-        previous_end: where the last token that was taken ends.
-        depth: how many braces are open at the last error.
-        lost: names that stand in what was given up.
-        gaps: where that stood, as offsets of the text.
+        lexemes: the lexemes of the whole text.
+        states: the parser states; one more than values.
+        values: the trees and tokens built so far.
+        begins: for each value, the index of its first lexeme.
+        previous_end: the end of the last token read, as an offset.
+        depth: the number of open braces at the last error.
+        lost: the names in skipped text.
+        gaps: the skipped ranges, as offsets in the text.
     """
 
     def __init__(self, grammar: Grammar, source: Source, lexemes: list[Lexeme]) -> None:
@@ -54,7 +59,7 @@ class ParseStack:
         self.gaps: list[tuple[int, int]] = []
 
     def resolve(self, states: list[int], index: int) -> str | None:
-        """The terminal that a lexeme is in this state, or None when it cannot be anything."""
+        """Return the terminal that a lexeme is if the parser has these states; None if the lexeme does not fit."""
         lexeme = self.lexemes[index]
         grammar = self.grammar
         if lexeme.kind == "NAME":
@@ -67,7 +72,7 @@ class ParseStack:
         return lexeme.kind if grammar.accepts(states, lexeme.kind) else None
 
     def split(self, states: list[int], index: int) -> str | None:
-        """Takes `<-` for `<` and `-` where only that makes sense."""
+        """Split a sign such as `<-` into two lexemes, and return the first's terminal; None if this does not fit."""
         lexeme = self.lexemes[index]
         signs = self.grammar.core.signs
         if lexeme.kind != PUNCTUATION:
@@ -84,7 +89,7 @@ class ParseStack:
         return None
 
     def feed(self, terminal: str, lexeme: Lexeme, index: int) -> None:
-        """Reduces and shifts; the terminal is acceptable."""
+        """Read a lexeme as an accepted terminal: reduce finished rules to trees, then shift."""
         states, values, begins = self.states, self.values, self.begins
         table = self.grammar.states
         while True:
@@ -117,12 +122,12 @@ class ParseStack:
                 return
 
     def levels(self) -> Iterator[Level]:
-        """Yield where parsing can resume, innermost first; not inside what has been closed before the error."""
+        """Yield the stack positions where parsing can resume, innermost first, but none inside closed blocks."""
         above: set[str] = set()
         for height in range(len(self.states), 0, -1):
             row = self.grammar.states[self.states[height - 1]]
             here = {rule for rule in self.grammar.recovery if rule in row}
-            # Below a list of statements lies the state before the first one: that would give up them all.
+            # The state before the first statement of a list lies below; resuming there would skip the whole list.
             fresh, above = here - above, here
             for rule in self.grammar.recovery:
                 if rule in fresh:
@@ -133,7 +138,7 @@ class ParseStack:
                     yield Level(height, rule, begin, [*kept, row[rule][1]])
 
     def makes_sense(self, states: list[int], start: int, stop: int) -> bool:
-        """Return whether the lexemes from `start` to `stop` (included) can follow."""
+        """Return True if the lexemes from `start` to `stop` (included) can follow; `states` is changed."""
         index = start
         while index <= min(stop, len(self.lexemes) - 1):
             terminal = self.resolve(states, index)
@@ -146,11 +151,11 @@ class ParseStack:
         return True
 
     def cut(self, height: int) -> None:
-        """Keeps so many states."""
+        """Remove all states above the first `height` states, with their values."""
         del self.states[height:], self.values[height - 1 :], self.begins[height - 1 :]
 
     def forget(self, height: int, begin: int, end: int) -> None:
-        """Cuts the stack, and remembers the names between two lexemes as lost."""
+        """Cut the stack, and record the lexemes from `begin` to `end` (excluded) as skipped text with lost names."""
         self.cut(height)
         if begin >= 0:
             if begin < end:
@@ -158,13 +163,13 @@ class ParseStack:
             self.lost.update(one.value for one in self.lexemes[begin:end] if one.kind == "NAME")
 
     def resume(self, level: Level, index: int) -> None:
-        """Takes the rule of the level as read; the stack is cut to its height."""
+        """Push an error tree in place of the skipped rule of the level; the stack must be cut to its height."""
         self.states.append(level.states[-1])
         self.values.append(Tree(ERROR, []))
         self.begins.append(level.begin if level.begin >= 0 else index)
 
     def unclosed(self, place: int) -> tuple[Note, ...]:
-        """A note on the innermost `{` that is open before a lexeme, if there is one."""
+        """Return a note about the innermost `{` that is open before a lexeme; () if none is open."""
         depth = self.lexemes[place].braces
         for lexeme in reversed(self.lexemes[:place]):
             if lexeme.kind == PUNCTUATION and lexeme.value == "{" and lexeme.braces == depth - 1:
@@ -172,9 +177,9 @@ class ParseStack:
         return ()
 
     def span(self, lexeme: Lexeme) -> Span:
-        """The characters of a lexeme."""
+        """Return the characters of a lexeme."""
         return self.source.span(lexeme.start, lexeme.end)
 
     def column(self, lexeme: Lexeme) -> int:
-        """The column of a lexeme, from 1."""
+        """Return the column of a lexeme, from 1."""
         return self.source.position(lexeme.start)[1]

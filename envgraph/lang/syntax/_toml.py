@@ -1,7 +1,7 @@
-"""TOML with the position of every key and value.
+"""Parse TOML with the position of every key and value.
 
-`tomllib` reads the data and refuses what is no TOML; the index here walks over the same text once more and so may
-take for granted that it is well formed.
+`tomllib` reads the data and rejects invalid TOML. A second pass over the same text records the positions, and may
+assume valid TOML.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from envgraph.errors import LARGEST_INT, RAISE_LIMIT, Diagnostic, LoadError, Sou
 from envgraph.lang.syntax._formats import other_language
 
 TomlPath = tuple[str | int, ...]
-"""Keys and indices from the root to a value."""
+"""The keys and list indices from the root to a value."""
 
 _BLANK = re.compile(r"(?:[ \t\r\n]|#[^\n]*)+")
 _KEY = re.compile(r"[A-Za-z0-9_-]+|\"(?:\\.|[^\"\\\n])*\"|'[^'\n]*'")
@@ -28,37 +28,39 @@ _INTEGER = re.compile("[+-]?[0-9][0-9_]*|0[xob][0-9a-fA-F_]+")
 _PLAIN = re.compile(r"[^,\]}#\n]+")
 _PLACE = re.compile(r" \(at (?:line (\d+), column (\d+)|end of document)\)$")
 _PARTS = r"(?<![\w.-])(?:(?:[\w-]++|\"[^\"\n]*+\"|'[^'\n]*+')[ \t]*+\.[ \t]*+)"
-"""The first parts of a dotted key; also found in texts and comments, where nobody has as many of them."""
+"""Matches one leading part of a dotted key; it also matches in strings and comments, but rarely many times."""
 _DEEPEST = 50
-_SIZES = f"an int has 64 bits: it is {LARGEST_INT} at most"
+_SIZES = f"an int has 64 bits: write {LARGEST_INT} at most"
 _WORD = re.compile(r"[A-Za-z_][\w./-]*")
 _NO_TEXTS = ("true", "false", "inf", "nan")
 SETTING = "--set"
-"""What the text of a setting is called where it has mistakes."""
+"""The name that diagnostics show for the text of a setting."""
 
 _HINTS = {
-    "unclosed array": "a list ends with `]`, and commas stand between its values",
-    "unclosed inline": "a table ends with `}`, and commas stand between its entries",
+    "unclosed array": "end the list with `]`, and write commas between its values",
+    "unclosed inline": "end the table with `}`, and write commas between its entries",
     "unterminated string": 'close it with `"`',
     "not closed on its line": 'close it with `"`',
     "expected '=' after": "write `key = value`; a section is `[name]`",
-    "expected ']": "a section is `[name]`",
+    "expected ']": "write a section as `[name]`",
     "expected ''": "close it with `'`",
-    "expected newline": 'one `key = value` stands on a line; texts stand between `"`',
-    "unescaped '": "write `\\\\` for a backslash, or put the text between `'`",
-    "key part": "a name of letters, digits, `_` and `-` stands here; a table has no comma at its end",
-    "invalid value": 'a value is a number, `true`, `false`, a text between `"`, a list or a table',
+    "expected newline": 'write one `key = value` on each line, and texts between `"`',
+    "unescaped '": "write `\\\\` for a backslash, or write the text between `'`",
+    "key part": "write a name of letters, digits, `_` and `-`; remove a comma at the end of a table",
+    "invalid value": 'write a number, `true`, `false`, a text between `"`, a list or a table',
 }
-"""How to mend what tomllib complains about, by a part of its message."""
+"""By part of an error message of tomllib: the hint."""
 
 
 @dataclass(slots=True)
 class TomlText:
-    """A TOML text as data, with spans.
+    """A TOML text as data, with the spans of its keys and values.
 
     Attributes:
-        keys: where the last part of a key, or of the header of a table, stands.
-        values: where a value stands; for a table with a header, the header.
+        source: the text.
+        data: the tables and values.
+        keys: the span of the last part of each key and table header.
+        values: the span of each value; for a table with a header, the header.
     """
 
     source: Source
@@ -67,11 +69,11 @@ class TomlText:
     values: dict[TomlPath, Span] = field(default_factory=dict)
 
     def key(self, *path: str | int) -> Span:
-        """Return where a key stands; where the nearest table around it does if it is not there."""
+        """Return the span of a key; if the key is missing, the span of the innermost existing table around it."""
         return self._nearest(self.keys, path)
 
     def value(self, *path: str | int) -> Span:
-        """Return where a value stands; where the nearest table around it does if it is not there."""
+        """Return the span of a value; if the value is missing, the span of the innermost existing table around it."""
         return self._nearest(self.values, path)
 
     def _nearest(self, spans: dict[TomlPath, Span], path: TomlPath) -> Span:
@@ -81,10 +83,10 @@ class TomlText:
 
 
 def parse_toml(source: Source) -> TomlText:
-    """Reads a text.
+    r"""Parse a TOML text.
 
     Raises:
-        LoadError: it is no TOML; the diagnostic says where.
+        LoadError: the text is not valid TOML; the diagnostic has the position.
 
     >>> text = parse_toml(Source("a.toml", "[search]\\nparents = { name = 'random' }"))
     >>> str(text.value("search", "parents", "name")), text.value("search", "parents", "name").text
@@ -92,31 +94,35 @@ def parse_toml(source: Source) -> TomlText:
     """
     _check_depth(source)
     try:
-        # The offsets of the index are those of the text as it is: tomllib itself replaces "\r\n".
+        # Offsets refer to the unchanged text, although tomllib replaces "\r\n".
         text = TomlText(source, tomllib.loads(source.text))
         _Index(text).run()
     except tomllib.TOMLDecodeError as error:
         other = other_language("toml", source)
         raise LoadError([other or _syntax_error(source, str(error))]) from None
     except (ValueError, RecursionError):
-        # A number of thousands of digits; arrays over many lines, one inside the other.
+        # caused by a number of thousands of digits, or by arrays nested over many lines
         found = re.search("[0-9][0-9_]{4299,}", source.text)
         span = source.span(*found.span() if found else (0, 0))
-        raise LoadError.of("syntax-error", "a number or a list is far too large", span, _SIZES) from None
+        raise LoadError.of(
+            "syntax-error", "a number is too large, or a list is too deep", span, _SIZES
+        ) from None
     return text
 
 
 def _check_depth(source: Source) -> None:
-    """Refuses what tomllib cannot take: it recurses into arrays and inline tables, and a key of n parts takes n².
+    """Reject text that tomllib cannot handle: too many brackets on a line, or keys with too many parts.
+
+    tomllib recurses into arrays and inline tables, and takes quadratic time in the number of parts of a key.
 
     Raises:
-        LoadError: there is too much of it.
+        LoadError: a line or a key exceeds the limit.
     """
     deepest = limit(_DEEPEST)
     at = 0
     for line in source.text.split("\n"):
         if line.count("[") + line.count("{") > deepest:
-            message = f"more than {deepest} brackets stand on one line"
+            message = f"this line has more than {deepest} opening brackets"
             span = source.span(at, at + len(line))
             raise LoadError.of("nested-too-deeply", message, span, RAISE_LIMIT)
         at += len(line) + 1
@@ -131,12 +137,12 @@ def _check_depth(source: Source) -> None:
 
 
 def override(toml: TomlText, overrides: Iterable[str]) -> None:
-    """Puts settings such as `search.population=10` in place of what a text says; later ones win.
+    r"""Replace values of a TOML text by settings such as `search.population=10`; later settings win.
 
-    A value is written as in TOML; a text that is a plain word or path may go without its quotation marks.
+    A value is written as in TOML, but a string that is a simple word or path needs no quotation marks.
 
     Raises:
-        LoadError: what is no setting; all of them.
+        LoadError: settings are invalid; contains all of their errors.
 
     >>> text = parse_toml(Source("a.toml", "[search]\\nparents = 'random'"))
     >>> override(text, ["search.parents=elitist", "search.population=10"])
@@ -158,14 +164,14 @@ def _setting(text: str) -> TomlText:
     if not equals or "\n" in text:
         source = Source(SETTING, text)
         hint = "write a key of the file and its value: `--set search.population=10`"
-        raise LoadError.of("syntax-error", "a setting is `key=value`", source.span(0, len(text)), hint)
+        raise LoadError.of("syntax-error", "a setting must be `key=value`", source.span(0, len(text)), hint)
     if _WORD.fullmatch(value.strip()) and value.strip() not in _NO_TEXTS:
         value = f'"{value.strip()}"'
     return parse_toml(Source(SETTING, f"{key}={value}"))
 
 
 def _override(toml: TomlText, setting: TomlText) -> None:
-    path = min(setting.values, key=len)  # what is inside of the value has a longer one
+    path = min(setting.values, key=len)  # paths of inner values are longer
     value: Any = setting.data
     table: Any = toml.data
     for size, key in enumerate(path, start=1):
@@ -177,8 +183,8 @@ def _override(toml: TomlText, setting: TomlText) -> None:
         if not isinstance(table, dict):
             where = ".".join(map(str, path[:size]))
             message, hint = (
-                f"`{where}` is no table",
-                f"give all of it: `--set '{where}={{ name = \"...\" }}'`",
+                f"`{where}` is not a table",
+                f"set the whole table: `--set '{where}={{ name = \"...\" }}'`",
             )
             raise LoadError.of("wrong-type", message, setting.key(*path[:size]), hint)
     for spans, others in ((toml.keys, setting.keys), (toml.values, setting.values)):
@@ -202,15 +208,15 @@ def _syntax_error(source: Source, message: str) -> Diagnostic:
     text = text[0].lower() + text[1:]
     repeated = re.fullmatch(r"cannot (?:overwrite a value|declare \((.*?),?\) twice)", text)
     if repeated:
-        # tomllib stops after the second one, which is all that stands on its line.
+        # tomllib stops behind the second definition, which is alone on its line.
         start = source.text.rfind("\n", 0, max(start - 1, 0)) + 1
         key = re.match(r"[^=\n]*[^=\s]", source.text[start:])
         what = key.group() if key else "this"
         return Diagnostic(
             "duplicate-key",
-            f"`{what}` stands here twice",
+            f"`{what}` is defined twice",
             source.span(start, start + len(what)),
-            "leave one out, or put both together",
+            "leave one out, or merge the two",
         )
     word = re.compile(r"[^\W\d]\w*").match(source.text, start) if text == "invalid value" else None
     if word:
@@ -221,11 +227,11 @@ def _syntax_error(source: Source, message: str) -> Diagnostic:
 
 
 def _hint(text: str) -> str:
-    """Return how to mend what the reader of TOML complains about."""
+    """Return a hint for an error message of tomllib."""
     for part, hint in _HINTS.items():
         if part in text:
             return hint
-    return 'write `key = value`, with texts between `"`'
+    return 'write `key = value`, and texts between `"`'
 
 
 class _Index:
@@ -273,7 +279,10 @@ class _Index:
         self._value(path)
 
     def _keys(self, table: TomlPath) -> TomlPath:
-        """A dotted key, from the table it stands in; a part that is an array of tables means its last one."""
+        """Read a dotted key, and return its path from the root.
+
+        A part that names an array of tables refers to its last table.
+        """
         path = table
         while True:
             self._skip()
@@ -305,7 +314,7 @@ class _Index:
             raise LoadError.of("number-too-large", "the number is too large", span, _SIZES)
 
     def _items(self, path: TomlPath, closing: str) -> None:
-        """The elements of an array, or the pairs of an inline table."""
+        """Read the elements of an array, or the pairs of an inline table."""
         self._at += 1
         number = 0
         self._skip()
@@ -324,6 +333,6 @@ class _Index:
 
 def _unquoted(key: str) -> str:
     if key[0] == '"':
-        # The escapes of a TOML key are those of a TOML string.
+        # TOML keys and TOML strings have the same escapes.
         return str(tomllib.loads(f"x = {key}")["x"])
     return key[1:-1] if key[0] == "'" else key

@@ -1,4 +1,4 @@
-"""What is said of an unexpected token, and what may have been meant."""
+"""Report unexpected tokens, with hints about what was probably meant."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from envgraph.lang.syntax._stack import Level, ParseStack
 VALUE_WORDS = frozenset(
     ["true", "false", "TRUE", "FALSE", "none", "eval", "count", "sum", "min", "max", "avg"]
 )
-"""Keywords that a value may start with; they start statements too, so they say little about where one begins."""
+"""Keywords that can start a value. They can start statements too, so they do not show where a statement begins."""
 
 _VALUES = frozenset(
     ["a name", "a string", "a whole number", "a number", "`_`", "`#`", "`+`", "`-`", "`!`", "`(`", "`::`"]
@@ -29,21 +29,23 @@ _OPERATORS = frozenset(
 )
 _COMPARISONS = ("==", "===", "!=", "!==", "=", "<", "<=", ">", ">=")
 _STEPS = ("first", "top", "all", "alap", "repeat", "try", "atomic", "if")
-"""What starts a step of a unit; a rule may have such a name, too."""
+"""Keywords that start a step of a unit; a rule may have such a name too."""
 _MOST_SHOWN = 9
 _BELONGS = {"query": ("pattern",), "rules": ("rule", "unit", "derive")}
-"""What starts a definition of which kind of file."""
+"""By file suffix: the keywords that start its definitions."""
 
 
 def _negation(grammar: Grammar, states: list[int], lexemes: Sequence[Lexeme], index: int) -> str | None:
-    """Return how to write what someone negates here with `not`, or with a `neg` that is out of place."""
+    """Return a hint for a wrong negation (`not`, or a misplaced `neg`), or None if this is no negation."""
     around = range(index - 4, index + 1)
     *before, word = (lexemes[place].value if place >= 0 else "" for place in around)
     keywords, signs = grammar.core.keywords, grammar.core.signs
     rules = "rule" in keywords
     if word == "{" and before[3] in ("neg", "not"):
         block = (
-            "a block `not { .. }` stands after the `lhs { .. }`" if rules else "make a pattern of the block"
+            "write the block `not { .. }` after the `lhs { .. }`"
+            if rules
+            else "define a pattern with the block"
         )
         return block if before[3] == "not" and rules else f"`neg` takes one condition: {block}"
     if word == "neg" and rules and grammar.accepts(states, keywords["not"]):
@@ -51,11 +53,11 @@ def _negation(grammar: Grammar, states: list[int], lexemes: Sequence[Lexeme], in
     arrow, following = ("-", "<-", ":"), lexemes[min(index + 2, len(lexemes) - 1)].value
     accepted = word == "not" and grammar.accepts(states, keywords["neg"])
     if rules and ((accepted and following in arrow) or (before[2] == "neg" and word in arrow)):
-        return "arrows are negated in a block `not { .. }` after the `lhs { .. }`"
+        return "write negated arrows in a block `not { .. }` after the `lhs { .. }`"
     if accepted:
         return "write `neg`"
     if before[0] == "neg" and before[1] == "check":
-        return "a `check` is negated inside: `check(!(..))`"
+        return "negate the expression inside: `check(!(..))`"
     if before[1] == "not" and before[2] == "(":
         return "write `neg`, without brackets"
     if before[2] == "find" and before[3] == "neg":
@@ -66,9 +68,9 @@ def _negation(grammar: Grammar, states: list[int], lexemes: Sequence[Lexeme], in
 
 
 def expectation(grammar: Grammar, states: list[int]) -> str:
-    """The terminals that a parser with this stack of states takes, as `expected a name or `;``.
+    """Return a text that lists the terminals accepted next, such as `expected a name or `;``.
 
-    What values start with is called a value, and what continues an expression an operator.
+    All starts of a value are summarised as "a value", and all operators as "an operator".
     """
     expected = grammar.expected(states)
     spelt: Sequence[str] = list(dict.fromkeys(grammar.spelling[terminal] for terminal in expected))
@@ -76,7 +78,7 @@ def expectation(grammar: Grammar, states: list[int]) -> str:
         spelt = ["a value", *(one for one in spelt if one not in _VALUES)]
     if sum(one in _OPERATORS for one in spelt) > 4:
         spelt = ["an operator", *(one for one in spelt if one not in _OPERATORS)]
-    # Kinds of tokens, then signs, then keywords.
+    # Order: kinds of tokens, signs, keywords.
     spelt = sorted(
         spelt, key=lambda one: (one.startswith("`") and one[1].isalpha(), one.startswith("`"), one)
     )
@@ -86,54 +88,54 @@ def expectation(grammar: Grammar, states: list[int]) -> str:
 
 
 def habit(grammar: Grammar, states: list[int], lexemes: Sequence[Lexeme], index: int) -> str | None:
-    """Return how to write here what people write by habit from other languages; None if this is nothing of the kind."""
+    """Return a hint for syntax that people use by habit from other languages; None if no such habit is recognised."""
     around = (index - 2, index - 1, index, index + 1)
     *before, word, after = (lexemes[place].value if 0 <= place < len(lexemes) else "" for place in around)
     keywords, signs = grammar.core.keywords, grammar.core.signs
     if before[1] == "-" and after == "->":
-        return f"an arrow starts at an object: write `x -{word}-> ..`"
+        return f"write the object before the arrow: `x -{word}-> ..`"
     if word == "-" and before[0] == "(" and index > 2 and lexemes[index - 3].value == "suppress":
-        return 'the code of a warning stands in quotes: `@suppress("..")`'
+        return 'write the code of a warning in quotes: `@suppress("..")`'
     if before[0] == "metamodel" and before[1] in keywords and "metamodel" in keywords:
         return f"the metamodel has no name: write `metamodel name` before `{before[1]}`"
     if before[0] == "," and lexemes[index - 4].value == "=" and lexemes[index - 3].kind == "NAME":
         expected = expectation(grammar, states)
         if expected == "expected `=`":
             return (
-                f"{expected}; several objects stand in brackets: `[{lexemes[index - 3].value}, {before[1]}]`"
+                f"{expected}; write several objects in brackets: `[{lexemes[index - 3].value}, {before[1]}]`"
             )
     if "observe" in keywords:
         if word == "reward" and any(one.value == "else" for one in lexemes[max(0, index - 6) : index]):
-            return "an action has its `reward` before its `else reward`"
+            return "write the `reward` of an action before its `else reward`"
         if (word, after) == (",", "with") or before == [",", "with"]:
             return "leave out the `,` before `with`"
         if word in ("near", "when", "where", "within") and grammar.accepts(states, keywords["if"]):
-            return "what is seen in some states alone: write `if find p(..)`, with a pattern that says when"
+            return "to show an observation only in some states, write `if find p(..)` with a pattern for these states"
         if before[1] == "terminate" and word.startswith("truncat"):
             return "write `truncate`, without `terminate`"
         if grammar.expected(states) == [keywords["up"]]:
-            return f"a count has a highest value: write `up to {after if word[:2] == 'up' else 3}`"
+            return f"give the highest value of the count: write `up to {after if word[:2] == 'up' else 3}`"
         if word == "up" and grammar.accepts(states, keywords["in"]):
-            return f"a number has a range: write `in 0..{lexemes[index + 2].value}`"
+            return f"give the range of the number: write `in 0..{lexemes[index + 2].value}`"
         if word == "%" and grammar.accepts(states, signs[":"]):
             return f"a probability is a number from 0 to 1: write `{float(before[1]) / 100:g}`"
         if (word in ("+", "-", "*", "/") and grammar.accepts(states, signs[":"])) or (before[1], word) == (
             ")",
             ":",
         ):
-            return "a probability that is computed stands in brackets: `(1 - x.loss): rule(x)`"
+            return "write a computed probability in brackets: `(1 - x.loss): rule(x)`"
     if before[1] == "=" and word in (">", "<"):
         return f"write `{word}=`"
     if "neg" not in keywords:
         return None
     if "unit" in keywords and after == ":" and grammar.accepts(states, signs["{"]) and word[0].isdigit():
-        return f"alternatives have weights, at their rules: write `@weight({word})` before the `rule`"
+        return f"give the weight to the rule: write `@weight({word})` before the `rule`"
     if "unit" in keywords and before[1] in _STEPS and word in (";", "|", "("):
         return f"{expectation(grammar, states)}; to call a rule of that name write `^{before[1]}`"
     home = "query" if "rule" in keywords else "rules"
     starts = [keywords[one] for one in ("pattern", "rule") if one in keywords]
     if word in _BELONGS[home] and after and any(grammar.accepts(states, one) for one in starts):
-        return f"a `{word}` stands in a `.{home}` file, which other files may import"
+        return f"write a `{word}` in a `.{home}` file, which other files can import"
     negation = _negation(grammar, states, lexemes, index)
     if negation is not None:
         return negation
@@ -149,43 +151,43 @@ def habit(grammar: Grammar, states: list[int], lexemes: Sequence[Lexeme], index:
     if word == "!" and grammar.accepts(states, keywords["neg"]):
         return "write `neg`"
     if word == "(" and before[1] in ("neg", "count", "sum", "min", "max", "avg"):
-        return f"leave the brackets out: `{before[1]} find p(..)`, `{before[1]} Type(..)`"
+        return f"remove the brackets: `{before[1]} find p(..)`, `{before[1]} Type(..)`"
     if word == "|" and "&&" in signs and grammar.accepts(states, signs["||"]):
         return "write `||`"
     if word in _COMPARISONS and before[0] == "." and grammar.accepts(states, signs["("]):
-        return "a condition on a feature stands in `check(..)`"
+        return "write a condition on a feature in `check(..)`"
     if word == "{" and before[1] in ("(", "return", "&&", "||"):
-        return "one expression stands here: there are no blocks of statements"
+        return "write one expression: blocks of statements are not allowed here"
     if word == "{" and (before[1] == "else" or (before[1] == ")" and grammar.accepts(states, "INT"))):
-        return "leave the braces out: `if (test) a else b`"
+        return "remove the braces: `if (test) a else b`"
     if before[1] + word in _XTEND:
         return f"write {_XTEND[before[1] + word]}"
     if before[1] == "new":
-        return "no objects are made in an expression"
+        return "remove `new`: an expression cannot create objects"
     if word in ("+", "-", "*", "/", "%") and after != ">" and grammar.accepts(states, signs[")"]):
-        return "a computed value stands in `eval(..)`"
+        return "write a computed value in `eval(..)`"
     if word == "." and grammar.accepts(states, signs["::"]):
         if before[1][:1].isupper():
-            return f"a literal of an enum is written `{before[1]}::{after}`"
-        return "a feature is read in `check(..)`, in `eval(..)`, or by a path"
+            return f"write `{before[1]}::{after}` for a literal of an enum"
+        return "read a feature in `check(..)`, in `eval(..)`, or by a path"
     if word == "." and home == "query" and before[0] in ("{", ";") and grammar.accepts(states, signs["->"]):
         return f"write `set {before[1]}.{after} = ..`"
     return None
 
 
 _XTEND = {"<>": "`!=`", "**": "`pow(a, b)`", "?:": "`test ? a : b`", "?.": "`x.feature`, without `?`"}
-"""By operators of Xtend that are no operators here: what is written instead."""
+"""By operator of Xtend that these languages lack: the text to write instead."""
 
 _ENDLESS = {"unterminated-text", "unterminated-comment", "too-many-errors"}
 
 
 class Reports:
-    """Collects the diagnostics of a parse.
+    """A collector of the syntax errors of a parse.
 
     Args:
-        stack: of the parse.
-        lexical: the misspelt tokens; what follows from them is not reported.
-        diagnostics: to which what is wrong is added.
+        stack: the state of the parser.
+        lexical: the diagnostics of misspelt tokens, whose consequences are not reported.
+        diagnostics: the list to which syntax errors are added.
     """
 
     def __init__(self, stack: ParseStack, lexical: list[Diagnostic], diagnostics: list[Diagnostic]) -> None:
@@ -197,7 +199,7 @@ class Reports:
         self._lexical = lexical
 
     def unexpected(self, index: int) -> None:
-        """Reports a lexeme that cannot stand where it does."""
+        """Report a lexeme that is not allowed at its position."""
         lexeme = self._lexemes[index]
         if lexeme.kind == END:
             notes = self._stack.unclosed(index)
@@ -213,7 +215,7 @@ class Reports:
         shown = (self._source.text[lexeme.start : lexeme.end] or lexeme.value).split("\n")[0]
         shown = shown if len(shown) <= 30 else shown[:27] + "..."
         if lexeme.value == "}" and lexeme.kind == PUNCTUATION and lexeme.braces == 0:
-            hint = "no `{` is open here: take it out, or look for one that is closed too soon"
+            hint = "remove it, or look for a `{` that is closed too early: no `{` is open here"
             self.report("unexpected-token", "unexpected `}`", lexeme, hint)
             return
         meant = habit(self._grammar, self._stack.states, self._lexemes, index)
@@ -228,7 +230,7 @@ class Reports:
         self.report("unexpected-token", f"unexpected `{shown}`", lexeme, meant)
 
     def foreign(self, index: int) -> Level | None:
-        """The statement under way, if a keyword of other places starts it, with a word after it."""
+        """Return the level of the current statement if it starts with a misplaced keyword and a word, else None."""
         level = next(self._stack.levels(), None)
         if level is None or level.begin < 0 or level.begin not in {index - 1, index - 2}:
             return None
@@ -240,7 +242,7 @@ class Reports:
         return level if self._stack.resolve(states, level.begin) == "NAME" else None
 
     def _meant(self, index: int) -> str | None:
-        """The keyword that a word resembles, where no name is expected."""
+        """Return a hint with a keyword similar to the word; None if a name is allowed here or none is similar."""
         lexeme = self._lexemes[index]
         states = self._stack.states
         if lexeme.kind != "NAME" or self._grammar.accepts(states, "NAME") or len(lexeme.value) <= 2:
@@ -248,7 +250,7 @@ class Reports:
         return did_you_mean(lexeme.value, self.words(states))
 
     def _escape_hint(self, index: int) -> str | None:
-        """For a keyword where a name is expected."""
+        """Return a hint to write `^` before a keyword that is used as a name; None if this is not the mistake."""
         lexeme = self._lexemes[index]
         keyword = lexeme.kind == "NAME" and not lexeme.escaped and lexeme.value in self._grammar.core.keywords
         if keyword and "NAME" in self._grammar.expected(self._stack.states):
@@ -256,16 +258,16 @@ class Reports:
         return None
 
     def expectation(self, states: list[int] | None = None) -> str:
-        """Return what may come next, in plain words."""
+        """Return a text that lists the terminals accepted next, by default after the current states."""
         return expectation(self._grammar, self._stack.states if states is None else states)
 
     def words(self, states: list[int]) -> list[str]:
-        """The keywords that may come next; `and` is only read to be refused."""
+        """Return the keywords that are accepted next, without `and`, which the grammar accepts only to report it."""
         words = self._grammar.core.keywords.items()
         return [word for word, terminal in words if word != "and" and self._grammar.accepts(states, terminal)]
 
     def _replaced(self, missing: Lexeme) -> bool:
-        """Whether a character that means nothing stands where a sign is missing: then that is what to write for it."""
+        """Return True if an invalid character replaces the missing sign, and add the sign to its hint."""
         for place, one in enumerate(self._lexical):
             if one.code != "stray-character" or one.span is None or one.span.start < missing.start:
                 continue
@@ -277,9 +279,9 @@ class Reports:
     def report(
         self, code: str, message: str, lexeme: Lexeme, hint: str | None, notes: tuple[Note, ...] = ()
     ) -> None:
-        """Reports a mistake, unless a misspelt token explains it."""
+        """Report a mistake, unless a misspelt token explains it."""
         span = self._stack.span(lexeme)
-        # A misspelt token has been reported already; that it does not fit is its consequence.
+        # If a misspelt token has been reported here, this mistake is its consequence.
         before = self._source.span(self._stack.previous_end, lexeme.end)
         if code == "missing-token" and self._replaced(lexeme):
             return

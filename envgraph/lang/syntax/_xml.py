@@ -1,8 +1,8 @@
-"""XML with the place of everything in it: what `.ecore` and `.xmi` files have in common.
+"""Parse XML with the positions of all its parts, for `.ecore` and `.xmi` files.
 
-The parser is expat, which comes with Python and knows where it is. lxml, below pyecore, knows lines alone, and stops at
-nothing that a file asks it to fetch. A document type is refused before anything in it is read: no entity is ever
-expanded, and nothing is fetched.
+The parser is Python's expat, which reports byte positions. lxml, used by pyecore, reports only lines, and fetches
+external files that a text names. A document type is refused before it is read, so that no entity is ever expanded and
+no file is fetched.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from envgraph.errors import RAISE_LIMIT, Diagnostic, LoadError, Note, Source, Sp
 XSI = "http://www.w3.org/2001/XMLSchema-instance"
 XMI = "http://www.omg.org/XMI"
 
-# Other codecs of Python are no encodings of text (`rot13`, `zip`), or cannot be told apart from attacks (`utf-7`).
+# Python's other codecs are not text encodings (`rot13`, `zip`), or can hide attacks (`utf-7`).
 _ENCODINGS = re.compile(
     r"utf[-_]?8|(us[-_]?)?ascii|utf[-_]?16([-_]?[lb]e)?|iso[-_]?8859[-_]\d+|latin[-_]?1|windows[-_]?\d+|cp\d+|koi8[-_][ru]"
     r"|gb\d+|gbk|big5|shift[-_]?jis|euc[-_](jp|kr)",
@@ -33,15 +33,15 @@ _ATTRIBUTE = re.compile(r"\s+([^\s=/>]+)\s*=\s*(\"[^\"]*\"|'[^']*')")
 _NAME = re.compile(r"[^\s/>]*")
 _WORD = re.compile(r"\S+")
 _FOLLOWING = bytes(range(0x80, 0xC0))
-"""The bytes of UTF-8 that begin no character."""
+"""The continuation bytes of UTF-8."""
 _BLOCK = 1024
 
 
 def xml_source(name: str, data: bytes) -> Source:
-    """The text of an XML file, by its byte order mark or the encoding that it declares; else it is UTF-8.
+    """Return the text of an XML file, decoded by its byte order mark or declared encoding, else as UTF-8.
 
     Raises:
-        LoadError: the encoding is unknown, or a byte is none of its.
+        LoadError: the encoding is unknown, or a byte is invalid in it.
     """
     for mark, encoding in (
         (b"\xef\xbb\xbf", "utf-8"),
@@ -61,12 +61,12 @@ def xml_source(name: str, data: bytes) -> Source:
         message = f"unknown encoding `{declared}`"
         hint = 'save the file as UTF-8, and write `encoding="UTF-8"`'
         raise LoadError.of("unknown-encoding", message, source.span(*found.span(1)), hint)
-    # A file in UTF-16 was recognised above: this one only says that it is.
+    # UTF-16 was detected above by its bytes, so a declared `utf...` is UTF-8 here.
     return Source(name, decoded(name, data, "utf-8" if declared.lower().startswith("utf") else declared))
 
 
 def as_utf8(text: str) -> str:
-    """The text as it can be kept in UTF-8: it says no longer that it is in another encoding."""
+    """Return the text with a declaration of another encoding changed to UTF-8."""
     found = _DECLARED_TEXT.match(text[:1000])
     if found is None or found.group(2).upper() == "UTF-8":
         return text
@@ -82,10 +82,10 @@ def _known(encoding: str) -> bool:
 
 
 def decoded(name: str, data: bytes, encoding: str) -> str:
-    """The text of a file.
+    """Return the text of a file.
 
     Raises:
-        LoadError: a byte is none of the encoding; it is shown in its surroundings, since what comes before is fine.
+        LoadError: a byte is invalid in the encoding; the diagnostic shows it with the text around it.
     """
     try:
         return data.decode(encoding)
@@ -102,9 +102,9 @@ def decoded(name: str, data: bytes, encoding: str) -> str:
 
 @dataclass(slots=True)
 class XmlPlaces:
-    """Where the tags of a text stand, by the byte at which they begin in UTF-8, as expat counts.
+    """The positions of the tags of an XML text, found by the offset of their first byte in UTF-8, as expat reports it.
 
-    Spans are worked out when they are wanted: an `.xmi` file has hundreds of thousands, and few are shown.
+    Spans are computed on request: an `.xmi` file has hundreds of thousands of tags, and few are shown.
     """
 
     source: Source
@@ -121,12 +121,12 @@ class XmlPlaces:
         self._plain = len(self.data) == len(self.source.text)
 
     def forget(self) -> None:
-        """Frees what is not needed once the text is read."""
+        """Free the memory that is only needed while the text is parsed."""
         if self._plain:
             self.data = b""
 
     def offset(self, byte: int) -> int:
-        """The character at a byte."""
+        """Return the character offset of a byte offset."""
         if self._plain:
             return byte
         if not self._blocks:
@@ -139,7 +139,7 @@ class XmlPlaces:
         return self._blocks[block] + len(self.data[block * _BLOCK : byte].translate(None, _FOLLOWING))
 
     def tag(self, byte: int) -> Span:
-        """The name of the tag that begins at a byte."""
+        """Return the span of the name of the tag that begins at a byte."""
         start = self.offset(byte) + 1
         if self.source.text[start : start + 1] == "/":
             start += 1
@@ -147,7 +147,7 @@ class XmlPlaces:
         return self.source.span(start, found.end() if found else start)
 
     def attribute(self, byte: int, name: str, part: str | None = None) -> Span:
-        """The value of an attribute of a tag, or a word in it; the tag if it has no such attribute."""
+        """Return the span of an attribute's value, or of the word `part` in it; else of the tag."""
         found = self._attributes(byte).get(name)
         if found is None:
             return self.tag(byte)
@@ -156,16 +156,16 @@ class XmlPlaces:
         place = self._words_of(byte, name, start, end).get(part) if part and not one_word else None
         if place:
             return Span(self.source, *place)
-        # An empty value is shown by its quotes.
+        # The span of an empty value is its quotes.
         return Span(self.source, start, end) if end > start else Span(self.source, start - 1, end + 1)
 
     def name_of(self, byte: int, name: str) -> Span:
-        """The name of an attribute of a tag."""
+        """Return the span of an attribute's name; of the tag if it has no such attribute."""
         found = self._attributes(byte).get(name)
         return self.source.span(*found.span(1)) if found else self.tag(byte)
 
     def _attributes(self, byte: int) -> Mapping[str, re.Match[str]]:
-        """The attributes of a tag; those of the last one are kept, since all of them may be asked for in turn."""
+        """Return the attributes of a tag, as regular expression matches; the last tag is cached for repeated calls."""
         if byte != self._tag:
             self._tag, self._found = byte, {}
             at = self.tag(byte).end
@@ -175,7 +175,7 @@ class XmlPlaces:
         return self._found
 
     def _words_of(self, byte: int, name: str, start: int, end: int) -> Mapping[str, tuple[int, int]]:
-        """Return where each word of a value stands first."""
+        """Return the first position of each word in an attribute's value."""
         if (byte, name) != self._value:
             self._value, self._words = (byte, name), {}
             for found in _WORD.finditer(self.source.text, start, end):
@@ -184,20 +184,20 @@ class XmlPlaces:
 
 
 _MOST_OPEN: Final = 100_000
-"""Tags inside each other above which a file is not read."""
+"""Maximal nesting of tags; deeper files are refused."""
 _MOST_TAGS: Final = 100_000
-"""Tags in a file above which no tree is made of it; UML's own metamodel has 10,000."""
+"""Maximal number of tags in a file that is read as a tree; the metamodel of UML has 10,000."""
 
 
 class Stop(Exception):
-    """Raised by a handler that wants no more of the text."""
+    """An exception that a handler raises to end the parse early without an error."""
 
 
 class Reader:
-    """One reading of one text.
+    """A single pass of expat over a text.
 
     Attributes:
-        open: the tags that are open, with the byte at which each begins.
+        open: the open tags, each with the byte offset at which it begins.
     """
 
     def __init__(self, places: XmlPlaces) -> None:
@@ -209,7 +209,7 @@ class Reader:
 
     @property
     def at(self) -> int:
-        """The byte at which what is just being read begins."""
+        """Return the byte offset of the item that is being parsed."""
         return self._parser.CurrentByteIndex
 
     def read(
@@ -218,16 +218,16 @@ class Reader:
         end: Callable[[str], object],
         text: Callable[[str], None],
     ) -> Diagnostic | None:
-        """Reads the text; says why it is no XML, or None.
+        """Parse the text and call handlers; return a diagnostic if it is not valid XML, else None.
 
         Args:
-            start: called with a tag and its attributes.
-            end: called at the end of a tag.
+            start: called with the name and the attributes of each start tag.
+            end: called with the name of each end tag.
             text: called with text between tags.
         """
         source = self.places.source
         if not source.text.strip():
-            hint = "`envgraph convert` writes `.ecore` and `.xmi` files"
+            hint = "write `.ecore` and `.xmi` files with `envgraph convert`"
             return Diagnostic("empty-file", "the file is empty", source.span(0, 0), hint)
         parser = self._parser
         parser.StartElementHandler = start
@@ -245,7 +245,7 @@ class Reader:
         return None
 
     def begin(self, tag: str) -> int:
-        """Notes a tag that is open now; the byte at which it begins. Handlers call it for each."""
+        """Record an open tag, and return the byte offset where it begins. Each start handler must call this."""
         byte = self._parser.CurrentByteIndex
         self.open.append((tag, byte))
         if len(self.open) > self._most_open:
@@ -253,7 +253,7 @@ class Reader:
         return byte
 
     def refuse(self, code: str, message: str) -> NoReturn:
-        """A limit is passed at the innermost open tag."""
+        """Raise an error that a limit is exceeded at the innermost open tag."""
         place = self.places.tag(self.open[-1][1])
         raise LoadError.of(code, message, place, RAISE_LIMIT)
 
@@ -261,8 +261,10 @@ class Reader:
         text = self.places.source.text
         start = max(text.rfind("<!DOCTYPE", 0, self.places.offset(self.at) + 1), 0)
         span = self.places.source.span(start, start + len("<!DOCTYPE"))
-        hint = "leave it out, and write what its entities stand for"
-        message = "a document type is not read: it could name other files, or entities without end"
+        hint = "remove it, and replace its entities by their values"
+        message = (
+            "a document type is not allowed, because it could refer to other files or define endless entities"
+        )
         raise LoadError.of("document-type", message, span, hint)
 
     def _malformed(self, error: expat.ExpatError) -> Diagnostic:
@@ -276,7 +278,7 @@ class Reader:
             return self._unclosed(span)
         message, hint = _WORDS.get(word, (f"this is not XML: {word}", None))
         if span.text and not span.text.isprintable() and word.startswith("not well-formed"):
-            message, hint = f"`{repr(span.text)[1:-1]}` cannot stand in XML", "take the character out"
+            message, hint = f"`{repr(span.text)[1:-1]}` is not allowed in XML", "remove the character"
         return Diagnostic("syntax", message, span, hint)
 
     def _mismatched(self, start: int) -> Diagnostic:
@@ -301,27 +303,27 @@ _WORDS: Mapping[str, tuple[str, str | None]] = {
         "this is not XML",
         "write `&lt;` for `<` and `&amp;` for `&` in a text",
     ),
-    "syntax error": ("this is not XML", "an XML file begins with a tag"),
+    "syntax error": ("this is not XML", "begin the file with a tag"),
     "no element found": (
         "the file has no XML element",
-        "an XML file is one element, with tags and texts in it",
+        "write one element that contains all tags and texts",
     ),
     "unclosed token": (
         "this is never closed",
-        "a tag ends with `>`, a comment with `-->`, a value with the quotation mark it began with",
+        "close a tag with `>`, a comment with `-->`, a value with the quotation mark at its start",
     ),
-    "duplicate attribute": ("this attribute stands here twice", "leave one out"),
+    "duplicate attribute": ("this attribute is given twice", "leave one out"),
     "undefined entity": (
         "unknown entity",
-        "XML knows `&lt;`, `&gt;`, `&amp;`, `&quot;`, `&apos;` and `&#38;`",
+        "use only `&lt;`, `&gt;`, `&amp;`, `&quot;`, `&apos;` and numbers such as `&#38;`",
     ),
     "junk after document element": (
-        "the file goes on after its only element",
+        "the file continues after the end of its root element",
         "put everything into one element, such as `<xmi:XMI>`",
     ),
     "XML or text declaration not at start of entity": (
-        "`<?xml ...?>` is the first thing in a file",
-        "take out what stands before it, blanks included",
+        "`<?xml ...?>` must be at the very start of the file",
+        "remove all text before it, blanks included",
     ),
     "unbound prefix": ("this prefix is not declared", 'write `xmlns:prefix="..."` in the first tag'),
 }
@@ -329,7 +331,15 @@ _WORDS: Mapping[str, tuple[str, str | None]] = {
 
 @dataclass(slots=True, eq=False)
 class Element:
-    """A tag with what is inside; `byte` is where it begins, `scope` the namespaces by prefix, `name` has no prefix."""
+    """An XML element.
+
+    Attributes:
+        tag: the name of the tag, with its prefix.
+        name: the name without its prefix.
+        byte: the byte offset of the tag.
+        scope: the namespaces declared here and around, by prefix.
+        text: the text directly inside.
+    """
 
     tag: str
     name: str
@@ -340,16 +350,16 @@ class Element:
     text: str = ""
 
     def get(self, name: str) -> str:
-        """The value of an attribute, "" if it is not there."""
+        """Return the value of an attribute; "" if the attribute is missing."""
         return self.attributes.get(name, "")
 
     @property
     def namespace(self) -> str | None:
-        """What the prefix of the tag stands for; None without one."""
+        """Return the namespace of the tag's prefix; None if the prefix is not declared."""
         return self.scope.get(self.tag.rpartition(":")[0])
 
     def qualified(self, name: str, *namespaces: str) -> str | None:
-        """The attribute of this name in one of the namespaces, as it is written (`xsi:type`)."""
+        """Return the key (such as `xsi:type`) of the attribute with this name in one of the namespaces, or None."""
         for key in self.attributes:
             prefix, _, local = key.rpartition(":")
             if local == name and prefix and self.scope.get(prefix, "") in namespaces:
@@ -358,7 +368,7 @@ class Element:
 
 
 def read_tree(places: XmlPlaces) -> tuple[Element | None, Diagnostic | None]:
-    """The root of a text, or why it is no XML."""
+    """Parse a text into a tree; return its root and None, or None and a diagnostic if it is not valid XML."""
     reader = Reader(places)
     roots: list[Element] = []
     path: list[Element] = []
@@ -388,5 +398,5 @@ def read_tree(places: XmlPlaces) -> tuple[Element | None, Diagnostic | None]:
 
 
 def namespaces(attributes: Mapping[str, str]) -> dict[str, str]:
-    """The namespaces that a tag declares, by prefix; "" is for tags without one."""
+    """Return the namespaces that a tag declares, by prefix; "" is the prefix of the default namespace."""
     return {key[6:]: value for key, value in attributes.items() if key == "xmlns" or key.startswith("xmlns:")}

@@ -1,1 +1,1 @@
-"""Data to text."""
+"""Write models, patterns, rules and units as text."""

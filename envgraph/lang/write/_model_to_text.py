@@ -1,4 +1,4 @@
-"""Models as text: a `.model` file, with every object inside the one that contains it."""
+"""Write models as `.model` files, with each object nested inside its container."""
 
 from __future__ import annotations
 
@@ -17,18 +17,19 @@ _NAME = re.compile(r"[^\W\d]\w*")
 
 
 def model_to_text(model: Model, imports: Iterable[str] = ()) -> str:
-    """A `.model` file that says a model.
+    """Return the text of a `.model` file that describes a model.
 
-    Read again it has the same objects, values and links. Ids are those of the order of the text, and a list at the
-    other end of two opposite references may be in another order. An object that others refer to has a name, also
-    where it had none; `plot[3, 1]`, the name of an object of a grid, becomes `plot_3_1`.
+    A model read from the text has the same objects, values and links. Its ids follow the order of the text. The order
+    of links at the other end of two opposite references may change. Objects that are referred to get a name if they
+    have none. The grid object `plot[3, 1]` is named `plot_3_1`.
 
     Args:
-        model: any state of it.
-        imports: paths of the files that the text imports; the metamodel is in one of them.
+        model: the model, in its current state.
+        imports: paths of the files that the text imports; the metamodel must be in one of them.
 
     Raises:
-        InvalidArgument: there is no text for a class of two packages, or for an infinite number.
+        InvalidArgument: the text cannot express a class name that two packages share, an invalid name, or an infinite
+            number.
 
     >>> from envgraph.metamodel import Class, Metamodel
     >>> print(model_to_text(Model(Metamodel("city", (Class("House"),)), "empty"), ["city.metamodel"]), end="")
@@ -77,7 +78,7 @@ class _Writer:
         )
 
     def _links(self, node: int) -> list[Reference]:
-        """References of which the text says the targets: not to what is inside or around, and one of two opposites."""
+        """Return the references that are written with their targets: no containments, one of two opposites."""
         model, metamodel = self._model, self._model.metamodel
         found = []
         for feature in metamodel.features(model.graph.class_of(node)).values():
@@ -97,7 +98,8 @@ class _Writer:
         model, cls = self._model, self._model.graph.class_of(node)
         if cls != simple_name(cls):
             raise InvalidArgument(
-                f"a `.model` file has no name for the class `{cls}` of two packages: write .xmi or .json"
+                f"a `.model` file cannot name the class `{cls}`, because two packages have a class of this name: "
+                "write .xmi or .json"
             )
         name = self._names.get(node)
         yield f"{self._word(name)} : {cls} {{" if name else f"{cls} {{"
@@ -139,5 +141,5 @@ def _value(attribute: Attribute, value: Value) -> str:
     if isinstance(value, str):
         return string(value)
     if not isfinite(value):
-        raise InvalidArgument(f"`{attribute}` is {value}, which a `.model` file cannot say: write .json")
+        raise InvalidArgument(f"`{attribute}` is {value}, which a `.model` file cannot contain: write .json")
     return repr(value)

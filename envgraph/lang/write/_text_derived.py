@@ -1,4 +1,4 @@
-"""What derivations stand for, in words that a text can have."""
+"""Rewrite derived rules and patterns so that they can be written as text."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ _Side = TypeVar("_Side", Body, LeftSide)
 
 
 def spelled_out(definitions: Iterable[_Definition], metamodel: Metamodel) -> tuple[_Definition, ...]:
-    """Derived rules, or the patterns that they call, with names and conditions that `to_text` can say.
+    """Return derived rules, or the patterns that they call, with names and conditions that `to_text` can write.
 
-    `wiring.add.Router.links` is called `wiring_add_Router_links`; that an object is of exactly one class is said by a
-    negation for each subclass. They match and do the same. Private patterns are no longer private, since rules and
-    patterns are of two files.
+    `wiring.add.Router.links` is renamed to `wiring_add_Router_links`. An exact type becomes a type condition and a
+    negation for each subclass. The results match and do the same. Private patterns become public, because rules and
+    patterns are written to two files.
 
     >>> from envgraph.metamodel import Class
     >>> from envgraph.pattern import Derivation
@@ -60,7 +60,7 @@ class _Spelling:
                 self._below.setdefault(above, []).append(cls.name)
 
     def definition(self, one: _Definition) -> _Definition:
-        """A pattern or a rule."""
+        """Return a pattern or a rule with expressible names and conditions."""
         if isinstance(one, Pattern):
             bodies = tuple(self._side(body) for body in one.bodies)
             return replace(one, name=_plain(one.name), bodies=bodies, private=False)

@@ -1,4 +1,4 @@
-"""Data to text: graphs, rules, units, derivations."""
+"""Write graphs, rules, units and derivations as text."""
 
 from __future__ import annotations
 
@@ -53,13 +53,18 @@ from envgraph.pattern import (
 
 @dataclass(slots=True)
 class Chain:
-    """`a : T -r-> b <-s- c`: vertices, and between any two of them an edge that leads to the next one or from it."""
+    """A path of nodes and arrows, `a : T -r-> b <-s- c`.
+
+    Attributes:
+        vertices: the nodes, in order.
+        edges: the edges between neighbouring nodes; the bool is True if the edge leads forward.
+    """
 
     vertices: list[Node]
     edges: list[tuple[Edge, bool]] = field(default_factory=list)
 
     def as_create(self) -> Create:
-        """Return what `create` and the chain say."""
+        """Return the `Create` action that the parser reads from `create` and this chain."""
         nodes: dict[str, Node] = {}
         for vertex in self.vertices:
             if vertex.name != "_":
@@ -69,7 +74,7 @@ class Chain:
 
 
 class _Chains:
-    """Chains that mention the nodes and have the edges of a graph, both in their order."""
+    """A builder of chains that contain all nodes and edges of a graph, in their order."""
 
     def __init__(self, nodes: Sequence[Node], edges: Sequence[Edge]) -> None:
         self.found: list[Chain] = []
@@ -87,7 +92,7 @@ class _Chains:
         self.found.append(Chain([node]))
 
     def _next(self, names: Sequence[str]) -> bool:
-        """Return whether the nodes among these that are new come next, in this order."""
+        """Return True if the undeclared nodes among `names` are the next nodes to be declared, in this order."""
         new = [name for name in dict.fromkeys(names) if name != "_" and name not in self._known]
         return [node.name for node in self._waiting[: -len(new) - 1 : -1]] == new if new else True
 
@@ -116,12 +121,12 @@ class _Chains:
 
 
 def chains(nodes: Sequence[Node], edges: Sequence[Edge]) -> list[Chain]:
-    """A graph as chains."""
+    """Return the chains that write a graph."""
     return _Chains(nodes, edges).found
 
 
 def with_ends(nodes: Sequence[Node], edges: Sequence[Edge]) -> tuple[Node, ...]:
-    """The nodes, and those ends of edges that are not among them: an arrow mentions its ends."""
+    """Return the nodes, and a node for each end of an edge that is not among them, since an arrow mentions its ends."""
     known = {node.name: node for node in nodes}
     ends = {name: Node(name) for edge in edges for name in (edge.source, edge.target) if name != "_"}
     return (*nodes, *(node for name, node in ends.items() if name not in known))
@@ -131,10 +136,10 @@ def with_ends(nodes: Sequence[Node], edges: Sequence[Edge]) -> tuple[Node, ...]:
 
 
 class RuleText(TermText):
-    """Writes one definition of a `.rules` file."""
+    """A writer of the text of one definition in a `.rules` file."""
 
     def definition(self, one: Rule | Unit | Derivation) -> str:
-        """A rule, unit or derivation with its comment and annotations."""
+        """Return the text of a rule, unit or derivation with its doc comment and annotations."""
         marks = "".join(f"{self.annotation(mark)}\n" for mark in annotations_of(one))
         return self.doc(one.doc) + marks + self._definition(one)
 
@@ -155,7 +160,9 @@ class RuleText(TermText):
                 classes = ", ".join(map(self.type, one.classes))
                 return f"derive {self.name(name)} = retype among {{ {classes} }};"
         if len(one.classes) != 1:
-            self.refuse("there are operators for one class at a time")
+            self.refuse(
+                f"`{one.name}` derives operators for {len(one.classes)} classes, but must name one class"
+            )
         return f"derive {self.name(one.name)} = operators for {self.type(one.classes[0])};"
 
     # --- graphs
@@ -164,17 +171,17 @@ class RuleText(TermText):
         name = "_" if node.name.startswith("#") else self.name(node.name)
         if node.type is None:
             if node.assignments:
-                self.refuse(f"`{node.name}` has values and no class")
+                self.refuse(f"the node `{node.name}` has values but no class")
             return name
         values = ", ".join(f"{self.name(one.feature)} = {self.values(one.value)}" for one in node.assignments)
         return f"{name} : {self.type(node.type)}" + (f" {{ {values} }}" if values else "")
 
     def values(self, value: Expression | tuple[Expression, ...]) -> str:
-        """An expression, or `[a, b]`."""
+        """Return the text of an expression, or of a list of expressions as `[a, b]`."""
         return f"[{self.expressions(value)}]" if isinstance(value, tuple) else self.expression(value)
 
     def chain(self, chain: Chain) -> str:
-        """Vertices and arrows."""
+        """Return the text of a chain: its nodes with arrows between them."""
         text = self._vertex(chain.vertices[0])
         for (edge, forward), vertex in zip(chain.edges, chain.vertices[1:], strict=True):
             reference = f"{self.name(edge.reference)}{edge.closure}"
@@ -183,20 +190,20 @@ class RuleText(TermText):
         return text
 
     def arrow(self, edge: Edge) -> str:
-        """One edge."""
+        """Return the text of one edge with its two ends."""
         return self.chain(Chain([Node(edge.source), Node(edge.target)], [(edge, True)]))
 
     def left(self, left: LeftSide) -> str:
-        """Return what is in `lhs`, on one line."""
+        """Return the contents of `lhs`, on one line."""
         found = chains(left.nodes, left.edges)
         hidden = [node.name for chain in found for node in chain.vertices if node.name.startswith("#")]
         if len(hidden) > len(set(hidden)):
-            self.refuse("an object without a name stands in one place")
+            self.refuse("a node without a name is used more than once; give it a name")
         graph = [self.chain(chain) for chain in found]
         return " ".join(f"{one};" for one in (*graph, *map(self.condition, left.constraints)))
 
     def right(self, right: RightSide | Modification | None) -> str:
-        """`rhs` or `modify`, or nothing."""
+        """Return the text of `rhs` or `modify`; "" if `right` is None."""
         match right:
             case None:
                 return ""
@@ -206,11 +213,11 @@ class RuleText(TermText):
         return f"rhs {{ {graph}{self.actions(right.actions)} }}"
 
     def actions(self, actions: Iterable[Action]) -> str:
-        """All actions, on one line."""
+        """Return the text of all actions, on one line."""
         return " ".join(f"{self.action(action)};" for action in split(actions))
 
     def action(self, action: Action) -> str:
-        """One action; what is created is one chain."""
+        """Return the text of one action; a `Create` must be a single chain."""
         match action:
             case Create(nodes, edges):
                 return f"create {self.chain(chains(nodes, edges)[0])}"
@@ -232,7 +239,7 @@ class RuleText(TermText):
                 return f"redirect {self.arrow(edge)} to {self.name(target_.name)}"
 
     def block(self, block: Block) -> str:
-        """A nested condition or rule."""
+        """Return the text of a nested condition or nested rule."""
         left = self.left(block.left)
         if block.kind not in _CONDITIONS and left:
             left = f"lhs {{ {left} }}"
@@ -242,15 +249,15 @@ class RuleText(TermText):
     # --- units
 
     def steps(self, step: Step) -> list[str]:
-        """The statements of a step."""
+        """Return the statements of a step, one text for each."""
         match step:
             case Steps(steps):
                 return [text for inner in steps for text in self.steps(inner)]
             case Choice(alternatives):
                 if not alternatives:
-                    self.refuse("a choice without alternatives")
+                    self.refuse("a choice has no alternatives")
                 if len(alternatives) == 1 and not isinstance(alternatives[0], Call):
-                    self.refuse("a choice of one block")
+                    self.refuse("a choice has only one alternative, which is a block")
                 end = ";" if isinstance(alternatives[-1], Call) else ""
                 return [" | ".join(map(self._alternative, alternatives)) + end]
             case Call():
@@ -315,7 +322,7 @@ def _lines(parts: Iterable[str]) -> str:
 
 
 def split(actions: Iterable[Action]) -> list[Action]:
-    """The actions, each `create` of which is one chain."""
+    """Return the actions, with each `Create` divided into one `Create` for each chain."""
     found: list[Action] = []
     for action in actions:
         if isinstance(action, Create):
@@ -326,7 +333,10 @@ def split(actions: Iterable[Action]) -> list[Action]:
 
 
 def annotations_of(one: Rule | Unit | Derivation) -> tuple[Annotation, ...]:
-    """The annotations with what the fields say: a rule built in Python has weights and no annotations."""
+    """Return the annotations of a definition, completed by annotations for fields such as `weight` and `priority`.
+
+    A rule built in Python may have a weight in its field, but no annotation for it.
+    """
     found = [*one.annotations]
     wanted = {"weight": _said(found, "weight", ((one.weight,),), ((1.0,),))}
     if not isinstance(one, Derivation):
@@ -348,7 +358,10 @@ _FIELDS: Final = ("weight", "priority", "semantics", "match", "hom")
 def _said(
     annotations: Iterable[Annotation], name: str, wanted: Sequence[tuple[Value, ...]], usual: Sequence[object]
 ) -> list[Annotation]:
-    """The annotations of a name if they say what is wanted, else others with these arguments."""
+    """Return the existing annotations `name` if they state the `wanted` arguments, else new annotations that do.
+
+    `usual` are the arguments that apply without any annotation.
+    """
     known = [one for one in annotations if one.name == name]
     if (tuple(one.arguments for one in known if one.arguments) or usual) == wanted:
         return known
@@ -357,7 +370,7 @@ def _said(
 
 
 def read_again(one: Rule | Unit | Derivation) -> Rule | Unit | Derivation:
-    """A definition as its text says it."""
+    """Return the definition as the parser would read it from its own text."""
     doc, annotations = plain_doc(one.doc), annotations_of(one)
     match one:
         case Rule():
@@ -375,12 +388,12 @@ def read_again(one: Rule | Unit | Derivation) -> Rule | Unit | Derivation:
 
 
 def left_again(left: LeftSide) -> LeftSide:
-    """A left side as its text says it; the same below for other parts."""
+    """Return a left-hand side as the parser would read it from its own text."""
     return replace(left, nodes=with_ends(left.nodes, left.edges))
 
 
 def right_again(right: RightSide | Modification | None) -> RightSide | Modification | None:
-    """`rhs` or `modify`."""
+    """Return the contents of `rhs` or `modify` as the parser would read them; None if there are none."""
     match right:
         case Modification(actions):
             return replace(right, actions=tuple(split(actions)))
@@ -390,13 +403,13 @@ def right_again(right: RightSide | Modification | None) -> RightSide | Modificat
 
 
 def block_again(block: Block) -> Block:
-    """A nested condition or rule."""
+    """Return a nested condition or rule as the parser would read it from its own text."""
     blocks = tuple(map(block_again, block.blocks))
     return replace(block, left=left_again(block.left), blocks=blocks, right=right_again(block.right))
 
 
 def steps_again(step: Step) -> Steps:
-    """The block of a step: one sequence, without others inside."""
+    """Return the block of a step as the parser would read it: one sequence without nested sequences."""
     parts = step.steps if isinstance(step, Steps) else (step,)
     return Steps(tuple(inner for part in parts for inner in _flat(part)))
 
@@ -435,7 +448,7 @@ def _if(step: If) -> If:
 
 
 def _asked_again(condition: Constraint | Applicable) -> Constraint | Applicable:
-    """Return what an `if` asks, as it is read: a rule with one argument is taken for a type."""
+    """Return the condition of an `if` as it is read: the parser takes a rule with one argument for a type condition."""
     if not isinstance(condition, Applicable) or len(condition.arguments) != 1:
         return condition
     (argument,) = condition.arguments

@@ -1,4 +1,4 @@
-"""Data to text: names, expressions, conditions, annotations."""
+"""Write names, expressions, conditions and annotations as text."""
 
 from __future__ import annotations
 
@@ -45,11 +45,11 @@ _KEYS_OF_NAMES: Final = frozenset({"determines", "forEach", "key"})
 
 
 class TermText:
-    """Writes names, expressions and conditions of one definition.
+    """A writer of the names, expressions and conditions of one definition.
 
     Args:
-        owner: name of the definition, for errors.
-        keywords: words of the language; a name that is one of them gets a `^`.
+        owner: the name of the definition, for error messages.
+        keywords: the keywords of the language. A name equal to a keyword is written with a `^` before it.
     """
 
     def __init__(self, owner: str, keywords: Iterable[str]) -> None:
@@ -57,31 +57,31 @@ class TermText:
         self._keywords = frozenset(keywords)
 
     def refuse(self, reason: str) -> Never:
-        """There is no text for something.
+        """Raise an error that the definition cannot be written as text.
 
         Raises:
             InvalidArgument: always.
         """
-        raise InvalidArgument(f"`{self.owner}` cannot be said in a text: {reason}")
+        raise InvalidArgument(f"`{self.owner}` cannot be written as text: {reason}")
 
     # --- names
 
     def name(self, name: str) -> str:
-        """A simple name."""
+        """Return the text of a name without dots, with a `^` before it if it is a keyword."""
         if not _NAME.fullmatch(name):
-            self.refuse(f"`{name}` is not a name, which has letters, digits and `_`")
+            self.refuse(f"`{name}` is not a name; a name consists of letters, digits and `_`")
         return f"^{name}" if name in self._keywords else name
 
     def type(self, name: str) -> str:
-        """The name of a class or an enum, which may have that of its package before it."""
+        """Return the text of the name of a class or an enum, optionally qualified by its package: `package::Class`."""
         return "::".join(map(self.name, name.split("::", 1)))
 
     def qualified(self, name: str) -> str:
-        """A name with dots."""
+        """Return the text of a dotted name."""
         return ".".join(map(self.name, name.split(".")))
 
     def parameters(self, parameters: Sequence[Parameter]) -> str:
-        """`(in a : T, b)`."""
+        """Return the text of parameters, such as `(in a : T, b)`."""
         return f"({', '.join(map(self._parameter, parameters))})"
 
     def _parameter(self, one: Parameter) -> str:
@@ -92,7 +92,7 @@ class TermText:
     # --- values and expressions
 
     def value(self, value: Value | None) -> str:
-        """A number, truth value, string or `none`."""
+        """Return the text of a number, bool or string; `none` for None."""
         match value:
             case None:
                 return "none"
@@ -101,11 +101,11 @@ class TermText:
             case str():
                 return string(value)
             case float() if not isfinite(value):
-                self.refuse(f"`{value}` is not a number of the language")
+                self.refuse(f"the number `{value}` is not finite")
         return repr(value)
 
     def expression(self, expression: Expression, level: int = 0) -> str:
-        """An expression, in brackets if it binds less tightly than its place wants."""
+        """Return the text of an expression, in parentheses if its precedence is lower than `level`."""
         own, text = self._expression(expression)
         return f"({text})" if own < level else text
 
@@ -114,7 +114,7 @@ class TermText:
             case Variable(name):
                 return _POSTFIX, self.name(name)
             case Constant(value):
-                # A number has no features, nor has `-3`: in brackets they are at least read.
+                # A number has no features, and neither has `-3`. In parentheses the text can at least be parsed.
                 numeric = isinstance(value, int | float) and not isinstance(value, bool)
                 return _UNARY if numeric else _POSTFIX, self.value(value)
             case EnumLiteral():
@@ -136,24 +136,24 @@ class TermText:
     def _binary(self, one: Binary) -> tuple[int, str]:
         own = LEVELS.get(one.operator)
         if own is None:
-            self.refuse(f"`{one.operator}` is no operator")
+            self.refuse(f"`{one.operator}` is not an operator of the language")
         first, links = one.chain()
         parts = [self.expression(first, own + (own == ORDERINGS))]
         parts += [f" {link.operator} {self.expression(link.right, own + 1)}" for link in links]
         return own, "".join(parts)
 
     def expressions(self, expressions: Iterable[Expression]) -> str:
-        """Several, with commas."""
+        """Return the texts of expressions, separated by commas."""
         return ", ".join(map(self.expression, expressions))
 
     def literal(self, one: EnumLiteral) -> str:
-        """`Enum::literal` or `::literal`."""
+        """Return the text of an enum literal, `Enum::literal` or `::literal`."""
         return f"{self.type(one.enum) if one.enum is not None else ''}::{self.name(one.literal)}"
 
     # --- conditions
 
     def term(self, term: Term) -> str:
-        """Return what may stand where a variable may."""
+        """Return the text of a term, such as a variable, `eval(..)`, `count find ..` or `#`."""
         match term:
             case Evaluation(expression):
                 return f"eval({self.expression(expression)})"
@@ -164,26 +164,28 @@ class TermText:
         return self.expression(term)
 
     def terms(self, terms: Iterable[Term]) -> str:
-        """Several, with commas, in brackets."""
+        """Return the texts of terms, separated by commas, in parentheses."""
         return f"({', '.join(map(self.term, terms))})"
 
     def relation(self, relation: Relation) -> str:
-        """`Type(x)`, `Type.f(x, y)` or `find p(..)`."""
+        """Return the text of `Type(x)`, `Type.f(x, y)` or `find p(..)`."""
         match relation:
             case TypeConstraint(type_, term, exact):
                 if exact:
-                    self.refuse(f"nothing says that `{self.term(term)}` is a `{type_}` and of no subclass")
+                    self.refuse(
+                        f"no condition requires that `{self.term(term)}` is a `{type_}` but of no subclass"
+                    )
                 return f"{self.type(type_)}{self.terms((term,))}"
             case PathConstraint(type_, features, source, target, closure):
                 if not type_ or not features:
-                    self.refuse("a path has a class and features")
+                    self.refuse("a path needs a class and at least one feature")
                 path = ".".join((self.type(type_), *map(self.name, features)))
                 return f"{path}{closure.value}{self.terms((source, target))}"
             case PatternCall(pattern, arguments, closure):
                 return f"find {self.qualified(pattern)}{closure.value}{self.terms(arguments)}"
 
     def condition(self, condition: Constraint) -> str:
-        """One condition, without its `;`."""
+        """Return the text of one condition, without the `;` behind it."""
         match condition:
             case Negation(relation):
                 return f"neg {self.relation(relation)}"
@@ -196,7 +198,7 @@ class TermText:
     # --- annotations and comments
 
     def annotation(self, annotation: Annotation) -> str:
-        """`@name(1, key = "v")`."""
+        """Return the text of an annotation, such as `@name(1, key = "v")`."""
         names = annotation.name in _OF_NAMES
         found = [self._argument(value, names) for value in annotation.arguments]
         for key, pairs in groupby(annotation.named, key=lambda pair: pair[0]):
@@ -211,12 +213,12 @@ class TermText:
         return self.value(value)
 
     def doc(self, doc: str | None) -> str:
-        """The comment before a definition, with the end of its line."""
+        """Return the text of a doc comment with a line break at the end; "" if there is no comment."""
         doc = plain_doc(doc)
         if doc is None:
             return ""
         if "*/" in doc:
-            self.refuse("a comment ends at the first `*/`")
+            self.refuse("its comment contains `*/`, which would end the comment")
         lines = doc.split("\n")
         if len(lines) == 1 and not doc.startswith("*"):
             return f"/** {doc} */\n" if doc else "/** */\n"
@@ -224,7 +226,7 @@ class TermText:
 
 
 def string(text: str) -> str:
-    """A string as the languages have it, between double quotes.
+    r"""Return a string literal of the languages, in double quotes.
 
     >>> print(string('a "b"'))
     "a \\"b\\""
@@ -239,7 +241,7 @@ def _printable(character: str) -> str:
 
 
 def plain_doc(doc: str | None) -> str | None:
-    """A doc comment as it is read again: without blanks at the ends of its lines, and around all of it."""
+    """Return a doc comment as the parser would read it: without blanks around it and at the ends of its lines."""
     if doc is None:
         return None
     return "\n".join(line.expandtabs().rstrip() for line in doc.split("\n")).strip()

@@ -1,4 +1,4 @@
-"""Definitions as text: functions and patterns as a `.query` file, rules, units and derivations as a `.rules` file."""
+"""Write functions and patterns as `.query` files, and rules, units and derivations as `.rules` files."""
 
 from __future__ import annotations
 
@@ -23,24 +23,25 @@ Definition = Pattern | Rule | Unit | Derivation | FunctionDeclaration
 
 
 def to_text(*definitions: Definition, imports: Iterable[str] = ()) -> str:
-    """A file that says the definitions; what is read from it is equal to them.
+    """Return the text of a file with the given definitions; definitions read from the text equal the given ones.
 
-    Text and data differ in what means nothing. Read again, a rule has its weight, priority, semantics and homomorphic
-    names in its annotations too; the ends of arrows are among its nodes; a `Create` that is no single chain of arrows
-    is several; a unit is one sequence, without sequences in it; a comment has no blanks at the ends of its lines.
+    Equal here ignores differences without meaning. A rule read from text repeats weight, priority, semantics and
+    homomorphic names in its annotations. The ends of its edges are among its nodes. A `Create` that is not a single
+    chain of arrows becomes several. A unit is one flat sequence. Lines of a comment have no trailing blanks.
 
     Args:
-        definitions: patterns and declarations of functions, or rules, units and derivations; of one package.
+        definitions: patterns and declarations of functions; or rules, units and derivations. All must be in one
+            package.
         imports: paths of the files that the text imports.
 
     Returns:
-        The text of a `.query` file for patterns and functions (these come first), else of a `.rules` file, in the style
-        of `format_text`.
+        The text of a `.query` file for patterns and functions (functions come first), else of a `.rules` file, in the
+        style of `format_text`.
 
     Raises:
-        InvalidArgument: there is no text for a definition. So it is with names that are none (those of derived rules
-            have dots), exact types, paths without a class, numbers that are infinite or longer than 64 bits, choices
-            among other steps than calls. Or patterns are mixed with others, or packages.
+        InvalidArgument: the text of a definition does not exist. This concerns invalid names (names of derived rules
+            contain dots), exact types, paths without a class, infinite numbers, ints of more than 64 bits, and choices
+            between steps that are not calls. Or patterns are mixed with rules, or the packages differ.
 
     >>> from envgraph.pattern import LeftSide, Modification, Node, Retype, Rule, Variable
     >>> burn = Rule(
@@ -65,7 +66,7 @@ def to_text(*definitions: Definition, imports: Iterable[str] = ()) -> str:
     packages = {one.package: None for one in definitions[len(functions) :]}
     if len(packages) > 1:
         names = ", ".join(f"`{name}`" if name else "none" for name in packages)
-        raise InvalidArgument(f"a text has one package, and the definitions are of several: {names}")
+        raise InvalidArgument(f"the definitions are of several packages ({names}): write one file for each")
     terms = TermText("the file", keywords)
     package = next(iter(packages), "")
     head = f"package {terms.qualified(package)}\n\n" if package else ""
@@ -82,7 +83,7 @@ def to_text(*definitions: Definition, imports: Iterable[str] = ()) -> str:
 def _language(definitions: Sequence[Definition]) -> str:
     patterns = [one for one in definitions if isinstance(one, Pattern | FunctionDeclaration)]
     if patterns and len(patterns) < len(definitions):
-        raise InvalidArgument("patterns are written to another file than rules, units and derivations")
+        raise InvalidArgument("patterns and rules cannot be written to one file: write one file for each")
     return "query" if patterns else "rules"
 
 
@@ -98,7 +99,7 @@ def _definition(one: Definition, keywords: Iterable[str]) -> str:
 
 def _pattern(one: Pattern, text: TermText) -> str:
     if not one.bodies:
-        text.refuse("a pattern has a body")
+        text.refuse("the pattern has no body")
     marks = "".join(f"{text.annotation(annotation)}\n" for annotation in one.annotations)
     words = "".join(f"{word} " for word in ("private" if one.private else "", one.strategy or "") if word)
     bodies = " or ".join(_body(body, text) for body in one.bodies)
@@ -111,7 +112,7 @@ def _body(body: Body, text: TermText) -> str:
 
 
 def _unescaped(grammar: Grammar, text: str) -> str:
-    """The text without each `^` before a word that is no keyword where it stands."""
+    """Return the text without the `^` before words that are no keywords at their position."""
     source = Source("<text>", text)
     stack = ParseStack(grammar, source, grammar.core.scan(source).lexemes)
     parts, end, index = [], 0, 0
@@ -122,7 +123,7 @@ def _unescaped(grammar: Grammar, text: str) -> str:
             parts.append(text[end : lexeme.start])
             end = lexeme.start + 1
         terminal = stack.resolve(stack.states, index) or stack.split(stack.states, index)
-        if terminal is None or terminal == END:  # where it cannot be read, the formatter says so
+        if terminal is None or terminal == END:  # the formatter reports texts that cannot be parsed
             return "".join((*parts, text[end:]))
         grammar.shift(stack.states, terminal)
         index += 1
@@ -132,9 +133,9 @@ def _unescaped(grammar: Grammar, text: str) -> str:
 
 
 def _assert_equal(definitions: Sequence[Definition], language: str, text: str) -> None:
-    """Refuse a text that says something else."""
+    """Parse the text again, and raise InvalidArgument if the definitions read differ from the given ones."""
     parsed = parse(language, Source("<text>", text))
-    types = TypeNames()  # which keeps what stands before a name
+    types = TypeNames()  # `TypeNames` without a metamodel keeps the package in front of each name
     read = read_query(parsed, types) if language == "query" else read_rules(parsed, types)
     errors = [one for one in read.diagnostics if one.severity is Severity.ERROR]
     if errors:
@@ -148,7 +149,7 @@ def _assert_equal(definitions: Sequence[Definition], language: str, text: str) -
         )
         if wanted != other:
             different = ", ".join(differing_fields(wanted, other))
-            reason = f"something else would be read as its {different}"
+            reason = f"the text would be read with another value of {different}"
             TermText(one.qualified_name, ()).refuse(reason)
 
 
@@ -157,4 +158,4 @@ def _unsayable(definitions: Sequence[Definition], errors: Sequence[Diagnostic]) 
     line = first.span.source.text[: first.span.start].count("\n") if first.span else 0
     names = ", ".join(f"`{one.qualified_name}`" for one in definitions)
     shown = first.span.source.text.split("\n")[line].strip() if first.span else ""
-    return InvalidArgument(f"{names} cannot be said in a text: {first.message}, in `{shown}`")
+    return InvalidArgument(f"{names} cannot be written as text: {first.message}, in `{shown}`")
