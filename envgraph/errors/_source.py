@@ -31,7 +31,7 @@ class Source:
     def position(self, offset: int) -> tuple[int, int]:
         r"""Return line and column of a character offset, both from 1; the offset may be the end of the text.
 
-        >>> Source("a", "one\\ntwo").position(5)
+        >>> Source("a", "one\ntwo").position(5)
         (2, 2)
         """
         line = bisect_right(self._line_starts, offset)
@@ -82,7 +82,7 @@ class Span:
     def excerpt(self) -> str:
         r"""Return the first line of the span with its line number, and a line with carets below the characters.
 
-        >>> print(Source("m", "class C {\\n  int metods\\n}").span(16, 22).excerpt())
+        >>> print(Source("m", "class C {\n  int metods\n}").span(16, 22).excerpt())
          2 |   int metods
            |       ^^^^^^
         """

@@ -300,7 +300,7 @@ def test_patterns_of_random_worlds_are_read_back(world: World) -> None:
         try:
             text = to_text(pattern)
         except InvalidArgument as error:
-            assert "of no subclass" in str(error) or "a path has" in str(error)
+            assert "of no subclass" in str(error) or "a path needs" in str(error)
             continue
         assert patterns_of(text) == (pattern,)
         assert format_text("query", text) == text

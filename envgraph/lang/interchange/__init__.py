@@ -1,1 +1,1 @@
-"""Files of others: Ecore, XMI, JSON, pyecore; and traces."""
+"""Read and convert files of other tools (Ecore, XMI, JSON, pyecore, levels), and read traces."""

@@ -1,7 +1,7 @@
-"""`.ecore` files: the XML to a `Metamodel`. Files that name each other become one.
+"""Read `.ecore` files as a `Metamodel`; files that refer to each other become one metamodel.
 
-Read from the XML itself and not by pyecore, whose reader ends at the first mistake, knows lines alone, and lets much
-pass. The two are compared in the tests.
+The XML is read directly and not with pyecore. The reader of pyecore stops at the first mistake, reports only lines, and
+overlooks many mistakes. Tests compare the results of both.
 """
 
 from __future__ import annotations
@@ -56,15 +56,15 @@ def read_ecore(
     *,
     allow_unresolved: bool = False,
 ) -> MetamodelFile:
-    """The one metamodel of some `.ecore` files, and all that is wrong with it.
+    """Return the metamodel of one or more `.ecore` files, with all diagnostics.
 
-    The package of the first file is the metamodel's own; those of the others are nested in it. Classes and enums of
-    one name in different packages are called after their packages, as `package::Name`.
+    The package of the first file is the metamodel's own package; packages of the other files are nested in it. If
+    classes or enums of several packages have the same name, they are named `package::Name`.
 
     Args:
-        documents: the files, one at least.
-        doubles: by the names of other files: the one of the documents that has the same package.
-        allow_unresolved: whether what files that are nowhere should have is left out, with a warning.
+        documents: the files, at least one.
+        doubles: by the names of further files: the document that defines the same package.
+        allow_unresolved: if True, features whose types are in missing files are left out with a warning.
     """
     joint = Joint(allow_unresolved=allow_unresolved)
     if any(one.needs_ecore() for one in documents) and not any(ECORE in one.uris for one in documents):
@@ -80,8 +80,10 @@ def read_ecore(
         stopped = True
     for (noun, rest), spans in joint.dropped.items():
         message = f"left out: {plural(len(spans), noun)} {rest}"
-        readers[0].warn("left-out", message, spans[0], "a written `.ecore` file will lack this")
-    # What is left out of a class is no gap: to name it is a mistake, of which the class knows the reason.
+        readers[0].warn(
+            "left-out", message, spans[0], "keep the original: a written `.ecore` file will lack this"
+        )
+    # A feature that is left out on purpose is not lost: naming it is a mistake, and the class knows the reason.
     lost = joint.lost.difference(*joint.left_out.values())
     if stopped:
         lost = {name for reader in readers for name in reader.names()}
@@ -89,9 +91,9 @@ def read_ecore(
 
 
 _WITHOUT_VALUES: Mapping[str, str] = {
-    "derived": "a pattern can find the same values",
+    "derived": "write a pattern that finds the same values",
     "transient": 'write `transient="false"` to keep it',
-    "eType": "its members hold its elements, without texts and without the order among members",
+    "eType": "use its members: they have its elements, without texts and without the order across members",
 }
 
 
@@ -146,7 +148,7 @@ def _built(
 
 
 def _qualifiers(packages: Sequence[tuple[str, Element]]) -> dict[str, str]:
-    """What stands before `::` for each package, by path: its name, else its prefix, if none before it has that."""
+    """Return by package path the word before `::`: the package's name, or its prefix if the name is in use."""
     found: dict[str, str] = {}
     taken: set[str] = set()
     for path, one in packages:
@@ -161,10 +163,10 @@ def _qualifiers(packages: Sequence[tuple[str, Element]]) -> dict[str, str]:
 
 
 class _Reader(Tags):
-    """The reading of one file."""
+    """A reader of one `.ecore` file that builds its packages, enums, classes and features."""
 
     def begin_metamodel(self, root: Element) -> str:
-        """The name of the outermost package."""
+        """Return the name of the outermost package, and record its position."""
         if "name" in root.attributes:
             self.span = self.at(root, "name")
         return name_of(self, root, "package")
@@ -174,7 +176,9 @@ class _Reader(Tags):
         name = element.get("name")
         if not uri:
             where = self.places.tag(element.byte)
-            self.warn("missing-uri", f"package `{name}` has no `nsURI`", where, "other files name it by that")
+            self.warn(
+                "missing-uri", f"package `{name}` has no `nsURI`", where, "add one: other files refer to it"
+            )
         if path:
             name_of(self, element, "package")
         notes = [*notes_of(self, element, with_doc=True)]
@@ -193,11 +197,11 @@ class _Reader(Tags):
             name = name_of(self, literal, "literal")
             literals.append(name)
             labels.append(literal.attributes.get("literal", name))
-            # As in EMF, where the number is that of the enumeration's author, and 0 if nothing is said.
+            # As in EMF: the author's number, or 0 if none is stated.
             numbers.append(said(self, literal, "value"))
             places.append((f"literal {index}", self.named(literal)))
         if not literals:
-            hint = "an enum without literals has no values; add a literal"
+            hint = "add a literal: an enum without literals has no values"
             self.warn("left-out", f"the enum `{element.get('name')}` is left out", self.named(element), hint)
         usual = tuple(range(len(literals)))
         return EnumType(
@@ -253,7 +257,10 @@ class _Reader(Tags):
                 yield target
             elif kind is not None:
                 self.error(
-                    "wrong-type", "a class extends classes only", target.span, "name a class, or leave it out"
+                    "wrong-type",
+                    "a class can only extend classes",
+                    target.span,
+                    "name a class, or remove this",
                 )
 
     def _check_class(self, element: Element) -> None:
@@ -283,7 +290,7 @@ class _Reader(Tags):
         errors = self.joint.errors
         found = self._attribute(element) if kind == "EAttribute" else self._reference(element)
         if found is None and self.joint.allow_unresolved and self.joint.errors == errors:
-            self._leave_out(element, "its type is in a file that is nowhere")
+            self._leave_out(element, "its type is in a file that does not exist")
         elif found is None:
             self.joint.lost.add(element.get("name"))
         return found
@@ -297,7 +304,10 @@ class _Reader(Tags):
         return path.rpartition("/")[2] if own else f"{XML_TYPES}#{path}"
 
     def _without_values(self, element: Element) -> str | None:
-        """Return why files hold no values of a feature: see `without_values`, or both opposites are transient."""
+        """Return why files hold no values of a feature: see `without_values`, or "transient" if both opposites are.
+
+        None means that files may hold values.
+        """
         word = without_values(element)
         beside = inside(self._owners[element], "eStructuralFeatures")
         if (
@@ -305,7 +315,7 @@ class _Reader(Tags):
             and element.get("containment") == "true"
             and any(without_values(one) == "eType" for one in beside)
         ):
-            return None  # a member of the feature map beside it: contained objects cannot be computed
+            return None  # it belongs to a feature map of the same class, and contained objects cannot be computed
         if word is None and element.get("transient") == "true" and element.get("derived") != "true":
             other = [one.element for one in self.quietly(element, "eOpposite")]
             word = "transient" if any(one and one.get("transient") == "true" for one in other) else None
@@ -316,7 +326,7 @@ class _Reader(Tags):
         self.joint.left_out.setdefault(self._owners[element], {})[element.get("name")] = why
 
     def _type(self, element: Element, what: str) -> Target | None:
-        """Return the type of a feature. If there is none, or it cannot be read, report this and return None."""
+        """Return the type of a feature; if it is missing or cannot be read, report this and return None."""
         before = len(self.joint.diagnostics)
         found = [*self._targets(element, "eType")]
         if element.children:
@@ -361,7 +371,7 @@ class _Reader(Tags):
         return self._with_kept(element, found, {"eType": self._type_name(target)})
 
     def _multiplicity(self, element: Element) -> list[tuple[str, Span]]:
-        """Return where the bounds of a feature stand, if they do."""
+        """Return the span of a feature's stated bound, labelled "multiplicity"; [] if no bound is stated."""
         bounds = (one for one in ("upperBound", "lowerBound") if one in element.attributes)
         return [("multiplicity", self.at(element, bound)) for bound in bounds][:1]
 
@@ -375,13 +385,13 @@ class _Reader(Tags):
         if target.element is None or kind != "EClass":
             data = kind in ("EEnum", "EDataType")
             hint = 'write `xsi:type="ecore:EAttribute"`' if data else "name a class"
-            if kind:  # else not even that is known, which has been reported
-                self.error("wrong-type", "a reference leads to a class", target.span, hint)
+            if kind:  # else its kind is unknown, which has been reported
+                self.error("wrong-type", "the type of a reference must be a class", target.span, hint)
             return None
         if upper != 1 and not said(self, element, "unique"):
             where = self.places.name_of(element.byte, "unique")
-            hint = "make a class for each time, with a reference to the object"
-            self.warn("unique", f"`{name}` holds an object once, and not several times", where, hint)
+            hint = "to repeat an object, refer to objects of another class that refer to it"
+            self.warn("unique", f"`{name}` will contain each object only once", where, hint)
         opposite = self._opposite(element, target.element)
         places = [("target", target.span), *self._multiplicity(element)]
         if opposite:
@@ -406,12 +416,15 @@ class _Reader(Tags):
     def _with_kept(
         self, element: Element, feature: Attribute | Reference, named: Mapping[str, str | None]
     ) -> Feature:
-        """Return a feature with what is kept of its tag for other tools."""
+        """Return the feature with an annotation that preserves the XML attributes only other tools use."""
         kept = kept_of(element, plain_parts(feature, named.get("eType")), named)
         return replace(feature, annotations=(*feature.annotations, *kept)) if kept else feature
 
     def _opposite(self, element: Element, there: Element) -> tuple[str, Span] | None:
-        """The name of the opposite, checked here: what a `.metamodel` file would say about it does not help."""
+        """Return the name and span of the opposite reference; None if there is none or it is wrong, which is reported.
+
+        The check is done here, because a message in terms of `.metamodel` files would not help.
+        """
         for target in self._targets(element, "eOpposite"):
             other = target.element
             if other is None or other not in self._kinds:
@@ -419,9 +432,9 @@ class _Reader(Tags):
             if self._kinds[other] != "EReference":
                 self.error(
                     "opposite-mismatch",
-                    "an opposite is a reference",
+                    "the opposite must be a reference",
                     target.span,
-                    "name a reference, or leave it out",
+                    "name a reference, or remove this",
                 )
                 return None
             there_reader = target.reader
@@ -431,7 +444,7 @@ class _Reader(Tags):
             types = {one.element for one in there_reader.quietly(other, "eType", "eGenericType")}
             needed = ("eOpposite",), ("eType", "eGenericType")
             if not (back and types) and all(self._mentions(other, names) for names in needed):
-                return None  # what it says of itself cannot be read, which is reported there
+                return None  # the opposite's own text cannot be read, which is reported there
             owner = self._owners[element]
             if self._owners[other] is not there or owner not in types or element not in back:
                 mine, its = self._path(element), self._path(other)
@@ -440,7 +453,7 @@ class _Reader(Tags):
                 file = "" if there_reader is self else self.places.source.name.rpartition("/")[2]
                 hint = f'write `eOpposite="{file}{self._fragment(element)}"` there, and `{cls}` as its type'
                 if self._owners[other] is not there:
-                    hint = f"declare the opposite in `{there.get('name')}`, to which `{mine}` leads"
+                    hint = f"declare the opposite in `{there.get('name')}`, the type of `{mine}`"
                 message = f"`{mine}` and `{its}` are not each other's opposites"
                 self.error("opposite-mismatch", message, target.span, hint, (note,))
                 return None

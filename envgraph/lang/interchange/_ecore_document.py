@@ -1,4 +1,4 @@
-"""An `.ecore` file as a tree: its packages, its parts, and the other files that it names."""
+"""Parse an `.ecore` file into a tree with its packages, its named parts, and the other files that it mentions."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ _NAMING = ("eType", "eSuperTypes", "eOpposite", "eClassifier")
 _SKIPPED = ("eOperations", "eAnnotations")
 _PARTS = ("eClassifiers", "eSubpackages", "eStructuralFeatures", "eLiterals", "eTypeParameters")
 _MOST = 1000
-"""So many other files are looked for; that there are more is reported where they are named."""
+"""Maximal number of other files that are searched; names of further files are reported as missing."""
 _UP = 12
-"""So many directories above a file are looked through for a project of Eclipse."""
+"""Number of directories above a file that are searched for a project of Eclipse."""
 
 
 class EcoreDocument:
-    """Holds one `.ecore` file as a tree of tags.
+    """An `.ecore` file as a tree of XML elements.
 
     Attributes:
-        top: the first tag; if that is an `xmi:XMI`, the tags in it.
+        top: a list of the first element; if that is an `xmi:XMI`, the elements in it.
         roots: the packages in `top`.
         packages: the `roots` and all their subpackages.
-        root: the first tag; None if the text is not XML, then `problem` says why.
-        paths: by the text before a `#`, the name of the file that it stands for, if there is such a file.
+        root: the first element; None if the text is not XML, then `problem` is the diagnostic.
+        paths: by the text before a `#`: the name of the existing file that it refers to.
         ids: the elements with an `xmi:id`; filled in by `index`.
     """
 
@@ -50,14 +50,14 @@ class EcoreDocument:
 
     @property
     def span(self) -> Span:
-        """Return the place of the package's name, or the start of the file."""
+        """Return the span of the first package's name, or the start of the file."""
         if not self.roots or "name" not in self.roots[0].attributes:
             return self.source.span(0, 0)
         return self.places.attribute(self.roots[0].byte, "name")
 
     @property
     def uri(self) -> str | None:
-        """The nsURI of the first package."""
+        """Return the nsURI of the first package, or None."""
         return self.roots[0].attributes.get("nsURI") if self.roots else None
 
     def _packages(self) -> tuple[Element, ...]:
@@ -68,16 +68,16 @@ class EcoreDocument:
 
     @property
     def uris(self) -> tuple[str, ...]:
-        """The nsURIs of the packages."""
+        """Return the nsURIs of all packages that have one."""
         return tuple(one.attributes["nsURI"] for one in self.packages if one.attributes.get("nsURI"))
 
     def calls(self) -> Iterator[str]:
-        """Yield the names by which other files may import it: nsURIs of packages, and names of root packages."""
+        """Yield the names by which other files may import this file: nsURIs of packages, and names of root packages."""
         yield from self.uris
         yield from (one.get("name") for one in self.roots)
 
     def mentioned(self) -> dict[str, Span]:
-        """Return what stands before `#` where something of another file is named, with the first place of each."""
+        """Return the other documents that the file refers to, as written before `#`, with their first spans."""
         found: dict[str, Span] = {}
         known = {""}
         for element, key, word in self._words():
@@ -89,7 +89,7 @@ class EcoreDocument:
         return found
 
     def needs_ecore(self) -> bool:
-        """Return whether a class of Ecore itself is named, or a type parameter stands for any object."""
+        """Return True if the file names a class of Ecore itself, or has a type parameter without a bound."""
         return any(
             word == _ANY
             or (library_types(document) is ECORE_TYPES and part.rpartition("/")[2] not in ECORE_TYPES)
@@ -98,7 +98,7 @@ class EcoreDocument:
         )
 
     def _words(self) -> Iterator[tuple[Element, str, str]]:
-        """Each word that names something, with the element and the attribute that have it."""
+        """Yield each word that refers to a part of a file, with its element and the name of its attribute."""
         waiting = [*self.roots]
         for element in waiting:
             if without_values(element):
@@ -115,7 +115,7 @@ class EcoreDocument:
     # --- parts ---
 
     def index(self, owners: dict[Element, Element]) -> None:
-        """Notes which element each is in, and those with an id."""
+        """Record the parent of each element in `owners`, and the elements with an `xmi:id` in `ids`."""
         waiting = [self.root] if self.root else []
         for element in waiting:
             key = element.qualified("id", XMI)
@@ -126,7 +126,10 @@ class EcoreDocument:
             waiting.extend(element.children)
 
     def at(self, fragment: str, base: Element) -> Element | None:
-        """Return the element of `//A/b`, `/1/@eClassifiers.2/@eStructuralFeatures.0`, or an `xmi:id`."""
+        """Return the element of a fragment: `//A/b`, `/1/@eClassifiers.2/@eStructuralFeatures.0`, or an `xmi:id`.
+
+        None means that no such element exists. `base` is the package where paths without a root number start.
+        """
         if not fragment.startswith("/"):
             return self.ids.get(fragment)
         root, *steps = fragment.split("/")[1:]
@@ -162,7 +165,7 @@ _ANY = f"{ECORE}#//EObject"
 
 
 def without_values(element: Element) -> str | None:
-    """Return why files hold no values of a feature ("derived", "transient" or "eType"), or None if they may hold some.
+    """Return why files hold no values of a feature: "derived", "transient" or "eType"; None if files may hold values.
 
     A transient feature may follow from its opposite. A derived XML element or attribute may belong to a feature map.
     """
@@ -177,7 +180,7 @@ def without_values(element: Element) -> str | None:
 
 
 def is_computed(element: Element) -> bool:
-    """Return whether the values of a feature are computed and a query can define them: it contains no objects."""
+    """Return True if a feature is computed and contains no objects, so that a query can define its values."""
     attributes = element.attributes
     is_volatile = attributes.get("volatile") == "true" == attributes.get("transient")
     if attributes.get("derived") != "true" and (not is_volatile or "eOpposite" in attributes):
@@ -195,22 +198,22 @@ def details_of(element: Element, source: str) -> Iterator[tuple[Element, str, st
 
 
 def extended(element: Element) -> dict[str, str]:
-    """Return the ExtendedMetaData of an element: its name and kind in XML documents."""
+    """Return the ExtendedMetaData of an element, such as its name and kind in XML documents."""
     return {key: value for _, key, value in details_of(element, EXTENDED)}
 
 
 @cache
 def ecore_itself() -> EcoreDocument:
-    """The classes of Ecore, as a file that comes with the package."""
+    """Return the metamodel of Ecore, read from a file in this package."""
     text = package_files("envgraph.lang.interchange").joinpath("ecore.ecore").read_text("utf-8")
     return EcoreDocument(Source(ECORE, text))
 
 
 def eclipse_path(files: Files, text: str, beside: str) -> str | None:
-    """Return the name of the file that a link in the file `beside` stands for; None if there is no such file.
+    """Return the name of the file that a link in the file `beside` refers to; None if no such file exists.
 
-    A path of Eclipse's workspace (`platform:/resource/project/model/a.ecore`) is looked for in the directories above,
-    with the directory of the project and without, and at last beside the file.
+    A path of Eclipse's workspace (`platform:/resource/project/model/a.ecore`) is searched in the directories above,
+    with and without the project's directory, and finally beside the file.
     """
     path = unquote(text)
     platform = re.match(r"platform:/(?:resource|plugin)/([^/]+)/(.+)", path)

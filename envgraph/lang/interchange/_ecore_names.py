@@ -1,6 +1,6 @@
-"""What the words of `.ecore` files name: other parts of them, of other files, and data types.
+"""Resolve names in `.ecore` files: parts of the same file, parts of other files, and data types.
 
-Also what the readings of several files share.
+The module also defines the state that the readers of several files share.
 """
 
 from __future__ import annotations
@@ -20,12 +20,19 @@ from envgraph.metamodel import EnumType
 
 
 class Enough(Exception):
-    """There have been enough mistakes."""
+    """An exception raised to stop reading after too many mistakes."""
 
 
 @dataclass(frozen=True, slots=True)
 class Target:
-    """What a reference between the parts of files names: `span` is where it does, `reader` reads its file."""
+    """The part of a file, or the library data type, that a name in an `.ecore` file refers to.
+
+    Attributes:
+        element: the part, or None for a data type.
+        data: the data type, or None.
+        span: the position of the name.
+        reader: the reader of the file that contains the part.
+    """
 
     element: Element | None
     data: DataType | None
@@ -35,16 +42,17 @@ class Target:
 
 @dataclass(slots=True)
 class Joint:
-    """What the readings of all files share.
+    """The state that the readers of all `.ecore` files of one metamodel share.
 
     Attributes:
         lost: names of parts that could not be read. Uses of these names are not reported.
-        left_out: by classes, the names of the features that they lack, each with the reason.
+        left_out: by class, the names of the features left out of it, each with the reason.
         names: the names of classes and enums in the metamodel.
-        missing: files that do not exist, and have been reported.
-        any_object: the class of Ecore that every class extends, where some class names it.
-        data_types: the data types of the files, with the name of each in a written file.
-        dropped: by kind, the places of parts that are not kept.
+        missing: missing files that have been reported, as pairs of the naming file and the missing one.
+        any_object: Ecore's class EObject, which every class then extends; None if no file needs it.
+        data_types: the data types defined by the files, with their names in a written file.
+        dropped: by kind, the positions of parts that are not preserved.
+        quiet: if True, problems are not reported.
     """
 
     diagnostics: list[Diagnostic] = field(default_factory=list)
@@ -67,16 +75,16 @@ class Joint:
 
 
 def inside(element: Element, name: str) -> Iterator[Element]:
-    """The tags of this name in another."""
+    """Yield the child elements with this name."""
     return (child for child in element.children if child.name == name)
 
 
 class Names:
-    """What one file names, and what is said about it.
+    """A resolver of the names in one `.ecore` file, with the methods that report problems.
 
     Attributes:
-        packages: with their paths.
-        span: the name of the outermost package, as soon as that is known.
+        packages: the packages with their paths.
+        span: the name of the outermost package; the start of the file until it is known.
     """
 
     def __init__(self, document: EcoreDocument, joint: Joint) -> None:
@@ -99,7 +107,7 @@ class Names:
         )
 
     def _generic(self, element: Element, tag: str) -> Iterator[Target]:
-        """Types that are written as generic ones, by erasure: without arguments, and a parameter by its first bound."""
+        """Yield generic types without their type arguments; a type parameter is replaced by its first bound."""
         for child in inside(element, tag):
             if "eTypeParameter" in child.attributes or child.children:
                 self._erase(
@@ -111,10 +119,10 @@ class Names:
 
     def _erase(self, element: Element, message: str) -> None:
         where = self.places.tag(element.byte)
-        self.warn("generic-type", message, where, "it takes more objects than it says")
+        self.warn("generic-type", message, where, "check the models: more objects are allowed than in Ecore")
 
     def _erased(self, parameter: Target) -> Iterator[Target]:
-        """Yield what a type parameter is at most; parameters may be bounds of each other."""
+        """Yield the upper bound of a type parameter, which may be given through other type parameters."""
         span, seen = parameter.span, set()
         while parameter.element is not None and parameter.element not in seen:
             seen.add(parameter.element)
@@ -127,17 +135,18 @@ class Names:
                     yield Target(self.joint.any_object, None, span, self)
                 return
             parameter = above[0]
-        self.error("generic-type", "this type parameter has no end", span, "give it a class as its bound")
+        message = "the bounds of this type parameter refer to each other"
+        self.error("generic-type", message, span, "give it a class as its bound")
 
     def _targets(self, element: Element, name: str) -> Iterator[Target]:
-        """Yield what an attribute names (`#//A ecore:EClass other.ecore#//B`), and tags of that name with an `href`."""
+        """Yield the targets of an attribute (`#//A ecore:EClass other.ecore#//B`), or of its child tags with `href`."""
         if not element.children and name not in element.attributes:
             return
         words = element.get(name).split()
         for index, word in enumerate(words):
             after = words[index + 1] if index + 1 < len(words) else ""
             if "#" not in word and ":" in word and "#" in after:
-                continue  # the type of what comes next
+                continue  # the type of the next word's target
             target = self._find(word, self.at(element, name, word))
             if target:
                 yield target
@@ -163,7 +172,7 @@ class Names:
             self._no_file(document, last, span)
             return None
         if base is None:
-            return None  # the file is no metamodel, which has been reported
+            return None  # the file is not a metamodel, which has been reported
         element = reader.document.at(fragment, base)
         if element is None:
             self._unknown_part(fragment, span, reader, base)
@@ -171,7 +180,7 @@ class Names:
         return Target(element, None, span, reader)
 
     def _reader_of(self, text: str) -> tuple[Names | None, Element | None]:
-        """Return who reads the file that is called so, and the package in it that is meant."""
+        """Return the reader and the package of the file that `text` refers to; None for each that is unknown."""
         if text not in self._others:
             self._others[text] = self._look_for(text)
         return self._others[text]
@@ -188,7 +197,7 @@ class Names:
         here = self.places.source.name.rpartition("/")[0]
         exact = self.document.paths.get(text) or posixpath.normpath(posixpath.join(here, path))
         found = known.get(exact)
-        # Files that were given, but not where this one says.
+        # Use a given file with the same name, although it is in another directory.
         last = path.rpartition("/")[2]
         near = [name for name, one in known.items() if name.rpartition("/")[2] == last and one is not self]
         if found is None and near and "://" not in path:
@@ -208,10 +217,10 @@ class Names:
         else:
             last = unquote(text).rpartition("/")[2]
             message, file, hint = f"`{text}`: there is no such file", f"`{last}`", None
-        name = f"name {file}, which has `{part}`, too: for example with `--metamodel`"
-        hint = hint or f"{name}; `--allow-unresolved` leaves out what needs it"
+        name = f"give {file}, which contains `{part}`, too, for example with `--metamodel`"
+        hint = hint or f"{name}; or leave out the features that need it with `--allow-unresolved`"
         if self.joint.allow_unresolved:
-            self.warn("missing-file", message, span, "what needs it is left out")
+            self.warn("missing-file", message, span, "features that need it are left out")
         else:
             self.error("missing-file", message, span, hint)
 
@@ -230,7 +239,7 @@ class Names:
         if name in self.joint.lost:
             return
         around = document.at("/" + "/".join(["", *steps[:-1]]), base) if len(steps) > 1 else base
-        if around is None:  # the class is unknown, and not only its feature
+        if around is None:  # the class is unknown, not only its feature
             name, around = steps[0], base
         known = list(document.parts(around))
         hint = did_you_mean(name, known)
@@ -246,7 +255,7 @@ class Names:
         self.error("unknown-class", f"unknown class or data type `{name}`{file}", span, hint)
 
     def quietly(self, element: Element, *names: str) -> list[Target]:
-        """The targets, without another word on what is wrong with them."""
+        """Return the targets of the attributes without reporting problems."""
         self.joint.quiet = True
         found = [one for name in names for one in self._targets(element, name)]
         self.joint.quiet = False
@@ -272,7 +281,7 @@ class Names:
             raise Enough
 
     def drop(self, noun: str, rest: str, element: Element) -> None:
-        """Record a part that is not kept. One warning counts all parts of the same kind."""
+        """Record a part that is not preserved. All parts of the same kind are later reported in one warning."""
         self.joint.dropped.setdefault((noun, rest), []).append(self.places.tag(element.byte))
 
     def warn(self, code: str, message: str, where: Span, hint: str | None = None) -> None:

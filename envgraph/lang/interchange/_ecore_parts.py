@@ -1,4 +1,4 @@
-"""What single attributes and annotations of tags in an `.ecore` file say."""
+"""Interpret single attributes and annotations of the elements of an `.ecore` file."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _NAMING = ("xmlns", "name", "eType", "eSuperTypes", "eOpposite", "eKeys")
 
 
 def marks_of(names: Names, element: Element, features: Sequence[Feature]) -> Marks:
-    """Key, glyph and `frozen`: from an annotation of ours; an `iD` attribute is a key too."""
+    """Return key, glyph and `frozen` from envgraph's own annotations; without a key, `iD` attributes are the key."""
     marks = Marks()
     for one, name, value in details_of(element, _OWN):
         match name:
@@ -52,7 +52,7 @@ def marks_of(names: Names, element: Element, features: Sequence[Feature]) -> Mar
 
 
 def annotations_of(names: Names, element: Element) -> tuple[Annotation, ...]:
-    """Return what `metamodel_to_ecore` keeps of the annotations of a `.metamodel` file."""
+    """Return the annotations of a `.metamodel` file that `metamodel_to_ecore` stored in the element."""
     found = [Annotation("derived")] if is_computed(element) else []
     for one, name, value in details_of(element, _OWN):
         values: tuple[Value, ...] = tuple(value.split())
@@ -68,7 +68,7 @@ def annotations_of(names: Names, element: Element) -> tuple[Annotation, ...]:
 
 
 def notes_of(names: Names, element: Element, *, with_doc: bool = False) -> Iterator[Annotation]:
-    """Yield each annotation as `@annotation("source", key = "value")`; documentation only `with_doc`."""
+    """Yield foreign annotations as `@annotation("source", key = "value")`; documentation only if `with_doc`."""
     for one in inside(element, "eAnnotations"):
         source = one.get("source")
         if "references" in one.attributes:
@@ -88,15 +88,15 @@ def kept_of(
     written: Mapping[str, str | None],
     named: Mapping[str, str | None] = MappingProxyType({}),
 ) -> tuple[Annotation, ...]:
-    """Return `@ecore(..)` with the XML attributes that only other tools use.
+    """Return an `@ecore(..)` annotation with the XML attributes that only other tools use; () if there are none.
 
-    Left out are attributes with their default, and those in `written`. Feature maps are not kept, so a member of one is
-    written as an ordinary feature.
+    Attributes with their default value and attributes in `written` are omitted. Feature maps are not preserved, so
+    members of a feature map are treated as ordinary features.
 
     Args:
         element: a classifier or a feature.
         written: the XML attributes that the metamodel implies.
-        named: the XML attributes that name other parts of the file, in the form of `@ecore`.
+        named: the XML attributes that refer to other parts of the file, in the form of `@ecore`.
     """
     attributes, usual = element.attributes, _ecore_defaults()
     is_member = attributes.get("derived") == "true" and not is_computed(element)
@@ -121,13 +121,13 @@ def _number(text: str) -> Value:
 
 
 def doc_of(element: Element) -> str | None:
-    """The documentation, where EMF keeps it."""
+    """Return the documentation of an element, stored as EMF does, or None."""
     docs = (one for one, key, _ in details_of(element, _GENMODEL) if key == "documentation")
     return next((one.attributes.get("value") for one in docs), None)
 
 
 def name_of(names: Names, element: Element, what: str) -> str:
-    """The name of something; one of our own, reported, if it has none."""
+    """Return the name of an element; if it has none, report this and return a generated name."""
     name = element.get("name")
     if not name:
         where = names.places.tag(element.byte)
@@ -137,7 +137,7 @@ def name_of(names: Names, element: Element, what: str) -> str:
 
 
 def called(names: Names, element: Element, what: str) -> str:
-    """Return what a class or an enum is called in the metamodel."""
+    """Return the name of a class or an enum in the metamodel."""
     return name_of(names, element, what) and (names.joint.names[element] or f"unnamed_{element.byte}")
 
 
@@ -155,17 +155,19 @@ def _ecore_defaults() -> Mapping[str, tuple[Scalar | EnumType, str, Value | None
 
 
 def said(names: Names, element: Element, name: str) -> Any:
-    """Return the bool or int of an XML attribute, else its default in Ecore. Report a wrong one."""
+    """Return the value of a bool or int XML attribute, or its default in Ecore; report a wrong value."""
     type_, _, usual = _ecore_defaults()[name]
     text = element.attributes.get(name)
     if text is None:
         return usual
     if type_ is Scalar.BOOL and text.lower() not in ("true", "false"):
         hint = did_you_mean(text, ("true", "false")) or "write `true` or `false`"
-        names.error("wrong-type", f"`{name}` is true or false, not `{text}`", names.at(element, name), hint)
+        names.error(
+            "wrong-type", f"`{name}` must be true or false, not `{text}`", names.at(element, name), hint
+        )
     elif type_ is Scalar.INT and not re.fullmatch(r"[+-]?[0-9]{1,10}", text):
         hint = "write `-1` for any number" if name == "upperBound" else "write a whole number from 0"
-        names.error("wrong-type", f"`{name}` is a number, not `{text}`", names.at(element, name), hint)
+        names.error("wrong-type", f"`{name}` must be a number, not `{text}`", names.at(element, name), hint)
     else:
         return value_of(text, type_)
     return usual
@@ -174,13 +176,13 @@ def said(names: Names, element: Element, name: str) -> Any:
 def bounds_of(names: Names, element: Element) -> tuple[int, int | None]:
     """Return the lower bound of a feature (0 if a query can define it) and its upper bound (None if unlimited)."""
     lower, upper = said(names, element, "lowerBound"), said(names, element, "upperBound")
-    if upper == -2:  # Ecore's "unspecified", of elements of a document root
+    if upper == -2:  # -2 is Ecore's "unspecified", used for elements of a document root
         upper = 1
     return 0 if is_computed(element) else lower, None if upper < 0 else upper
 
 
 def default_of(names: Names, element: Element, name: str, type_: Scalar | EnumType) -> Value | None:
-    """Return the default of the attribute `name`, or None. Report a default of the wrong type."""
+    """Return the default value of the attribute `name`, or None; report a default of the wrong type."""
     text = element.attributes.get("defaultValueLiteral")
     if text is None:
         return None
@@ -195,13 +197,13 @@ def default_of(names: Names, element: Element, name: str, type_: Scalar | EnumTy
 
 
 def data_type_of(names: Names, target: Target) -> DataType | None:
-    """Return the data type that the `eType` of an attribute names. If it is no data type, report it: None."""
+    """Return the data type that the `eType` of an attribute refers to; report any other target, and return None."""
     if target.data is not None:
         return target.data
     if target.element is None:
         return None
     kind = names.joint.kinds.get(target.element)
-    if target.element is names.joint.any_object:  # a type parameter
+    if target.element is names.joint.any_object:  # a type parameter without a bound
         return ECORE_TYPES["EJavaObject"]
     if kind == "EEnum":
         return DataType(names.joint.enums[target.element])
@@ -214,5 +216,5 @@ def data_type_of(names: Names, target: Target) -> DataType | None:
         names.error("wrong-type", f"`{type_name}` is a class, not a data type", target.span, hint)
     elif kind is not None:
         hint = 'name a data type or an enum, such as `eType="ecore:EDataType http://www.eclipse.org/emf/2002/Ecore#//EInt"`'
-        names.error("wrong-type", f"`{type_name}` is no data type", target.span, hint)
+        names.error("wrong-type", f"`{type_name}` is not a data type", target.span, hint)
     return None

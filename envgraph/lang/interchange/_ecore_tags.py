@@ -1,4 +1,4 @@
-"""Whether the tags of an `.ecore` file are packages of Ecore, and have what Ecore says."""
+"""Check that the elements of an `.ecore` file are Ecore packages and have only the parts that Ecore defines."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from envgraph.lang.syntax._xml import XMI, XSI, Element
 
 @cache
 def _known_parts(kind: str) -> tuple[Sequence[str], Sequence[str]]:
-    """The attributes that tags of a class of Ecore may have, and the tags in them, as Ecore itself says."""
+    """Return the XML attributes and the child tags that Ecore allows for elements of this Ecore class."""
     ecore = ecore_itself()
     classes = ecore.parts(ecore.packages[0])
     attributes: list[str] = []
@@ -32,10 +32,10 @@ def _known_parts(kind: str) -> tuple[Sequence[str], Sequence[str]]:
 
 
 class Tags(Names):
-    """The tags of one file."""
+    """A checker of the elements of one file, which records the kind of each."""
 
     def begin(self) -> bool:
-        """Return whether the file has a package."""
+        """Return True if the file is a valid Ecore package; otherwise report the problem."""
         root, problem = self.document.root, self.document.problem
         if problem or root is None:
             self.joint.diagnostics.extend([problem] if problem else [])
@@ -44,7 +44,7 @@ class Tags(Names):
         return self._is_package(root)
 
     def enter(self, paths: set[str]) -> None:
-        """Notes the packages and what is in them; those of a second file are inside of the first one's."""
+        """Record and check all packages and their contents; later files' packages are nested in the first one."""
         self.document.index(self._owners)
         for root in self.document.roots:
             path = root.attributes.get("name") or "package" if paths else ""
@@ -54,7 +54,7 @@ class Tags(Names):
             paths |= {path for path, _ in self.packages}
 
     def names(self) -> set[str]:
-        """All words of the text: each may be a name of something that was not read."""
+        """Return all words of the text, since each may be the name of a part that could not be read."""
         return set(re.findall(r"[^\W\d]\w*", self.places.source.text))
 
     def _is_package(self, root: Element) -> bool:
@@ -68,8 +68,8 @@ class Tags(Names):
             message = "this is an `EPackage` of another language than Ecore"
             hint = f'write `xmlns:ecore="{ECORE}"` and `ecore:EPackage`'
         else:
-            message = f"a metamodel is an `ecore:EPackage`, and this is a `{root.tag}`"
-            hint = "a model has the ending `.xmi`" if root.namespace and root.name != "schema" else None
+            message = f"a metamodel must be an `ecore:EPackage`, not a `{root.tag}`"
+            hint = "rename a model to end with `.xmi`" if root.namespace and root.name != "schema" else None
         self.error("not-ecore", message, where, hint)
         return False
 
@@ -82,7 +82,7 @@ class Tags(Names):
                 "nested-too-deeply",
                 "packages are nested too deeply",
                 self.places.tag(element.byte),
-                f"there may be {MOST_NESTED} levels",
+                f"use at most {MOST_NESTED} levels",
             )
             return
         for classifier in inside(element, "eClassifiers"):
@@ -110,7 +110,7 @@ class Tags(Names):
             self._check_parts(literal, "EEnumLiteral")
 
     def _kind(self, element: Element, known: Sequence[str], what: str) -> str | None:
-        """The `xsi:type` of an element."""
+        """Return the Ecore class that the `xsi:type` of an element names; report a wrong one and return None."""
         key = element.qualified("type", XSI, XMI)
         if key is None:
             wrong = next((one for one in element.attributes if one.endswith(":type")), None)
@@ -130,14 +130,14 @@ class Tags(Names):
         where = self.at(element, key)
         if name in known:
             hint = did_you_mean(prefix, element.scope) or f'write `xmlns:{prefix}="{ECORE}"` in the first tag'
-            self.error("unknown-prefix", f"the prefix `{prefix}` does not stand for Ecore", where, hint)
+            self.error("unknown-prefix", f"`{prefix}` is not the prefix of Ecore's namespace", where, hint)
         else:
-            hint = did_you_mean(name, known) or "there are " + ", ".join(f"`ecore:{one}`" for one in known)
+            hint = did_you_mean(name, known) or "write one of " + ", ".join(f"`ecore:{one}`" for one in known)
             self.error("unknown-type", f"{what} cannot be `{value}`", where, hint)
         return None
 
     def _check_parts(self, element: Element, kind: str) -> None:
-        """Attributes and tags that Ecore does not know here are typing mistakes, and would be overlooked."""
+        """Report XML attributes and child tags that Ecore does not define here, since they are probably mistyped."""
         attributes, children = _known_parts(kind)
         for key in element.attributes:
             if ":" in key and key.split(":")[0] not in ("xmlns", "xsi") and not key.endswith(":version"):
@@ -150,6 +150,6 @@ class Tags(Names):
             if child.name == "Extension" or (kind, child.name) == ("EEnumLiteral", "eAnnotations"):
                 self.drop("tag", f"`{child.name}` in `{kind}`", child)
             elif child.name not in children:
-                message = f"`{kind}` has nothing called `{child.name}`"
+                message = f"`{kind}` has no part `{child.name}`"
                 hint = did_you_mean(child.name, children)
                 self.error("unknown-element", message, self.places.tag(child.byte), hint)

@@ -1,4 +1,4 @@
-"""JSON with the position of every value, for diagnostics about files that people may have edited."""
+"""Parse JSON with the position of every value, for diagnostics about files that people may have edited."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ if TYPE_CHECKING:
     from jsonschema import ValidationError
 
 _LONG = re.compile(r"-?[0-9]{4300,}")
-"""Numbers that Python does not read."""
+"""Matches numbers with so many digits that Python refuses them."""
 _SURROGATE = re.compile(r"\\u[dD][89a-fA-F][0-9a-fA-F]{2}")
 _ESCAPE = re.compile(
     r"\\u[dD][89abAB][0-9a-fA-F]{2}\\u[dD][c-fC-F][0-9a-fA-F]{2}|\\u[0-9a-fA-F]{4}|\\.", re.DOTALL
 )
-"""Escapes one by one, two halves of a character together."""
+"""Matches single escapes; the two halves of a surrogate pair are one match."""
 _TOKEN = re.compile(r'"(?:[^"\\]|\\.)*"|[{}\[\]:,]|[^\s{}\[\]:,"]+')
 
 
@@ -48,10 +48,10 @@ _WANTED = {
 
 
 def parse_json(source: Source) -> tuple[object, dict[JsonPath, Span]]:
-    """The value of a JSON text, and where in the text each of its parts stands.
+    """Return the value of a JSON text, and the span of each of its parts by its path.
 
     Raises:
-        LoadError: the text is no JSON.
+        LoadError: the text is not JSON.
 
     >>> value, spans = parse_json(Source("a.json", '{"x": [1, 20]}'))
     >>> value, spans["x", 1].text
@@ -61,7 +61,7 @@ def parse_json(source: Source) -> tuple[object, dict[JsonPath, Span]]:
 
 
 def read_json_model(source: Source, metamodel: Metamodel | None) -> ModelFile:
-    """The model of a JSON text, and all that is wrong with it; without a metamodel only whether it is JSON."""
+    """Return the model in a JSON text, with all diagnostics; without a metamodel only the JSON syntax is checked."""
     start = source.span(0, 0)
     name = posixpath.basename(source.name).rpartition(".")[0] or source.name
     try:
@@ -75,7 +75,7 @@ def read_json_model(source: Source, metamodel: Metamodel | None) -> ModelFile:
 
 
 class _Places(Mapping[int, Span]):
-    """Where each object of a model stands; looked for when somebody asks."""
+    """A mapping from object ids to spans in a JSON model, computed at the first access."""
 
     def __init__(self, source: Source) -> None:
         self._source = source
@@ -99,14 +99,14 @@ class _Places(Mapping[int, Span]):
 
 
 def check_json(value: object, spans: Mapping[JsonPath, Span], schema: Mapping[str, Any]) -> list[Diagnostic]:
-    """Return where a value is not what a JSON Schema says, in the order of the text.
+    r"""Return a diagnostic for each violation of a JSON Schema, in the order of the text.
 
     >>> value, spans = parse_json(Source("a.json", '{"x": [1, "2"]}'))
     >>> schema = {"properties": {"x": {"items": {"type": "number"}}}}
-    >>> [str(one).split("\\n")[0] for one in check_json(value, spans, schema)]
+    >>> [str(one).split("\n")[0] for one in check_json(value, spans, schema)]
     ['a.json:1:11: `x[1]` is a string, not a number']
     """
-    from jsonschema import Draft202012Validator  # takes a tenth of a second, and few commands need it
+    from jsonschema import Draft202012Validator  # slow to import, and few commands need it
 
     problems = [_schema_problem(error, spans) for error in Draft202012Validator(schema).iter_errors(value)]
     return sort_diagnostics(problems)
@@ -122,7 +122,7 @@ def _schema_problem(error: ValidationError, spans: Mapping[JsonPath, Span]) -> D
             message = f"{what} has no `{next(key for key in wanted if key not in error.instance)}`"
         case "const":
             found = f", not `{error.instance}`" if isinstance(error.instance, str) else ""
-            message = f"{what} is to be `{wanted}`{found[:100]}"
+            message = f"{what} must be `{wanted}`{found[:100]}"
         case "minItems":
             message = f"{what} is empty"
         case _:
@@ -133,13 +133,13 @@ def _schema_problem(error: ValidationError, spans: Mapping[JsonPath, Span]) -> D
 def model_at(
     value: object, metamodel: Metamodel, spans: Mapping[JsonPath, Span], path: JsonPath, file: str
 ) -> Model:
-    """A model in a larger document, at a path.
+    """Return the model of a JSON value that is at `path` in a larger document.
 
     Raises:
-        LoadError: it is no model of the metamodel; each diagnostic is at the value it is about.
+        LoadError: the value is not a model of the metamodel; each diagnostic has the position of the wrong part.
     """
     try:
-        return model_from_json(value, metamodel, file=file)  # type: ignore[arg-type]  # it looks for itself
+        return model_from_json(value, metamodel, file=file)  # type: ignore[arg-type]  # `model_from_json` checks it
     except LoadError as error:
         placed = [
             replace(problem, span=problem.span or spans[path + _path(problem, value)])
@@ -149,14 +149,15 @@ def model_at(
 
 
 def parse_model(source: Source, metamodel: Metamodel) -> Model:
-    """A model from the JSON text that `envgraph.graph.model_to_json` describes.
+    """Return the model of a JSON text in the format of `envgraph.graph.model_to_json`.
 
     Raises:
-        LoadError: the text is no JSON, or no model of the metamodel; each diagnostic is at the value it is about.
+        LoadError: the text is not JSON, or not a model of the metamodel; each diagnostic has the position of the wrong
+            part.
     """
     value = _decoded(source)
     if not isinstance(value, dict):
-        raise LoadError.of("bad-format", "a model is an object", source.span(0, 1), "write `{ .. }`")
+        raise LoadError.of("bad-format", "a model must be a JSON object", source.span(0, 1), "write `{ .. }`")
     try:
         return model_from_json(value, metamodel, file=source.name)
     except LoadError as error:
@@ -171,27 +172,30 @@ def parse_model(source: Source, metamodel: Metamodel) -> Model:
 def _decoded(source: Source) -> object:
     if not source.text.strip():
         raise LoadError.of(
-            "empty-file", "the file is empty", source.span(0, 0), "`envgraph convert` writes models as JSON"
+            "empty-file",
+            "the file is empty",
+            source.span(0, 0),
+            "write models as JSON with `envgraph convert`",
         )
     try:
         value: object = json.loads(source.text, parse_constant=_finite, parse_float=_finite)
     except _NotFinite as error:
         span = next(span for _, span in locate(source) if span.text == error.text)
-        hint = 'JSON has finite numbers only; in a model an infinite float is written `"inf"`'
-        raise LoadError.of("bad-number", f"`{error.text}` is no number", span, hint) from None
+        hint = 'write a finite number; in a model write `"inf"` for an infinite float'
+        raise LoadError.of("bad-number", f"`{error.text}` is not a number of JSON", span, hint) from None
     except json.JSONDecodeError as error:
         span = source.span(error.pos, error.pos + 1)
         raise LoadError.of(
             "syntax", f"not JSON: {error.msg.lower().removesuffix(' at')}", span, _json_hint(error)
         ) from error
     except RecursionError:
-        hint = "a model has lists inside of objects inside of a list, and nothing deeper"
+        hint = "write a model as a list of objects whose values are lists at most"
         raise LoadError.of("syntax", "the JSON is nested too deeply", source.span(0, 1), hint) from None
     except ValueError as error:
         found = _LONG.search(source.text)
-        if found is None:  # nothing else raises it
+        if found is None:  # no other cause is known
             raise
-        span, hint = source.span(*found.span()), f"an int has 64 bits: it is {LARGEST_INT} at most"
+        span, hint = source.span(*found.span()), f"an int has 64 bits: write {LARGEST_INT} at most"
         raise LoadError.of("number-too-large", "the number is too large", span, hint) from error
     found = next(_lone_surrogates(source.text), None)
     if found is not None:
@@ -202,7 +206,7 @@ def _decoded(source: Source) -> object:
 
 
 class _NotFinite(Exception):
-    """What Python takes for a number, and JSON does not; or a number that is too large for a float."""
+    """An exception raised for a number that is not finite: `NaN`, `Infinity` or a float that is too large."""
 
     def __init__(self, text: str) -> None:
         super().__init__(text)
@@ -217,27 +221,27 @@ def _finite(text: str) -> float:
 
 
 def _json_hint(error: json.JSONDecodeError) -> str | None:
-    """Return how to mend what Python's reader of JSON complains about."""
+    """Return a hint for an error message of Python's JSON parser, or None."""
     before, here = error.doc[: error.pos].rstrip()[-1:], error.doc[error.pos : error.pos + 1]
     if before == "," and here in ("}", "]", "", '"', ","):
-        return "take out the comma before it: nothing comes after it" if here in ("}", "]") else None
+        return "remove the comma before it: no value follows" if here in ("}", "]") else None
     if here == "'":
-        return 'names and texts stand between `"`'
+        return 'write names and texts between `"`'
     if "delimiter" in error.msg:
-        return "a comma separates entries, and a colon a name from its value"
+        return "write a comma between entries, and a colon between a name and its value"
     if "property name" in error.msg:
-        return 'names of entries stand between `"`'
+        return 'write names of entries between `"`'
     if "Unterminated" in error.msg:
         return 'close it with `"`'
     return (
-        "a value is a text, a number, `true`, `false`, `null`, a list or an object"
+        "write a text, a number, `true`, `false`, `null`, a list or an object"
         if here
-        else "the file ends too soon"
+        else "add the missing rest of the file"
     )
 
 
 def _lone_surrogates(text: str) -> Iterator[re.Match[str]]:
-    """The escapes that stand for no character: a text with them cannot be written again."""
+    """Yield the escapes that are only half of a character, since a text with such an escape cannot be written again."""
     if _SURROGATE.search(text) is None:
         return
     for found in _ESCAPE.finditer(text):
@@ -246,7 +250,7 @@ def _lone_surrogates(text: str) -> Iterator[re.Match[str]]:
 
 
 def _path(problem: Diagnostic, value: Any) -> JsonPath:
-    """The way to the value that a problem is about, or to the nearest one around it."""
+    """Return the path to the value that a problem is about, or to the innermost existing value around it."""
     for number, step in enumerate(problem.subject):
         inside = range(len(value)) if isinstance(value, list) else value if isinstance(value, dict) else ()
         if step not in inside:
@@ -256,7 +260,7 @@ def _path(problem: Diagnostic, value: Any) -> JsonPath:
 
 
 def _located(source: Source, wanted: AbstractSet[JsonPath]) -> Mapping[JsonPath, Span]:
-    """Return where some of the values stand; what comes after the last of them is not looked at."""
+    """Return the spans of the wanted paths; the text behind the last of them is not read."""
     spans: dict[JsonPath, Span] = {}
     for path, span in locate(source):
         if path in wanted:
@@ -267,9 +271,9 @@ def _located(source: Source, wanted: AbstractSet[JsonPath]) -> Mapping[JsonPath,
 
 
 def locate(source: Source) -> Iterator[tuple[JsonPath, Span]]:
-    """Path and span of every value of a text that is known to be JSON."""
-    path: list[str | int] = []  # of the value that comes next
-    opened: list[int] = []  # where the enclosing objects and lists begin
+    """Yield path and span of every value in a text that must be valid JSON; inner values come before outer ones."""
+    path: list[str | int] = []  # of the next value
+    opened: list[int] = []  # offsets where the enclosing objects and lists begin
     expects_key = False
     for token in _TOKEN.finditer(source.text):
         text = token.group()

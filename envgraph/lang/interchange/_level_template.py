@@ -1,6 +1,6 @@
-"""Levels as models: the text of a model with the rows of a level in place of its own.
+"""Convert levels to models: the rows of a level replace the rows of the grid in the text of a model.
 
-So the legend of the model's `grid` says what the letters mean, and everything else of it stays, comments too.
+The legend of the model's `grid` defines the letters. All other text of the model stays, comments included.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from envgraph.metamodel import Metamodel
 
 @dataclass(frozen=True, slots=True)
 class LevelTemplate:
-    """A model with a grid.
+    """The text of a model with a grid, whose rows can be replaced by those of a level.
 
     Attributes:
-        source: its text.
-        letters: for each letter of the grid the class that it stands for, where it says no more than that; else None.
+        source: the text of the model.
+        letters: by letter of the grid's legend: its class, or None if the legend says more than a class.
         model: the token of the model's name.
         rows: the token of the grid's rows.
     """
@@ -35,10 +35,10 @@ class LevelTemplate:
 
     @classmethod
     def of(cls, source: Source, metamodel: Metamodel) -> LevelTemplate:
-        """Read the text of a model that has been checked: its first model, and the first grid in that.
+        """Return a template from the first model with a grid in a text that has been checked.
 
         Raises:
-            LoadError: it has no grid.
+            LoadError: no model has a grid.
         """
         parsed = parse("model", source)
         for model in trees(parsed.tree.children, "model") if parsed.tree else ():
@@ -46,20 +46,20 @@ class LevelTemplate:
                 for rows in trees(grid.children, "rows"):
                     name, text = _token(model), _token(rows)
                     return cls(source, grid_letters(parsed, grid, metamodel), name, text)
-        message = "the model has no grid whose rows a level could take the place of"
+        message = "the model has no grid whose rows a level could replace"
         raise LoadError.of("missing-rows", message, source.span(0, 0))
 
     def text(self, level: Level, name: str, given: Mapping[str, str]) -> str:
-        """The text of a model with the rows of a level.
+        """Return the text of a model that has the rows of a level.
 
         Args:
-            level: what stands in the rows.
-            name: of the model.
-            given: letters of the grid, by other letters, and by the classes and numbers of tiles.
+            level: the level.
+            name: the name of the new model.
+            given: by letter, tile class or tile number of the level: the letter of the grid that it means.
 
         Raises:
-            InvalidArgument: something given is no letter of the grid.
-            LoadError: a cell has no letter; each kind is reported once.
+            InvalidArgument: a value of `given` is not a letter of the grid.
+            LoadError: cells have no letter in the grid; each kind of cell is reported once.
         """
         known = self._known(given)
         problems: dict[str, Diagnostic] = {}
@@ -69,9 +69,9 @@ class LevelTemplate:
         return self._with(name, level.title, rows)
 
     def place(self, level: Level, text: str, span: Span) -> Span:
-        """Where in the file of a level that stands which a span of its model is about; the level if it is no cell."""
+        """Return the span in the level's file for a span in its model's text; the level's span if it is no cell."""
         tail = len(self.source.text) - (self.rows.end_pos or 0)
-        end = len(text) - tail  # behind the quotes that close the rows
+        end = len(text) - tail  # behind the quotes that end the rows
         line = text.rfind("\n", 0, end) + 1
         row = len(level.rows) - text.count("\n", span.start, end)
         column = span.start - (text.rfind("\n", 0, span.start) + 1) - (end - 3 - line)
@@ -82,20 +82,20 @@ class LevelTemplate:
     def _known(self, given: Mapping[str, str]) -> dict[str, str]:
         for name, letter in given.items():
             if letter not in self.letters:
-                message = f"`{name}` cannot be read as `{letter}`: {self._legend()}"
+                message = f"`{name}` cannot mean `{letter}`: {self._legend()}"
                 raise InvalidArgument(message)
         classes = {cls: letter for letter, cls in reversed([*self.letters.items()]) if cls}
         return {**classes, **{letter: letter for letter in self.letters}, **given}
 
     def _letter(self, cell: LevelCell, known: Mapping[str, str], problems: dict[str, Diagnostic]) -> str:
-        """The letter of a cell; a blank, and a problem, if it has none."""
+        """Return the letter of a cell; if it has none, record a problem and return a blank."""
         for name in cell.names:
             if name in known:
                 return known[name]
         last = cell.names[-1]
         if last not in problems:
-            message = f"`{last}` stands for nothing"
-            hint = f"{self._legend()}; `--legend {last}=LETTER` says which of them it is"
+            message = f"`{last}` has no meaning in the model"
+            hint = f"{self._legend()}; add `--legend {last}=LETTER` to choose one of them"
             problems[last] = Diagnostic("unknown-letter", message, cell.where, hint)
         return BLANK
 
@@ -113,7 +113,7 @@ class LevelTemplate:
 
 
 def _commented(before: str, title: str) -> Iterator[str]:
-    """Yield what stands before the name of a model, with a title as a comment before it."""
+    """Yield the text before the name of a model, with the level's title inserted as a comment."""
     head, line, word = before.rpartition("\n")
     yield head + line
     if title:

@@ -1,4 +1,4 @@
-"""Levels of other tools as rows of named cells: texts of letters (XSB), MAP parts of des-files, Tiled's maps."""
+"""Read levels of other tools as rows of named cells: Sokoban texts (XSB), MAP parts of des-files, and maps of Tiled."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from envgraph.lang.syntax._xml import Element, XmlPlaces, read_tree
 
 BLANK = " "
 _MOST_LEVELS, _MOST_CELLS = 5_000, 100_000
-"""Of a file; so many cells take 4 s and 240 MB as a model."""
+"""Limits for one file; 100,000 cells take 4 s and 240 MB as a model."""
 
 
 @dataclass(frozen=True, slots=True)
 class LevelCell:
-    """A cell: what it may be called, the first name first, and where it is written.
+    """A cell of a level: its possible names, the preferred first, and its span.
 
-    A letter has one name, an empty floor of Sokoban three; a tile of Tiled has its class, if there is one, and number.
+    A letter has one name, an empty Sokoban floor three. A tile of Tiled has its class, if any, and its number as names.
     """
 
     names: tuple[str, ...]
@@ -32,7 +32,7 @@ class LevelCell:
 
 @dataclass(frozen=True, slots=True)
 class Level:
-    """A level: its rows from the top, equally long; `title` is "" if it has none, `where` is its first row."""
+    """A level with its title ("" if none), the span of its first row, and its rows, top first and equally long."""
 
     title: str
     where: Span
@@ -40,7 +40,7 @@ class Level:
 
 
 FLOORS = (BLANK, "_", "-")
-"""Letters for an empty floor in files of Sokoban; where a legend has only some of them, they stand for each other."""
+"""Letters for an empty floor in files of Sokoban. If a legend has only some of them, the others mean the same."""
 _XSB = ("xsb", "sok")
 
 _BEFORE = re.compile(r"\s*;\s*(.*)")
@@ -50,15 +50,16 @@ _DES = re.compile(r"(?:MAZE|LEVEL)\s*:\s*\"([^\"]*)\"")
 
 
 def read_levels(source: Source, letters: Collection[str]) -> tuple[Level, ...]:
-    """The levels of a file, in its order; its suffix says what it is.
+    """Return the levels of a file, in order; the suffix of the file determines its format.
 
-    `.tmx` and `.tmj` (also `.json`) are maps of Tiled. In `.des` a level stands between `MAP` and `ENDMAP`. In any
-    other file a level is a run of rows: lines of which more than half is `letters`. `; name` before it is its title,
-    or `Title: name` behind it.
+    `.tmx`, `.tmj` and `.json` are maps of Tiled. In `.des`, each level is between `MAP` and `ENDMAP`. In other files a
+    level
+    is a run of adjacent rows: lines with more than half of their characters in `letters`. Its title is `; name` before
+    it, or `Title: name` behind it.
 
     Raises:
-        LoadError: there is none, the map is not one that can be read, or a line that touches a row looks like one as
-            well; all problems at once.
+        LoadError: the file has no level, the map cannot be read, or a line adjacent to a row is probably a mistyped
+            row. All problems are reported.
     """
     suffix = suffix_of(source.name)
     if suffix in ("tmx", "tmj", "json"):
@@ -69,11 +70,12 @@ def read_levels(source: Source, letters: Collection[str]) -> tuple[Level, ...]:
         cells += width * len(rows)
         if len(found) == limit(_MOST_LEVELS) or cells > limit(_MOST_CELLS):
             most = f"{limit(_MOST_LEVELS):,} levels and {limit(_MOST_CELLS):,} cells"
-            message = f"with this level the file has {len(found) + 1:,} levels and {cells:,} cells; {most} are the most"
+            message = f"up to this level the file has {len(found) + 1:,} levels and {cells:,} cells"
+            message += f", but at most {most} are read"
             raise LoadError.of("too-many-cells", message, rows[0].where, f"divide the file; {RAISE_LIMIT}")
         found.append(Level(title, rows[0].where, tuple(tuple(_cells(row, width)) for row in rows)))
     if not found:
-        hint = "a map stands between `MAP` and `ENDMAP`" if suffix == "des" else _known(letters)
+        hint = "write a map between `MAP` and `ENDMAP`" if suffix == "des" else _known(letters)
         raise LoadError.of("no-level", "the file has no level", source.span(0, 0), hint)
     return tuple(found)
 
@@ -97,7 +99,7 @@ def _lines(source: Source) -> Iterator[_Line]:
 
 
 def _text_levels(source: Source, letters: Collection[str]) -> Iterator[tuple[str, list[_Line]]]:
-    """Yield the title and the rows of each level."""
+    """Yield the title and the rows of each level in a text of letters."""
     known = {*letters, *(FLOORS if suffix_of(source.name) in _XSB else (BLANK,))}
     problems = list(_doubtful(source, known, letters))
     if problems:
@@ -120,11 +122,11 @@ def _text_levels(source: Source, letters: Collection[str]) -> Iterator[tuple[str
 
 
 def _doubtful(source: Source, known: Collection[str], letters: Collection[str]) -> Iterator[Diagnostic]:
-    """Errors for lines that are no rows, begin like rows, and have no empty line between them and a level."""
-    message = "half of this line or more is no letter of the model, and it touches a level: is it a row?"
+    """Yield an error for each line in a level's block that is not a row but starts like one."""
+    message = "this line is next to a level, but at least half of its characters are not letters of the model"
     hint = (
-        f"{_known(letters)}; `--legend x=LETTER` says what an `x` is. Rows are written letter by letter, without "
-        "numbers (run-length encoding), and an empty line keeps other text apart"
+        f"{_known(letters)}; if it is a row, add `--legend x=LETTER` for a letter `x` of it, and write each cell as a "
+        "letter, without counts (run-length encoding). If it is other text, put an empty line between it and the level"
     )
     for _, block in groupby(_lines(source), key=lambda line: bool(line.text)):
         lines = list(block)
@@ -140,13 +142,13 @@ def _is_row(line: str, known: Collection[str]) -> bool:
 
 
 def _begins_like_a_row(line: str, letters: Collection[str]) -> bool:
-    """With a letter of the model, or a number of them; `Title: name` does not."""
+    """Return True if a line starts with a letter of the model or a count, but is not like `Title: name`."""
     first = line.strip().lstrip("0123456789")[:1]
     return first in {*letters} - {*FLOORS} and _KEY.match(line) is None
 
 
 def _cells(row: _Line, width: int) -> Iterator[LevelCell]:
-    """The cells of a row; where it ends early they are blank."""
+    """Yield the cells of a row, padded with blank cells to the given width."""
     source, start = row.where.source, row.where.start
     floors = FLOORS if suffix_of(source.name) in _XSB else ()
     for column, letter in enumerate(row.text.ljust(width)):
@@ -156,13 +158,13 @@ def _cells(row: _Line, width: int) -> Iterator[LevelCell]:
 
 
 def _as_floor(letter: str) -> tuple[str, ...]:
-    """A blank is better written as another floor: nobody sees how many blanks there are."""
+    """Return the names of an empty floor cell; a blank comes last, because trailing blanks cannot be seen in a text."""
     first = () if letter == BLANK else (letter,)
     return (*first, *(one for one in FLOORS[1:] if one != letter), BLANK)
 
 
 def _des_levels(source: Source) -> Iterator[tuple[str, list[_Line]]]:
-    """Yield the title and the rows of each level."""
+    """Yield the title and the rows of each level in a des-file."""
     title, rows, inside = "", list[_Line](), False
     for line in _lines(source):
         word = line.text.strip()
@@ -179,14 +181,14 @@ def _des_levels(source: Source) -> Iterator[tuple[str, list[_Line]]]:
 
 
 _FLIPPED = 0xF000_0000
-"""Bits of a number that say how a tile is turned."""
+"""Bits of a tile number that encode how the tile is flipped or rotated."""
 _NUMBER = re.compile(r"[^\s,]+")
 _PACKED = "choose `Tile Layer Format: CSV` in the properties of the map"
 
 
 @dataclass(frozen=True, slots=True)
 class _Layer:
-    """Numbers of tiles, row by row, with their places; 0 is no tile."""
+    """A layer of a Tiled map: the tile numbers row by row with their spans; 0 means no tile."""
 
     where: Span
     tiles: Sequence[tuple[str, Span]]
@@ -202,10 +204,10 @@ class _Map:
 
 
 def read_tiled(source: Source) -> Level:
-    """The level of a map. A cell where no layer has a tile is a blank.
+    """Return the level of a Tiled map; a cell without a tile in any layer is blank.
 
     Raises:
-        LoadError: the file is no map, or has data that is not read.
+        LoadError: the file is not a map, or has unsupported data.
     """
     found = _xml_map(source) if suffix_of(source.name) == "tmx" else _json_map(source)
     cells = [LevelCell((BLANK,), found.where)] * (found.width * found.height)
@@ -214,18 +216,18 @@ def read_tiled(source: Source) -> Level:
         if len(layer.tiles) != len(cells):
             message = f"the layer has {len(layer.tiles)} tiles, not {found.width} x {found.height}"
             problems.append(
-                Diagnostic("bad-map", message, layer.where, "width and height are those of the map")
+                Diagnostic("bad-map", message, layer.where, "give the layer the width and height of the map")
             )
             continue
         for place, (text, where) in enumerate(layer.tiles):
             number = parse_int(text)
             if number is None or number < 0:
-                problems.append(Diagnostic("bad-map", f"`{text}` is no number of a tile", where))
+                problems.append(Diagnostic("bad-map", f"`{text}` is not a tile number", where))
             elif number := number & ~_FLIPPED:
                 names = (found.classes.get(number), str(number))
                 cells[place] = LevelCell(tuple(name for name in names if name), where)
     if not found.layers:
-        problems.append(Diagnostic("no-level", "the map has no layer of tiles", found.where))
+        problems.append(Diagnostic("no-level", "the map has no tile layer", found.where))
     if problems:
         raise LoadError(problems[:MOST_ERRORS])
     rows = (tuple(cells[at : at + found.width]) for at in range(0, len(cells), found.width))
@@ -235,7 +237,7 @@ def read_tiled(source: Source) -> Level:
 def _size(width: object, height: object, where: Span) -> tuple[int, int]:
     columns, rows = parse_int(str(width)) or 0, parse_int(str(height)) or 0
     if columns <= 0 or rows <= 0:
-        raise LoadError.of("bad-map", "this is no map of Tiled: it has no `width` and `height`", where)
+        raise LoadError.of("bad-map", "this is not a map of Tiled: it has no `width` and `height`", where)
     if columns * rows > limit(_MOST_CELLS):
         message = f"the map has more than {limit(_MOST_CELLS):,} cells"
         raise LoadError.of("bad-map", message, where, RAISE_LIMIT)
@@ -250,10 +252,15 @@ def _xml_map(source: Source) -> _Map:
     where = places.tag(root.byte)
     size = root.attributes
     if root.tag != "map":
-        raise LoadError.of("bad-map", f"`<{root.tag}>` is no map of Tiled", where, "a map is a tag `<map>`")
+        raise LoadError.of(
+            "bad-map", f"`<{root.tag}>` is not a map of Tiled", where, "give a file with a tag `<map>`"
+        )
     if size.get("infinite") == "1":
         raise LoadError.of(
-            "bad-map", "infinite maps are not read", where, "take back `Infinite` in the properties"
+            "bad-map",
+            "infinite maps are not supported",
+            where,
+            "uncheck `Infinite` in the properties of the map",
         )
     width, height = _size(size.get("width"), size.get("height"), where)
     layers = tuple(_xml_layer(places, layer) for layer in root.children if layer.tag == "layer")
@@ -272,7 +279,7 @@ def _xml_layer(places: XmlPlaces, layer: Element) -> _Layer:
 
 
 def _xml_classes(root: Element) -> Iterator[tuple[int, str]]:
-    """The classes of tiles by number; Tiled calls them `type`, and `class` in version 1.9."""
+    """Yield the number and class of each tile with a class; its key is `type`, or `class` in Tiled 1.9."""
     for tileset in (one for one in root.children if one.tag == "tileset"):
         for tile in (one for one in tileset.children if one.tag == "tile"):
             name = tile.attributes.get("type") or tile.attributes.get("class")
@@ -286,7 +293,7 @@ def _json_map(source: Source) -> _Map:
     value, spans = parse_json(source)
     where = spans[()]
     if not isinstance(value, dict) or not isinstance(value.get("layers"), list):
-        raise LoadError.of("bad-map", "this is no map of Tiled", where, "a map has `layers`")
+        raise LoadError.of("bad-map", "this is not a map of Tiled", where, "give a file with `layers`")
     width, height = _size(value.get("width"), value.get("height"), where)
     layers = tuple(_json_layers(value["layers"], spans))
     return _Map(width, height, where, layers, dict(_json_classes(value)))

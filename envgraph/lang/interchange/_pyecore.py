@@ -1,7 +1,7 @@
-"""Packages and objects of pyecore, and back, for programs that use both.
+"""Convert metamodels and models from and to pyecore, for programs that use both libraries.
 
-They cross as text in memory: so they are checked as files are, and pyecore is needed here alone. It comes with the
-extra `emf`.
+The data is converted as XML text in memory, so that it is checked like files. Only this module needs pyecore, which is
+installed with the extra `emf`.
 """
 
 from __future__ import annotations
@@ -23,31 +23,31 @@ from envgraph.lang.read._ecore_types import ECORE, XML_TYPES
 from envgraph.metamodel import Metamodel, metamodel_to_ecore
 
 _LISTED: Final = 5
-"""So many losses are listed one by one."""
+"""Number of losses that a warning lists."""
 _PLACE = re.compile(r"#/(\d+)/")
-"""How pyecore names what is in one of several roots."""
+"""Matches pyecore's path prefix of parts in one of several roots."""
 
 
 def metamodel_from_pyecore(package: Any, *others: Any) -> Metamodel:
-    """The metamodel of a `pyecore.ecore.EPackage`, the packages in it, and those that they refer to.
+    """Return the metamodel of a `pyecore.ecore.EPackage`, its subpackages, and all packages that they refer to.
 
-    The logger `envgraph` notes how many features are left out; `Metamodel.left_out` says why.
+    The logger `envgraph` warns about features that are left out; `Metamodel.left_out` returns the reasons.
 
     Args:
-        package: the metamodel's own package, or the module that pyecore has made of it; that of Ecore
+        package: the metamodel's own package, or the module that pyecore generated for it. The package of Ecore
             (`pyecore.ecore.eClass`) stands for the classes of Ecore.
-        *others: packages to be part of it that nothing refers to.
+        *others: further packages to include, which no other package refers to.
 
     Raises:
-        LoadError: all that cannot be represented; positions are those of the packages as `.ecore` files.
-        InvalidArgument: this is no package, or pyecore is not installed.
+        LoadError: parts cannot be represented; positions are those in the packages' `.ecore` text.
+        InvalidArgument: an argument is not a package, or pyecore is not installed.
     """
     ecore = _module("pyecore.ecore")
     given = (package, *others)
     packages = [getattr(one, "eClass", one) if isinstance(one, ModuleType) else one for one in given]
     for one in packages:
         if not isinstance(one, ecore.EPackage):
-            raise InvalidArgument(f"a metamodel is made from an EPackage, not from {one!r}")
+            raise InvalidArgument(f"each package must be an EPackage of pyecore, not {one!r}")
     roots = _with_referenced(packages, ecore)
     plain = [one for one in roots if one.nsURI != ECORE]
     documents = [EcoreDocument(source) for source in _sources(plain, ecore)] if plain else []
@@ -61,7 +61,7 @@ def metamodel_from_pyecore(package: Any, *others: Any) -> Metamodel:
 
 
 def _tell(losses: Iterable[Diagnostic]) -> None:
-    """Tell the logger what is lost, the first few of it."""
+    """Log a warning with the first few losses and the number of the remaining ones."""
     said = [one.message for one in losses]
     if said:
         more = f", and {len(said) - _LISTED} more" if len(said) > _LISTED else ""
@@ -69,7 +69,7 @@ def _tell(losses: Iterable[Diagnostic]) -> None:
 
 
 def metamodel_to_pyecore(metamodel: Metamodel) -> Any:
-    """A `pyecore.ecore.EPackage` with the classes and enums of a metamodel.
+    """Return a `pyecore.ecore.EPackage` with the classes and enums of a metamodel.
 
     Raises:
         InvalidArgument: pyecore is not installed.
@@ -79,19 +79,19 @@ def metamodel_to_pyecore(metamodel: Metamodel) -> Any:
 
 
 def model_from_pyecore(*roots: Any, metamodel: Metamodel) -> Model:
-    """The model of objects of pyecore, with all that they contain.
+    """Return the model that consists of pyecore objects and all objects that they contain.
 
     Args:
-        *roots: the objects at the top.
-        metamodel: of their package, as `metamodel_from_pyecore` makes it.
+        *roots: the objects without a container.
+        metamodel: the metamodel of their package, made by `metamodel_from_pyecore`.
 
     Raises:
-        LoadError: what the metamodel does not allow; positions are those of the objects as an `.xmi` file.
-        InvalidArgument: there are no objects, or pyecore is not installed.
+        LoadError: the metamodel does not allow the objects; positions are those in their `.xmi` text.
+        InvalidArgument: no objects are given, or pyecore is not installed.
     """
     _module("pyecore.ecore")
     if not roots:
-        raise InvalidArgument("a model is made from one object at least")
+        raise InvalidArgument("no objects are given, but a model needs at least one")
     found = read_xmi(Source("model.xmi", _written(list(roots))), metamodel)
     model = found.models[0].model
     if model is None:
@@ -101,14 +101,14 @@ def model_from_pyecore(*roots: Any, metamodel: Metamodel) -> Model:
 
 
 def model_to_pyecore(model: Model, package: Any = None) -> list[Any]:
-    """The objects of a model as objects of pyecore: those at the top, which contain the others.
+    """Return the pyecore objects of a model that have no container; they contain all others.
 
     Args:
         model: the model.
-        package: an `EPackage` with its classes; None for one made of its metamodel.
+        package: an `EPackage` with the model's classes; None to make one from its metamodel.
 
     Raises:
-        InvalidArgument: a string has a character that XML does not have, or pyecore is not installed.
+        InvalidArgument: a string contains a character that XML does not allow, or pyecore is not installed.
     """
     _module("pyecore.ecore")
     if package is None:
@@ -128,10 +128,10 @@ def _module(name: str) -> Any:
 
 
 def _memory(name: str, text: str = "") -> Any:
-    """A text that pyecore takes for a file; `written` has what it writes."""
+    """Return a pyecore resource in memory that reads `text`; the attribute `written` receives what is written to it."""
     base = _module("pyecore.resources.resource").URI
 
-    class Memory(base):  # type: ignore[misc, valid-type]  # pyecore has no types
+    class Memory(base):  # type: ignore[misc, valid-type]  # pyecore has no type hints
         written = io.BytesIO()
 
         def create_instream(self) -> io.BytesIO:
@@ -154,7 +154,7 @@ def _read(name: str, text: str, packages: Any) -> list[Any]:
 
 
 def _written(roots: list[Any]) -> str:
-    """Return what pyecore writes of objects; they stay in the resources where they are."""
+    """Return the text that pyecore writes for objects; the objects stay in their own resources."""
     target = _memory("objects.xmi")
     resource = _module("pyecore.resources.xmi").XMIResource(target)
     homes = [root._eresource for root in roots]
@@ -176,7 +176,7 @@ def _packages(package: Any) -> Iterator[Any]:
 
 
 def _with_referenced(packages: Sequence[Any], ecore: Any) -> list[Any]:
-    """The outermost packages of these, and of all that they refer to, in the order in which they are met."""
+    """Return the outermost packages of the given packages and of all packages that they refer to."""
     found: list[Any] = []
     asked = [_outermost(package) for package in packages]
     open_ = list(asked)
@@ -209,8 +209,8 @@ def _outermost(package: Any) -> Any:
 
 
 def _sources(packages: Sequence[Any], ecore: Any) -> Iterator[Source]:
-    """The texts of packages as `.ecore` files that name each other."""
-    etree = _module("lxml.etree")  # which pyecore writes with
+    """Yield the texts of packages as `.ecore` files that refer to each other by file name."""
+    etree = _module("lxml.etree")  # lxml is installed with pyecore, which writes with it
     tree = etree.fromstring(_written(list(packages)).encode())
     elements = [tree] if len(packages) == 1 else list(tree)
     names: list[str] = []
@@ -225,7 +225,7 @@ def _sources(packages: Sequence[Any], ecore: Any) -> Iterator[Source]:
 
 
 def _name_files(tree: Any, files: Sequence[str]) -> None:
-    """Names what is in other roots by their files."""
+    """Replace the numbers of root packages in references by the names of their files."""
     for part in tree.iter():
         for attribute in ("eType", "eSuperTypes"):
             if attribute in part.attrib:
@@ -234,7 +234,7 @@ def _name_files(tree: Any, files: Sequence[str]) -> None:
 
 
 def _add_opposites(element: Any, package: Any, ecore: Any, files: Mapping[Any, str]) -> None:
-    """Writes the `eOpposite`s into a tree of a package: pyecore 0.15 leaves them out."""
+    """Add the `eOpposite` attributes to the XML of a package, because pyecore 0.15 omits them."""
     for tag, classifier in zip(element.findall("eClassifiers"), package.eClassifiers, strict=True):
         if isinstance(classifier, ecore.EClass):
             features = zip(tag.findall("eStructuralFeatures"), classifier.eStructuralFeatures, strict=True)
@@ -246,7 +246,7 @@ def _add_opposites(element: Any, package: Any, ecore: Any, files: Mapping[Any, s
 
 
 def _address(feature: Any, files: Mapping[Any, str]) -> str:
-    """Return where a feature stands: `#//Class/feature`, with the packages around the class, and the file."""
+    """Return the path of a feature: the file, then `#//Class/feature` with the packages around the class."""
     steps = [feature.name, feature.eContainingClass.name]
     package = feature.eContainingClass.ePackage
     while package.eSuperPackage is not None:

@@ -1,4 +1,4 @@
-"""Traces as text: `envgraph.rewrite.trace_to_text` and back, with every mistake at its place."""
+"""Parse traces written by `envgraph.rewrite.trace_to_text`, with the position of every mistake."""
 
 from __future__ import annotations
 
@@ -29,15 +29,15 @@ _KEYS: Final = {
     "rule": ("rule", "match", "state"),
     "end": ("end", "state"),
 }
-_WRITTEN: Final = "`envgraph apply --trace` and `trace_to_text` write traces"
-_CHANGED: Final = "the trace was changed, or the rule is not what it was"
+_WRITTEN: Final = "write traces with `envgraph apply --trace` or `trace_to_text`"
+_CHANGED: Final = "record the trace again: the trace or the rule was changed since"
 
 
 def parse_trace(source: Source, engine: Engine) -> Trace:
-    """A trace from its text, for `Engine.replay` of an engine with these rules.
+    """Return the trace in a text, for `Engine.replay` of an engine with the same rules.
 
     Raises:
-        TraceError: it is no trace, or names what the engine does not have; all mistakes, each at its place.
+        TraceError: the text is not a trace, or names rules or objects that the engine lacks; contains all mistakes.
     """
     reader = _Reader(source, engine)
     reader.read()
@@ -67,13 +67,11 @@ class _Reader:
         end = len(self.source.text)
         if not self._states and not self.problems:
             self._problem(
-                "empty-file", "the file has no trace in it", self.source.span(0, min(1, end)), _WRITTEN
+                "empty-file", "the file contains no trace", self.source.span(0, min(1, end)), _WRITTEN
             )
         elif not self._ended and not self.problems:
             message = f"the trace ends after {len(self.trace)} applications, without its last line"
-            hint = (
-                f'the last line is `{{"end": {len(self.trace)}, "state": ..}}`: a part of the file is missing'
-            )
+            hint = f'add the missing rest of the file; its last line is `{{"end": {len(self.trace)}, "state": ..}}`'
             self._problem("unfinished-trace", message, self.source.span(max(0, end - 1), end), hint)
         self.trace.spans, self.trace.matches = tuple(self._states), tuple(self._matches)
 
@@ -84,16 +82,20 @@ class _Reader:
         except json.JSONDecodeError as error:
             place = start + error.pos
             span = self.source.span(place, place + 1)
-            self._problem("syntax", f"not JSON: {error.msg.lower()}", span, "each line is one JSON object")
+            self._problem(
+                "syntax", f"not JSON: {error.msg.lower()}", span, "write one JSON object on each line"
+            )
             return
-        except (ValueError, RecursionError):  # a number of thousands of digits; thousands of brackets
-            self._problem("syntax", "not JSON: a number or what is nested is too large", whole, _WRITTEN)
+        except (ValueError, RecursionError):  # a number of thousands of digits, or thousands of brackets
+            self._problem(
+                "syntax", "not JSON: a number is too large, or a value is nested too deeply", whole, _WRITTEN
+            )
             return
         spans = {path: self.source.span(start + span.start, start + span.end) for path, span in locate(line)}
         first = next(iter(value), None) if isinstance(value, dict) else None
         if first not in _KEYS:
-            hint = 'a line begins with "format", "rule" or "end"'
-            self._problem("bad-format", "this is no line of a trace", whole, hint)
+            hint = 'begin the line with the key "format", "rule" or "end"'
+            self._problem("bad-format", "this is not a line of a trace", whole, hint)
         elif self._has_keys(value, _KEYS[first], spans):
             read = {"format": self._start, "rule": self._application, "end": self._end}[first]
             if self._in_order(first, whole):
@@ -102,16 +104,19 @@ class _Reader:
     def _in_order(self, first: str, whole: Span) -> bool:
         if (first == "format") is bool(self._states):
             if self.problems and not self._states:
-                self._states = [whole]  # the first line is what is wrong
+                self._states = [whole]  # the mistake is in the first line
                 return False
             message = "the trace has begun already" if self._states else "the first line is missing"
-            hint = f'the first line, and no other, is `{{"format": "{TRACE_FORMAT}", ..}}`'
+            hint = f'write `{{"format": "{TRACE_FORMAT}", ..}}` as the first line and nowhere else'
             self._problem("bad-format", message, whole, hint)
-            self._states = self._states or [whole]  # say it once
+            self._states = self._states or [whole]  # report it once
             return False
         if self._ended:
             self._problem(
-                "bad-format", "the trace has ended", whole, "nothing comes after the line with `end`"
+                "bad-format",
+                "the trace has ended already",
+                whole,
+                "remove all lines after the line with `end`",
             )
             return False
         return True
@@ -124,23 +129,23 @@ class _Reader:
             self._problem("bad-format", f"unknown entry `{key}`", spans[key,], name_hint(key, known))
         if known[1] == "match" and "match" not in value:
             hint = 'write `"match": {"variable": value, ..}`'
-            self._problem("bad-format", "an application has a `match`", spans[()], hint)
+            self._problem("bad-format", "this application has no `match`", spans[()], hint)
             return False
         return not strange
 
     def _start(self, value: Mapping[str, Any], spans: Mapping[JsonPath, Span]) -> None:
         if value["format"] != TRACE_FORMAT:
             hint = (
-                "a newer envgraph may have written it"
+                "update envgraph: a newer version may have written the trace"
                 if str(value["format"]).startswith("envgraph")
                 else _WRITTEN
             )
-            message = f"the format is `{TRACE_FORMAT}`, not {json.dumps(value['format'])}"
+            message = f"the format must be `{TRACE_FORMAT}`, not {json.dumps(value['format'])}"
             self._problem("bad-format", message, spans["format",], hint)
         metamodel = self.engine.model.metamodel.name
         if value.get("metamodel", metamodel) != metamodel:
-            message = f"the trace is about models of {json.dumps(value['metamodel'])}, and this is one of `{metamodel}`"
-            hint = "replay it on the model that it was recorded on"
+            message = f"the trace is of a model of {json.dumps(value['metamodel'])}, and this is one of `{metamodel}`"
+            hint = "replay it on the model on which it was recorded"
             self._problem("other-metamodel", message, spans["metamodel",], hint)
         self._state(value, spans)
 
@@ -154,7 +159,7 @@ class _Reader:
     def _firing(self, value: Mapping[str, Any], spans: Mapping[JsonPath, Span]) -> Firing | None:
         try:
             if not isinstance(value["rule"], str):
-                raise InvalidArgument("the name of a rule is a string")
+                raise InvalidArgument("the name of a rule must be a string")
             rule = self.engine.prepare(value["rule"])
         except InvalidArgument as error:
             self._problem("unknown-rule", error.message, spans["rule",], error.hint)
@@ -162,7 +167,7 @@ class _Reader:
         match, names = value["match"], rule.shape.names
         if not isinstance(match, dict):
             hint = 'write `{"variable": value, ..}`'
-            self._problem("bad-format", "a match names what each variable stands for", spans["match",], hint)
+            self._problem("bad-format", "a match must map each variable to its value", spans["match",], hint)
             return None
         missing = [name for name in names if name not in match]
         if missing:
@@ -176,7 +181,7 @@ class _Reader:
         for name, given in match.items():
             try:
                 if type(given) is int and rule.shape.is_object(rule.shape.position(name)):
-                    values[name] = given  # the object may not be there yet
+                    values[name] = given  # an earlier application may create this object
                 else:
                     values.update(self.engine.catalog.ids(rule.shape, {name: given}))
             except (InvalidArgument, TypeMismatch) as error:
@@ -190,9 +195,9 @@ class _Reader:
         count = value["end"]
         if (type(count) is not int or count != len(self.trace)) and not self.problems:
             message = f"the trace has {len(self.trace)} applications, not {json.dumps(count)}"
-            self._problem("wrong-count", message, spans["end",], "lines are missing, or there are too many")
+            self._problem("wrong-count", message, spans["end",], "look for missing or additional lines")
         before = self.trace.states.get(len(self.trace))
-        # After a mistake an application may be missing, and the state before is not the last one.
+        # After a mistake, applications may be missing, so the last recorded state is not compared.
         whole = not self.problems
         span = self._state(value, spans, again=True, known=before is not None)
         if whole and before is not None and self.trace.states[len(self.trace)] != before and span is not None:
@@ -206,7 +211,7 @@ class _Reader:
         again: bool = False,
         known: bool = False,
     ) -> Span | None:
-        """Take in the state on a line, if there is one."""
+        """Record the state hash on a line, if it has one, and return its span; None if it is missing or malformed."""
         span = spans.get(("state",))
         if not again:
             self._states.append(span or spans[()])
@@ -214,8 +219,8 @@ class _Reader:
             return None
         state = value["state"]
         if not isinstance(state, str) or not _STATE.fullmatch(state):
-            hint = "leave it out, and nothing is compared here"
-            self._problem("bad-format", "a state is 16 hexadecimal digits", span, hint)
+            hint = "remove it to skip the comparison of states here"
+            self._problem("bad-format", "a state must have 16 hexadecimal digits", span, hint)
             return None
         self.trace.states[len(self.trace)] = int(state, 16)
         if again and not known:

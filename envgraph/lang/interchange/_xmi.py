@@ -1,10 +1,8 @@
-"""`.xmi` files: the XML to objects.
+"""Read `.xmi` files as models.
 
-A file is read as it streams by: each tag becomes an object at once, and only references wait until all objects are
-there. pyecore ends at the first mistake, knows lines alone, lets some mistakes pass, and takes four times as long; the
-two are compared in the tests.
-
-A document may name objects of others; those are read into the same model.
+A file is read as a stream. Each tag becomes an object at once, and references are linked after all objects exist.
+pyecore stops at the first mistake, reports only lines, overlooks some mistakes, and takes four times as long. Tests
+compare the results of both. A document may refer to objects of other documents, which are read into the same model.
 """
 
 from __future__ import annotations
@@ -22,7 +20,7 @@ from envgraph.lang.syntax._xml import XSI, Reader, Stop, XmlPlaces, namespaces
 from envgraph.metamodel import Metamodel
 
 _HEAD = 100_000
-"""The first tag of a file ends before this character."""
+"""Number of characters at the start of a file that are searched for its first tag."""
 
 
 def read_xmi(
@@ -33,14 +31,15 @@ def read_xmi(
     *,
     allow_unresolved: bool = False,
 ) -> ModelFile:
-    """The model of an `.xmi` file, and all that is wrong with it.
+    """Return the model of an `.xmi` file, with all diagnostics.
 
     Args:
         source: the file.
-        metamodel: what its objects are instances of; None when that could not be loaded: then only the XML is checked.
-        lost: names that errors elsewhere may have taken away.
-        fetch: reads another file, by its path and the name of the file that names it; None when there are no others.
-        allow_unresolved: whether links to what is nowhere are left out, with a warning.
+        metamodel: the metamodel of the objects; None if it could not be loaded: then only the XML syntax is checked.
+        lost: names that may have been lost through errors in other files.
+        fetch: reads another file by its path and the name of the file that refers to it; None if links to other files
+            are not allowed.
+        allow_unresolved: if True, links to missing objects are left out with a warning.
     """
     name = posixpath.basename(source.name).rpartition(".")[0] or source.name
     model = Model(metamodel or Metamodel("", ()), name)
@@ -64,7 +63,7 @@ def read_xmi(
 
 
 def _read_all(first: Document) -> None:
-    """Reads a document, those that it names, and then all references."""
+    """Read a document and all documents that it refers to, then link all references."""
     try:
         linkers = []
         waiting = [first]
@@ -85,7 +84,7 @@ def _read_all(first: Document) -> None:
 
 
 def schema_paths(source: Source) -> list[str]:
-    """The paths in the `xsi:schemaLocation` of the first tag of a file: where its metamodel may be."""
+    """Return the paths in the `xsi:schemaLocation` of a file's first tag, where its metamodel may be."""
     found: list[str] = []
 
     def start(_: str, attributes: dict[str, str]) -> None:

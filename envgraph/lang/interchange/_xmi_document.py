@@ -1,4 +1,4 @@
-"""One reading of XMI: the model that comes of it, its documents, and how they name objects."""
+"""Hold the state of reading XMI: the model, its documents, and the resolution of names of objects."""
 
 from __future__ import annotations
 
@@ -30,15 +30,15 @@ from envgraph.lang.syntax._xml import XSI, Stop, XmlPlaces
 from envgraph.metamodel import Attribute, Feature, Reference
 
 LOST = -1
-"""Stands for an object that could not be read. Links to such an object are not reported as mistakes."""
+"""The id that stands for an object that could not be read. Links to such an object are not reported as mistakes."""
 
 Fetch = Callable[[str, str], Source | None]
-"""Reads a document, given its path and the name of the document that links to it. Returns None if there is none."""
+"""Returns a document, given its path and the name of the document that links to it. None means that it is missing."""
 
-_NAMED = "objects are named by `xmi:id`, by an `iD` attribute of the metamodel, or by place: `//@...`"
-LEAVE_OUT = "`--allow-unresolved` leaves out links to what is nowhere"
+_NAMED = "refer to an object by its `xmi:id`, by an `iD` attribute of the metamodel, or by its path: `//@...`"
+LEAVE_OUT = "add `--allow-unresolved` to leave out links to missing objects"
 _MANY = 1000
-"""Names above which no similar name is suggested: comparing all of them would take too long."""
+"""If there are more names than this, no similar name is suggested, because comparing all takes too long."""
 
 _KEYED = re.compile(r"@([^\[]+)\[(.*)\]")
 _KEY = re.compile(r"([^=,]+)=(null|'[^']*'|\"[^\"]*\"|\[[^\]]*\])(?:,|$)")
@@ -47,7 +47,7 @@ _QUOTED = re.compile(r"'([^']*)'|\"([^\"]*)\"")
 
 @dataclass(frozen=True, slots=True)
 class Link:
-    """A reference that is linked after all objects have been read; `key` is the XML attribute that holds it.
+    """A reference to be linked after all objects have been read; `key` is the XML attribute that holds it.
 
     Attributes:
         place: for an `href` in a containment reference, its index in `Reading.children`; else -1.
@@ -62,12 +62,13 @@ class Link:
 
 
 class Reading:
-    """Reads one model from a document and from the documents that it links to.
+    """The state of reading one model from a document and the documents that it links to.
 
     Attributes:
         allow_unresolved: whether links to missing files and objects are warnings instead of errors.
-        children: by container and reference, the children in the order of the text, if one could not be read (`LOST`)
-            or is named by an `href` (document and link). None while `child` resolves such an `href`.
+        children: by container and reference: the children in the order of the text. An entry exists only if a child
+            could not be read (`LOST`) or is given by an `href` (document and link). None stands for an `href` being
+            resolved.
     """
 
     def __init__(
@@ -94,25 +95,25 @@ class Reading:
     def omit(
         self, noun: str, rest: str, span: Span, hint: str = "no class has this", said: str = "left out"
     ) -> None:
-        """Count a part of the file that the model lacks or holds differently; `said` is how, such as "rounded"."""
+        """Count a part of the file that the model lacks or changes; `said` names the change, such as "rounded"."""
         count, first = self._omitted.get((said, noun, rest, hint), (0, span))
         self._omitted[said, noun, rest, hint] = count + 1, first
 
     def lose(self, cls: str, feature: str, span: Span, noun: str = "value") -> bool:
-        """Return whether the metamodel has left out a feature; if so, count its lost value, text or place."""
+        """Return True if the metamodel has left out a feature, and count the lost value, text or position."""
         reason = self.metamodel.left_out(cls, feature)
         if reason:
             self.omit(noun, f"of `{cls}.{feature}`", span, f"the feature is not there: {reason}")
         return bool(reason)
 
     def omissions(self) -> Iterator[Diagnostic]:
-        """Yield one warning for each kind of part that was left out or rounded, with the place of the first."""
+        """Yield one warning for each kind of part that was left out or rounded, with the position of the first."""
         for (said, noun, rest, hint), (count, span) in self._omitted.items():
             code = f"values-{said.replace(' ', '-')}"
             yield Diagnostic(code, f"{said}: {plural(count, noun)} {rest}", span, hint, Severity.WARNING)
 
     def hold(self, node: int, reference: Reference, child: int) -> list[int | tuple[Document, Link] | None]:
-        """Append a child that counts for places such as `//@goods.1` but is not in the model; return all children."""
+        """Append a child that is not in the model but counts in paths such as `//@goods.1`; return all children."""
         key = node, reference.name
         if key not in self.children:
             self.children[key] = [*self.model.graph.targets(node, reference)]
@@ -120,7 +121,7 @@ class Reading:
         return self.children[key]
 
     def child(self, node: int, name: str, place: int) -> int | None:
-        """Return the object at a place of a containment reference, `LOST` if it could not be read, or None."""
+        """Return the object at an index of a containment reference: `LOST` if it was not read, None if missing."""
         children = self.children[node, name]
         child = children[place] if place < len(children) else None
         if isinstance(child, tuple):
@@ -139,16 +140,16 @@ class Reading:
         return [child for child in found if child is not None and child != LOST]
 
     def enter(self, source: Source) -> Document:
-        """Begins with a document."""
+        """Add a document, and return it."""
         document = Document(self, source)
         self.documents[source.name] = document
         return document
 
     def add(self, diagnostic: Diagnostic) -> None:
-        """Notes a mistake; after a hundred it ends. A name that means nothing is one mistake, wherever it stands.
+        """Record an error; an unknown name that occurs several times counts as one error.
 
         Raises:
-            Stop: there have been enough.
+            Stop: the limit of errors is reached.
         """
         places = self._places[diagnostic.message] = self._places.get(diagnostic.message, 0) + 1
         if places > 1 and diagnostic.code in NAMES:
@@ -170,19 +171,25 @@ class Reading:
         lost: str = "links to it are left out",
         notes: tuple[Note, ...] = (),
     ) -> None:
-        """Notes what is named and is nowhere: a mistake, or a warning, of which a hundred are shown."""
+        """Report a missing object or file: an error, or with `allow_unresolved` a warning with `lost` as its hint.
+
+        At most a hundred warnings are recorded.
+        """
         if not self.allow_unresolved:
             self.add(Diagnostic(code, message, span, hint, notes=notes))
             return
         self._unresolved += 1
         if self._unresolved == MOST_ERRORS + 1:
-            code, message = "too-many-warnings", "there are more names of what is nowhere"
+            code, message = "too-many-warnings", "too many names of missing objects: the others are not shown"
         if self._unresolved <= MOST_ERRORS + 1:
             self.diagnostics.append(Diagnostic(code, message, span, lost, Severity.WARNING, notes))
 
 
 class Spans(Mapping[int, Span]):
-    """Where each object's tag stands, worked out on demand: objects of a document have ids one after the other."""
+    """A mapping from the objects to the spans of their tags, computed on demand.
+
+    The objects of a document have consecutive ids.
+    """
 
     def __init__(self, reading: Reading) -> None:
         documents = [one for one in reading.documents.values() if one]
@@ -202,14 +209,14 @@ class Spans(Mapping[int, Span]):
 
 
 class Document:
-    """One file.
+    """An `.xmi` file that is being read.
 
     Attributes:
         first: the id of the first object.
-        bytes: where the tag of each object begins, in the order of the ids.
+        bytes: the byte offset of each object's tag, in the order of the ids.
         roots: the objects at the top, `LOST` for those that could not be read.
-        ids, identified: objects by their `xmi:id`, and by the value of their `iD` attribute.
-        links: what waits until all objects are there.
+        ids, identified: the objects by their `xmi:id`, and by the value of their `iD` attribute.
+        links: the references to be linked after all objects exist.
     """
 
     def __init__(self, reading: Reading, source: Source) -> None:
@@ -228,11 +235,11 @@ class Document:
         self._keyed: dict[tuple[int, str, tuple[Attribute, ...]], dict[object, int]] = {}
 
     def beside(self, path: str) -> str:
-        """The name of another document, by its path in this one."""
+        """Return the name of another document that this document refers to by a path."""
         return posixpath.normpath(posixpath.join(posixpath.dirname(self.source.name), path))
 
     def find(self, fragment: str) -> int | None:
-        """The object of a fragment (`//@regions.0`, `/1/@a`, an id), `LOST`, or None."""
+        """Return the object of a fragment (`//@regions.0`, `/1/@a`, an id), `LOST` if unread, None if missing."""
         if not fragment.startswith("/"):
             found = self.ids.get(fragment)
             return self.identified.get(fragment) if found is None else found
@@ -306,11 +313,11 @@ class Document:
         return self._keyed[node, reference.name, attributes].get(wanted)
 
     def target(self, link: Link, word: str) -> int | None:
-        """Return the object that a word names, or `LOST`. If there is none, report this and return None."""
+        """Return the object that a word names, or `LOST`; if it is missing, report this and return None."""
         path, _, fragment = word.rpartition("#")
         document = self.reading.documents.get(self.beside(unquote(path))) if path else self
         if document is None:
-            return LOST  # which was reported
+            return LOST  # this has been reported
         found = document.find(fragment)
         if found is None:
             known = (*document.ids, *document.identified)
@@ -318,25 +325,30 @@ class Document:
             if not known and fragment[:1] != "/":
                 hint = _NAMED
             if "[" in fragment:
-                hint = "no object there has these values: a path such as `//@reference[key='value']` finds the first"
+                hint = (
+                    "change the values: a path `//@reference[key='value']` needs an object with these values"
+                )
             elif fragment[:1] == "/":
-                hint = "a path begins at the root, and its numbers count from 0: `//@reference.0`"
+                hint = "write the path from the root, with numbers that count from 0: `//@reference.0`"
             message = f"there is no object `{short(word)}`"
             self.reading.unresolved("unknown-object", message, self.where(link, word), hint or LEAVE_OUT)
         return found
 
     def tag(self, node: int) -> Span:
-        """The tag of an object."""
+        """Return the span of an object's tag."""
         return self.places.tag(self.bytes[node - self.first])
 
     def where(self, link: Link, word: str) -> Span:
-        """A word in a reference."""
+        """Return the span of a word in a reference."""
         return self.places.attribute(link.byte, link.key, word)
 
     def report(
         self, code: str, message: str, span: Span, hint: str | None = None, notes: tuple[Note, ...] = ()
     ) -> None:
-        """Notes a mistake; raises `Stop` when there have been enough."""
+        """Record an error; raise `Stop` if the limit of errors is reached.
+
+        Opposites that differ are only a warning with `allow_unresolved`.
+        """
         if code == "opposites-differ":
             hint = f"{hint}; `--allow-unresolved` keeps the first"
             self.reading.unresolved(code, message, span, hint, "this is left out: the first is kept", notes)
@@ -345,7 +357,7 @@ class Document:
 
 
 class Library(Document):
-    """Ecore's own package, or that of XML Schema. Only types that links name are created, without features."""
+    """The package of Ecore or of XML Schema as a document; it contains only those types that links refer to."""
 
     def find(self, fragment: str) -> int | None:
         """Return the data type or class of a fragment such as `//EString`; create it at the first call."""
@@ -364,6 +376,6 @@ class Library(Document):
 
 
 def short(text: str) -> str:
-    """A text for a message, on one line and not too long."""
+    """Return a text for a message, on one line and with at most 80 characters."""
     line = " ".join(text.split())
     return line if len(line) <= 80 else f"{line[:77]}..."

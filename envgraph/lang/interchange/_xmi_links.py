@@ -1,4 +1,4 @@
-"""The references of an `.xmi` file: other documents, and links between objects that are all there."""
+"""Link the references of an `.xmi` file after all objects exist, and read the documents that it refers to."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from envgraph.metamodel import Reference
 
 
 class Linker:
-    """Makes the links of one document."""
+    """A linker of the references of one document."""
 
     def __init__(self, document: Document) -> None:
         self._document = document
@@ -24,7 +24,7 @@ class Linker:
         self._order: dict[tuple[int, int], tuple[Reference, list[int]]] = {}
 
     def others(self) -> Iterator[Document]:
-        """The documents that links name, read now."""
+        """Read and yield the documents that links refer to and that have not been read yet."""
         for link in self._document.links:
             if "#" not in link.text:
                 continue
@@ -55,15 +55,15 @@ class Linker:
                 library = Library(self._reading, Source(path, ""))
                 self._reading.documents[self._document.beside(path)] = library
             elif ":" in path or self._reading.fetch:
-                message = f"`{short(path)}` is not read: only files beside this one are"
+                message = f"`{short(path)}` is not read, since it is a URL and not the path of a file"
                 self._reading.unresolved("other-file", message, span, LEAVE_OUT)
             else:
                 message = f"`{short(path)}`: there is no such file"
                 self._reading.unresolved(
-                    "missing-file", message, span, "a model that is read from a text cannot link to files"
+                    "missing-file", message, span, "read the model from a file: a text cannot link to files"
                 )
             return None
-        known = self._reading.documents.get(source.name)  # by another path
+        known = self._reading.documents.get(source.name)  # read before, by another path
         document = known or self._reading.enter(source)
         self._reading.documents[self._document.beside(path)] = document
         return None if known else document
@@ -92,7 +92,7 @@ class Linker:
                 yield target, partial(self._document.where, link, word)
 
     def reorder(self) -> None:
-        """Restore the order of the text in many-valued references: links from the opposite end have changed it."""
+        """Restore the text's order in many-valued references, which links from the opposite end may change."""
         for (node, _), (reference, targets) in self._order.items():
             if (node, reference.name) in self._reading.children:
                 targets = [*self._reading.inside(node, reference)]
@@ -104,5 +104,5 @@ class Linker:
 
 
 def _words(link: Link) -> list[str]:
-    """Return the words of a link, which name objects and types. An `href` is one word, even with blanks in it."""
+    """Return the words of a link, which name objects and types; an `href` is one word, even if it contains blanks."""
     return [link.text] if link.key == "href" else link.text.split()

@@ -13,16 +13,16 @@ from envgraph.metamodel import Annotation, Attribute, Feature, Metamodel, Refere
 
 @dataclass(slots=True)
 class Table:
-    """Says how the objects of a class are written in XML.
+    """A description of how the objects of a class are written in XML.
 
     Attributes:
         name: the class.
         tags, keys: the features by the name of their XML element, and by the name of their XML attribute.
-        unset: by keys, the attributes that have no value if the tag lacks them, although a new object has one.
+        unset: by key: the attributes that have no value if the tag lacks them, although a new object has one.
         identifiers: the keys of the `iD` attribute.
         text: the attribute that holds the text of a tag, or None.
         map: the feature map, or "" if the class has none.
-        members: the features that hold the elements of the map, each with its place; the order among them is lost.
+        members: the features that hold the elements of the map, each with its position; the order across them is lost.
     """
 
     name: str
@@ -36,12 +36,12 @@ class Table:
 
 
 class XmlNames:
-    """Finds classes and features of a metamodel by their names in documents.
+    """A lookup of the classes and features of a metamodel by their XML names.
 
     Attributes:
-        classes: classes by their names in XML, then by package.
-        elements: the elements that can be the root of a document, by uri and name. Each has its class, its feature, and
-            the name of the element that it may replace, "" if none.
+        classes: the classes by XML name, then by package.
+        elements: by URI and name: the elements that can be the root of a document. Each has its class, its feature, and
+            the name of the element that it may substitute, or "".
     """
 
     def __init__(self, metamodel: Metamodel) -> None:
@@ -69,7 +69,7 @@ class XmlNames:
         return tag
 
     def table(self, cls: str) -> Table:
-        """Return the table of a class; it is computed at the first call."""
+        """Return the XML description of a class; it is computed at the first call."""
         found = self._tables.get(cls)
         if found is None:
             found = self._tables[cls] = self._table(cls)

@@ -1,4 +1,4 @@
-"""What names in the tags of an `.xmi` file mean: prefixes, classes, and the attributes of XMI itself."""
+"""Resolve names in the tags of an `.xmi` file: prefixes, classes, and the attributes of XMI itself."""
 
 from __future__ import annotations
 
@@ -15,11 +15,12 @@ XMI_SPACES = re.compile(r"http://(www\.omg\.org|schema\.omg\.org/spec)/(spec/)?X
 
 
 class Namespaces:
-    """The prefixes that hold where a document is being read.
+    """The XML namespaces in scope at the position being read.
 
     Attributes:
         scope: the namespace of each prefix.
-        id_key: the attribute that has the identifier of a tag.
+        id_key: the name of the XML attribute for the identifier of a tag, such as `xmi:id`; None if XMI is not
+            declared.
     """
 
     def __init__(self, document: Document) -> None:
@@ -32,7 +33,7 @@ class Namespaces:
         self._type_keys: tuple[str, ...] = ()
 
     def declare(self, attributes: dict[str, str], depth: int) -> None:
-        """Takes the declarations out of the attributes of a tag at this depth; they hold inside it."""
+        """Remove the namespace declarations from a tag's attributes, and put them in scope inside the tag."""
         own = namespaces(attributes)
         for key in [key for key in attributes if key[:5] == "xmlns"]:
             del attributes[key]
@@ -40,12 +41,12 @@ class Namespaces:
         self._enter_scope({**self.scope, **own})
 
     def leave(self, depth: int) -> None:
-        """Forgets the declarations of tags that are deeper."""
+        """Remove the namespaces declared by tags deeper than `depth` from the scope."""
         while self._scopes and self._scopes[-1][0] > depth:
             self._enter_scope(self._scopes.pop()[1])
 
     def is_space(self, prefix: str) -> bool:
-        """Return whether a prefix stands for XMI itself."""
+        """Return True if the prefix stands for the namespace of XMI."""
         return XMI_SPACES.fullmatch(self.scope.get(prefix, "")) is not None
 
     def local(self, name: str) -> tuple[str, str]:
@@ -62,7 +63,7 @@ class Namespaces:
         self.id_key = next((f"{one}:id" for one in spaces if scope[one] != XSI), None)
 
     def class_named(self, name: str, at: int, key: str | None) -> str | None:
-        """Return the class of a tag or an `xsi:type` such as `railway:Region`. If there is none, report it: None."""
+        """Return the class of a tag or `xsi:type` like `railway:Region`; report an unknown one and return None."""
         if name in self._types:
             return self._types[name]
         found = self._look_up(name, at, key)
@@ -86,12 +87,15 @@ class Namespaces:
         return cls
 
     def undeclared(self, prefix: str, span: Span, hint: str) -> None:
-        """Report a prefix that is not declared; suggest a declared prefix with a similar name, else give the hint."""
+        """Report an undeclared prefix; the hint is a similar declared prefix, or else `hint`."""
         hint = did_you_mean(prefix, self.scope) or hint
         self._document.report("unknown-prefix", f"the prefix `{prefix}` is not declared", span, hint)
 
     def _home(self, simple: str, package: Package | None, span: Span) -> str | None:
-        """Return the class of this name in a package. Without a package, the name must belong to one class only."""
+        """Return the class of this name in a package; without a package, the name must belong to exactly one class.
+
+        If there is no such class, report this and return None.
+        """
         metamodel = self._reading.metamodel
         homes = {path: one for path, one in metamodel.named(simple).items() if one in metamodel.classes}
         homes |= self._reading.names.classes.get(simple, {})
@@ -121,7 +125,7 @@ class Namespaces:
             self._reading.foreign.add(uri)
             message = f"the metamodel `{self._reading.metamodel.name}` has no namespace `{uri}`"
             near = near_uri(uri, packages)
-            if near:  # then classes are looked for by their names alone
+            if near:  # continue: classes are then looked up by name only
                 self._document.report("unknown-uri", message, span, near)
             else:
                 hint = f"it has {quoted(packages)}: give a metamodel of the other namespace too"
@@ -129,14 +133,17 @@ class Namespaces:
         return packages.get(uri)
 
     def type_of(self, attributes: dict[str, str]) -> tuple[str | None, str | None]:
-        """Takes the `xsi:type` out of the attributes of a tag, with the key that it has there."""
+        """Remove the `xsi:type` from a tag's attributes, and return its value and key, or (None, None)."""
         for key in self._type_keys:
             if key in attributes:
                 return attributes.pop(key), key
         return None, None
 
     def declared(self, reference: Reference, at: int) -> str | None:
-        """The class that a reference leads to, where a tag has no `xsi:type`."""
+        """Return the target class of a reference, or report that it is abstract and return None.
+
+        This is the class of a tag without `xsi:type`.
+        """
         metamodel = self._reading.metamodel
         if not metamodel.classes[reference.target].abstract:
             return reference.target
@@ -152,7 +159,7 @@ class Namespaces:
         return None
 
     def is_nil(self, attributes: dict[str, str]) -> bool:
-        """Return whether a tag stands for no object."""
+        """Return True if a tag has `xsi:nil="true"`, so that it stands for no object."""
         return any(
             value == "true"
             and key.rpartition(":")[2] == "nil"

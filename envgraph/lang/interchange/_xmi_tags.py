@@ -1,4 +1,4 @@
-"""The tags of an `.xmi` file become objects as they stream by."""
+"""Create objects from the tags of an `.xmi` file while it is parsed."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ class _Frame:
 
     Attributes:
         node: the object, or the object that has the attribute or reference.
-        table: the names that may occur inside; None if everything inside is skipped.
+        table: the XML names that may occur inside; None if everything inside is skipped.
         parent: the container, to which `reference` links the object when the tag ends. For a tag whose text names the
             targets of a reference: the byte at which the tag begins.
         text: the pieces of text in the tag, if its attribute, reference or object needs them; else None.
-        values: the values of many-valued attributes, each with the place of its tag.
-        last: the greatest place so far among the `members` of a feature map.
+        values: the values of many-valued attributes, each with the position of its tag.
+        last: the greatest position so far among the `members` of a feature map.
     """
 
     node: int
@@ -47,7 +47,7 @@ class _Frame:
 
 
 class TagReader:
-    """Reads the tags of one document."""
+    """A reader of one document that creates an object for each tag."""
 
     def __init__(self, document: Document) -> None:
         self._document = document
@@ -60,7 +60,7 @@ class TagReader:
         self._spaces = Namespaces(document)
 
     def check_syntax(self) -> None:
-        """Only whether the file is XML."""
+        """Check only that the file is valid XML, and report the first error."""
         problem = self._xml.read(
             lambda tag, _: self._xml.begin(tag), lambda _: self._xml.open.pop(), lambda _: None
         )
@@ -68,16 +68,16 @@ class TagReader:
             self._reading.diagnostics.append(problem)
 
     def read(self) -> None:
-        """Creates the objects.
+        """Create the objects of the document.
 
         Raises:
-            Stop: the file is no XML, or has too many mistakes.
+            Stop: the file is not XML, or has too many mistakes.
         """
         self._document.first = self._model.graph.store.next_id
         problem = self._xml.read(self._start, self._end, self._text)
         found = self._reading.diagnostics
         if problem:
-            # What stands in a tag that is not closed may not belong there, and references may lead to what comes later.
+            # Text inside an unclosed tag may not belong there, and references may refer to text that is missing.
             opened = [note.span.start for note in problem.notes if note.span]
             found[:] = [one for one in found if not (opened and one.span and one.span.start > opened[0])]
             self._reading.add(problem)
@@ -126,7 +126,7 @@ class TagReader:
         if self._stack and self._stack[-1].text is not None:
             self._stack[-1].text.append(text)
         elif not text.isspace():
-            # It is reported when the next tag begins.
+            # The position is found by searching back, since the parser reports text only at the next tag.
             line = text.strip().split("\n")[0]
             start = max(
                 self._document.source.text.rfind(line, 0, self._document.places.offset(self._xml.at)), 0
@@ -138,9 +138,9 @@ class TagReader:
                 return
             self._document.report(
                 "stray-text",
-                "a text stands here, where only tags can stand",
+                "text is not allowed here, only tags",
                 span,
-                "take it out, or make an attribute of it",
+                "remove the text, or write it as an attribute",
             )
 
     # --- tags ---
@@ -208,9 +208,9 @@ class TagReader:
     def _child(
         self, frame: _Frame, reference: Reference, attributes: dict[str, str], at: int, typed: Reference
     ) -> None:
-        """Open a contained object. Its class is its `xsi:type`, else the target of the reference `typed`."""
+        """Open a contained object; its class is its `xsi:type`, else the target of the reference `typed`."""
         type_, key = self._spaces.type_of(attributes)
-        # The name alone would be looked up in the namespace of the tag, and a reference has none.
+        # Use the reference's target, since the tag's own name is a reference and not a class.
         cls = self._spaces.class_named(type_, at, key) if type_ else self._spaces.declared(typed, at)
         if cls is not None and not self._reading.metamodel.is_a(cls, reference.target):
             message = f"`{reference}` takes objects of class `{reference.target}`, not {with_article(cls)}"
@@ -228,7 +228,7 @@ class TagReader:
         self._stack.append(_Frame(node, table, frame.node, reference, text=text))
 
     def _other_tag(self, frame: _Frame, table: Table, tag: str, attributes: dict[str, str], at: int) -> None:
-        """A tag that is no reference: an attribute, an extension of a tool, or a mistake."""
+        """Handle a tag that is not a reference: an attribute, another tool's extension, or a reported mistake."""
         attribute = table.tags.get(tag)
         if isinstance(attribute, Attribute):
             nil = self._spaces.is_nil(attributes)
@@ -264,11 +264,11 @@ class TagReader:
     # --- objects ---
 
     def _create(self, table: Table, attributes: dict[str, str], at: int) -> int:
-        """The object of a tag, with the values of its attributes."""
+        """Create the object of a tag with its attribute values, record its references, and return its id."""
         model = self._model
         name = attributes.pop(self._spaces.id_key, None) if self._spaces.id_key else None
         own = name
-        if name is not None and name in model:  # of an object of another document, perhaps
+        if name is not None and name in model:  # perhaps the id of an object in another document
             if name in self._document.ids:
                 self._duplicate(name, at)
             name = None
@@ -319,20 +319,20 @@ class TagReader:
     def _set_many(
         self, node: int, attribute: Attribute, found: Sequence[tuple[Value, Callable[[], Span]]]
     ) -> None:
-        """Append to the values of a many-valued attribute."""
+        """Append values to a many-valued attribute, and report values that are not allowed."""
         kept, mark = self._model.graph.values(node, attribute), '`unique="false"` in the metamodel'
         values = allowed_values(attribute, found, self._document.report, mark=mark, kept=kept)
         self._model.graph.set_value(node, attribute, values)
 
     def _value(self, node: int, attribute: Attribute, text: str, where: Callable[[], Span]) -> Value | None:
-        """Return the value of a text. If the text does not fit the attribute's type, report this and return None."""
+        """Return the value of a text; if the text does not fit the attribute's type, report this and return None."""
         value = value_of(text, attribute.type)
         if value is not None:
             if isinstance(value, float) and attribute.is_decimal and (repr(value) != text or attribute.many):
                 kept = self._model.graph.digits.setdefault((node, attribute.index, value), text)
                 same = Decimal(kept) == Decimal(text)
                 if not same or Decimal(text) != Decimal(repr(value)):
-                    why = "a float has 64 bits; only `.xmi` files keep all digits"
+                    why = "write `.xmi` to keep all digits: a float has 64 bits"
                     said = "rounded" if same else "left out"
                     self._reading.omit("value", f"of `{attribute}`", where(), why, said)
             return value
@@ -375,17 +375,17 @@ class TagReader:
             self._model.graph.set_value(frame.node, attribute, value)
 
     def _close_reference(self, frame: _Frame, reference: Reference) -> None:
-        """Link the targets that the text of a tag names, as in `<incoming>Flow_1</incoming>`."""
+        """Record the targets that the text of a tag names, as in `<incoming>Flow_1</incoming>`."""
         words, at = "".join(frame.text or ()).strip(), frame.parent
         if words:
             self._document.links.append(Link(frame.node, reference, words, at, ""))
             return
         hint = f'write `{reference.name}="..."`, or `<{reference.name} href="..."/>`'
-        message = f"`{reference}` does not contain its targets"
+        message = f"`{reference}` is not a containment, so its targets cannot be tags inside it"
         self._document.report("wrong-type", message, self._document.places.tag(at), hint)
 
     def _contain(self, frame: _Frame) -> None:
-        """Link a complete object to its container: linking it last avoids walking a chain of containers."""
+        """Link a complete object to its container; linking it last avoids walking up a chain of containers."""
         assert frame.reference is not None
         upper, children = frame.reference.upper, None
         if self._reading.children:
@@ -402,7 +402,7 @@ class TagReader:
             children.append(frame.node)
 
     def _href(self, link: Link) -> None:
-        """Record the link of a tag with an `href`; in a containment reference the object keeps its place."""
+        """Record the link of a tag with an `href`; in a containment reference the object keeps its position."""
         if link.reference.containment:
             children = self._reading.hold(link.node, link.reference, LOST)
             link = replace(link, place=len(children) - 1)

@@ -30,7 +30,7 @@ _DEEPEST = 150
 LEVELS = {
     "||": 1, "&&": 2, "==": 3, "!=": 3, "<": 4, "<=": 4, ">": 4, ">=": 4, "+": 5, "-": 5, "*": 6, "/": 6, "%": 6,
 }  # fmt: skip
-"""Precedence of binary operators, higher binds tighter. Operators of one precedence can be chained, except comparisons."""
+"""Precedence of binary operators; higher binds tighter. Operators of one precedence form chains, except comparisons."""
 MEANT = {"=": "==", "===": "==", "!==": "!=", "and": "&&", "or": "||"}
 """By operator of other languages: the operator that was meant."""
 EQUALITIES, ORDERINGS = 3, 4

@@ -88,7 +88,7 @@ def parse_toml(source: Source) -> TomlText:
     Raises:
         LoadError: the text is not valid TOML; the diagnostic has the position.
 
-    >>> text = parse_toml(Source("a.toml", "[search]\\nparents = { name = 'random' }"))
+    >>> text = parse_toml(Source("a.toml", "[search]\nparents = { name = 'random' }"))
     >>> str(text.value("search", "parents", "name")), text.value("search", "parents", "name").text
     ('a.toml:2:20', "'random'")
     """
@@ -144,7 +144,7 @@ def override(toml: TomlText, overrides: Iterable[str]) -> None:
     Raises:
         LoadError: settings are invalid; contains all of their errors.
 
-    >>> text = parse_toml(Source("a.toml", "[search]\\nparents = 'random'"))
+    >>> text = parse_toml(Source("a.toml", "[search]\nparents = 'random'"))
     >>> override(text, ["search.parents=elitist", "search.population=10"])
     >>> text.data, text.value("search", "population").text
     ({'search': {'parents': 'elitist', 'population': 10}}, '10')

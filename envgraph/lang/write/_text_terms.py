@@ -229,7 +229,7 @@ def string(text: str) -> str:
     r"""Return a string literal of the languages, in double quotes.
 
     >>> print(string('a "b"'))
-    "a \\"b\\""
+    "a \"b\""
     """
     return '"' + "".join(_ESCAPES.get(c) or _printable(c) for c in text) + '"'
 

@@ -81,9 +81,9 @@ def test_an_unknown_letter_is_told_where_it_stands_with_those_that_are_known(env
     write("bad.xsb", "#####\n#.x@#\n#$ x#\n#####\n\n####\n#.?#\n####\n")
     done = envgraph("import", "bad.xsb")
     assert done.code == 1 and not Path("bad").exists()
-    assert "bad.xsb:2:3: `x` stands for nothing\n 2 | #.x@#\n   |   ^\n" in done.err
-    assert "bad.xsb:7:3: `?` stands for nothing" in done.err and done.err.count("`x` stands") == 1
-    assert "are `#`, `_`, `.`, `$`, `*`, `@`, `+`; `--legend x=LETTER` says which" in done.err
+    assert "bad.xsb:2:3: `x` has no meaning in the model\n 2 | #.x@#\n   |   ^\n" in done.err
+    assert "bad.xsb:7:3: `?` has no meaning in the model" in done.err and done.err.count("`x` has no") == 1
+    assert "are `#`, `_`, `.`, `$`, `*`, `@`, `+`; add `--legend" in done.err
     known = envgraph("import", "bad.xsb", "--legend", "x=_", "--legend", "?=$")
     assert "bad.xsb:6:1: nothing to bind `worker` to: the model has no `Worker`" in known.err
 
@@ -93,7 +93,7 @@ def test_a_line_that_is_hardly_known_and_touches_a_level_is_no_row_in_silence(en
     done = envgraph("import", "bad.xsb")
     assert done.code == 1 and not Path("bad").exists()
     assert [line for line in done.err.splitlines() if line.startswith("bad.xsb")] == [
-        f"bad.xsb:{line}:1: half of this line or more is no letter of the model, and it touches a level: is it a row?"
+        f"bad.xsb:{line}:1: this line is next to a level, but at least half of its characters are not letters of the model"
         for line in (3, 7, 9)
     ]
     assert "run-length encoding" in done.err
@@ -116,9 +116,7 @@ def test_what_is_wrong_with_the_model_is_told_at_the_cell_of_the_level(envgraph:
     assert "note: levels/bad.xsb:8:5: number 1 is here" in done.err
 
 
-@pytest.mark.parametrize(
-    ("entry", "said"), [("x=Q", "cannot be read as `Q`"), ("x#", "no entry of a legend")]
-)
+@pytest.mark.parametrize(("entry", "said"), [("x=Q", "cannot mean `Q`"), ("x#", "no entry of a legend")])
 def test_a_legend_of_other_letters_is_refused(envgraph: Envgraph, entry: str, said: str) -> None:
     write("one.xsb", "#####\n#.$@#\n#####\n")
     done = envgraph("import", "one.xsb", "--legend", entry)
@@ -152,17 +150,17 @@ def test_layers_of_tiled_lie_above_each_other(envgraph: Envgraph, suffix: str) -
             TMX.format(infinite="", encoding="csv", last="1,1"),
             "map.tmx:3:10: the layer has 16 tiles, not 5 x 3",
         ),
-        (TMX.format(infinite="", encoding="csv", last="one"), "map.tmx:5:18: `one` is no number of a tile"),
-        (TMX.format(infinite="", encoding="csv", last="1"), "map.tmx:5:3: `7` stands for nothing"),
-        (TMX.format(infinite="", encoding="csv", last="9" * 5000), "9` is no number of a tile"),
-        (TMX.format(infinite="", encoding="csv", last="٣"), "`٣` is no number of a tile"),
+        (TMX.format(infinite="", encoding="csv", last="one"), "map.tmx:5:18: `one` is not a tile number"),
+        (TMX.format(infinite="", encoding="csv", last="1"), "map.tmx:5:3: `7` has no meaning in the model"),
+        (TMX.format(infinite="", encoding="csv", last="9" * 5000), "9` is not a tile number"),
+        (TMX.format(infinite="", encoding="csv", last="٣"), "`٣` is not a tile number"),
         (f'<map width="{"9" * 5000}" height="9"/>', "it has no `width` and `height`"),
         (TMX.format(infinite="", encoding="base64", last="1"), "the data of this layer is not CSV"),
-        (TMX.format(infinite=' infinite="1"', encoding="csv", last="1"), "infinite maps are not read"),
+        (TMX.format(infinite=' infinite="1"', encoding="csv", last="1"), "infinite maps are not supported"),
         ('<map width="5" height="0"/>', "it has no `width` and `height`"),
         ('<map width="9999" height="9999"/>', "more than 100,000 cells"),
-        ('<map width="9" height="9"/>', "the map has no layer of tiles"),
-        ("<tileset/>", "`<tileset>` is no map of Tiled"),
+        ('<map width="9" height="9"/>', "the map has no tile layer"),
+        ("<tileset/>", "`<tileset>` is not a map of Tiled"),
         ("<map", "is never closed"),
     ],
 )
@@ -176,7 +174,7 @@ def test_maps_of_tiled_that_are_not_read_say_why(envgraph: Envgraph, text: str, 
     ("text", "said"),
     [
         ('{"layers": [{"type": "tilelayer", "data": "eJw="}], "width": 1, "height": 1}', "not CSV"),
-        ('{"layers": 3}', "this is no map of Tiled"),
+        ('{"layers": 3}', "this is not a map of Tiled"),
         ('{"layers": [], "width": "a", "height": 1}', "no `width` and `height`"),
         ('{"layers": [', "map.tmj:1"),
     ],
@@ -195,20 +193,20 @@ def test_maps_of_des_files_stand_between_two_words(envgraph: Envgraph) -> None:
     done = ok(envgraph("import", "level.des", "--legend", "-=#", "--legend", "|=#"))
     assert "wrote level/level.model" in done.out and rows("level/level.model") == ["#####", "#.$@#", "#####"]
     write("none.des", "MAZE: \"x\", ' '\n")
-    assert "hint: a map stands between `MAP` and `ENDMAP`" in envgraph("import", "none.des").err
+    assert "hint: write a map between `MAP` and `ENDMAP`" in envgraph("import", "none.des").err
 
 
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("@$.\n\n" * 5001, "levels.xsb:10001:1: with this level the file has 5,001 levels and 15,003 cells"),
+        ("@$.\n\n" * 5001, "levels.xsb:10001:1: up to this level the file has 5,001 levels and 15,003 cells"),
         (
             f"@$.\n\n{'#' * 1000}\n" * 101,
-            "levels.xsb:150:1: with this level the file has 51 levels and 100,003 cells",
+            "levels.xsb:150:1: up to this level the file has 51 levels and 100,003 cells",
         ),
         (
             "#" * 1000 + ("\n#" + " " * 998 + "#") * 999,
-            "levels.xsb:1:1: with this level the file has 1 levels",
+            "levels.xsb:1:1: up to this level the file has 1 levels",
         ),
     ],
 )
@@ -221,7 +219,7 @@ def test_a_file_has_so_many_levels_and_cells_at_most(envgraph: Envgraph, text: s
 
 def test_a_hundred_errors_of_levels_are_shown_and_nothing_is_written(envgraph: Envgraph) -> None:
     for wrong, said in (
-        ("#x$.#\n\n", "`x` stands for nothing"),
+        ("#x$.#\n\n", "`x` has no meaning in the model"),
         ("#@@.#\n\n", "nothing to bind `worker` to"),
     ):
         write("levels.xsb", "#@$.#\n\n" * 3 + wrong * 120)

@@ -223,26 +223,26 @@ def test_a_separator_between_statements_may_not_be_left_out() -> None:
 @pytest.mark.parametrize(
     ("part", "text", "message"),
     [
-        ("lhs", "x : Item; } modify { delete x", "`}` closes nothing in this text"),
-        ("parameters", "a : Item) { lhs { } } rule q(", "`)` closes nothing in this text"),
+        ("lhs", "x : Item; } modify { delete x", "`}` has no opening bracket in this text"),
+        ("parameters", "a : Item) { lhs { } } rule q(", "`)` has no opening bracket in this text"),
         (
             "blocks",
             "not { Item(y); } modify { delete y; }",
-            "there is more here than what belongs into `blocks`",
+            "this text contains more than `blocks` can have",
         ),
-        ("annotations", "rule q { lhs { } }", "there is more here than what belongs into `annotations`"),
+        ("annotations", "rule q { lhs { } }", "this text contains more than `annotations` can have"),
         (
             "annotations",
             'import "x.query" @weight(2)',
-            "there is more here than what belongs into `annotations`",
+            "this text contains more than `annotations` can have",
         ),
-        ("lhs", "x : Item; not { Item(y); }", "`not { .. }` does not stand in `lhs`"),
-        ("lhs", "x : Item; forall+ { lhs { } }", "`forall { .. }` does not stand in `lhs`"),
-        ("modify", "delete x; rhs { }", "`rhs { .. }` does not stand in `modify`"),
-        ("lhs", "lhs { x : Item; }", "`lhs` takes what stands between its braces"),
-        ("rhs", "{ x : Item; }", "`rhs` takes what stands between its braces"),
-        ("parameters", "(x : Item)", "`parameters` takes what stands between the brackets"),
-        ("blocks", "neg Item(x)", "`blocks` takes `not`, `require`, `forall` and `optional` blocks"),
+        ("lhs", "x : Item; not { Item(y); }", "`not { .. }` is not allowed in `lhs`"),
+        ("lhs", "x : Item; forall+ { lhs { } }", "`forall { .. }` is not allowed in `lhs`"),
+        ("modify", "delete x; rhs { }", "`rhs { .. }` is not allowed in `modify`"),
+        ("lhs", "lhs { x : Item; }", "`lhs` takes only the text between its braces"),
+        ("rhs", "{ x : Item; }", "`rhs` takes only the text between its braces"),
+        ("parameters", "(x : Item)", "`parameters` takes only the text between the brackets"),
+        ("blocks", "neg Item(x)", "`blocks` takes only `not`, `require`, `forall` and `optional` blocks"),
         ("blocks", "not x -next-> _", "missing `{`"),
         ("lhs", "x -next->", "unexpected `;`"),
         ("annotations", "weight(2)", "unexpected `weight`"),
@@ -259,7 +259,7 @@ def test_a_part_cannot_be_more_than_a_part(part: str, text: str, message: str) -
 
 
 def test_several_bodies_are_several_texts() -> None:
-    with pytest.raises(LoadError, match="hint: leave them out; several bodies are a list of texts"):
+    with pytest.raises(LoadError, match="hint: remove the braces; give several bodies as a list of texts"):
         Pattern("p", "x : Item", "{ Item(x); } or { Item(x); }")
 
 
@@ -270,15 +270,19 @@ def test_what_is_neither_text_nor_data_is_refused() -> None:
         Rule("r", lhs=[Node("x"), 3])  # type: ignore[list-item]
     with pytest.raises(InvalidArgument, match="`modify` of `r` takes a text or actions, not Node"):
         Rule("r", modify=[Node("x")])  # type: ignore[list-item]
-    with pytest.raises(InvalidArgument, match=r"`r` has `rhs`, .* and `modify`, .*: keep one"):
+    with pytest.raises(InvalidArgument, match=r"`r` has both `rhs` .* and `modify` .*: keep one"):
         Rule("r", rhs="", modify="")
     with pytest.raises(InvalidArgument, match="`body` of `p` takes a text or constraints, or several texts"):
         Pattern("p", "a", [])
     with pytest.raises(InvalidArgument, match="`body` of `u` takes a text or steps, not None"):
         Unit("u", body=None)  # type: ignore[arg-type]
-    with pytest.raises(InvalidArgument, match="a rule begins with its name, not with None"):
+    with pytest.raises(
+        InvalidArgument, match="the name of a rule must be a string that is not empty, not None"
+    ):
         Rule(None)  # type: ignore[arg-type]
-    with pytest.raises(InvalidArgument, match="`a b` is not a name, which has letters, digits and `_`"):
+    with pytest.raises(
+        InvalidArgument, match="`a b` is not a name; a name consists of letters, digits and `_`"
+    ):
         Rule("a b")
     assert to_text(Rule("rule")).startswith("rule rule {"), "a word of the language is a name like any other"
 
@@ -295,8 +299,8 @@ def test_a_whole_text_is_read_and_its_imports_are_not_followed() -> None:
 @pytest.mark.parametrize(
     ("text", "language", "hint"),
     [
-        ("pattern p(x : Item) { Item(x); }", "rules", 'if it is, say `language="query"`'),
-        ("rule r { lhs { x : Item; } }", "query", 'if it is, say `language="rules"`'),
+        ("pattern p(x : Item) { Item(x); }", "rules", 'pass `language="query"`'),
+        ("rule r { lhs { x : Item; } }", "query", 'pass `language="rules"`'),
         (
             "metamodel m\nclass A",
             "rules",

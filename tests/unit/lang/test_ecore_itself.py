@@ -208,7 +208,7 @@ def test_parameters_that_bound_each_other_are_a_mistake() -> None:
     with pytest.raises(LoadError) as caught:
         read(cls("B", parameters + inside))
     errors = [one.message for one in caught.value.diagnostics if one.severity == "error"]
-    assert errors == ["this type parameter has no end"]
+    assert errors == ["the bounds of this type parameter refer to each other"]
 
 
 # --- models of Ecore ---

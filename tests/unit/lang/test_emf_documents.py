@@ -243,7 +243,7 @@ def test_pyecore_reads_several_packages_as_the_same() -> None:
 
 def test_something_else_among_packages_is_named() -> None:
     text = TWO.replace("</xmi:XMI>", "<ecore:EClass name='X'/></xmi:XMI>")
-    with pytest.raises(LoadError, match=r"and this is a `ecore:EClass`"):
+    with pytest.raises(LoadError, match=r"not a `ecore:EClass`"):
         parse_ecore(Source("m.ecore", text))
 
 

@@ -184,7 +184,7 @@ def test_a_text_with_errors_is_refused_with_all_of_them() -> None:
 
 
 def test_there_is_no_other_language() -> None:
-    with pytest.raises(InvalidArgument, match="no language `python`; there are"):
+    with pytest.raises(InvalidArgument, match="unknown language `python`; the languages are"):
         format_text("python", "pass")
 
 

@@ -144,7 +144,7 @@ def test_a_missing_file_is_told_once_with_what_to_do() -> None:
     (problem,) = found.diagnostics
     assert problem.message == "`../power/power.ecore`: there is no such file"
     assert str(problem.hint).startswith(
-        "name `power.ecore`, which has `Lamp`, too: for example with `--metamodel`"
+        "give `power.ecore`, which contains `Lamp`, too, for example with `--metamodel`"
     )
     assert problem.span is not None and problem.span.text == "../power/power.ecore#//Lamp"
 

@@ -269,4 +269,4 @@ def test_what_belongs_into_another_file_is_told_once_and_where_it_belongs() -> N
         files = {root.replace(".", "_"): f'package b import "m.metamodel" {text}', "m_metamodel": METAMODEL}
         (one,) = said(root, **files)
         assert place(one) == (root, word)
-        assert one.hint == f"a `{word}` stands in a `.{home}` file, which other files may import"
+        assert one.hint == f"write a `{word}` in a `.{home}` file, which other files can import"

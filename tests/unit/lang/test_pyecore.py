@@ -151,7 +151,7 @@ def test_other_things_than_packages_and_objects_are_refused() -> None:
         metamodel_from_pyecore("society")
     with pytest.raises(InvalidArgument, match="EPackage"):
         metamodel_from_pyecore(pytest)
-    with pytest.raises(InvalidArgument, match="one object at least"):
+    with pytest.raises(InvalidArgument, match="a model needs at least one"):
         model_from_pyecore(metamodel=Metamodel("m", []))
 
 

@@ -157,35 +157,38 @@ def test_steps_of_units_become_blocks() -> None:
         (Rule("2a"), "`2a` is not a name"),
         (
             Rule("r", left=LeftSide(constraints=(TypeConstraint("T", Variable("x"), exact=True),))),
-            "and of no subclass",
+            "but of no subclass",
         ),
-        (Pattern("p", (), ()), "a pattern has a body"),
+        (Pattern("p", (), ()), "the pattern has no body"),
         (
             Pattern("p", (), (Body((PathConstraint("", ("f",), Variable("a"), Variable("b")),)),)),
-            "a path has a class",
+            "a path needs a class",
         ),
-        (Pattern("p", (), (Body((Check(Constant(float("inf"))),)),)), "`inf` is not a number"),
+        (Pattern("p", (), (Body((Check(Constant(float("inf"))),)),)), "the number `inf` is not finite"),
         (
             Pattern("p", (), (Body((Check(Constant(2**63)),)),)),
             "the number is too large, in `check(9223372036854775808);`",
         ),
         (Pattern("p", (), (Body((TypeConstraint("T", Constant(None)),)),)), "`none` stands for no value"),
-        (Pattern("p", (), (Body(()),), doc="a */ b"), "a comment ends at the first"),
+        (Pattern("p", (), (Body(()),), doc="a */ b"), "its comment contains"),
         (Rule("r", weight=-1.0), "a weight is a number above 0"),
-        (Unit("u", (), Choice((Sequence(()),))), "a choice of one block"),
-        (Unit("u", (), Choice(())), "a choice without alternatives"),
-        (Derivation("d", "operators", ("A", "B")), "there are operators for one class at a time"),
+        (Unit("u", (), Choice((Sequence(()),))), "a choice has only one alternative"),
+        (Unit("u", (), Choice(())), "a choice has no alternatives"),
+        (
+            Derivation("d", "operators", ("A", "B")),
+            "`d` derives operators for 2 classes, but must name one class",
+        ),
     ],
 )
 def test_what_has_no_text_is_refused(definition: Rule, reason: str) -> None:
     with pytest.raises(InvalidArgument) as caught:
         to_text(definition)
-    assert f"`{definition.name}` cannot be said in a text: " in str(caught.value)
+    assert f"`{definition.name}` cannot be written as text: " in str(caught.value)
     assert reason in str(caught.value)
 
 
 def test_a_text_has_one_language_and_one_package() -> None:
-    with pytest.raises(InvalidArgument, match="patterns are written to another file"):
+    with pytest.raises(InvalidArgument, match="patterns and rules cannot be written to one file"):
         to_text(Pattern("p", (), (Body(()),)), Rule("r"))
     with pytest.raises(InvalidArgument, match="of several: `a`, none"):
         to_text(Rule("r", package="a"), Rule("r"))

@@ -32,7 +32,7 @@ MODEL = f"""<lib:Library {HEAD} director="//@members.7">
 WRONG = [
     "a.library:1:{}: there is no object `//@members.7`",
     "a.library:2:21: `other.xmi`: there is no such file",
-    "a.library:3:59: `pathmap://PEOPLE/all.uml` is not read: only files beside this one are",
+    "a.library:3:59: `pathmap://PEOPLE/all.uml` is not read, since it is a URL and not the path of a file",
     "a.library:4:22: `none.library`: there is no such file",
 ]
 FILES = TextFiles({"m.ecore": LIBRARY, "a.library": MODEL})
@@ -122,7 +122,7 @@ def test_features_of_a_metamodel_whose_types_are_nowhere_are_left_out() -> None:
     told = [one for one in found.diagnostics if one.code == "missing-file"]
     assert [one.message for one in told] == [first.message, second.message]
     (problem,) = load_workspace(["q.query"], files=TextFiles(texts), allow_unresolved=True).errors
-    assert problem.hint == "its type is in a file that is nowhere"
+    assert problem.hint == "its type is in a file that does not exist"
 
 
 def test_objects_of_a_namespace_that_is_nowhere_are_left_out() -> None:

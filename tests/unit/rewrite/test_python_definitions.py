@@ -186,7 +186,7 @@ unit day(k : int) {
 def test_the_body_of_a_unit_may_begin_with_an_alternative() -> None:
     (read,) = from_text("unit u { { grow; cut; } | cut; grow; }")
     assert UnitOf("u", body="{ grow; cut; } | cut; grow") == read
-    with pytest.raises(LoadError, match="`body` takes what stands between its braces"):
+    with pytest.raises(LoadError, match="`body` takes only the text between its braces"):
         UnitOf("u", body="{ grow; cut; }")
 
 

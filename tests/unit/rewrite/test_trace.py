@@ -236,21 +236,21 @@ def mistakes(text: str) -> str:
 
 GOOD = trace_to_text(*recorded())
 TAMPERED = [
-    ("", "", "the file has no trace in it"),
+    ("", "", "the file contains no trace"),
     ('"match": {"a": 2', '"match": {"a": 1', "a.trace:5:79: application 4, `name`, leads to state"),
     ('"match": {"a": 2', '"match": {"a": 77', "a.trace:5:27: application 4: name(a=<deleted #77>, value="),
     ('"match": {"a": 2', '"match": {"b": 2', "a.trace:5:33: `name` has no variable `b`"),
     ('"match": {"a": 2', '"match": {"a": "2"', "a.trace:5:33: `a` of `name` takes a `Item`, not '2'"),
     ('"match": {"a": 2, ', '"match": {', "a.trace:5:27: the match of `name` lacks `a`"),
     ('"rule": "name"', '"rule": "nam"', "a.trace:5:10: unknown rule `nam`"),
-    ('"rule": "name"', '"rule": 7', "a.trace:5:10: the name of a rule is a string"),
+    ('"rule": "name"', '"rule": 7', "a.trace:5:10: the name of a rule must be a string"),
     ('"rule": "name"', '"rule": "twice"', "a.trace:5:10: `twice` is a unit, not a rule"),
     ('"rule": "name", "match"', '"rule": "name", "mtach"', "a.trace:5:27: unknown entry `mtach`"),
     ('{"rule": "name"', '{"rule": "name",', "a.trace:5:17: not JSON: expecting property name"),
     ('{"end": 4', '{"end": 5', "a.trace:6:9: the trace has 4 applications, not 5"),
-    ('{"end": 4', '{"ende": 4', "a.trace:6:1: this is no line of a trace"),
-    ("envgraph-trace-1", "envgraph-trace-2", 'the format is `envgraph-trace-1`, not "envgraph-trace-2"'),
-    ('"metamodel": "graphs"', '"metamodel": "grafs"', 'a.trace:1:63: the trace is about models of "grafs"'),
+    ('{"end": 4', '{"ende": 4', "a.trace:6:1: this is not a line of a trace"),
+    ("envgraph-trace-1", "envgraph-trace-2", 'the format must be `envgraph-trace-1`, not "envgraph-trace-2"'),
+    ('"metamodel": "graphs"', '"metamodel": "grafs"', 'a.trace:1:63: the trace is of a model of "grafs"'),
     ('{"format"', '{"end": 0}\n{"format"', "a.trace:1:1: the first line is missing"),
 ]
 
