@@ -25,5 +25,5 @@ def define_text(text: str, file: str, names: dict[str, Any]) -> dict[str, Any]:
 
 @lru_cache(maxsize=4096)
 def compiled(text: str, file: str) -> CodeType:
-    """Return the compiled code of a source text, from a cache if possible: compiling is slow."""
+    """Compile a source text, or return its code object from the cache, because compiling is slow."""
     return compile(text, file, "exec")

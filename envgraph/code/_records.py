@@ -1,4 +1,4 @@
-"""A replacement of `dataclasses.dataclass` that compiles one function per class instead of six, to import faster."""
+"""Replace `dataclasses.dataclass` by a variant that compiles one function per class, not six, to import faster."""
 
 from __future__ import annotations
 

@@ -30,7 +30,7 @@ class Note:
 
 @dataclass(frozen=True, slots=True)
 class Diagnostic:
-    """One problem found in an input file or in a definition made in Python.
+    """A problem found in an input file or in a definition made in Python.
 
     Attributes:
         code: stable kebab-case code for programs ("unknown-class").
@@ -122,7 +122,7 @@ def sort_diagnostics(diagnostics: Iterable[Diagnostic]) -> list[Diagnostic]:
 
 
 def too_many_errors(span: Span | None, rest: str = "the rest of the file is not read") -> Diagnostic:
-    """Return the final diagnostic when the limit of errors is reached; `rest` tells what is skipped because of it."""
+    """Return the final diagnostic when the limit of errors is reached; `rest` states what is skipped."""
     return Diagnostic("too-many-errors", f"too many mistakes: {rest}", span, "correct these mistakes first")
 
 

@@ -58,7 +58,7 @@ def _python(value: object) -> str:
 
 
 def _json(value: object) -> str:
-    """Return a value as JSON that is also valid in TOML and inside an HTML script."""
+    """Return a value as JSON that is also valid in TOML and in a script element of HTML."""
     return _escaped(r"[^\w -~]|[<>&']", json.dumps(value, ensure_ascii=False, default=list))
 
 

@@ -29,6 +29,6 @@ def open_input(path: str | os.PathLike[str]) -> BinaryIO:
         os.close(file)
         if kind == stat.S_IFDIR:
             raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), os.fspath(path))
-        message = f"this is {_SPECIAL.get(kind, 'a special file')}, not a regular file"
+        message = f"this is {_SPECIAL.get(kind, 'a special file')}, not a file"
         raise OSError(errno.EINVAL, message, os.fspath(path))
     return os.fdopen(file, "rb")

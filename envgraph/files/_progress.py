@@ -73,7 +73,7 @@ def telling(show: Show | None = None) -> Iterator[Tell]:
 
 @contextmanager
 def counting(what: str) -> Iterator[Callable[[int, int], None]]:
-    """Yield a function `(count, outcomes)` that shows the progress of counting `what`, and outcomes unless 0.
+    """Yield a function that shows the progress text `what: count`, with a number of outcomes unless it is 0.
 
     If the same counter begins again, as for the next model, the text also shows the number of the model.
     """

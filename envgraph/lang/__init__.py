@@ -1,6 +1,6 @@
-"""Parse the five languages and family files into data, with diagnostics, and write data as text.
+"""Parse the five languages and family files into data, and write data as text.
 
-Most programs need only `open` and `load`. `load_workspace` raises no exception for mistakes in files. It returns all
+Most programs need only `open` and `load`. `load_workspace` raises no exception for mistakes in files, but returns all
 data together with all diagnostics.
 """
 

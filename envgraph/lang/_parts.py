@@ -127,7 +127,7 @@ class Parts:
         return tuple(self._field("body", one)[0] if isinstance(one, str) else one for one in items)
 
     def left(self, given: str | LeftSide | Iterable[Node | Edge | Constraint]) -> Any:
-        """Return the left-hand side of a rule."""
+        """Return the left-hand side of a rule, from an `lhs` text or from data."""
         if isinstance(given, str):
             return self._field("lhs", given)
         if not isinstance(given, LeftSide):
@@ -136,7 +136,7 @@ class Parts:
         return left_again(given)
 
     def right(self, given: str | RightSide | Iterable[Node | Edge | Action]) -> Any:
-        """Return the right-hand side that an `rhs` text or data describes."""
+        """Return the right-hand side of a rule, from an `rhs` text or from data."""
         if isinstance(given, str):
             return self._field("rhs", given)
         if not isinstance(given, RightSide):
@@ -145,7 +145,7 @@ class Parts:
         return right_again(given)
 
     def modification(self, given: str | Modification | Iterable[Action] | None) -> Any:
-        """Return the changes that a `modify` text or data describes; None if there are none."""
+        """Return the changes of a rule, from a `modify` text or from data; None if there are none."""
         if isinstance(given, str):
             return self._field("modify", given)
         if not (given is None or isinstance(given, Modification)):

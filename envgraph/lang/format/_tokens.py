@@ -82,7 +82,7 @@ Item = int | Part
 
 @dataclass(slots=True)
 class Tokens:
-    """All tokens of a text, as parallel lists.
+    """The tokens of a text for the formatter, as parallel lists.
 
     Attributes:
         words: the text of each token.

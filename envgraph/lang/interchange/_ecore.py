@@ -371,7 +371,7 @@ class _Reader(Tags):
         return self._with_kept(element, found, {"eType": self._type_name(target)})
 
     def _multiplicity(self, element: Element) -> list[tuple[str, Span]]:
-        """Return the span of a feature's stated bound, labelled "multiplicity"; [] if no bound is stated."""
+        """Return `[("multiplicity", span)]` for the bound that a feature states; [] if it states no bound."""
         bounds = (one for one in ("upperBound", "lowerBound") if one in element.attributes)
         return [("multiplicity", self.at(element, bound)) for bound in bounds][:1]
 

@@ -1,4 +1,4 @@
-"""Interpret single attributes and annotations of the elements of an `.ecore` file."""
+"""Read single attributes and annotations of the elements of an `.ecore` file."""
 
 from __future__ import annotations
 

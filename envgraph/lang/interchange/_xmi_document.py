@@ -1,4 +1,4 @@
-"""Hold the state of reading XMI: the model, its documents, and the resolution of names of objects."""
+"""Hold the state of reading an `.xmi` file: the model, the documents, and the lookup of objects by their names."""
 
 from __future__ import annotations
 

@@ -57,7 +57,7 @@ class Parsed:
     gaps: tuple[tuple[int, int], ...] = ()
 
     def span(self, item: Tree[Token] | Token) -> Span:
-        """Return the characters that a tree or token was made of, brackets and keywords included."""
+        """Return the span of a tree or token, brackets and keywords included."""
         return span_of(self.source, item)
 
     def mended(self, tree: Tree[Token]) -> bool:
@@ -68,7 +68,7 @@ class Parsed:
         )
 
     def doc(self, tree: Tree[Token]) -> str | None:
-        """Return the doc comment of a definition, before it or behind its annotations; None without one."""
+        """Return the doc comment of a definition, written before it or after its annotations; None without one."""
         found = bisect_left(self.docs, tree.meta.start_pos, key=lambda doc: doc.after)
         if self.docs[found : found + 1] and self.docs[found].after == tree.meta.start_pos:
             return self.docs[found].text
@@ -123,7 +123,7 @@ def _unread(source: Source, diagnostics: Iterable[Diagnostic]) -> Iterator[str]:
 
 
 def span_of(source: Source, item: Tree[Token] | Token) -> Span:
-    """Return the characters that a tree or token was made of."""
+    """Return the span of a tree or token in the source."""
     if isinstance(item, Token):
         return source.span(item.start_pos or 0, item.end_pos or 0)
     return source.span(item.meta.start_pos, item.meta.end_pos)

@@ -350,7 +350,7 @@ def test_a_second_writer_is_refused_by_the_process_of_the_first(store: RunStore,
 def test_what_is_not_a_file_in_place_of_a_lock_is_an_error(old: Path, make: Callable[[Path], object]) -> None:
     (old.parent / "mine").write_text("mine")
     make(old.parent / ".run.sqlite.lock")
-    with pytest.raises(InvalidArgument, match=r"\.run\.sqlite\.lock is not a file.*; remove it"):
+    with pytest.raises(InvalidArgument, match=r"\.run\.sqlite\.lock is not a file; remove "):
         RunStore.open(old, writing=True)
     assert (old.parent / "mine").read_text() == "mine"
 
