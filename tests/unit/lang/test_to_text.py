@@ -190,7 +190,7 @@ def test_what_has_no_text_is_refused(definition: Rule, reason: str) -> None:
 def test_a_text_has_one_language_and_one_package() -> None:
     with pytest.raises(InvalidArgument, match="patterns and rules cannot be written to one file"):
         to_text(Pattern("p", (), (Body(()),)), Rule("r"))
-    with pytest.raises(InvalidArgument, match="of several packages .`a`, none"):
+    with pytest.raises(InvalidArgument, match=r"of several packages \(`a`, none\)"):
         to_text(Rule("r", package="a"), Rule("r"))
 
 
