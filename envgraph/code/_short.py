@@ -50,7 +50,7 @@ def inverse(test: Expression) -> Expression:
 
 
 def joined(operator: str, operands: Sequence[Expression], empty: int) -> Expression:
-    """Return `operands` joined by an operator: a single operand alone, and the constant `empty` if there are none."""
+    """Return the operands joined by an operator; a single operand alone, or the constant `empty` for none."""
     if len(operands) < 2:
         return operands[0] if operands else Constant(empty)
     return Operation(operator, tuple(operands))

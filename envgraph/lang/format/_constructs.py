@@ -45,7 +45,7 @@ def _assignment(layout: Layout, part: Part) -> Document:
 
 
 def _graph(layout: Layout, part: Part) -> Document:
-    """Return the document of `a -ref-> b <-ref- c`, which is broken before the arrows if it does not fit.
+    """Return the layout document of `a -ref-> b <-ref- c`, which is broken before the arrows if it does not fit.
 
     The attribute block of the last object does not count for this.
     """
@@ -63,7 +63,7 @@ def _graph(layout: Layout, part: Part) -> Document:
 
 
 def _alternatives(layout: Layout, part: Part) -> Document:
-    """Return the document of `a | b`, broken before each `|`; with blocks it is laid out like `try`."""
+    """Return the layout document of `a | b`, broken before each `|`; with blocks it is laid out like `try`."""
     if any(isinstance(item, Part) and item.kind == "block" for item in part.items):
         return _nested(layout, part)
     found: list[Document] = []
@@ -76,7 +76,7 @@ def _alternatives(layout: Layout, part: Part) -> Document:
 
 
 def _listed(layout: Layout, part: Part) -> Document:
-    """Return the document of comma-separated items without brackets, with as many items on a line as fit."""
+    """Return the layout document of comma-separated items without brackets, with as many items on a line as fit."""
     found = [layout.item(part.items[0])]
     for before, item in pairwise(part.items):
         if layout.is_word(before, ","):
@@ -87,7 +87,7 @@ def _listed(layout: Layout, part: Part) -> Document:
 
 
 def _legend(layout: Layout, part: Part) -> Document:
-    """Return the document of `legend a = A, b = B`; the author's line breaks are kept, and lines are aligned."""
+    """Return the layout document of `legend a = A, b = B`; the author's line breaks are kept, and lines are aligned."""
     first, *rest = part.items
     assert isinstance(first, int)
     found: list[Document] = [layout.item(rest[0])]
@@ -106,7 +106,7 @@ def _legend(layout: Layout, part: Part) -> Document:
 
 
 def _definition(layout: Layout, part: Part) -> Document:
-    """Return the document of a definition: its annotations, then the definition itself."""
+    """Return the layout document of a definition: its annotations, then the definition itself."""
     notes = [item for item in part.items if isinstance(item, Part) and item.kind == "annotation"]
     rest = part.items[len(notes) :]
     if not notes:
@@ -134,7 +134,7 @@ def _body(layout: Layout, part: Part, items: Sequence[Item]) -> Document:
 
 
 def _bodies(layout: Layout, items: Sequence[Item]) -> Document:
-    """Return the document of a pattern: either all of its bodies are on one line, or each is on several."""
+    """Return the layout document of a pattern: either all of its bodies are on one line, or each is on several."""
     found: list[Document] = []
     for place, item in enumerate(items):
         found += [layout.between(first_of(item))] if place else []
@@ -146,7 +146,7 @@ def _bodies(layout: Layout, items: Sequence[Item]) -> Document:
 
 
 def _open_block(layout: Layout, part: Part) -> Document:
-    """Return the document of a pattern's body; the group around all bodies decides where lines end."""
+    """Return the layout document of a pattern's body; the group around all bodies decides where lines end."""
     start = _place(layout, part.items, "{")
     head = [layout.row(part.items[:start]), layout.between(first_of(part.items[start]))] if start else []
     return joined((*head, layout.block(part.items[start:])))
@@ -158,7 +158,7 @@ def _place(layout: Layout, items: Sequence[Item], word: str) -> int:
 
 
 def _rule(layout: Layout, items: Sequence[Item]) -> Document:
-    """Return the document of a rule; one-line rules below each other may be aligned in columns."""
+    """Return the layout document of a rule; one-line rules below each other may be aligned in columns."""
     start = _place(layout, items, "{")
     opening = first_of(items[start])
     mark = Mark("rule", layout.tokens.gaps[opening].spaces)
@@ -167,7 +167,7 @@ def _rule(layout: Layout, items: Sequence[Item]) -> Document:
 
 
 def _nested(layout: Layout, part: Part) -> Document:
-    """Return the document of `try`, `if` or the like: either all of its blocks are on one line, or none is."""
+    """Return the layout document of `try`, `if` or the like: either all of its blocks are on one line, or none is."""
     return grouped(_blocks(layout, part))
 
 
@@ -200,7 +200,7 @@ def _clause(layout: Layout, part: Part) -> Document:
 
 
 def _rows(layout: Layout, part: Part) -> Document:
-    """Return the document of the letters of a grid, with one row on each line."""
+    """Return the layout document of the letters of a grid, with one row on each line."""
     place = next(i for i in part.items if isinstance(i, int) and i > part.first)
     if layout.tokens.kinds[place] != "TEXT":
         return layout.plain(part)
@@ -220,7 +220,7 @@ def _rows(layout: Layout, part: Part) -> Document:
 
 
 def _line(layout: Layout, part: Part) -> Document:
-    """Return the document of a line of a table, whose values may be aligned in columns with other lines."""
+    """Return the layout document of a line of a table, whose values may be aligned in columns with other lines."""
     found: list[Document] = []
     for place, item in enumerate(part.items):
         first = first_of(item)

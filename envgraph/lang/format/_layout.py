@@ -44,7 +44,7 @@ class Layout:
     # --- tokens and what is between them
 
     def word(self, index: int) -> Document:
-        """Return the document of a token, as it is written."""
+        """Return the layout document of a token, as it is written."""
         return Text(self.tokens.words[index])
 
     def between(self, index: int, wanted: Document | None = None) -> Document:
@@ -84,19 +84,19 @@ class Layout:
     # --- parts
 
     def part(self, part: Part) -> Document:
-        """Return the document of a part, without the gap before it."""
+        """Return the layout document of a part, without the gap before it."""
         return self._constructs.get(part.kind, Layout.plain)(self, part)
 
     def item(self, item: Item) -> Document:
-        """Return the document of a token or a part."""
+        """Return the layout document of a token or a part."""
         return self.part(item) if isinstance(item, Part) else self.word(item)
 
     def plain(self, part: Part) -> Document:
-        """Return the document of a part with all of its items in one row."""
+        """Return the layout document of a part with all of its items in one row."""
         return self.row(part.items)
 
     def row(self, items: Sequence[Item], *, lines: frozenset[str] = frozenset(), mark: str = "") -> Document:
-        """Return the document of items one after the other; brackets among them are laid out as brackets.
+        """Return the layout document of items one after the other; brackets among them are laid out as brackets.
 
         Args:
             items: tokens and parts.
@@ -138,7 +138,7 @@ class Layout:
     # --- brackets
 
     def _bracket(self, items: Sequence[Item]) -> Document:
-        """Return the document of `( .. )`, `[ .. ]` or `{ .. }` with its contents."""
+        """Return the layout document of `( .. )`, `[ .. ]` or `{ .. }` with its contents."""
         opening = self.tokens.words[first_of(items[0])]
         if opening == "{" and self.tokens.owners[first_of(items[0])] != "annotation_named":
             return grouped(self.block(items))
@@ -173,7 +173,7 @@ class Layout:
         return isinstance(item, int) and self.tokens.words[item] == word
 
     def block(self, items: Sequence[Item], mark: str = "") -> Document:
-        """Return the document of `{ .. }` with its statements, to be put in a group.
+        """Return the layout document of `{ .. }` with its statements, to be put in a group.
 
         `mark` is the kind of the alignment marks between the statements; "" for no marks.
         """
@@ -208,7 +208,7 @@ class Layout:
         return joined(parts)
 
     def vertical(self, index: int, inner: bool) -> Document:
-        """Return the document before a statement of a block: comments and a line break.
+        """Return the layout document before a statement of a block: comments and a line break.
 
         `inner` is False for the first statement.
         """
@@ -237,14 +237,14 @@ class Layout:
     # --- chains
 
     def chain(self, part: Part) -> Document:
-        """Return the document of operators and operands outside of brackets."""
+        """Return the layout document of operators and operands outside of brackets."""
         return grouped(indented(self.links(part)))
 
     def links(self, part: Part) -> Document:
         return self._conditional(part) if part.kind == "conditional" else self._operators(part)
 
     def _operators(self, part: Part) -> Document:
-        """Return the document of operators of one precedence, `a && b && c`; lines may break before each."""
+        """Return the layout document of operators of one precedence, `a && b && c`; lines may break before each."""
         level = self._level(part)
         links: list[tuple[int, Item]] = []
         first: Item = part
@@ -265,7 +265,7 @@ class Layout:
         return level_of(self.tokens.words[operator])
 
     def _conditional(self, part: Part) -> Document:
-        """Return the document of `a ? b : c ? d : e`, which may be broken before each `:`."""
+        """Return the layout document of `a ? b : c ? d : e`, which may be broken before each `:`."""
         found: list[Document] = []
         item: Item = part
         while isinstance(item, Part) and item.kind == "conditional":

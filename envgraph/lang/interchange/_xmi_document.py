@@ -339,7 +339,7 @@ class Document:
         return self.places.tag(self.bytes[node - self.first])
 
     def where(self, link: Link, word: str) -> Span:
-        """Return the span of a word in a reference."""
+        """Return the span of a word in the XML attribute of a reference."""
         return self.places.attribute(link.byte, link.key, word)
 
     def report(

@@ -100,5 +100,5 @@ class XmlNames:
 
 
 def _extended(annotations: Iterable[Annotation]) -> dict[str, str]:
-    """Return the keys and values of the ExtendedMetaData annotations."""
+    """Return the details of the ExtendedMetaData annotations, by key."""
     return {key: value for one in annotations if one.is_from(EXTENDED) for key, value in one.details}
