@@ -331,7 +331,7 @@ class Domain:
                 known = (diversity.low, diversity.high) if isinstance(diversity, BinnedEntropy) else None
             if known is None and not options.given("range"):
                 message, hint = (
-                    f"nobody knows the range of `{one.name}`",
+                    f"the range of `{one.name}` is unknown",
                     f"{one.name} = {{ bins = 10, range = [0, 64] }}",
                 )
                 problems.append(Diagnostic("missing-key", message, one.span("bins"), f"write `{hint}`"))

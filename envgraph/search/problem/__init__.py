@@ -1,1 +1,1 @@
-"""Search problems: constraints, measures of models and of families, and objectives."""
+"""Search problems: constraints, measures of models, measures of families, and objectives."""

@@ -1,4 +1,4 @@
-"""How far models are from each other: they are compared object by object."""
+"""Distances between models: the number of objects in which two models differ."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from envgraph.search.problem._object_facts import object_facts
 from envgraph.search.problem._pool import Candidate, Pool
 
 _ROWS: Final = 64
-"""Members that are compared with all others at once: with 10,000 members of 100 objects that takes 64 MB."""
+"""Number of members that are compared with all others at once; for 10,000 members of 100 objects this needs 64 MB."""
 
 
 class Describer:
-    """Numbers of the objects of models, the same in all models that one instance describes."""
+    """A table that numbers descriptions of objects. Equal descriptions have equal numbers in all models."""
 
     def __init__(self) -> None:
         self._numbers: dict[tuple[object, ...], int] = {}
 
     def __call__(self, model: Model) -> NDArray[np.int32]:
-        """A number for each object by its id, 0 where there is none [objects]."""
+        """Return the number of each object's description [objects], by object id; 0 if no object has that id."""
         numbers = self._numbers
         facts = zip(*object_facts(model), strict=True)
         row = [numbers.setdefault(one, len(numbers) + 1) if one[0] != -1 else 0 for one in facts]
@@ -32,10 +32,10 @@ class Describer:
 
 
 def described(models: Iterable[Model]) -> NDArray[np.int32]:
-    """A number for each object of each model [models, objects], the same where nothing of the object differs.
+    """Return the number of each object's description in each model [models, objects].
 
-    An object is what has the same id; see `object_facts` for what belongs to it. 0 stands for one that a model lacks.
-    Models are looked at one after the other.
+    Two entries of a column are equal if the objects with that id do not differ; see `object_facts` for their
+    description. An entry is 0 if the model has no object with that id. The models are read one after the other.
     """
     describe = Describer()
     rows = [describe(model) for model in models]
@@ -46,7 +46,7 @@ def described(models: Iterable[Model]) -> NDArray[np.int32]:
 
 
 def differing(one: NDArray[np.int32], other: NDArray[np.int32]) -> NDArray[np.int64]:
-    """In how many objects each of some members differs from each of others [one, other]."""
+    """Return the number of objects in which each row of `one` differs from each row of `other` [one, other]."""
     parts = [
         (one[start : start + _ROWS, None] != other[None]).sum(axis=2) for start in range(0, len(one), _ROWS)
     ]
@@ -54,28 +54,29 @@ def differing(one: NDArray[np.int32], other: NDArray[np.int32]) -> NDArray[np.in
 
 
 class Distance:
-    """How far the members are from each other: in how many objects two of them differ, see `Family.distances`.
+    """A family measure of the distances between members: the number of objects in which two members differ.
 
-    Whatever the order; 0 for fewer than two members. Either the mean over all pairs, or the distance of the nearest.
+    The score is the mean over all pairs, or the distance of the closest pair. The order of the members does not matter.
+    The score of fewer than two members is 0. See `Family.distances`.
 
     Args:
-        least: whether that of the nearest counts, and not the mean.
+        least: True for the distance of the closest pair, False for the mean.
     """
 
     def __init__(self, least: bool) -> None:
         self._least, self._describe = least, Describer()
 
     def score(self, members: Sequence[Candidate]) -> float:
-        """The mean or least distance."""
+        """Return the mean distance, or the distance of the closest pair."""
         return self._of(self._between(members), np.arange(len(members)))
 
     def swaps(self, pool: Pool, members: Sequence[int]) -> Swaps:
-        """Swaps by the distances between all candidates, which are computed once."""
+        """Return the swaps of this measure. The distances between all candidates are computed once."""
         between = self._between(pool.candidates)
         return _LeastSwaps(self._of, between, members) if self._least else _MeanSwaps(between, members)
 
     def _between(self, members: Sequence[Candidate]) -> NDArray[np.int64]:
-        """The distances [members, members]."""
+        """Return the distances between all members [members, members]."""
         rows = [self._row(member) for member in members]
         objects = np.zeros((len(rows), max(map(len, rows), default=0)), np.int32)
         for place, row in enumerate(rows):
@@ -93,7 +94,10 @@ class Distance:
 
 
 class _MeanSwaps:
-    """Invariant: `_sums[c]` is the sum of the distances between candidate c and the members."""
+    """Swaps of the mean distance.
+
+    Invariant: `_sums[c]` is the sum of the distances between candidate c and the members.
+    """
 
     def __init__(self, between: NDArray[np.int64], members: Sequence[int]) -> None:
         self._between, self._pairs = between, max(1, len(members) * (len(members) - 1) // 2)
@@ -108,7 +112,10 @@ class _MeanSwaps:
 
 
 class _LeastSwaps:
-    """Invariant: `_least` is the distance of the nearest of `_members`."""
+    """Swaps of the least distance.
+
+    Invariant: `_least` is the distance of the closest pair of `_members`.
+    """
 
     def __init__(
         self,

@@ -1,7 +1,7 @@
-"""Statistics of a family: one number for the values of its members.
+"""Statistics of a family: one number computed from the values of its members.
 
-A statistic may offer *swaps*, the score after exchanging one member, because survivor selection asks for little else:
-for binned entropy that is a constant amount of work instead of a pass over the family.
+A statistic may offer *swaps*: the change of its score if one member is exchanged for a candidate. Survivor selection
+asks for little else. For binned entropy a swap takes constant time instead of a pass over the family.
 """
 
 from __future__ import annotations
@@ -16,46 +16,46 @@ from envgraph.errors import InvalidArgument
 
 
 class Swaps(Protocol):
-    """Scores of families that differ from the current one in one member. Candidates are named by pool index."""
+    """Score changes if one member of a family is exchanged for a candidate. Candidates are given by pool index."""
 
     def delta(self, leaving: int, entering: int) -> float:
-        """Score after the exchange minus score before it; nothing is changed."""
+        """Return the score after exchanging `leaving` for `entering` minus the current score. Change nothing."""
 
     def swap(self, leaving: int, entering: int) -> None:
-        """Exchange the two."""
+        """Exchange the member `leaving` for the candidate `entering`. The result is the new current family."""
 
 
 class Statistic(Protocol):
-    """One number of the values of a family, whatever their order; larger is more diverse.
+    """A number computed from the values of a family, independent of their order; a larger number means more diverse.
 
-    It may also have `swaps(values, members) -> Swaps`, exchanges from the family of `members`, which are indices into
-    `values`: without it the statistic is computed anew for each.
+    A statistic may also have a method `swaps(values, members) -> Swaps`, where `members` are indices into `values`.
+    Without it the statistic is recomputed for each swap.
     """
 
     def score(self, values: Sequence[float]) -> float:
-        """The statistic of a family with these values."""
+        """Return the statistic of a family whose members have these values."""
 
 
 @runtime_checkable
 class Bounded(Protocol):
-    """A statistic, or a measure of families, that knows how large it can be at most; a search stops there."""
+    """A statistic or family measure with a known upper bound. A search stops when a family reaches the bound."""
 
     def maximum(self, size: int) -> float:
-        """The largest score of a family of so many members."""
+        """Return the upper bound on the score of a family of `size` members."""
 
 
 @dataclass(frozen=True, slots=True)
 class BinnedEntropy:
-    """Shannon entropy, in bits, of the distribution of the values over equal bins.
+    """Shannon entropy, in bits, of the distribution of the values over bins of equal width.
 
-    H = -sum p_i log2 p_i with p_i the share of members in bin i (Shannon 1948, section 6). It is largest where the
-    members are spread over the bins as evenly as their number allows.
+    H = -sum p_i log2 p_i with p_i the share of members in bin i (Shannon 1948, section 6). The entropy is largest if
+    the members are spread over the bins as evenly as their number allows.
 
     Attributes:
-        bins: number of equal bins, at least 1.
-        low, high: the range that is divided; values outside count in the first or last bin, and the upper end
-            belongs to the last bin.
-        whole: whether the values are whole numbers, so that a bin between two of them stays empty.
+        bins: number of bins, at least 1.
+        low, high: the range that is divided. Values outside count in the first or last bin; `high` belongs to the last
+            bin.
+        whole: True if all values are integers. A bin that contains no integer then stays empty.
 
     >>> BinnedEntropy(4).score([0.1, 0.3, 0.6, 0.9])
     2.0
@@ -70,10 +70,12 @@ class BinnedEntropy:
 
     def __post_init__(self) -> None:
         if self.bins < 1 or not self.low < self.high:
-            raise InvalidArgument(f"cannot make {self.bins} bins on [{self.low}, {self.high}]")
+            raise InvalidArgument(
+                f"`bins` is {self.bins} on [{self.low}, {self.high}], but must be at least 1, on a range"
+            )
 
     def bin(self, value: float) -> int:
-        """Number of the bin of a value, from 0."""
+        """Return the index of the bin that contains a value, from 0."""
         if value <= self.low:  # values far outside would overflow below
             return 0
         if value >= self.high:
@@ -81,47 +83,50 @@ class BinnedEntropy:
         return min(int((value - self.low) / (self.high - self.low) * self.bins), self.bins - 1)
 
     def counts(self, values: Sequence[float]) -> list[int]:
-        """How many values each bin holds."""
+        """Return the number of values in each bin."""
         counts = [0] * self.bins
         for value in values:
             counts[self.bin(value)] += 1
         return counts
 
     def score(self, values: Sequence[float]) -> float:
-        """The entropy; 0.0 for no values."""
+        """Return the entropy of the values in bits; 0.0 if there are no values."""
         size = len(values)
         # 0.0 - ... keeps a family in one bin from scoring -0.0.
         return 0.0 - fsum(count / size * log2(count / size) for count in self.counts(values) if count)
 
     def maximum(self, size: int) -> float:
-        """The entropy of a family whose members are spread as evenly as possible."""
+        """Return the entropy of `size` members that are spread over the bins as evenly as possible."""
         each, rest = divmod(size, self.usable)
         counts = [(each + 1, rest), (each, self.usable - rest)]
         return 0.0 - fsum(bins * count / size * log2(count / size) for count, bins in counts if count)
 
     @property
     def usable(self) -> int:
-        """How many bins a value can fall into."""
+        """Return the number of bins that can contain a value."""
         if not self.whole or self.high - self.low >= self.bins:
             return self.bins
-        # One whole number beyond each end: it counts in the bin there.
+        # The range is extended by one integer at each end: values outside count in the first or last bin.
         return len({self.bin(value) for value in range(floor(self.low), ceil(self.high) + 1)})
 
     def swaps(self, values: Sequence[float], members: Sequence[int]) -> Swaps:
-        """Swaps in constant time."""
+        """Return swaps of the entropy that take constant time."""
         return _EntropySwaps(self, values, members)
 
 
 class _EntropySwaps:
-    """Invariant: `_counts[b]` members of the current family are in bin b."""
+    """Swaps of binned entropy.
+
+    Invariant: `_counts[b]` members of the current family are in bin b.
+    """
 
     def __init__(self, measure: BinnedEntropy, values: Sequence[float], members: Sequence[int]) -> None:
         self._bin = [measure.bin(value) for value in values]
         self._counts = measure.counts([values[index] for index in members])
         size = len(members)
-        # The contribution of a bin with c members to the entropy; there are only size + 1 different ones.
+        # The contribution of a bin with c members to the entropy, for c from 0 to `size`.
         term = [0.0] + [-(count / size) * log2(count / size) for count in range(1, size + 1)]
-        # How that changes when one of c members leaves, or joins them. Nobody leaves a bin without members.
+        # How the contribution changes if one of c members leaves, or if one joins. No member leaves an empty bin.
         self._leaving = [0.0] + [less - more for less, more in pairwise(term)]
         self._joining = [more - less for less, more in pairwise(term)]
 
@@ -138,28 +143,30 @@ class _EntropySwaps:
 
 @dataclass(frozen=True, slots=True)
 class Gini:
-    """Gini coefficient of the values: mean absolute difference over twice the mean (Gini 1912).
+    """Gini coefficient of the values: their mean absolute difference divided by twice their mean (Gini 1912).
 
-    0 when all values are equal, or all are 0; values must not be negative.
+    It is 0 if all values are equal. No value may be negative.
 
     >>> Gini().score([0.0, 0.0, 0.0, 1.0])
     0.75
     """
 
     def score(self, values: Sequence[float]) -> float:
-        """The coefficient, in [0, 1)."""
+        """Return the coefficient, in [0, 1); 0 for no values. Raises `InvalidArgument` if a value is negative."""
         ordered = sorted(values)
         total = fsum(ordered)
         if not ordered or total == 0:
             return 0.0
         if ordered[0] < 0:
-            raise InvalidArgument("the Gini coefficient is defined for values that are not negative")
+            raise InvalidArgument(
+                f"the Gini coefficient needs values of at least 0, but one value is {ordered[0]:g}"
+            )
         size = len(ordered)
         weighted = fsum((2 * rank - size - 1) * value for rank, value in enumerate(ordered, start=1))
         return weighted / (size * total)
 
     def maximum(self, size: int) -> float:
-        """The coefficient where one member has all."""
+        """Return the coefficient of `size` values of which only one is not 0."""
         return 1 - 1 / size if size else 0.0
 
 
@@ -172,22 +179,25 @@ class Variance:
     """
 
     def score(self, values: Sequence[float]) -> float:
-        """The variance; 0.0 for no values."""
+        """Return the population variance of the values; 0.0 if there are no values."""
         if not values:
             return 0.0
         mean = fsum(values) / len(values)
         return fsum((value - mean) ** 2 for value in values) / len(values)
 
     def swaps(self, values: Sequence[float], members: Sequence[int]) -> Swaps:
-        """Swaps in constant time."""
+        """Return swaps of the variance that take constant time."""
         return _VarianceSwaps(values, members)
 
 
 class _VarianceSwaps:
-    """Invariant: `_total` is the sum of the members' values, as distances from the mean of all values."""
+    """Swaps of the variance.
+
+    Invariant: `_total` is the sum of the members' values minus the mean of all candidates' values.
+    """
 
     def __init__(self, values: Sequence[float], members: Sequence[int]) -> None:
-        mean = fsum(values) / max(1, len(values))  # near 0, sums lose the fewest digits
+        mean = fsum(values) / max(1, len(values))  # centred on 0, so that sums lose the fewest digits
         self._values = [value - mean for value in values]
         self._size = len(members)
         self._total = fsum(self._values[index] for index in members)

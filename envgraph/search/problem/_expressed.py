@@ -1,4 +1,4 @@
-"""Measures that are expressions over other measures, as a family file has them."""
+"""Measures that a family file defines as expressions over other measures."""
 
 from __future__ import annotations
 
@@ -24,25 +24,26 @@ from envgraph.rewrite import Engine
 from envgraph.search.problem._problem import IndividualMeasure
 
 _BEFORE, _AFTER, _RESULT = "result == eval(", ")", "result"
-"""What stands around an expression in the body of a pattern, which is how it is read."""
+"""Text around an expression: expressions are parsed as the body of a pattern."""
 
 OTHERS: Final = "write an expression over the measures above it, such as"
 
 
 @dataclass(frozen=True, slots=True)
 class Expressed:
-    """The value of an expression over other measures.
+    """A measure that is the value of an expression over other measures.
 
     Attributes:
-        expression: free of errors.
-        measures: those that it names, each with what counts where it has no value; infinite for nothing.
+        expression: the expression, free of errors.
+        measures: the measures named in the expression, by name, each with the number used if a model has no value of
+            it. An infinite number means that the expression has no value either.
     """
 
     expression: Expression
     measures: Mapping[str, tuple[IndividualMeasure, float]]
 
     def evaluate(self, engine: Engine) -> float:
-        """The value of the model at which the engine stands; infinite where it, or one that it names, has none."""
+        """Return the value for the engine's current model; `inf` if the expression or a measure in it has no value."""
         values: dict[str, float | int | str | bool | None] = {}
         for name, (measure, otherwise) in self.measures.items():
             value = float(measure.evaluate(engine))
@@ -58,16 +59,16 @@ class Expressed:
 def read_expression(
     text: str, names: Sequence[str], metamodel: Metamodel, place: Span | None
 ) -> tuple[Expression | None, list[Diagnostic]]:
-    """Read an expression over measures.
+    """Parse and check an expression over measures.
 
     Args:
-        text: as in a query.
-        names: of the measures that it may name.
-        metamodel: of the models.
-        place: where the text stands, between quotation marks.
+        text: the expression, in the syntax of queries.
+        names: the measures that it may name.
+        metamodel: the metamodel of the models.
+        place: span of the text with its quotation marks, or None.
 
     Returns:
-        The expression, None where it has mistakes; and those, each at its place.
+        The expression, or None if it has errors; and the diagnostics.
     """
     expression, problems = parsed_expression(text, place, f"{OTHERS} `2 * {names[0] if names else 'length'}`")
     if expression is None:
@@ -77,7 +78,7 @@ def read_expression(
             "unknown-measure",
             f"unknown measure `{one.name}`",
             within(one.span, text, place),
-            name_hint(one.name, names) or "measures above this one can be named",
+            name_hint(one.name, names) or "name only measures that are defined above this one",
         )
         for one in variables_in(expression)
         if one.name not in names
@@ -88,15 +89,15 @@ def read_expression(
 
 
 def parsed_expression(text: str, place: Span | None, hint: str) -> tuple[Expression | None, list[Diagnostic]]:
-    """Read an expression, whatever its names mean.
+    """Parse an expression without resolving the names in it.
 
     Args:
-        text: as in a query.
-        place: where the text stands, between quotation marks.
-        hint: what to write where it is no expression.
+        text: the expression, in the syntax of queries.
+        place: span of the text with its quotation marks, or None.
+        hint: the hint of the diagnostic if the text is not a single expression.
 
     Returns:
-        The expression, None where it has mistakes, or is nested too deeply; and those, each at its place.
+        The expression, or None if it has errors or is nested too deeply; and the diagnostics.
     """
     try:
         body = Pattern("x", parameters=f"{_RESULT} : float", body=f"{_BEFORE}{text}{_AFTER}").bodies[0]
@@ -116,10 +117,10 @@ def checked_expression(
     text: str,
     place: Span | None,
 ) -> list[Diagnostic]:
-    """What is wrong with an expression that is to be a number, each at its place in the file.
+    """Check that an expression has a number as its value, and return the diagnostics.
 
     Args:
-        scope: types of its variables.
+        scope: the types of the variables in the expression.
         text, place: as for `parsed_expression`.
     """
     _, wrong = check_expression(expression, scope, metamodel, expected=Scalar.FLOAT)
@@ -127,12 +128,15 @@ def checked_expression(
 
 
 def named(expression: Expression) -> tuple[str, ...]:
-    """The measures that an expression names."""
+    """Return the names of the measures in an expression, without duplicates, in order of first occurrence."""
     return tuple(dict.fromkeys(one.name for one in variables_in(expression)))
 
 
 def within(span: Span | None, text: str, place: Span | None) -> Span | None:
-    """The place of a part of the text in the file; that of the whole where the file spells the text otherwise."""
+    """Convert a span inside the parsed pattern to a span in the file.
+
+    Return `place`, the span of the whole text, if the file spells the text otherwise, for example with escapes.
+    """
     if span is None or place is None or place.text[1:-1] != text:
         return place
     start, end = (min(max(0, at - len(_BEFORE)), len(text)) for at in (span.start, span.end))

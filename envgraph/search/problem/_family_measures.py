@@ -1,4 +1,4 @@
-"""The measures of families that come with envgraph, beside the statistics."""
+"""The built-in family measures, except the statistics of `_diversity.py` and the distances."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from envgraph.search.problem._diversity import BinnedEntropy
 from envgraph.search.problem._pool import Candidate
 
 LEAST: Final = -1e9
-"""Stands for minus infinity: sums and differences of scores stay numbers."""
+"""Used in place of minus infinity, so that sums and differences of scores stay finite."""
 
 
 @dataclass(frozen=True, slots=True)
 class Coverage:
-    """Share of the bins that a value can fall into that have a member, from 0 to 1; whatever the order.
+    """A statistic: the share of the usable bins that contain a member, from 0 to 1. The order does not matter.
 
     >>> Coverage(BinnedEntropy(4)).score([0.1, 0.2, 0.6])
     0.5
@@ -27,17 +27,17 @@ class Coverage:
     bins: BinnedEntropy
 
     def score(self, values: Sequence[float]) -> float:
-        """The share."""
+        """Return the share of the usable bins that contain a value."""
         return sum(map(bool, self.bins.counts(values))) / self.bins.usable
 
     def maximum(self, size: int) -> float:
-        """The share of a family with as many bins as it can have."""
+        """Return the share if `size` members fill as many bins as possible."""
         return min(1.0, size / self.bins.usable)
 
 
 @dataclass(frozen=True, slots=True)
 class Fewest:
-    """Members in the bin that has the fewest, of the bins that a value can fall into; whatever the order.
+    """A statistic: the number of members in the usable bin with the fewest members. The order does not matter.
 
     >>> Fewest(BinnedEntropy(2)).score([0.1, 0.2, 0.6])
     1.0
@@ -46,99 +46,104 @@ class Fewest:
     bins: BinnedEntropy
 
     def score(self, values: Sequence[float]) -> float:
-        """The number of members."""
+        """Return the number of values in the usable bin with the fewest values; 0.0 if a usable bin is empty."""
         counts = self.bins.counts(values)
         return 0.0 if sum(map(bool, counts)) < self.bins.usable else float(min(filter(None, counts)))
 
     def maximum(self, size: int) -> float:
-        """The number where all bins have as many."""
+        """Return the number of members in the smallest bin if `size` members are spread evenly."""
         return float(size // self.bins.usable)
 
 
 @dataclass(frozen=True, slots=True)
 class Most:
-    """Members in the bin that has the most; whatever the order."""
+    """A statistic: the number of members in the bin with the most members. The order does not matter."""
 
     bins: BinnedEntropy
 
     def score(self, values: Sequence[float]) -> float:
-        """The number of members."""
+        """Return the number of values in the bin with the most values."""
         return float(max(self.bins.counts(values)))
 
 
 @dataclass(frozen=True, slots=True)
 class Evenness:
-    """How even the steps of a measure are from each member to the next, from 0 to 1.
+    """A statistic: how evenly a measure changes from each member to the next, from 0 to 1.
 
-    The entropy of the shares that the steps have in the whole way, over its maximum (Pielou 1966, of abundances): 1
-    where all steps are equal, 0 where one step is the whole way, or nothing changes. Depends on the order, and is the
-    same for the order reversed.
+    Each change is divided by the sum of all absolute changes. The evenness is the entropy of these shares divided by
+    its maximum (Pielou 1966, of abundances): 1 if all changes are equal, 0 if at most one change is not 0. It depends
+    on the order of the members, but the reversed order has the same evenness.
 
     >>> Evenness().score([0.0, 1.0, 2.0]), Evenness().score([0.0, 2.0, 2.0])
     (1.0, 0.0)
     """
 
     def score(self, values: Sequence[float]) -> float:
-        """The evenness; 1 for two members that differ."""
+        """Return the evenness of the values. Two different values have evenness 1; fewer than two values have 0."""
         steps = [abs(after - before) for before, after in pairwise(values)]
         whole = fsum(steps)
         if len(steps) < 2 or not whole:
             return float(bool(whole))
-        # 0.0 - ... keeps a single step from scoring -0.0; rounding may lead above 1.
+        # 0.0 - ... keeps a single change from scoring -0.0; rounding may exceed 1.
         shares = [step / whole for step in steps if step]
         return min(1.0, (0.0 - fsum(share * log(share) for share in shares)) / log(len(steps)))
 
     def maximum(self, size: int) -> float:
-        """Of equal steps."""
+        """Return 1.0, the evenness of equal changes; 0.0 if there are fewer than two members."""
         return float(size > 1)
 
 
 @dataclass(frozen=True, slots=True)
 class Rising:
-    """Share of the steps from each member to the next in which a measure does not fall, from 0 to 1; 1 without steps.
+    """A statistic: the share of consecutive pairs of members in which a measure does not decrease, from 0 to 1.
 
-    Depends on the order.
+    It depends on the order of the members. Fewer than two members score 1.
 
     >>> Rising().score([1.0, 1.0, 3.0, 2.0, 2.5])
     0.75
     """
 
     def score(self, values: Sequence[float]) -> float:
-        """The share."""
+        """Return the share of consecutive pairs of values that do not decrease."""
         steps = [*pairwise(values)]
         return sum(before <= after for before, after in steps) / len(steps) if steps else 1.0
 
     def maximum(self, size: int) -> float:
-        """Where it never falls."""
+        """Return 1, the score of values that never decrease."""
         return 1.0
 
 
 class Distinct:
-    """Share of the members that is left where of isomorphic ones one counts, from 0 to 1; whatever the order."""
+    """A family measure: the number of non-isomorphic members divided by the number of members, from 0 to 1.
+
+    The order of the members does not matter.
+    """
 
     def __init__(self) -> None:
         self._shapes = Shapes()
 
     def score(self, members: Sequence[Candidate]) -> float:
-        """The share; 1 for no members."""
+        """Return the share of members that remain if isomorphic members count once; 1 for no members."""
         return len({self._shape(member) for member in members}) / len(members) if members else 1.0
 
     def _shape(self, member: Candidate) -> int:
         return member.once(self, lambda: self._shapes.number(member.model.graph.store))
 
     def maximum(self, size: int) -> float:
-        """Where no two are isomorphic."""
+        """Return 1, the score of a family without isomorphic members."""
         return 1.0
 
 
 class ChainTransfer:
-    """`chain_transfer` of the tables of the members: the sum of log10 of chances, at most 0. Depends on the order.
+    """A family measure: the sum of log10 of the success probabilities along the curriculum, at most 0.
 
-    A billion below 0 where success cannot be reached, or a member has more than 50,000 states.
+    Each member is played with the softened optimal policy of the previous member; the first member with a random
+    policy. The sum is -1e9 if success cannot be reached, or if a member has more than 50,000 states. It depends on the
+    order.
     """
 
     def score(self, members: Sequence[Candidate]) -> float:
-        """The sum."""
+        """Return the sum of log10 of the success probabilities; -1e9 if a probability is 0 or a table is too large."""
         from envgraph.env import TooManyStates
 
         try:
@@ -151,7 +156,7 @@ class ChainTransfer:
 
     @staticmethod
     def _transfer(before: Candidate | None, member: Candidate) -> float:
-        """Log10 of the chance of success in a member with what is best in the one before it."""
+        """Return log10 of the probability of success in `member` under the softened optimal policy of `before`."""
         from envgraph.solve import hit_probability, softened_policy
 
         def found() -> float:
@@ -164,5 +169,5 @@ class ChainTransfer:
         return member.once(("transfer", before and before.state), found)
 
     def maximum(self, size: int) -> float:
-        """Where every chance is 1."""
+        """Return 0, the score if every success probability is 1."""
         return 0.0

@@ -1,4 +1,4 @@
-"""Measures of one environment that are not about directed paths on a grid."""
+"""Measures of a single model: matches, values of patterns, graph distances, plans and certificates."""
 
 from __future__ import annotations
 
@@ -23,29 +23,29 @@ if TYPE_CHECKING:
     from envgraph.solve import Certificates
 
 LIMIT: Final = 200
-"""Steps of an episode where neither family nor environment have a limit."""
+"""Step limit of an episode if neither the family nor the environment has a limit."""
 
 
 @dataclass(frozen=True, slots=True)
 class MatchCount:
-    """The number of matches of a pattern."""
+    """A measure: the number of matches of a pattern."""
 
     pattern: str
     whole: ClassVar = True
 
     def evaluate(self, engine: Engine) -> float:
-        """The count in the model at which the engine stands."""
+        """Return the number of matches in the engine's current model."""
         return float(engine.count(self.pattern))
 
 
 @dataclass(frozen=True, slots=True)
 class PatternValue:
-    """The number that a pattern binds a parameter to in its only match.
+    """A measure: the number that a parameter has in the only match of a pattern.
 
     Attributes:
-        pattern: its name.
-        place: of the parameter, from 0.
-        whole: whether it is an `int`.
+        pattern: name of the pattern.
+        place: position of the parameter, from 0.
+        whole: True if the parameter is an `int`.
     """
 
     pattern: str
@@ -53,7 +53,7 @@ class PatternValue:
     whole: bool
 
     def evaluate(self, engine: Engine) -> float:
-        """The number in the model at which the engine stands; infinite where there is no match, or several.
+        """Return the number in the engine's current model; `inf` if the pattern has no match or several matches.
 
         Raises:
             OverflowError: the number has more than 308 digits.
@@ -62,7 +62,7 @@ class PatternValue:
         return self.read(engine.matcher.rows(pattern, arguments))
 
     def read(self, rows: Sequence[Row]) -> float:
-        """The number in the matches of the pattern."""
+        """Return the number from the matches of the pattern; `inf` if there is no match or several matches."""
         value = rows[0][self.place] if len(rows) == 1 else inf
         assert isinstance(value, int | float), "`check_family` demands a number"
         return value
@@ -70,15 +70,15 @@ class PatternValue:
 
 @dataclass(frozen=True, slots=True)
 class ShortestPath:
-    """Number of links on the longest of all shortest paths from a start object to a goal object that it reaches.
+    """A measure: the longest of all shortest paths from a start object to a goal object that it reaches, in links.
 
-    Over all pairs of objects this is the diameter of the graph (Wasserman and Faust 1994, section 4.3.4); with one
-    start and one goal it is their distance. An object that is both is at distance 0.
+    Over all pairs of objects this is the diameter of the graph (Wasserman and Faust 1994, section 4.3.4). With one
+    start and one goal it is their distance. An object that is both start and goal has distance 0 to itself.
 
     Attributes:
-        along: names of references, or of binary patterns.
-        start, goal: classes, or None for every object.
-        avoid: class of objects that no path enters, or None.
+        along: names of references, or of binary patterns, that are the links.
+        start, goal: names of classes, or None for every object.
+        avoid: name of the class whose objects no path enters, or None.
     """
 
     metamodel: Metamodel
@@ -89,7 +89,7 @@ class ShortestPath:
     whole: ClassVar = True
 
     def evaluate(self, engine: Engine) -> float:
-        """The length in the model at which the engine stands; infinite where no start reaches a goal."""
+        """Return the length in the engine's current model; `inf` if no start reaches a goal."""
         model = engine.model
         every = [
             node
@@ -124,7 +124,7 @@ class ShortestPath:
 
 
 def _farthest(links: dict[int, list[int]], start: int, goals: set[int]) -> int | None:
-    """Distance of the goal that breadth-first search from a start meets last; None when it meets none."""
+    """Return the largest distance from `start` to a goal by breadth-first search; None if no goal is reached."""
     distance = {start: 0}
     queue = [start]
     farthest = None
@@ -140,14 +140,15 @@ def _farthest(links: dict[int, list[int]], start: int, goals: set[int]) -> int |
 
 @dataclass(slots=True)
 class ShortestPlan:
-    """Fewest steps after which an episode can end in success; of large environments, an upper bound on them.
+    """A measure: the fewest steps in which an episode can end in success.
 
-    A stochastic outcome counts as possible. Infinite where no plan was found. What `Plans` of
-    `envgraph.env.compiled` says is kept of the last state of the model: constraints ask about what is then measured.
+    For large environments it is an upper bound on them. Stochastic outcomes count as possible. The measure is infinite
+    if no plan was found. The plans of the last measured state are cached, because constraints ask for the same plans.
 
     Attributes:
-        guide: a pattern that a beam keeps the states with the fewest matches of; None: those of the behaviour.
-        shortest: False if any plan will do, even a longer one: see `Plans`.
+        guide: name of a pattern for beam search, which keeps the states with the fewest matches of it. None: the
+            patterns of the behaviour.
+        shortest: False if any plan will do, even a longer one: see `Plans` of `envgraph.env.compiled`.
     """
 
     behaviour: Behaviour
@@ -158,10 +159,10 @@ class ShortestPlan:
     _last: tuple[int, dict[int, Plan]] = field(default=(0, {}), init=False, repr=False, compare=False)
 
     def evaluate(self, engine: Engine) -> float:
-        """The number of steps from a start state of the model at which the engine stands.
+        """Return the number of steps of a plan from a start state of the engine's current model.
 
         Raises:
-            EvaluationError: the behaviour is not compiled, and has too many states to visit all of them.
+            EvaluationError: the behaviour cannot be compiled, and has too many states to visit all of them.
         """
         from envgraph.env import explore
         from envgraph.env.compiled import NotCompiled
@@ -175,10 +176,12 @@ class ShortestPlan:
             return shortest_plan(table, native=False)
 
     def plan(self, engine: Engine, outcome: int = 1) -> Plan:
-        """A plan that ends so (1 success, 2 failure); objects are numbered among themselves alone.
+        """Return a plan for the engine's current model that ends with `outcome` (1 success, 2 failure).
+
+        Objects are numbered within this model only, not as in other members.
 
         Raises:
-            NotCompiled: something in the behaviour only the live engine has.
+            NotCompiled: the behaviour has a construct that cannot be compiled.
         """
         from envgraph.env.compiled import Plans
 
@@ -193,29 +196,30 @@ class ShortestPlan:
         return known[outcome]
 
     def why_none(self, engine: Engine, outcome: int = 1) -> tuple[str, str | None]:
-        """How far the search went that found no plan in the present model, and a hint if it may have missed one."""
+        """Return why no plan was found in the current model, and a hint or None. A complete search has no hint."""
         from envgraph.env import REACH_LIMIT
         from envgraph.env.compiled import NotCompiled
 
         try:
             plan = self.plan(engine, outcome)
         except NotCompiled:
-            live = f"what is not compiled is searched on the live engine, up to {REACH_LIMIT:,} states"
-            return "no way there was found", live
+            live = f"simplify the behaviour: one that cannot be compiled is searched in at most {REACH_LIMIT:,} states"
+            return "no plan was found", live
         hint = (
-            "there may be one: a beam goes on from the states with the fewest matches of a pattern. Name one that "
-            'has fewer on the way there as the `guide` of a measure with `kind = "shortest_plan"`, or raise `limit`'
+            'raise `limit`, or add a measure with `kind = "shortest_plan"` whose `guide` is a pattern with fewer and '
+            "fewer matches towards the end: the search only continues from the states with the fewest matches"
         )
-        return f"no way there was found ({plan})", None if plan.exact else hint
+        return f"no plan was found ({plan})", None if plan.exact else hint
 
 
 class Distance:
-    """In how many objects a model differs from another one: in their class, a value or a link, or by being there.
+    """A measure: the number of objects in which a model differs from another model.
 
-    An object is what has the same id; a link belongs to the object whose reference is declared first.
+    Objects are compared by id. They differ in their class, a value or a link, or if only one model has them. A link
+    belongs to the object whose reference is declared first.
 
     Args:
-        origin: the other model, as it is now; None for none, where nothing is measured.
+        origin: the other model in its current state. None if the measure is only declared, and never evaluated.
     """
 
     whole = True
@@ -225,7 +229,7 @@ class Distance:
         self.range = (0.0, float(max(1, 0 if origin is None else len(origin))))
 
     def evaluate(self, engine: Engine) -> float:
-        """The number in the model at which the engine stands."""
+        """Return the number of objects in which the engine's current model differs from the other model."""
         (before, *facts), (after, *others) = self._origin, object_facts(engine.model)
         common = min(len(before), len(after))
         changed = {node for node in range(common) if before[node] != after[node]}
@@ -238,11 +242,11 @@ class Distance:
 
 
 class Certifier:
-    """Knows what is certain of the model at which an engine stands; of the last one without being asked twice.
+    """A function that computes the certificates of a model, and caches those of the last model.
 
     Args:
-        behaviour: of the environments.
-        limit: steps of an episode.
+        behaviour: the behaviour of the environments.
+        limit: the maximum number of steps of an episode.
     """
 
     def __init__(self, behaviour: Behaviour, limit: int) -> None:
@@ -251,14 +255,16 @@ class Certifier:
         self._last: tuple[int, Certificates] | None = None
 
     def of(self, engine: Engine, asked: ComponentSpec | None = None) -> Certificates:
-        """Certificates of the model and of a random walk in it; objects are numbered among themselves alone.
+        """Return the certificates of the engine's current model, with those of a random policy.
+
+        Objects are numbered within this model only, not as in other members.
 
         Args:
-            engine: on the model.
-            asked: the measure that asks, for the error.
+            engine: the engine, at the model.
+            asked: the measure that needs the certificates, for the error message.
 
         Raises:
-            TooManyStates: there are too many to visit.
+            TooManyStates: the environment has too many states to visit all of them.
         """
         from envgraph.env import TooManyStates
         from envgraph.env.compiled import Tables
@@ -277,37 +283,37 @@ class Certifier:
         return self._last[1]
 
     def _needs_table(self, error: TooManyStates, asked: ComponentSpec | None) -> TooManyStates:
-        """The error at the measure, which somebody may do without."""
+        """Return the error with the name and span of the measure `asked`; the error itself if `asked` is None."""
         if asked is None:
             return error
         message = f"measure `{asked.name}` needs a table of all states: {error.message}"
         hint = (
-            f"write a measure that needs none in place of `{asked.kind}`, such as `count`, `value` or "
-            "`shortest_plan`, or let `[constraints]` keep members smaller"
+            f"replace `{asked.kind}` by a measure that needs no table, such as `count`, `value` or "
+            "`shortest_plan`, or add `[constraints]` that exclude large members"
         )
         return error.again(self._behaviour, message, hint, asked.span())
 
 
 @dataclass(frozen=True, slots=True)
 class RandomSuccess:
-    """How likely an agent that draws all its actions succeeds within the limit: exact but for rounding."""
+    """A measure: the success probability of a uniformly random policy within the step limit, exact but for rounding."""
 
     certifier: Certifier
     spec: ComponentSpec | None = None
     range: ClassVar = (0.0, 1.0)
 
     def evaluate(self, engine: Engine) -> float:
-        """The probability in the model at which the engine stands; raises as `Certifier.of`."""
+        """Return the probability in the engine's current model. Raises as `Certifier.of`."""
         return self.certifier.of(engine, self.spec).random_success
 
 
 @dataclass(frozen=True, slots=True)
 class OptimalReturn:
-    """The greatest return that any agent has within the limit, undiscounted: exact but for rounding."""
+    """A measure: the greatest expected undiscounted return within the step limit, exact but for rounding."""
 
     certifier: Certifier
     spec: ComponentSpec | None = None
 
     def evaluate(self, engine: Engine) -> float:
-        """The return in the model at which the engine stands; raises as `Certifier.of`."""
+        """Return the optimal return in the engine's current model. Raises as `Certifier.of`."""
         return self.certifier.of(engine, self.spec).optimal_return

@@ -1,4 +1,4 @@
-"""What there is to say of each object of a model, so that models are compared object by object."""
+"""List the class, attribute values and links of each object, so that models can be compared object by object."""
 
 from __future__ import annotations
 
@@ -8,9 +8,10 @@ from envgraph.graph import Model
 
 
 def object_facts(model: Model) -> list[list[object]]:
-    """Columns by the id of the object: first the number of its class, -1 where there is none, then values and links.
+    """Return columns indexed by object id: the class numbers, then a column per attribute, then a column per reference.
 
-    A link belongs to the object whose reference is declared first; the order of links does not count.
+    The class number is -1 if no object has that id. Of two opposite references only the first declared one gets a
+    column. The links of an object are sorted, so that models do not differ by the order of links.
     """
     store = model.graph.store
     links = [relation.forward for relation in store.relations if not relation.flipped]

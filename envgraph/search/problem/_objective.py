@@ -1,4 +1,4 @@
-"""What a family is to be: expressions over measures of families, as a family file has them."""
+"""Objectives of a family file: expressions over family measures to maximise or minimise, and conditions on them."""
 
 from __future__ import annotations
 
@@ -17,32 +17,35 @@ from envgraph.search.problem._problem import finite
 Values = Mapping[str, float]
 
 _ENOUGH = 1e-9
-"""A condition that fails by less holds: scores are sums of floating-point terms."""
+"""Tolerance: a condition violated by less holds, because scores are sums of floating-point terms."""
 
 
 class Composed(Protocol):
-    """A measure of families that is computed from others.
+    """A family measure that is computed from the scores of other family measures.
 
     Attributes:
-        measures: of families, by how they are written, such as `entropy(complexity)`.
+        measures: the other family measures, keyed by their text, such as `entropy(complexity)`.
     """
 
     measures: Mapping[str, FamilyMeasure]
 
     def of(self, values: Values) -> float:
-        """The score of a family of which the others have these values."""
+        """Return the score of a family, given the scores of the other family measures."""
 
     def score(self, members: Sequence[Candidate]) -> float:
-        """The score of a family."""
+        """Return the score of a family. Raises as `values_of`."""
         return self.of(values_of(self.measures, members))
 
     def swaps(self, pool: Pool, members: Sequence[int]) -> Swaps:
-        """Exchanges, by those of the others."""
+        """Return the swaps of the composed score, computed from the swaps of the other measures."""
         return _ComposedSwaps(self, pool, members)
 
 
 class _ComposedSwaps:
-    """Invariant: `_values` are those of the family at which `_swaps` stand."""
+    """Score changes of a composed measure if one member is exchanged.
+
+    Invariant: `_values` are the scores of the family that `_swaps` currently describe.
+    """
 
     def __init__(self, measure: Composed, pool: Pool, members: Sequence[int]) -> None:
         self._of, self._values = measure.of, values_of(measure.measures, pool.family(members))
@@ -63,7 +66,11 @@ class _ComposedSwaps:
 
 
 def values_of(measures: Mapping[str, FamilyMeasure], members: Sequence[Candidate]) -> dict[str, float]:
-    """The scores of a family by some measures, which are finite numbers."""
+    """Return the scores of a family by several measures, keyed by the measures' texts.
+
+    Raises:
+        EvaluationError: a score is not a finite number.
+    """
     return {
         name: finite(one.score(members), f"measure of families `{name}`") for name, one in measures.items()
     }
@@ -71,12 +78,12 @@ def values_of(measures: Mapping[str, FamilyMeasure], members: Sequence[Candidate
 
 @dataclass(frozen=True)
 class Term(Composed):
-    """The value of an expression over measures of a family, or minus that.
+    """An expression over family measures that an objective maximises or minimises.
 
     Attributes:
-        text: as it is written.
-        expression: free of errors; its variables are the names of `measures`.
-        sense: 1 where more is better, else -1.
+        text: the expression as written in the family file.
+        expression: the expression, free of errors; its variables are the keys of `measures`.
+        sense: 1 to maximise the expression, -1 to minimise it.
     """
 
     text: str
@@ -85,21 +92,27 @@ class Term(Composed):
     sense: int = 1
 
     def value(self, values: Values) -> float:
-        """What the expression gives; a billion below 0, or above where less is better, where it divides by 0."""
+        """Return the value of the expression for these scores.
+
+        If the expression divides by 0, return the worst value: -1e9 if it is maximised, 1e9 if it is minimised.
+        """
         found = value_of(self.expression, values)
         return LEAST * self.sense if found is None or not isfinite(float(found)) else float(found)
 
     def of(self, values: Values) -> float:
-        """The value, or what is to be large instead."""
+        """Return the value of the expression, negated if the expression is minimised."""
         return self.sense * self.value(values)
 
     def maximum(self, size: int) -> float:
-        """That of a measure that is the whole expression, and to be large; else infinity."""
+        """Return an upper bound on the score of a family of `size` members; infinity if no bound is known.
+
+        A bound is known if the expression is a single bounded measure that is maximised.
+        """
         one = self._alone
         return one.maximum(size) if isinstance(one, Bounded) else inf
 
     def swaps(self, pool: Pool, members: Sequence[int]) -> Swaps:
-        """Exchanges, by those of the measures."""
+        """Return the swaps of the score. If the term is a single measure to maximise, use the measure's own swaps."""
         one = self._alone
         return _ComposedSwaps(self, pool, members) if one is None else swaps_of(one, pool, members)
 
@@ -111,10 +124,10 @@ class Term(Composed):
 
 @dataclass(frozen=True, slots=True)
 class Condition:
-    """A comparison of two expressions over measures of a family.
+    """A comparison of two expressions over family measures.
 
     Attributes:
-        text: as it is written.
+        text: the comparison as written in the family file.
         operator: "<=", ">=" or "==".
     """
 
@@ -124,14 +137,14 @@ class Condition:
     right: Term
 
     def excess(self, values: Values) -> float:
-        """How far a family is from satisfying it; 0 where it does."""
+        """Return by how much the comparison is violated; 0 if it holds."""
         above = self.left.value(values) - self.right.value(values)
         wrong = {"<=": above, ">=": -above, "==": abs(above)}[self.operator]
         return wrong if wrong > _ENOUGH else 0.0
 
 
 class Conditions(Composed):
-    """How far a family is from satisfying some conditions, as a measure: 0 where all hold, else less."""
+    """Several conditions as one family measure: 0 if all hold, else minus the sum of their violations."""
 
     def __init__(self, conditions: Sequence[Condition]) -> None:
         self._conditions = conditions
@@ -139,21 +152,21 @@ class Conditions(Composed):
         self.measures = {name: one for side in sides for name, one in side.measures.items()}
 
     def of(self, values: Values) -> float:
-        """Minus the sum of what is lacking."""
+        """Return minus the sum of the conditions' violations."""
         return 0.0 - sum(one.excess(values) for one in self._conditions)
 
     def maximum(self, size: int) -> float:
-        """Where all hold."""
+        """Return 0, the score of a family that satisfies all conditions."""
         return 0.0
 
 
 @dataclass(frozen=True)
 class Objective:
-    """What a family is to be.
+    """The objective of a family: expressions to maximise or minimise, and conditions.
 
     Attributes:
-        terms: what is to be as large, or as small, as can be; the first one counts most.
-        conditions: what has to hold; that counts more than all terms.
+        terms: the expressions; earlier terms take precedence over later ones.
+        conditions: conditions on the family; they take precedence over all terms.
     """
 
     terms: tuple[Term, ...]
@@ -161,22 +174,22 @@ class Objective:
 
     @cached_property
     def measures(self) -> tuple[FamilyMeasure, ...]:
-        """As measures of families, the one that counts most first."""
+        """Return the conditions and the terms as family measures, in order of precedence."""
         first = (Conditions(self.conditions),) if self.conditions else ()
         return (*first, *self.terms)
 
     def values(self, members: Sequence[Candidate]) -> dict[str, float]:
-        """The value of each term, by its text."""
+        """Return the value of each term for a family, keyed by the text of the term."""
         return {one.text: one.value(values_of(one.measures, members)) for one in self.terms}
 
     def lacking(self, members: Sequence[Candidate]) -> dict[str, float]:
-        """Of each condition that does not hold, by its text, how far the family is from it."""
+        """Return the violated conditions: by how much each is violated, keyed by its text."""
         values = values_of(Conditions(self.conditions).measures, members)
         excess = {one.text: one.excess(values) for one in self.conditions}
         return {text: one for text, one in excess.items() if one}
 
     def reached(self, members: Sequence[Candidate]) -> bool:
-        """Whether no family of as many members is better, as far as that is known."""
+        """Return True if the family attains the maximum of every measure; False if a maximum is unknown."""
         size = len(members)
         most = [one.maximum(size) for one in self.measures if isinstance(one, Bounded)]
         return all(

@@ -1,4 +1,4 @@
-"""Reading objectives of families: expressions over calls such as `entropy(complexity)`, each mistake at its place."""
+"""Parse objectives of families, which are expressions over calls such as `entropy(complexity)`."""
 
 from __future__ import annotations
 
@@ -42,12 +42,12 @@ _COMPARISONS: Final = ("<=", ">=", "==")
 
 @dataclass(frozen=True, slots=True)
 class FamilyCall:
-    """A measure of families as it is written, such as `entropy(complexity, 0, 1)`.
+    """A call of a family measure in an objective, such as `entropy(complexity, 0, 1)`.
 
     Attributes:
-        name: of the measure of families.
-        measures: the measures of the members that it names.
-        numbers: what else is written.
+        name: name of the family measure.
+        measures: the arguments that are names of measures of the members.
+        numbers: the other arguments, which are numbers.
     """
 
     name: str
@@ -60,11 +60,11 @@ class FamilyCall:
 
 
 class WrongCall(Exception):
-    """A call that makes no sense; its arguments are a message and a hint."""
+    """An invalid call of a family measure; the arguments of the exception are a message and a hint."""
 
 
 FamilyFactory = Callable[[FamilyCall, "Context"], FamilyMeasure]
-"""Raises `WrongCall`."""
+"""Makes the family measure of a call, or raises `WrongCall`."""
 
 
 def _only_measure(call: FamilyCall, most: int = 0) -> str:
@@ -72,7 +72,7 @@ def _only_measure(call: FamilyCall, most: int = 0) -> str:
         return call.measures[0]
     options = ", low, high, bins" if most else ""
     raise WrongCall(
-        f"`{call.name}` is of one measure", f"write `{call.name}(measure{options and f'{options}'})`"
+        f"`{call.name}` takes exactly one measure", f"write `{call.name}(measure{options and f'{options}'})`"
     )
 
 
@@ -89,7 +89,12 @@ def _binned(make: Callable[[BinnedEntropy], Statistic]) -> FamilyFactory:
 
 
 def _bins(call: FamilyCall, of: str, context: Context) -> BinnedEntropy:
-    """The bins that a call names; else those of the diversity, or of the range of the measure."""
+    """Return the bins for a call, from the numbers in the call if it has any.
+
+    A call without numbers uses the bins of the `[diversity]` table if that is of the same measure, else bins over the
+    measure's own range. Raises `WrongCall` if the numbers do not give a range, or if the range of the measure is
+    unknown.
+    """
     known, measure = context.diversity, context.others[of][0] if of in context.others else None
     span, count = getattr(measure, "range", None), context.spec.search.population
     if context.spec.diversity.options.get("of") == of and isinstance(known, BinnedEntropy):
@@ -102,18 +107,18 @@ def _bins(call: FamilyCall, of: str, context: Context) -> BinnedEntropy:
     if not low < high or count < 1 or len(call.numbers) == 1:
         if call.numbers or measure is not None:
             message = (
-                "the range goes from the lower to the higher number, and then there may be a number of bins"
+                "the numbers must be the lower and the upper end of a range, and optionally a number of bins"
             )
-            message = message if call.numbers else f"nobody knows the range of `{of}`"
+            message = message if call.numbers else f"the range of `{of}` is unknown"
             raise WrongCall(message, f"write `{call.name}({of}, 0, 64)`")
-        low, high = 0.0, 1.0  # the options are looked at, and no measure is there
+        low, high = 0.0, 1.0  # only the options are checked; the measure does not exist yet
     return BinnedEntropy(count, low, high, whole=getattr(measure, "whole", False))
 
 
 def _whole(make: Callable[[], FamilyMeasure]) -> FamilyFactory:
     def made(call: FamilyCall, context: Context) -> FamilyMeasure:
         if call.measures or call.numbers:
-            raise WrongCall(f"`{call.name}` is of the members themselves", f"write `{call.name}` alone")
+            raise WrongCall(f"`{call.name}` takes no arguments", f"write `{call.name}`")
         return make()
 
     return made
@@ -122,7 +127,7 @@ def _whole(make: Callable[[], FamilyMeasure]) -> FamilyFactory:
 def _transfer(call: FamilyCall, context: Context) -> FamilyMeasure:
     if context.spec.environment is None:
         hint = 'write `environment = "name.environment"` at the top'
-        raise WrongCall(f"`{call.name}` needs an environment, and the family names none", hint)
+        raise WrongCall(f"`{call.name}` needs an environment, but the family file names none", hint)
     return _whole(ChainTransfer)(call, context)
 
 
@@ -146,32 +151,34 @@ FAMILY_MEASURES: Final[Mapping[str, FamilyFactory]] = {
     "distinct": _whole(Distinct),
     "chain_transfer": _transfer,
 }
-"""The measures of families that come with envgraph."""
+"""The built-in family measures: a factory for each name."""
 
 
 def read_objective(
     spec: ComponentSpec, context: Context, known: Mapping[str, FamilyFactory]
 ) -> tuple[Objective, list[Diagnostic]]:
-    """Read what a family is to be.
+    """Parse the objective of a family.
 
     Args:
-        spec: the table of the family file.
-        context: of the family.
-        known: the measures of families that there are.
+        spec: the table of the family file that contains the objective.
+        context: the context of the family, for names of measures and the metamodel.
+        known: the available family measures, by name.
 
     Returns:
-        The objective, without what has mistakes; and those, each at its place.
+        The objective without its invalid parts, and the diagnostics.
     """
     reader = _Reader(spec, context, known)
     terms = [*reader.terms("maximise", 1), *reader.terms("minimise", -1)]
     conditions = reader.conditions("subject_to")
     keys = [key for key in ("maximise", "minimise") if key in spec.options]
     if len(keys) == 2:
-        message = "`maximise` and `minimise` exclude each other: what counts most is first in one list"
+        message = (
+            "`maximise` and `minimise` cannot both be given: the order of a single list is the precedence"
+        )
         hint = 'write a minus: `maximise = ["entropy(complexity)", "-mean_distance"]`'
         reader.problems.append(Diagnostic("bad-value", message, spec.key_span("minimise"), hint))
     elif any(spec.options[key] == [] for key in keys):
-        message, hint = "the objective has nothing to maximise", 'write `maximise = ["entropy(complexity)"]`'
+        message, hint = "the list of expressions is empty", 'write `maximise = ["entropy(complexity)"]`'
         reader.problems.append(Diagnostic("missing-key", message, spec.span(keys[0]), hint))
     return Objective(tuple(terms), tuple(conditions)), reader.problems
 
@@ -205,17 +212,17 @@ class _Reader:
                     pass
                 case _:
                     hint = "write two numbers and one of `>=`, `<=` and `==`: `entropy(complexity) >= 2.5`"
-                    self._wrong("syntax-error", "this compares nothing", place, hint)
+                    self._wrong("syntax-error", "this is not a comparison", place, hint)
         return found
 
     def _texts(self, key: str) -> list[tuple[str, Span | None]]:
-        """What a key says: a text or a list of them, each with its place."""
+        """Return the expressions given for a key, a string or a list of strings, each with its span."""
         value = self.spec.options.get(key, [])
         if isinstance(value, str):
             return [(value, self.spec.span(key))]
         if not isinstance(value, list):
             hint = f'write `{key} = ["..."]`'
-            self._wrong("wrong-type", f"`{key}` is a list of expressions", self.spec.span(key), hint)
+            self._wrong("wrong-type", f"`{key}` must be a list of strings", self.spec.span(key), hint)
             return []
         found = []
         for index, one in enumerate(value):
@@ -223,8 +230,8 @@ class _Reader:
             if isinstance(one, str):
                 found.append((one, place))
             else:
-                hint = f'expressions stand between `"`: `{key} = ["..."]`'
-                self._wrong("wrong-type", f"`{key}` is a list of expressions", place, hint)
+                hint = f'write each expression in quotation marks: `{key} = ["..."]`'
+                self._wrong("wrong-type", f"`{key}` must be a list of strings", place, hint)
         return found
 
     def _parsed(self, text: str, place: Span | None) -> Expression | None:
@@ -247,7 +254,10 @@ class _Reader:
     def _named(
         self, node: Expression, measures: dict[str, FamilyMeasure], text: str, place: Span | None
     ) -> Expression:
-        """An expression in which calls of measures of families are variables; notes the measures of families."""
+        """Replace the calls of family measures in an expression by variables, and return the result.
+
+        The family measures that are called are added to `measures`, keyed by the names of the variables.
+        """
         if isinstance(node, Variable):
             call, where = FamilyCall(node.name), node.span
         elif isinstance(node, FunctionCall) and (node.function in self.known or self._names_measures(node)):
@@ -262,8 +272,13 @@ class _Reader:
                 "unknown-measure", f"unknown measure of families `{call.name}`", where, self._hint(call.name)
             )
         elif "" in unknown:
-            hint = f"write `{call.name}(measure)`; numbers may come behind it"
-            self._wrong("wrong-arguments", f"`{call.name}` is of measures by their names", where, hint)
+            hint = f"write `{call.name}(measure)`, or add numbers after the measure"
+            self._wrong(
+                "wrong-arguments",
+                f"the arguments of `{call.name}` must be names of measures, or numbers",
+                where,
+                hint,
+            )
         elif unknown:
             names = [one.name for one in self.context.spec.measures]
             hint = did_you_mean(unknown[0], names) or f"there are {quoted(names)}"
@@ -276,14 +291,14 @@ class _Reader:
         return Variable(str(call), node.span)
 
     def _names_measures(self, node: FunctionCall) -> bool:
-        """Whether a call of something unknown was meant as a measure of families: it is of a measure of members."""
+        """Return True if an argument names a measure of the members, so that the call was meant as a family measure."""
         return any(
             isinstance(one, Variable) and self.context.spec.measure(one.name) for one in node.arguments
         )
 
     @staticmethod
     def _call(node: FunctionCall) -> FamilyCall:
-        """The call, its other arguments as numbers; one that is neither stands for a measure without a name."""
+        """Return the call as a `FamilyCall`. An argument that is neither a name nor a number becomes the name ""."""
         measures, numbers = list[str](), list[float]()
         for one in node.arguments:
             if isinstance(one, Variable):
@@ -299,9 +314,7 @@ class _Reader:
     def _hint(self, name: str) -> str:
         of = [one for one in ("entropy", "evenness") if one in self.known]
         if self.context.spec.measure(name) is not None and of:
-            return (
-                f"`{name}` is of each member: write `{of[0]}({name})`, or another measure of families of it"
-            )
+            return f"write `{of[0]}({name})` or another family measure of it: `{name}` is a measure of one member"
         return did_you_mean(name, self.known) or f"there are {quoted(self.known)}"
 
     def _wrong(self, code: str, message: str, span: Span | None, hint: str | None) -> None:

@@ -1,4 +1,4 @@
-"""How many directed paths a model leaves open."""
+"""Path complexity: the share of the directed paths from start to goal that obstacles block."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from envgraph.metamodel import Metamodel, Reference
 from envgraph.rewrite import Engine
 
 Steps = tuple[tuple[int, tuple[int, ...]], ...]
-"""Nodes with the targets of their links; every node comes after those that link to it."""
+"""Nodes with the targets of their links, in topological order."""
 
 
 def count_paths(
@@ -25,12 +25,12 @@ def count_paths(
     goals: Iterable[int],
     avoid: Collection[int] = frozenset(),
 ) -> int:
-    """Number of paths from any start to any goal.
+    """Return the number of paths from any start to any goal in an acyclic graph.
 
     Args:
-        size: nodes are numbers below this.
-        steps: the links.
-        starts, goals: without repetition; a node that is both is a path of its own.
+        size: number of nodes; the nodes are the integers below `size`.
+        steps: the links of each node, in topological order.
+        starts, goals: nodes, without duplicates. A node in both counts as a path of length 0.
         avoid: nodes that no path may visit.
 
     >>> square = ((0, (1, 2)), (1, (3,)), (2, (3,)))
@@ -50,15 +50,16 @@ def count_paths(
 
 @dataclass(frozen=True, slots=True)
 class PathComplexity:
-    """Share of the directed paths from start to goal that is blocked.
+    """A measure of a model: the share of the directed paths from start to goal that is blocked.
 
-    With P paths in all and P_E that avoid the objects of a class, the complexity is 1 - P_E / P ("linear", as the
-    paper's text says) or 1 - sqrt(P_E / P) ("sqrt", as its published data was computed). 0 is open, 1 is closed.
+    With P paths in total and P_E paths that avoid the objects of a class, the complexity is 1 - P_E / P ("linear", as
+    the paper's text says) or 1 - sqrt(P_E / P) ("sqrt", as its published data was computed). 0 means that no path is
+    blocked, 1 that all are.
 
     Attributes:
-        start, goal: classes; paths lead from any instance of the first to any of the second.
-        along: names of references that paths follow, `right` or `Tile.right`; together they must have no cycle.
-        avoid: class of the objects that block a path.
+        start, goal: names of classes; paths lead from any object of `start` to any object of `goal`.
+        along: names of the references that paths follow, `right` or `Tile.right`; their links must not form a cycle.
+        avoid: name of the class whose objects block a path.
     """
 
     metamodel: Metamodel
@@ -80,13 +81,13 @@ class PathComplexity:
         object.__setattr__(self, "_references", tuple(found))
 
     def evaluate(self, engine: Engine) -> float:
-        """The complexity of the model at which the engine stands, in [0, 1]; 1.0 when there is no path at all.
+        """Return the complexity of the engine's current model, in [0, 1]; 1.0 if there is no path at all.
 
         Raises:
-            EvaluationError: the references form a cycle.
+            EvaluationError: the links form a cycle.
         """
         model = engine.model
-        # Whole columns of the store: mutations seldom change a link, and then what follows from them is known.
+        # Compare whole columns of the store: mutations seldom change links, and then the cached network is still valid.
         columns = [model.graph.store.forward[one.index] for one in self._references]
         ends = tuple(model.graph.extent(self.start)), tuple(model.graph.extent(self.goal))
         known = self._known[:]
@@ -97,7 +98,9 @@ class PathComplexity:
         network: tuple[Steps, int] | None = known[2]
         if network is None:
             message = f"path_complexity: the links along {', '.join(self.along)} form a cycle"
-            raise EvaluationError(message, hint="name references that lead one way, or take `shortest_path`")
+            raise EvaluationError(
+                message, hint="use references without such cycles, or the measure `shortest_path`"
+            )
         steps, every = network
         free = count_paths(
             len(model.graph.store.classes), steps, starts, goals, set(model.graph.extent(self.avoid))
@@ -109,7 +112,10 @@ class PathComplexity:
 def _network(
     columns: Sequence[Sequence[tuple[int, ...]]], starts: Sequence[int], goals: Sequence[int]
 ) -> tuple[Steps, int] | None:
-    """The links in order (Kahn 1962), and the number of paths; None on a cycle. Columns list targets by node."""
+    """Return the links in topological order (Kahn 1962) and the number of paths; None if the links form a cycle.
+
+    Each column lists the targets of a reference, indexed by node.
+    """
     links = [tuple(chain.from_iterable(targets)) for targets in zip(*columns, strict=True)]
     incoming = Counter(chain.from_iterable(links))
     order = [node for node in range(len(links)) if not incoming[node]]

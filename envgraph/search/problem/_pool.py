@@ -1,8 +1,8 @@
-"""What families are worth: measures that see the members in their order, and pools that families are chosen from.
+"""Family measures, which see all members in their order, and pools of candidates from which families are chosen.
 
-There is one protocol. What reads one number of each member, such as the entropy, is a `Statistic`, and `Over` makes a
-measure of families of it. Survivor selection asks for little but exchanges of one member; a measure that knows better
-than to compute its score anew says so by `change`, or, where that needs memory, by `swaps`.
+Every measure of families follows the protocol `FamilyMeasure`. A `Statistic` of one measure of the members, such as an
+entropy, becomes a family measure by `Over`. Survivor selection mostly exchanges single members. A measure that can
+compute the change of its score faster than the score has a method `change`, or `swaps` if it needs a cache for that.
 """
 
 from __future__ import annotations
@@ -21,75 +21,75 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 DIGITS: Final = 12
-"""Scores that agree in so many decimals are the same: sums of swap deltas carry rounding errors."""
+"""Decimals to which scores are rounded before comparison: sums of swap deltas have rounding errors."""
 
 TIE: Final = 10**-DIGITS
 
 
 class Candidate(Protocol):
-    """A member as measures of families see it."""
+    """A member of a family as family measures see it."""
 
     @property
     def measures(self) -> Mapping[str, float]:
-        """Value of every measure of the family file, by name."""
+        """Return the value of every measure of the family file, by name."""
 
     @property
     def state(self) -> int:
-        """Hash of its model."""
+        """Return the hash of the member's model."""
 
     @property
     def model(self) -> Model:
-        """Its model, to be read before that of another candidate is asked for, and not to be changed."""
+        """Return the member's model. Do not change it, and read it before asking another candidate for its model."""
 
     @property
     def tabular(self) -> Tabular:
-        """The table of its reachable states.
+        """Return the transition table of the member's environment.
 
         Raises:
-            EvaluationError, RuleError: as `explore`; `TooManyStates` if there are more than 50,000.
+            EvaluationError, RuleError: as `explore`; `TooManyStates` if there are more than 50,000 states.
         """
 
     def once(self, key: object, make: Callable[[], T]) -> T:
-        """What `make` gives, made once for each candidate and key, and then kept."""
+        """Return the result of `make()`, which is called once for each candidate and key and then cached."""
 
 
 class FamilyMeasure(Protocol):
-    """A measure of a whole family; larger is better.
+    """A measure of a whole family; a larger score is better.
 
-    It may also have these methods, which save time and nothing else:
+    A class may also have these optional methods, which only save time:
 
-    - `change(members, leaving, entering) -> float`: the score after the candidate `entering` came for
-      `members[leaving]`, and went to its own place in the order, minus the score before;
-    - `swaps(pool, members) -> Swaps`: the same for many exchanges, from the family of `members`, indices into `pool`;
-    - `maximum(size) -> float`: the largest score of a family of so many members; a search ends there.
+    - `change(members, leaving, entering) -> float`: the change of the score if the candidate `entering` replaces
+      `members[leaving]`, and is inserted at its own place in the order;
+    - `swaps(pool, members) -> Swaps`: the changes of the score for many exchanges; `members` are indices into `pool`;
+    - `maximum(size) -> float`: the largest score of a family of `size` members; a search ends when it is reached.
     """
 
     def score(self, members: Sequence[Candidate]) -> float:
-        """The measure of a family, its members in the order of the curriculum."""
+        """Return the score of a family. The members are in the order of the curriculum."""
 
 
 @runtime_checkable
 class Changing(Protocol):
-    """A measure of families that knows what an exchange changes."""
+    """A family measure that computes directly how an exchange changes its score."""
 
     def change(self, members: Sequence[Candidate], leaving: int, entering: Candidate) -> float:
-        """See `FamilyMeasure`."""
+        """Return the change of the score if the candidate `entering` replaces `members[leaving]`."""
 
 
 @runtime_checkable
 class Swapping(Protocol):
-    """A measure of families that remembers something from one exchange to the next."""
+    """A family measure that caches data between exchanges to compute their score changes."""
 
     def swaps(self, pool: Pool, members: Sequence[int]) -> Swaps:
-        """See `FamilyMeasure`."""
+        """Return the swaps that start at the family of `members`, which are indices into `pool`."""
 
 
 @dataclass(frozen=True, slots=True)
 class Over:
-    """A statistic of one measure of the members, in their order.
+    """A family measure that is a statistic of one measure of the members, in their order.
 
     Attributes:
-        statistic: of the values.
+        statistic: the statistic of the values.
         of: name of the measure.
     """
 
@@ -97,15 +97,15 @@ class Over:
     of: str
 
     def score(self, members: Sequence[Candidate]) -> float:
-        """The statistic of the members' values."""
+        """Return the statistic of the members' values."""
         return self.statistic.score([member.measures[self.of] for member in members])
 
     def maximum(self, size: int) -> float:
-        """What the statistic knows; else infinity."""
+        """Return the statistic's upper bound for a family of `size` members; infinity if the statistic has none."""
         return self.statistic.maximum(size) if isinstance(self.statistic, Bounded) else inf
 
     def swaps(self, pool: Pool, members: Sequence[int]) -> Swaps:
-        """Those of the statistic, if it has some."""
+        """Return the swaps of the statistic. If the statistic has none, recompute the score for each swap."""
         make = getattr(self.statistic, "swaps", None)
         if make is None:
             return Recomputed(self, pool, members)
@@ -114,9 +114,9 @@ class Over:
 
 
 class Recomputed:
-    """Swaps for any measure of families, by its `change`, or by computing the score anew.
+    """Swaps for any family measure, which call its `change` or recompute its score.
 
-    Invariant: `_score` is that of the family of `_members`.
+    Invariant: `_score` is the score of the family of `_members`.
     """
 
     def __init__(self, measure: FamilyMeasure, pool: Pool, members: Sequence[int]) -> None:
@@ -124,7 +124,7 @@ class Recomputed:
         self._score = 0.0 if isinstance(measure, Changing) else measure.score(pool.family(members))
 
     def delta(self, leaving: int, entering: int) -> float:
-        """Score after the exchange minus score before it."""
+        """Return the score after exchanging `leaving` for `entering` minus the current score."""
         pool, place = self._pool, self._members.index(leaving)
         if isinstance(self._measure, Changing):
             family = [pool.candidates[one] for one in self._members]
@@ -133,7 +133,7 @@ class Recomputed:
         return self._measure.score(pool.family(exchanged)) - self._score
 
     def swap(self, leaving: int, entering: int) -> None:
-        """Exchange the two."""
+        """Exchange the member `leaving` for the candidate `entering`."""
         members = [entering if one == leaving else one for one in self._members]
         self._members = self._pool.ordered(members)
         if not isinstance(self._measure, Changing):
@@ -141,7 +141,7 @@ class Recomputed:
 
 
 class _Spread:
-    """The variance of values on [0, 1], so that `TIE` is small beside differences."""
+    """The variance of values that are scaled to [0, 1], so that differences are large compared to `TIE`."""
 
     def __init__(self, values: Sequence[float]) -> None:
         low, high = min(values), max(values)
@@ -156,17 +156,18 @@ class _Spread:
 
 
 class Pool:
-    """Candidates that a family is chosen from, and what families of them are worth.
+    """Candidates from which a family is chosen, and comparisons of the families.
 
-    Families are compared by the first measure; of those that are equal in it by the second, and so on; of those that
-    are equal in all, the one whose values vary most is better. With all members in one bin no exchange changes the
-    entropy, and chance alone may take thousands of generations to come to another bin.
+    Families are compared by the first measure, then by the second, and so on. Families that are equal in all measures
+    are compared by the variance of their values, and the larger variance is better. Without the variance, if all
+    members are in one bin, no exchange changes the entropy. Chance alone may then take thousands of generations to
+    reach another bin.
 
     Args:
-        candidates: at least one.
-        measures: of families, the one that counts most first; at least one.
-        of: name of the measure of which values vary.
-        key: orders the members of a family; candidates of equal keys keep their order.
+        candidates: the candidates, at least one.
+        measures: the family measures in order of precedence, at least one.
+        of: name of the measure whose values' variance is compared.
+        key: sort key of the members of a family. Candidates with equal keys keep their order. None: pool order.
     """
 
     def __init__(
@@ -189,33 +190,33 @@ class Pool:
         return len(self.candidates)
 
     def values(self, of: str) -> list[float]:
-        """A measure of all candidates."""
+        """Return the values of a measure for all candidates, in pool order."""
         if of not in self._values:
             self._values[of] = [one.measures[of] for one in self.candidates]
         return self._values[of]
 
     def ordered(self, members: Iterable[int]) -> list[int]:
-        """Members of a family in their order."""
+        """Sort members, given as pool indices, in the order of the family."""
         return sorted(members, key=None if self._place is None else self._place.__getitem__)
 
     def family(self, members: Iterable[int]) -> list[Candidate]:
-        """The candidates themselves, in their order."""
+        """Return the candidates with these pool indices, in the order of the family."""
         return [self.candidates[one] for one in self.ordered(members)]
 
     def rank(self, members: Iterable[int]) -> tuple[float, ...]:
-        """What a family is worth, for comparisons: the scores, then how the values vary; larger is better."""
+        """Return a key for comparing families: rounded scores, then the variance of the values. Larger is better."""
         members = [*members]
         family = self.family(members)
         scores = [measure.score(family) for measure in self.measures]
         return tuple(round(score, DIGITS) for score in (*scores, self._spread.of(members)))
 
     def swaps(self, members: Sequence[int]) -> list[Swaps]:
-        """Exchanges from a family, for each measure, and at the end for how the values vary."""
+        """Return the swaps of a family: one for each measure, then one for the variance of the values."""
         return [*(swaps_of(one, self, members) for one in self.measures), self._spread.swaps(members)]
 
 
 def swaps_of(measure: FamilyMeasure, pool: Pool, members: Sequence[int]) -> Swaps:
-    """Exchanges from a family, as fast as the measure has them."""
+    """Return the measure's own swaps, starting from a family, or swaps that recompute the score if it has none."""
     return (
         measure.swaps(pool, members) if isinstance(measure, Swapping) else Recomputed(measure, pool, members)
     )

@@ -33,35 +33,35 @@ if TYPE_CHECKING:
 
 
 MOST_JUDGED: Final = 20_000
-"""Judgements that are cached, half a kilobyte each; the oldest is removed first."""
+"""Number of models whose measures are cached, half a kilobyte each; the oldest entry is removed first."""
 
 
 class Constraint(Protocol):
-    """A condition on the engine's present model. An optional `why_not(engine)` returns why a model is rejected."""
+    """A condition on the engine's current model. An optional `why_not(engine)` returns why a model is rejected."""
 
     def holds(self, engine: Engine) -> bool:
-        """Whether the model satisfies it."""
+        """Return True if the engine's current model satisfies the constraint."""
 
     def __str__(self) -> str:
-        """How the constraint is named to people."""
+        """Return the constraint as text for messages."""
 
 
 class IndividualMeasure(Protocol):
-    """A number for one model.
+    """A measure: a function from a model to a number.
 
-    A measure may also have a `range`, two numbers between which its values lie, and be `whole` if they are whole
-    numbers: `binned_entropy` divides that range.
+    A measure may also have an attribute `range`, the pair of bounds of its values, and an attribute `whole`, which is
+    True if all values are integers. `binned_entropy` divides that range.
     """
 
     def evaluate(self, engine: Engine) -> float:
-        """The measure of the model at which the engine stands; infinite where the model has no value."""
+        """Return the measure of the engine's current model; `inf` if the model has no value."""
 
 
 class NoValue(EvaluationError):
-    """A model has no value of a measure, and the family file does not say what counts otherwise.
+    """A model has no value of a measure, and the family file gives no substitute (`otherwise`).
 
     Attributes:
-        measure: its name.
+        measure: name of the measure.
     """
 
     def __init__(self, measure: str) -> None:
@@ -69,22 +69,22 @@ class NoValue(EvaluationError):
         self.measure = measure
 
     def __reduce__(self) -> tuple[type[NoValue], tuple[str]]:
-        """Errors cross from worker processes."""
+        """Return the constructor and its argument, so that worker processes can pickle the error."""
         return NoValue, (self.measure,)
 
 
 @dataclass(frozen=True, slots=True)
 class Require:
-    """At least one match of a pattern."""
+    """The constraint that a pattern has at least one match."""
 
     pattern: str
 
     def holds(self, engine: Engine) -> bool:
-        """Whether there is a match."""
+        """Return True if the pattern has a match."""
         return engine.exists(self.pattern)
 
     def violation(self, library: Library) -> Body:
-        """The body of a query that matches where the constraint does not hold."""
+        """Return the body of a query that matches if the constraint is violated."""
         return Body((Negation(_find(library, self.pattern)),))
 
     def __str__(self) -> str:
@@ -93,16 +93,16 @@ class Require:
 
 @dataclass(frozen=True, slots=True)
 class Forbid:
-    """No match of a pattern."""
+    """The constraint that a pattern has no match."""
 
     pattern: str
 
     def holds(self, engine: Engine) -> bool:
-        """Whether there is no match."""
+        """Return True if the pattern has no match."""
         return not engine.exists(self.pattern)
 
     def violation(self, library: Library) -> Body:
-        """The body of a query that matches where the constraint does not hold."""
+        """Return the body of a query that matches if the constraint is violated."""
         return Body((_find(library, self.pattern),))
 
     def __str__(self) -> str:
@@ -111,19 +111,19 @@ class Forbid:
 
 @dataclass(frozen=True, slots=True)
 class CountWithin:
-    """The number of matches of a pattern is between two bounds, both included; `high` None is no bound."""
+    """The constraint that a pattern has from `low` to `high` matches. If `high` is None, there is no upper bound."""
 
     pattern: str
     low: int
     high: int | None
 
     def holds(self, engine: Engine) -> bool:
-        """Whether the number of matches is within the bounds."""
+        """Return True if the number of matches is within the bounds."""
         count = engine.count(self.pattern)
         return self.low <= count and (self.high is None or count <= self.high)
 
     def violation(self, library: Library) -> Body:
-        """The body of a query that matches where the constraint does not hold."""
+        """Return the body of a query that matches if the constraint is violated."""
         found = Variable("found")
         outside = Binary("<", found, Constant(self.low))
         if self.high is not None:
@@ -136,55 +136,56 @@ class CountWithin:
 
 
 def _named(library: Library, name: str) -> Pattern:
-    """The pattern that a constraint is about.
+    """Return the pattern with this name.
 
     Raises:
-        InvalidArgument: there is no such pattern.
+        InvalidArgument: no pattern has this name.
     """
     return library.resolve(name) or library.get(name)
 
 
 def _find(library: Library, name: str) -> PatternCall:
-    """Any match of a pattern."""
+    """Return a call of a pattern with `_` for every parameter, which holds if the pattern has a match."""
     pattern = _named(library, name)
     return PatternCall(pattern.qualified_name, (Variable("_"),) * len(pattern.parameters))
 
 
 @dataclass(frozen=True, slots=True)
 class _Queries:
-    """Constraints that are queries, as a single one: asking for a match costs more than finding it."""
+    """Several constraints combined into one query, because asking for a match costs more than finding it."""
 
     pattern: str
 
     @classmethod
     def of(cls, library: Library, constraints: Sequence[Require | Forbid | CountWithin]) -> _Queries:
-        """Register the query, under a name that says what it is, so that it is there only once."""
+        """Register the combined query in the library, unless it is registered already, and return the constraint."""
         name = "violation#" + ", ".join(map(str, constraints))
         if name not in library.names():
             library.add(Pattern(name, (), tuple(constraint.violation(library) for constraint in constraints)))
         return cls(name)
 
     def holds(self, engine: Engine) -> bool:
-        """Whether no constraint is violated; they are looked at in their order."""
+        """Return True if no constraint is violated. The constraints are checked in their order."""
         return not engine.matcher.exists(self.pattern, ())
 
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """A search problem.
+    """A search problem: an engine, mutations, constraints, measures and an objective.
 
     Attributes:
-        engine: stands at the initial model when a search begins.
+        engine: the engine, which is at the initial model when a search begins.
         mutations: names of rules, units and groups.
-        constraints: all must hold in a valid model; the cheapest first.
-        measures: what is recorded of each individual, by name.
-        diversity: how diverse a family is, by one measure of its members; what it maximises without an objective.
+        constraints: the constraints on every model, the cheapest first.
+        measures: the measures that are recorded of each individual, by name.
+        diversity: a statistic of one measure of the members. It is maximised if there is no objective.
         diversity_of: name of that measure.
-        otherwise: what counts, by the name of a measure, for models that have no value of it; others are not valid.
-        objective: what a family is to be instead of as diverse as can be.
-        behaviour: of the environments, where there are some; for objectives that read tables.
-        order: name of the measure that orders the members of a family, by default that of the diversity.
-        target_last: whether the initial model is the last member, and not ordered like the others.
+        otherwise: substitutes for missing values, by name of the measure. A model is invalid if a measure without a
+            substitute has no value.
+        objective: the objective of a family, in place of diversity; or None.
+        behaviour: the behaviour of the environments, for objectives that read transition tables; or None.
+        order: name of the measure that orders the members of a family. None: the measure of the diversity.
+        target_last: True if the initial model is the last member of a family, instead of being ordered like the others.
     """
 
     engine: Engine
@@ -210,7 +211,7 @@ class Problem:
             object.__setattr__(self, "diversity", _Checked(self.diversity))
 
     def _joined(self, fixed: Container[str]) -> tuple[Constraint, ...]:
-        """The constraints, but for those on fixed patterns; those that are queries as a single one."""
+        """Return the constraints that are not on `fixed` patterns. Constraints that are queries become one query."""
         queries, others = list[Require | Forbid | CountWithin](), list[Constraint]()
         for one in self.constraints:
             if not isinstance(one, Require | Forbid | CountWithin):
@@ -220,7 +221,7 @@ class Problem:
         return (*([_Queries.of(self.engine.library, queries)] if queries else ()), *others)
 
     def _mutable(self) -> Sequence[Constraint]:
-        """Return the constraints that a mutation of a valid model can violate, found once."""
+        """Return the constraints that a mutation of a valid model can violate. The result is computed once."""
         if not self._open:
             from envgraph.env.compiled import unaffected
 
@@ -229,13 +230,14 @@ class Problem:
         return self._open[0]
 
     def valid(self) -> bool:
-        """Whether the model at which the engine stands satisfies every constraint."""
+        """Return True if the engine's current model satisfies every constraint."""
         return all(check.holds(self.engine) for check in self._checks)
 
     def judged(self, *, mutated: bool = False) -> dict[str, float] | str:
-        """Return the measures of the present model, or why it is rejected. Judge each state once. Raises as `measure`.
+        """Return the measures of the current model, or the reason why it is rejected. Results are cached by state hash.
 
-        If mutations made the model of a valid one (`mutated`), skip constraints that no mutation can violate.
+        If `mutated`, the model must come from mutations of a valid model; constraints that no mutation can violate are
+        skipped. Raises as `measure`.
         """
         state = self.engine.model.state_hash()
         if state not in self._judged:
@@ -255,26 +257,26 @@ class Problem:
             return error.message
 
     def violations(self) -> Iterator[Constraint]:
-        """The constraints that the model violates, in their order, each looked at when it is asked for."""
+        """Yield the constraints that the current model violates, in their order. Check each constraint lazily."""
         return (constraint for constraint in self.constraints if not constraint.holds(self.engine))
 
     @property
     def family_measures(self) -> tuple[FamilyMeasure, ...]:
-        """What families are compared by, what counts most first."""
+        """Return the measures by which families are compared, in order of precedence."""
         return (
             (Over(self.diversity, self.diversity_of),) if self.objective is None else self.objective.measures
         )
 
     def maximum(self, size: int) -> float:
-        """How diverse a family of so many members can be at most; infinite where that is not known."""
+        """Return the largest diversity of a family of `size` members; infinity if it is unknown."""
         return self.diversity.maximum(size) if isinstance(self.diversity, Bounded) else inf
 
     def measure(self) -> dict[str, float]:
-        """Every measure of the model at which the engine stands; all of them are finite.
+        """Return the value of every measure for the engine's current model. All values are finite.
 
         Raises:
-            NoValue: the model has no value of one of them, and there is none `otherwise`.
-            EvaluationError: a measure is no number.
+            NoValue: the model has no value of a measure that has no substitute in `otherwise`.
+            EvaluationError: a measure did not return a number.
         """
         values = {}
         for name, measure in self.measures.items():
@@ -288,14 +290,14 @@ class Problem:
 
 
 def number(value: object, what: str) -> float:
-    """What a function of the user returned as a number; it may be infinite.
+    """Convert the result of a user's function to a float, which may be infinite.
 
     Raises:
-        EvaluationError: it is none.
+        EvaluationError: the result is not a number. `what` names the function in the message.
 
     >>> number("many", "measure `fires`")
     Traceback (most recent call last):
-    envgraph.errors._exceptions.EvaluationError: measure `fires` is no number: it returned a `str`
+    envgraph.errors._exceptions.EvaluationError: measure `fires` must return a number, but returned a `str`
     ...
     """
     if type(value) is float and not isnan(value):
@@ -305,20 +307,20 @@ def number(value: object, what: str) -> float:
         try:
             converted = float(value)
         except OverflowError:
-            found = "a number with more than 308 digits"
+            found = "an integer with more than 308 digits"
         else:
             if not isnan(converted):
                 return converted
             found = "`nan`"
-    hint = "return a number, or `math.inf` where there is no value"
-    raise EvaluationError(f"{what} is no number: it returned {found}", hint=hint)
+    hint = "return a number, or `math.inf` if there is no value"
+    raise EvaluationError(f"{what} must return a number, but returned {found}", hint=hint)
 
 
 def finite(value: object, what: str) -> float:
-    """What a measure of the user's returned for a family, as a number.
+    """Convert a score that a user's measure returned for a family to a finite float.
 
     Raises:
-        EvaluationError: it is none, or infinite.
+        EvaluationError: the score is not a number, or is infinite. `what` names the measure in the message.
     """
     found = number(value, what)
     if not isfinite(found):
@@ -327,7 +329,7 @@ def finite(value: object, what: str) -> float:
 
 
 class _Checked:
-    """A statistic of the user, whose numbers are numbers."""
+    """A user's statistic with a check that its results are numbers."""
 
     def __init__(self, statistic: Statistic) -> None:
         self._statistic = statistic
@@ -341,7 +343,7 @@ class _Checked:
         return number(bounded.maximum(size), self._what) if isinstance(bounded, Bounded) else inf
 
     def __getattr__(self, name: str) -> Any:
-        """`swaps`, where the statistic has them."""
+        """Return the checked `swaps` of the statistic. Raise `AttributeError` for other names or without `swaps`."""
         if name != "swaps":
             raise AttributeError(name)
         make = self._statistic.swaps  # type: ignore[attr-defined]  # raises what Python raises
@@ -349,6 +351,8 @@ class _Checked:
 
 
 class _CheckedSwaps:
+    """Swaps of a user's statistic with a check that their results are finite numbers."""
+
     def __init__(self, swaps: Swaps, what: str) -> None:
         self._swaps, self._what = swaps, what
         self.swap = swaps.swap

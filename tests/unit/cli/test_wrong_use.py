@@ -162,7 +162,7 @@ def test_whether_an_end_is_reached_is_not_asked_of_a_model_that_is_wrong(refused
     path.write_text(path.read_text().replace('forbid = ["solvable"]', ""))
     said = refused("check", "forest")
     assert re.search(
-        r"violates `reachable failure`: no way there was found \(none: \d+ states are all there", said
+        r"violates `reachable failure`: no plan was found \(none: \d+ states are all there", said
     )
     assert "guide" not in said
 
@@ -183,7 +183,7 @@ def test_a_way_that_a_beam_may_have_missed(refused: Call, monkeypatch: pytest.Mo
     measure = '[measures.plan]\nkind = "shortest_plan"\n[diversity]'
     path.write_text(path.read_text().replace('reachable = ["failure"]', "").replace("[diversity]", measure))
     said = refused("check", "forest")
-    assert "has no value of `plan`: no way there was found (none within" in said
+    assert "has no value of `plan`: no plan was found (none within" in said
     assert "or raise `limit`; write `otherwise = 0`" in said
 
 

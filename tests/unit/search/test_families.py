@@ -295,7 +295,7 @@ def test_a_measure_of_ones_own_that_is_no_number_is_named(tmp_path: Path) -> Non
             return float("nan")
 
     components = Components().with_("family", "wrong", lambda call, context: Wrong())
-    with pytest.raises(EvaluationError, match="measure of families `wrong` is no number"):
+    with pytest.raises(EvaluationError, match="measure of families `wrong` must return a number"):
         made(tmp_path, 'objective.maximise=["-wrong"]', generations=1, components=components)
 
 
@@ -329,15 +329,15 @@ def test_conditions_count_before_a_kind_of_objective(tmp_path: Path) -> None:
         ('maximise=["entropi(complexity)"]', "unknown measure of families `entropi`", "entropi"),
         ('maximise=["entropy(komplexity)"]', "unknown measure `komplexity`", "entropy"),
         ('maximise=["1 + complexity"]', "unknown measure of families `complexity`", "complexity"),
-        ('maximise=["entropy(complexity, 5)"]', "the range goes from the lower", "entropy"),
-        ('maximise=["entropy(complexity + 1)"]', "`entropy` is of measures by their names", "entropy"),
-        ('maximise=["gini"]', "`gini` is of one measure", "gini"),
-        ('maximise=["mean_distance(complexity)"]', "`mean_distance` is of the members themselves", "mean_distance"),
+        ('maximise=["entropy(complexity, 5)"]', "the numbers must be the lower and the upper end", "entropy"),
+        ('maximise=["entropy(complexity + 1)"]', "the arguments of `entropy` must be names of measures", "entropy"),
+        ('maximise=["gini"]', "`gini` takes exactly one measure", "gini"),
+        ('maximise=["mean_distance(complexity)"]', "`mean_distance` takes no arguments", "mean_distance"),
         ('maximise=["mean_distance +"]', "unexpected", None),
         ('maximise=["distinct > 0"]', "expected `float`, found `bool`", None),
-        ("maximise=[3]", "`maximise` is a list of expressions", None),
-        ("maximise=3", "`maximise` is a list of expressions", None),
-        ("maximise=[]", "the objective has nothing to maximise", None),
+        ("maximise=[3]", "`maximise` must be a list of strings", None),
+        ("maximise=3", "`maximise` must be a list of strings", None),
+        ("maximise=[]", "the list of expressions is empty", None),
     ],
 )  # fmt: skip
 def test_mistakes_are_told_at_their_place(override: str, message: str, place: str | None) -> None:
@@ -353,9 +353,9 @@ def test_mistakes_are_told_at_their_place(override: str, message: str, place: st
     ("overrides", "message"),
     [
         (['objective.subject_to=["distinct >= 1"]'], "no `maximise`"),
-        (['objective.maximise=["distinct"]', 'objective.minimise=["most(complexity)"]'], "exclude each other"),
+        (['objective.maximise=["distinct"]', 'objective.minimise=["most(complexity)"]'], "cannot both be given"),
         (['objective.maximise=["distinct"]', 'objective.kind="learning"'], "has a kind, or expressions"),
-        (['objective.maximise=["distinct"]', 'objective.subject_to=["distinct"]'], "compares nothing"),
+        (['objective.maximise=["distinct"]', 'objective.subject_to=["distinct"]'], "is not a comparison"),
         (['objective.maximise=["distinct"]', 'objective.subjectto=["distinct >= 1"]'], "unknown key `subjectto`"),
         (['objective.maximize=["distinct"]'], "unknown key `maximize`"),
         (['objective={ maximise = ["distinct"], search = "climbing" }'], "`search` cannot be"),

@@ -131,7 +131,7 @@ def test_a_measure_that_needs_too_large_a_table_is_told_at_its_place(
         domain.problem(domain.engine()).measure()
     (found,) = caught.value.diagnostics
     assert found.span is not None and found.span.source.name != domain.spec.path and kind in found.span.text
-    assert found.hint and f"in place of `{kind}`" in found.hint and "engine" not in found.hint
+    assert found.hint and f"replace `{kind}`" in found.hint and "engine" not in found.hint
 
 
 def expressed(text: str, *more: str) -> tuple[float, float, float]:

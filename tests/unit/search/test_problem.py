@@ -242,20 +242,20 @@ def test_whatever_is_a_number_can_be_a_measure(domain: Domain, value: object) ->
         (nan, "`nan`"),
         (None, "a `NoneType`"),
         ("abc", "a `str`"),
-        (10**400, "a number with more than 308 digits"),
+        (10**400, "an integer with more than 308 digits"),
         (1j, "a `complex`"),
     ],
     ids=str,
 )
 def test_a_measure_that_is_no_number_is_named(domain: Domain, value: object, found: str) -> None:
     problem = domain.problem(domain.engine())
-    with pytest.raises(EvaluationError, match=f"measure `mine` is no number: it returned {found}"):
+    with pytest.raises(EvaluationError, match=f"measure `mine` must return a number, but returned {found}"):
         replace(problem, measures={"mine": Returns(value)}).measure()
     mine = replace(problem, diversity=Returns(value))
     for asked in (lambda: mine.diversity.score([]), lambda: mine.maximum(2)):
-        with pytest.raises(EvaluationError, match=f"diversity `Returns` is no number: it returned {found}"):
+        with pytest.raises(EvaluationError, match=f"diversity `Returns` must return a number, but returned {found}"):
             asked()
-    with pytest.raises(EvaluationError, match="diversity `Returns` is no number"):
+    with pytest.raises(EvaluationError, match="diversity `Returns` must return a number"):
         mine.diversity.swaps([0.0, 1.0], [0]).delta(0, 1)
 
 

@@ -178,7 +178,7 @@ def test_a_heavy_tailed_strength_is_that_of_walks(garden: Path) -> None:
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        ("samples.cover={ size = 3 }", "nobody knows the range of `size`"),
+        ("samples.cover={ size = 3 }", "the range of `size` is unknown"),
         (
             "samples.cover={ size = { bins = 0, range = [0, 6] } }",
             "`bins` is 0, it must be at least 1",

@@ -318,7 +318,7 @@ def test_an_error_in_the_middle_leaves_the_model_as_it_was() -> None:
 
     engine = envgraph.open("assignment")
     state = engine.model.state_hash()
-    with pytest.raises(EvaluationError, match="objective `odd` is no number"):
+    with pytest.raises(EvaluationError, match="objective `odd` must return a number"):
         optimise(engine, MOVES, maximise=Goal("odd", Fails()), steps=100)
     assert engine.model.state_hash() == state
     assert not engine.model.graph.history.depth
