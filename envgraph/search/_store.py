@@ -1,7 +1,7 @@
-"""The run store: every accepted individual of a run in one SQLite file.
+"""The run store: an SQLite file with every accepted individual of a run.
 
-A generation is written in one transaction, so a run that is killed at any instant can be resumed after its last
-whole generation. Nothing in the store is code: traces, measures and models are JSON.
+A generation is written in one transaction, so that a killed run can be resumed after its last complete generation. The
+store contains no code: traces, measures and models are JSON.
 """
 
 from __future__ import annotations
@@ -78,17 +78,17 @@ Trace = tuple[tuple[str, tuple[Value, ...]], ...]
 
 @dataclass(frozen=True, slots=True)
 class Individual:
-    """One accepted individual.
+    """An accepted individual of a run.
 
     Attributes:
-        id: from 0, in the order of acceptance; 0 is the initial model.
-        generation: 0 for the initial population.
+        id: number from 0, in the order of acceptance; 0 is the initial model.
+        generation: number of the generation; 0 is the initial population.
         child: number of the child within its generation.
-        parent: id of the individual it was made from, or None for the initial model and imported ones.
-        trace: what turned the parent into it.
-        measures: value of every measure of an individual, by name.
+        parent: id of the parent; None for the initial model and imported individuals.
+        trace: the rule applications that turn the parent into the individual.
+        measures: value of every measure, by name.
         state_hash: hash of the model by identity, 16 hexadecimal digits.
-        model: the model as JSON text, where it is stored; else it follows from the trace.
+        model: the model as JSON text; None if it must be derived from the trace.
     """
 
     id: int
@@ -103,14 +103,14 @@ class Individual:
 
 @dataclass(frozen=True, slots=True)
 class Generation:
-    """One generation.
+    """A generation of a run.
 
     Attributes:
-        number: from 0, the initial population.
+        number: number from 0, which is the initial population.
         members: ids of its members.
-        diversity: of the members.
-        accepted: how many children were accepted.
-        reasons: how many attempts at a child were rejected, by what was wrong with them.
+        diversity: diversity of the members.
+        accepted: number of accepted children.
+        reasons: number of rejected attempts, by the reason.
     """
 
     number: int
@@ -121,15 +121,16 @@ class Generation:
 
     @property
     def rejected(self) -> int:
-        """How many attempts were rejected."""
+        """Return the number of rejected attempts."""
         return sum(self.reasons.values())
 
 
 class RunStore:
-    """An open run store. Use `create` or `open`, and it as a context manager.
+    """An open run store. Use `create` or `open`, and use it as a context manager.
 
-    A store that was created, or opened for writing, is locked until it is closed. One that was opened for reading shows
-    the file as it was then.
+    A store that was created, or opened for writing, is locked until it is closed. A store that was opened for reading
+    shows the file at the time of opening.
+
     Invariant: the individuals of every stored generation, and their ancestors, are stored.
     """
 
@@ -138,19 +139,19 @@ class RunStore:
         self._db = sqlite3.connect(":memory:", isolation_level=None)
         self._locks = ExitStack()
         self._file_stat: os.stat_result | None = None  # None while the store is only in memory
-        self._write_error: Exception | None = None  # why the file cannot be written
+        self._write_error: Exception | None = None  # the reason why the file cannot be written
 
     @classmethod
     def create(
         cls, path: Path, settings: Mapping[str, Any], sources: Mapping[str, str], *, overwrite: bool = False
     ) -> Self:
-        """Make a new store; `settings` must be JSON-ready.
+        """Create a new store. `settings` must be JSON-ready.
 
-        A store that is there is overwritten when the new one gets its first generation. Then what was made of the old
-        run is removed, too. Until then the new store is in memory, and the old run stays as it is.
+        An existing store is overwritten when the new store gets its first generation. Then the results of the old run
+        are removed, too. Until then the new store is in memory, and the old run is unchanged.
 
         Raises:
-            InvalidArgument: the file exists, and is not to be overwritten; or another process writes it.
+            InvalidArgument: the file exists and `overwrite` is False, or another process writes it.
         """
         if path.exists() and not overwrite:
             raise InvalidArgument(f"{path} exists already")
@@ -161,7 +162,7 @@ class RunStore:
             _finish_replacement(path)
             store, rows = cls(path), {"format": FORMAT, **settings}
             if path.exists():
-                _connect(path)[0].close()  # raises where the file is not a database
+                _connect(path)[0].close()  # raises if the file is not a database
                 rows[_REPLACED] = f".{path.name}.replaced-{os.urandom(4).hex()}"
             with store._transaction() as db:
                 for table in _TABLES:
@@ -183,11 +184,13 @@ class RunStore:
                 for result in filter(Path.exists, map(self.path.with_name, _RESULTS)):
                     result.rename(self.path.with_name(aside) / result.name)
             with ExitStack() as files:
-                if aside:  # in one transaction, since others may be reading
+                if aside:  # in one transaction, because other processes may be reading
                     file, self._write_error = _connect(self.path)
-                    file.executescript("BEGIN IMMEDIATE; ROLLBACK")  # `backup` waits for writers for ever
+                    file.executescript(
+                        "BEGIN IMMEDIATE; ROLLBACK"
+                    )  # `backup` would wait for writers for ever
                 else:
-                    for log in _logs(self.path):  # of a store that somebody has removed
+                    for log in _logs(self.path):  # left from a store that was removed
                         log.unlink(missing_ok=True)
                     file = sqlite3.connect(files.enter_context(replacing(self.path, overwrite=False)))
                 self._db.backup(files.enter_context(closing(file)))
@@ -203,7 +206,7 @@ class RunStore:
 
     @classmethod
     def open(cls, path: Path, *, writing: bool = False) -> Self:
-        """Open an existing store; where it cannot be written, for reading alone.
+        """Open an existing store. It is read-only if the file cannot be written.
 
         With `writing` the whole file is checked, and locked until the store is closed.
 
@@ -230,7 +233,7 @@ class RunStore:
         return store
 
     def close(self) -> None:
-        """Close the file; the store cannot be used afterwards."""
+        """Close the file. The store cannot be used afterwards."""
         self._db.close()
         self._locks.close()
 
@@ -241,48 +244,48 @@ class RunStore:
         self.close()
 
     def settings(self) -> dict[str, Any]:
-        """What was given to `create`, and what `set` added."""
+        """Return the settings given to `create` or `set`, by key."""
         with self._reading("the settings"):
             rows = self._db.execute("SELECT key, value FROM setting")
             return {key: json.loads(value) for key, value in rows}
 
     @property
     def name(self) -> str:
-        """Of the family."""
+        """Return the name of the family."""
         with self._reading("setting `name`"):
             return _text(self.settings()["name"])
 
     @property
     def overrides(self) -> tuple[str, ...]:
-        """What holds instead of what the family file says."""
+        """Return the settings that replace those of the family file, such as "seed=5"."""
         with self._reading("setting `overrides`"):
             return _texts(self.settings()["overrides"])
 
     @property
     def imported(self) -> str | None:
-        """The file that the family was imported from; None where it was evolved."""
+        """Return the file from which the family was imported; None if it was generated."""
         with self._reading("setting `imported`"):
             found = self.settings().get("imported")
             return None if found is None else _text(found)
 
     def damaged(self, message: str) -> InvalidArgument:
-        """What to raise where the store contradicts itself."""
+        """Return the error to raise if the content of the store is inconsistent."""
         return InvalidArgument(f"{self.path} is damaged: {message}")
 
     @property
     def objective(self) -> dict[str, object]:
-        """What is known of the objective of a run that has ended; {} where there is none.
+        """Return what is known about the objective of a finished run; {} without an objective.
 
-        Of a family that was searched for as a whole: its "value", "learnt" and "origin" (see `CurriculumProgress`),
-        and "exempted", the constraints of the target alone. Else "values" by the texts of what was to be large or
-        small. In both cases "lacking": by how much each violated condition is missed.
+        For a curriculum search these are "value", "learnt" and "origin" (see `CurriculumProgress`), and "exempted", the
+        constraints that only the target satisfies. Otherwise "values" has the value of each term by its text. In both
+        cases "lacking" has the amount of violation of each violated condition.
         """
         with self._reading("setting `objective`"):
             return dict(_object(self.settings().get("objective", {})))
 
     @property
     def certificates(self) -> dict[int, dict[str, float | None]]:
-        """What was verified of individuals, by their ids; {} where nothing was."""
+        """Return the verified values of individuals, by id; {} if none were verified."""
         with self._reading(f"setting `{CERTIFICATES}`"):
             return {
                 int(key): {
@@ -297,13 +300,13 @@ class RunStore:
             db.execute("INSERT OR REPLACE INTO setting VALUES (?, ?)", (key, dump_json(value)))
 
     def sources(self) -> dict[str, str]:
-        """The texts the run was made from, by path."""
+        """Return the texts from which the run was made, by path."""
         with self._reading("the texts"):
             rows = self._db.execute("SELECT path, text FROM source ORDER BY path")
             return {_text(path): _text(text) for path, text in rows}
 
     def bundle(self) -> Bundle:
-        """The texts the run was made from, to load them again."""
+        """Return the texts from which the run was made, as a bundle that can be loaded."""
         with self._reading("setting `roots`"):
             roots = _texts(self.settings()["roots"])
             if not roots:
@@ -311,7 +314,7 @@ class RunStore:
         return Bundle(roots, self.sources())
 
     def family_data(self) -> list[Any]:
-        """All that the family of the last generation is made from, ready for JSON."""
+        """Return all data from which the family of the last generation is made, ready for JSON."""
         last = self.last_generation()
         members = [] if last is None else [_row(self.individual(id_)) for id_ in last.members]
         return [self.settings(), self.sources(), members]
@@ -319,7 +322,7 @@ class RunStore:
     def write_generation(
         self, generation: Generation, born: Iterable[Individual], settings: Mapping[str, Any] | None = None
     ) -> None:
-        """Store a generation, the individuals accepted in it, and new values of settings, all or nothing."""
+        """Write a generation, its accepted individuals and new settings, in one transaction."""
         with self._transaction() as db:
             texts = [(key, dump_json(value)) for key, value in (settings or {}).items()]
             db.executemany("INSERT OR REPLACE INTO setting VALUES (?, ?)", texts)
@@ -344,7 +347,7 @@ class RunStore:
             self._write_to_file()
 
     def write_models(self, models: Mapping[int, str]) -> None:
-        """Store the models of individuals, as JSON text."""
+        """Write the models of individuals, given as JSON text by id."""
         with self._transaction() as db:
             for key, model in models.items():
                 db.execute("UPDATE individual SET model = ? WHERE id = ?", (model, key))
@@ -352,16 +355,16 @@ class RunStore:
                 db.execute("INSERT OR REPLACE INTO content VALUES (?, ?)", (key, _hash(row)))
 
     def last_generation(self) -> Generation | None:
-        """The last whole generation, or None in a fresh store."""
+        """Return the last complete generation; None if there is none yet."""
         with self._reading("the generations"):
             (number,) = self._db.execute("SELECT max(number) FROM generation").fetchone()
         return None if number is None else self.generation(number)
 
     def generation(self, number: int) -> Generation:
-        """One generation.
+        """Return a generation by its number.
 
         Raises:
-            InvalidArgument: there is none of that number.
+            InvalidArgument: the generation does not exist.
         """
         with self._reading(f"generation {number}"):
             row = self._db.execute("SELECT * FROM generation WHERE number = ?", (number,)).fetchone()
@@ -377,7 +380,7 @@ class RunStore:
             return Generation(number, members, _number(diversity), _whole(accepted), _reasons(reasons))
 
     def history(self) -> list[tuple[int, float, int, int]]:
-        """Number, diversity, accepted and rejected children of every generation, in order."""
+        """Return number, diversity, accepted children and rejected attempts of every generation, in order."""
         with self._reading("the generations"):
             columns = "number, diversity, accepted, rejected"
             rows = self._db.execute(f"SELECT {columns} FROM generation ORDER BY number")
@@ -387,16 +390,16 @@ class RunStore:
             ]
 
     def reasons(self) -> Counter[str]:
-        """How many attempts at a child were rejected in all, by what was wrong with them."""
+        """Return the number of rejected attempts in all generations, by the reason."""
         with self._reading("the generations"):
             rows = self._db.execute("SELECT reasons FROM generation ORDER BY number")
             return sum((Counter(_reasons(reasons)) for (reasons,) in rows), Counter[str]())
 
     def individual(self, id_: int) -> Individual:
-        """One individual.
+        """Return an individual by its id.
 
         Raises:
-            InvalidArgument: there is none of that id.
+            InvalidArgument: the individual does not exist.
         """
         with self._reading(f"individual {id_}"):
             row = self._db.execute(f"{_INDIVIDUALS} WHERE id = ?", (id_,)).fetchone()
@@ -405,7 +408,7 @@ class RunStore:
             return _individual(row)
 
     def individuals(self) -> Iterator[Individual]:
-        """Every accepted individual, in the order of acceptance."""
+        """Yield every accepted individual, in the order of acceptance."""
         last: object = "before the first"
         rows = self._db.execute(f"{_INDIVIDUALS} ORDER BY id")
         while True:
@@ -418,21 +421,21 @@ class RunStore:
             last = found.id
 
     def lineage(self, id_: int) -> list[Individual]:
-        """The individual and its ancestors, the oldest first."""
+        """Return the individual and its ancestors, the oldest first."""
         line = [self.individual(id_)]
         while (parent := line[-1].parent) is not None:
             line.append(self.individual(parent))
         return line[::-1]
 
     def next_id(self) -> int:
-        """The id that the next individual gets."""
+        """Return the id of the next individual."""
         with self._reading("the individuals"):
             (last,) = self._db.execute("SELECT max(id) FROM individual").fetchone()
         return 0 if last is None else last + 1
 
     @contextmanager
     def _reading(self, what: str) -> Iterator[None]:
-        """Whatever cannot be read is the fault of the file."""
+        """Convert exceptions while `what` is read to the error that the store is damaged."""
         try:
             yield
         except EnvgraphError:
@@ -457,16 +460,19 @@ class RunStore:
             try:
                 yield self._db
             except BaseException:
-                if self._db.in_transaction:  # a full disk ends it
+                if self._db.in_transaction:  # a full disk ends the transaction
                     self._db.execute("ROLLBACK")
                 raise
             self._db.execute("COMMIT")
-        except (sqlite3.DatabaseError, UnicodeDecodeError) as error:  # a full disk, another process, damage
+        except (
+            sqlite3.DatabaseError,
+            UnicodeDecodeError,
+        ) as error:  # the disk is full, another process writes, or the file is damaged
             raise _unwritable(self.path, self._write_error or error) from error
 
 
 def _refuse_foreign(store: RunStore, db: sqlite3.Connection) -> None:
-    """Refuse files that envgraph did not make, before anything in them can run."""
+    """Raise `InvalidArgument` for files that are not run stores, before any SQL in them can run."""
     try:
         if strange := db.execute(_FOREIGN_OBJECTS).fetchone():
             raise InvalidArgument(f"it has a view or trigger `{strange[0]}`, which no run has")
@@ -477,7 +483,7 @@ def _refuse_foreign(store: RunStore, db: sqlite3.Connection) -> None:
         message = f"{store.path} has format {version}; this version of envgraph reads format {FORMAT}"
         raise InvalidArgument(message)
     if not db.execute("SELECT 1 FROM sqlite_schema WHERE name = 'content'").fetchone():
-        db.execute(_TABLES[-1].replace("CREATE", "CREATE TEMP", 1))  # older stores have no hashes
+        db.execute(_TABLES[-1].replace("CREATE", "CREATE TEMP", 1))  # stores of older versions have no hashes
 
 
 def _unwritable(path: Path, error: Exception) -> InvalidArgument:
@@ -486,7 +492,7 @@ def _unwritable(path: Path, error: Exception) -> InvalidArgument:
 
 
 def _refuse_links(path: Path) -> None:
-    """Refuse a run with links, which would lead commands that write it to files outside of its directory."""
+    """Raise `InvalidArgument` for a run with symbolic links, because a write could change files elsewhere."""
     for place in map(path.with_name, (path.name, *_RESULTS)):
         for one in (place, *place.rglob("*")):
             if one.is_symlink():
@@ -494,7 +500,7 @@ def _refuse_links(path: Path) -> None:
 
 
 def _finish_replacement(path: Path, *, locked: bool = True) -> None:
-    """Remove results of a run that was replaced, or move them back if it was not; skip what another process locks."""
+    """Remove the old results if a run was replaced, else restore them. Skip runs that other processes lock."""
     for aside in sorted(path.parent.glob(f".{escape(path.name)}.replaced-*")):
         if aside.is_symlink() or not aside.is_dir():
             continue
@@ -509,9 +515,9 @@ def _finish_replacement(path: Path, *, locked: bool = True) -> None:
 
 
 def _connect(path: Path) -> tuple[sqlite3.Connection, Exception | None]:
-    """Return a connection to a store, and the error for which it is read-only, or None."""
-    # Transactions are spelt out (isolation_level None). With the write-ahead log and synchronous NORMAL a kill
-    # loses nothing that was committed, and a power cut loses whole generations at the end at most.
+    """Return a connection to a store, and the error because of which it is read-only or None."""
+    # Transactions are explicit (isolation_level None). With a write-ahead log and synchronous NORMAL no committed data
+    # is lost if the process is killed. A power cut loses at most complete generations at the end.
     uri = path.absolute().as_uri()
     tried, reason = [f"{uri}?mode=rw"], cast("Exception | None", None)
     for address in tried:
@@ -521,31 +527,34 @@ def _connect(path: Path) -> tuple[sqlite3.Connection, Exception | None]:
                 connection.execute(f"PRAGMA {setting}")
             connection.execute("SELECT count(*) FROM sqlite_schema").fetchone()
             return connection, reason
-        except (sqlite3.DatabaseError, UnicodeDecodeError) as error:  # the second where names are damaged
+        except (
+            sqlite3.DatabaseError,
+            UnicodeDecodeError,
+        ) as error:  # the second exception occurs if names are damaged
             connection.close()
             reason = reason or error
             if address is tried[0] and getattr(error, "sqlite_errorname", "").startswith(_WRITE_ERRORS):
                 tried += _for_reading(path, uri)
-    if len(tried) == 2:  # there is a log, and merging it into the file needs write access
+    if len(tried) == 2:  # a log exists, and merging it into the file needs write access
         message = f"{path} was not closed, and cannot be written: copy its directory to where it can"
         raise InvalidArgument(message) from reason
     raise InvalidArgument(f"{path} is no run store: {reason}") from reason
 
 
 def _is_full(error: Exception) -> bool:
-    """Whether a disk may be full, where SQLite finds no room for what it keeps beside an open store."""
+    """Return True if the disk may be full, so that SQLite cannot write the files beside an open store."""
     return getattr(error, "sqlite_errorname", "").startswith(("SQLITE_FULL", "SQLITE_IOERR"))
 
 
 def _for_reading(path: Path, uri: str) -> list[str]:
-    """How to open a store for reading alone."""
+    """Return the addresses with which to open a store read-only, in the order in which to try them."""
     log, index = _logs(path)
     used = (log.exists() and log.stat().st_size) or (index.exists() and index.stat().st_size >= _INDEX)
-    return [f"{uri}?mode=ro", *([] if used else [f"{uri}?immutable=1"])]  # without a log all is in the file
+    return [f"{uri}?mode=ro", *([] if used else [f"{uri}?immutable=1"])]  # without a log the file is complete
 
 
 def _logs(path: Path) -> tuple[Path, ...]:
-    """The files that SQLite keeps beside a store while it is open, or after a kill."""
+    """Return the paths of the files that SQLite keeps beside an open store, and which remain after a kill."""
     return tuple(path.with_name(f"{path.name}{ending}") for ending in ("-wal", "-shm"))
 
 
@@ -555,11 +564,11 @@ _INDEX = 32_768
 """Bytes of SQLite's index of the log while somebody has a store open; less is left where there was no room."""
 _ENCODER = json.JSONEncoder(
     ensure_ascii=False, separators=(",", ":")
-)  # `json.dumps` makes one for every call
+)  # `json.dumps` would create an encoder for every call
 
 
 def dump_json(value: Any) -> str:
-    """Compact JSON text; the same value gives the same text."""
+    """Return compact JSON text. Equal values give equal texts."""
     return _ENCODER.encode(value)
 
 
@@ -577,7 +586,7 @@ def _row(individual: Individual) -> Sequence[object]:
 
 
 def _hash(row: Sequence[object]) -> str:
-    """Return a hash of all that is stored of an individual: its model or trace, and its measures."""
+    """Return a hash of all stored data of an individual: its model or trace, and its measures."""
     return blake2b(dump_json(row).encode("utf-8", "surrogatepass"), digest_size=16).hexdigest()
 
 
@@ -593,7 +602,7 @@ def _individual(row: Sequence[Any]) -> Individual:
     return Individual(id_, _whole(generation), _whole(child), parent, steps, found, _text(state_hash), text)
 
 
-# Of a file that somebody has edited, or that a disk has damaged, nothing can be taken for granted.
+# A file may have been edited or damaged, so every value that is read is checked.
 
 
 def _text(value: object) -> str:

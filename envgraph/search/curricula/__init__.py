@@ -1,7 +1,7 @@
-"""Families that are searched for as a whole: ordered, ending in a target, and judged together.
+"""Search for a whole family: an ordered curriculum that ends in a target and is judged as one.
 
-The genetic algorithm values each model by itself; here an objective sees all members in their order, with their models,
-measures and tables, such as how often a learner that is trained on one after the other comes to solve the target.
+The genetic algorithm measures each model on its own. Here an objective sees all members in their order, with their
+models, measures and transition tables. An example is the success rate on the target of learners trained on the members.
 """
 
 from typing import TYPE_CHECKING

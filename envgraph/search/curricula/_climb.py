@@ -1,4 +1,4 @@
-"""The search: try the reverse curriculum, draw many other families, and improve the best of these by moves."""
+"""Search for a curriculum: try reverse curricula, screen random families, and improve the best of them by moves."""
 
 from __future__ import annotations
 
@@ -27,47 +27,47 @@ from envgraph.search.problem._pool import DIGITS, FamilyMeasure
 
 Scores = NDArray[np.float64]
 Screened = tuple[tuple[tuple[float, ...], float], Family, Origin]
-"""Values by the measures that count before the objective, the value by the objective, the family, its origin."""
+"""Scores by the measures with precedence, the value of the objective, the family, and its origin."""
 
 LEVEL: Final = 50_000
-"""Steps of learners that take as long as to make a table of a small model; no judgement of a family counts as fewer."""
+"""Training steps that take as long as making the table of a small model; each judgement counts at least as many."""
 SCREENED: Final = 0.12
-"""Share of the effort for families to begin with."""
+"""Share of the effort for screening."""
 GLANCE, LOOK, POOL, JUDGE = 6, 12, 120, 520
-"""Seeds that a family is judged by: at first, when many are compared, as a candidate for the best, and as the best."""
+"""Numbers of seeds to judge a family: when sampled, when compared, as a candidate for the best, and as the best."""
 FEWEST, MOST = 48, 240
-"""Seeds on which a family and what comes of it are compared."""
+"""Least and largest number of seeds on which a family is compared with its children."""
 MOVES: Final = 80
-"""Moves that are tried on the same seeds."""
+"""Number of moves that are tried on the same seeds."""
 BLOCK: Final = 16
-"""Seeds after which a race between two families may be over."""
+"""Number of seeds after which a family is compared again and may be dropped."""
 _SAME: Final = 1e-9
-"""Diversities closer than this are the same."""
+"""Tolerance for comparing diversities."""
 BIRTHS: Final = 1_000
-"""Families that are drawn until one is a family at all."""
+"""Number of attempts to sample a first valid family."""
 ENOUGH_GOOD: Final = 4
-"""Good families for each lane, judged on the first seeds, after which no more families are drawn."""
+"""Number of good families per lane, judged on the first seeds, after which screening ends."""
 FEWER_STEPS: Final = 0.64
-"""If a reverse curriculum is good, a family is searched for that is good with this share of its steps."""
+"""If a reverse curriculum is good, the search looks for a family that is good with this share of its steps."""
 IMPROVING: Final = 0.4
-"""Share of the effort for this search; the reverse curriculum takes at most the same share."""
+"""Share of the effort for this search; finding the reverse curriculum takes at most the same share."""
 ENOUGH: Final = 0.99
-"""The search for a family that teaches ends at this value by default."""
+"""Default value of a learning objective at which the search ends."""
 NEW_LEARNERS: Final = 500
-"""Learners that are trained on the final family, on seeds that the search has not used."""
+"""Number of learners trained on the final family, on seeds that the search has not used."""
 
 
 @dataclass(slots=True, eq=False)
 class _Lane:
-    """A family that is improved.
+    """A family that the search improves independently of the families in other lanes.
 
     Attributes:
-        current: the family that moves are tried on.
-        best: the best one so far.
-        origin: what the members of the lane's first family were made from.
-        before: what the best one is worth by the measures that count before the objective.
-        value: of the best one, estimated on seeds of its own; minus infinity before it is known.
-        rng: draws moves.
+        current: the family to which moves are applied.
+        best: the best family of the lane so far.
+        origin: the source of the members of the lane's first family.
+        before: scores of `best` by the measures that take precedence over the objective.
+        value: value of `best`, estimated on separate seeds; minus infinity until it is estimated.
+        rng: random generator of the moves.
     """
 
     current: Family
@@ -80,18 +80,18 @@ class _Lane:
 
 @dataclass(frozen=True, slots=True)
 class CurriculumProgress:
-    """Where a search stands.
+    """The progress of a curriculum search, and its result when it is finished.
 
     Attributes:
-        family: the best one; while families to begin with are drawn, the last one.
-        value: of the family; minus infinity before it is known. At the end, if learners judge: the share of 500 new
-            learners that solve the target.
-        spent: share of the effort.
-        tried: families that were judged.
-        origin: what the members are made from; None before the end.
-        learnt: at the end, if learners judge: the most "steps" in all, and the "fewest"; "alone", the success of 500
-            learners with the most steps on the target alone; and if the search improved on the reverse curriculum,
-            "unsearched", the success of the reverse curriculum with the steps of the family.
+        family: the best family so far; during screening the last sampled family.
+        value: value of the family; minus infinity until it is known. In the result of a learning objective: the share
+            of 500 new learners that solve the target.
+        spent: share of the effort that is spent, from 0 to 1.
+        tried: number of families that were judged.
+        origin: the source of the family's members; None before the end.
+        learnt: only in the result of a learning objective. "steps" and "fewest" are the largest and the smallest number
+            of training steps in total. "alone" is the success of 500 learners trained on the target alone with "steps".
+            "unsearched" is the success of the reverse curriculum with the same steps, if the search improved on it.
     """
 
     family: Family
@@ -104,30 +104,33 @@ class CurriculumProgress:
 
 @dataclass(slots=True)
 class CurriculumSearch:
-    """Searches for a family of which an objective is as large as can be.
+    """A search for a family that maximises an objective.
 
-    If learners judge, `reverse_curriculum` is tried first. If it is good and the file names steps, it is the result.
-    If it is good and the steps are free, the search looks for a family that is good with fewer steps; if it is not
-    good, for a better family. The found family replaces the reverse curriculum only if new seeds confirm it.
+    For a learning objective, `reverse_curriculum` is tried first. If it is good and the file fixes the steps, it is the
+    result. If it is good and the steps are free, the search looks for a family that is good with fewer steps. If it is
+    not good, the search looks for a better family. The result replaces the reverse curriculum only if new seeds confirm
+    it.
 
-    Screening: families are drawn by `Starts` and judged on few seeds; half of them have the origin of one of the best
-    quarter so far. The best quarter is compared on more seeds, the best third of these on twice as many, and so on,
-    until as many are left as there are lanes. Climbing: in each lane moves are tried in epochs. In an epoch family and
-    child meet the same new seeds. A child is dropped as soon as it is clearly worse (a race), and
-    takes the place of the family if it is not worse at the end. Families are compared on seeds of their own.
+    Screening: families are sampled by `Starts` and judged on few seeds. Half of them reuse an origin of the best
+    quarter so far. The best quarter is judged on more seeds, the best third of these on twice as many, and so on, until
+    one family per lane is left.
 
-    Measures that count before the objective are asked first: a family that is worse in them is not judged, and one that
-    is better in them takes the place of another one whatever the objective says.
+    Climbing: each lane tries moves in epochs. In an epoch the family and its children are judged on the same new seeds.
+    A child is dropped as soon as it is clearly worse. It replaces the family if it is not worse after all seeds. The
+    best family of a lane is updated on separate seeds.
 
-    The result depends on the arguments alone: effort is counted, not timed.
+    Measures with precedence over the objective are computed first. A family that is worse by them is not judged. A
+    family that is better by them replaces another family whatever the objective says.
+
+    The result depends on the arguments alone, because effort is counted in steps and not in time.
 
     Args:
-        levels: of the members.
-        objective: what is to be large.
-        settings: how long, and how many.
-        seed: the one source of randomness.
-        report: called now and then with where the search stands.
-        measures: of families, that count before the objective, the one that counts most first.
+        levels: makes the members of families.
+        objective: the objective to maximise.
+        settings: effort and sizes.
+        seed: the only source of randomness.
+        report: callback that is called regularly with the progress.
+        measures: family measures that take precedence over the objective, in order of precedence.
     """
 
     levels: Levels
@@ -149,16 +152,18 @@ class CurriculumSearch:
         self._rng = default_rng(SeedSequence(self.seed, spawn_key=(0,)))
         most = self.levels.problem.maximum(self._size)
         if self.settings.demanded == inf == most:
-            raise InvalidArgument("nobody knows how diverse a family can be at most: demand a number")
+            raise InvalidArgument(
+                "the largest possible diversity is unknown: demand a number instead of infinity"
+            )
         demanded = self.settings.demanded
         self._demanded = None if demanded is None else min(demanded, most) - _SAME
         self._moves = Moves(self.levels, self._demanded)
 
     def run(self) -> CurriculumProgress:
-        """The best family that was found.
+        """Run the search, and return the result.
 
         Raises:
-            InvalidArgument: none was found that is as diverse as demanded, or has different members.
+            InvalidArgument: no family with the demanded diversity and distinct members was found.
         """
         starts = Starts(self.levels, self._moves, self._demanded, self._rng, self.settings.begin)
         plain = self._reverse_curriculum(starts)
@@ -171,7 +176,7 @@ class CurriculumSearch:
         if good:
             until = min(1.0, self._spent() + IMPROVING)
             self.objective = plain.objective.at(max(1, int(FEWER_STEPS * plain.objective.steps[0])))
-        else:  # it was the best of many on few seeds
+        else:  # its success is overestimated: it was selected as the best of many on few seeds
             share = self._success(plain.family, plain.objective, NEW_LEARNERS)
             plain = replace(plain, success=share)
         found = self._searched(starts, [*starts.reversed_episodes(self._size)], until)
@@ -180,7 +185,10 @@ class CurriculumSearch:
         return self._ended(plain)
 
     def _reverse_curriculum(self, starts: Starts) -> TrainedFamily | None:
-        """Return the best reverse curriculum; None if not only learners judge, or no episode has enough states."""
+        """Return the best reverse curriculum; None if it does not apply or no episode has enough states.
+
+        It applies if the objective is a learning objective, without further measures and without a demanded diversity.
+        """
         if not isinstance(self.objective, Learning) or self.measures or self._demanded is not None:
             return None
         sizes = SIZES if self.settings.population is None else (self.settings.population,)
@@ -190,7 +198,7 @@ class CurriculumSearch:
     def _searched(
         self, starts: Starts, first: Sequence[tuple[Origin, Family]], until: float
     ) -> TrainedFamily | _Lane:
-        """Return the best family that is found until the share `until` of the effort is spent."""
+        """Return the best family found until the share `until` of the effort is spent."""
         start = self._spent()
         lanes = [
             _Lane(
@@ -207,7 +215,7 @@ class CurriculumSearch:
         rounds = len(lanes).bit_length()
         start = self._spent()
         for number in range(rounds):
-            # Each round has twice the effort of the one before it, and half as many lanes.
+            # Each round has half as many lanes as the previous round, and twice its effort.
             end = start + (until - start) * (2 ** (number + 1) - 1) / (2**rounds - 1)
             share = (end - self._spent()) / len(lanes)
             for lane in lanes:
@@ -220,7 +228,7 @@ class CurriculumSearch:
         if isinstance(self.objective, Learning):
             share = self._success(best.best, self.objective, NEW_LEARNERS)
             return TrainedFamily(best.best, self.objective, share, best.origin)
-        if best.value == -inf:  # the effort was over before
+        if best.value == -inf:  # the effort was spent before the family was judged
             best.value = value_of(self._judged(best.best, JUDGE))
         return best
 
@@ -236,7 +244,7 @@ class CurriculumSearch:
         return CurriculumProgress(found.family, found.success, spent, self.tried, found.origin, learnt)
 
     def _success(self, family: Family, objective: Learning, seeds: int) -> float:
-        """Train so many new learners; return the share that solves the target, 0 if a member has too many states."""
+        """Train `seeds` new learners; return the share that solves the target, 0 if a member has too many states."""
         self._steps += max(LEVEL, objective.effort * len(family) * seeds)
         self.tried += 1
         try:
@@ -250,25 +258,25 @@ class CurriculumSearch:
         return most if self.settings.enough is None else self.settings.enough
 
     def _is_enough(self, lane: _Lane) -> bool:
-        """Whether nothing better is wanted, or possible in what counts before the objective."""
+        """Return True if the lane's best family has reached the wanted value and the maxima of all other measures."""
         most = (one.maximum(len(lane.best)) if isinstance(one, Bounded) else inf for one in self.measures)
         known = zip(lane.before, most, strict=True)
         return lane.value >= self._enough and all(value >= bound - _SAME for value, bound in known)
 
     def _before(self, family: Sequence[Level]) -> tuple[float, ...]:
-        """What a family is worth by the measures that count before the objective."""
+        """Return the scores of a family by the measures that take precedence over the objective."""
         return tuple(round(one.score(family), DIGITS) for one in self.measures)
 
     def _spent(self) -> float:
-        """Share of the effort."""
+        """Return the share of the effort that is spent, from 0; it may exceed 1."""
         return (self._steps + LEVEL * self.levels.made) / self.settings.effort
 
-    # --- families to begin with
+    # --- screening
 
     def _screened(
         self, starts: Starts, first: Sequence[tuple[Origin, Family]], until: float
     ) -> list[Screened]:
-        """Return a family for each lane, the best first, of the families `first` and of drawn ones."""
+        """Screen the families `first` and sampled ones, and return the best family for each lane, the best first."""
         settings, rng, pool = self.settings, self._rng, list[Screened]()
         births = good = 0
         most_births = BIRTHS + settings.effort // LEVEL
@@ -309,9 +317,9 @@ class CurriculumSearch:
         why = f": {reasons[0][0]}, {reasons[0][1]} times" if reasons else ""
         demanded = self._demanded
         wanted = "" if demanded is None else f" with a diversity of {demanded:.3f}"
-        return f"no family{wanted} that leads to the target was found in {BIRTHS} attempts{why}"
+        return f"no valid family{wanted} was found in {BIRTHS} attempts{why}"
 
-    # --- improving them
+    # --- climbing
 
     def _climb(self, lane: _Lane, until: float) -> None:
         while self._spent() < until and not self._is_enough(lane):
@@ -319,7 +327,7 @@ class CurriculumSearch:
             self.report(CurriculumProgress(lane.best, lane.value, min(1.0, self._spent()), self.tried))
 
     def _epoch(self, lane: _Lane, until: float) -> None:
-        """Judge the family of a lane on new seeds, see whether it is the best so far, and try moves on it."""
+        """Judge the lane's family on new seeds, update the lane's best family, and try moves on the family."""
         lacking = 1.0 - min(1.0, max(0.0, lane.value))
         seeds = self._fresh(MOST if lacking * MOST <= 8 else max(FEWEST, int(8 / lacking)))
         scores = self._scores(lane.current, seeds)
@@ -347,7 +355,7 @@ class CurriculumSearch:
                 lane.current, scores, now = child, found, before
 
     def _consider(self, lane: _Lane) -> None:
-        """Take the family of a lane as its best one if it is, on seeds of its own."""
+        """Make the lane's current family its best one if the current family is better on separate seeds."""
         scores = self._judged(lane.current, POOL)
         if value_of(scores) > lane.value - 0.02:
             more = self._judged(lane.current, JUDGE - POOL)
@@ -356,7 +364,7 @@ class CurriculumSearch:
                 lane.best, lane.value = lane.current, value
 
     def _race(self, family: Family, seeds: range, other: Scores) -> Scores | None:
-        """The scores of a family, or None if it is worse than one with other scores on the same seeds."""
+        """Return the scores of a family; None if it is worse than the family with the scores `other` on these seeds."""
         found: list[Scores] = []
         behind = squares = 0.0
         self.tried += 1
@@ -375,7 +383,7 @@ class CurriculumSearch:
     # --- judging
 
     def _judged(self, family: Sequence[Level], seeds: int) -> Scores:
-        """The scores of a family on new seeds."""
+        """Return the scores of a family on new seeds."""
         self.tried += 1
         return self._scores(family, self._fresh(seeds))
 
@@ -383,13 +391,13 @@ class CurriculumSearch:
         self._steps += max(LEVEL, self.objective.effort * len(family) * len(seeds))
         try:
             return self.objective.scores(family, seeds)
-        except (TooManyStates, NotCompiled) as error:  # of another member than the target
+        except (TooManyStates, NotCompiled) as error:  # a member other than the target failed
             known = error.message if isinstance(error, TooManyStates) else f"{error} is not compiled"
             self.levels.rejected[known] += 1
             return np.full((1, len(seeds)), LEAST)
 
     def _fresh(self, count: int) -> range:
-        """Seeds that nothing has seen; one is enough where nothing is drawn."""
+        """Return `count` unused seeds. A single seed is consumed if the objective is deterministic."""
         first = self._seeds
         self._seeds += count if self.objective.drawn else 1
         return range(first, self._seeds)
@@ -400,6 +408,6 @@ def _rank(one: Screened) -> tuple[tuple[float, ...], float]:
 
 
 def _per_seed(scores: Scores) -> NDArray[np.float64]:
-    """One number for each seed."""
+    """Return the mean of the scores over the criteria, for each seed."""
     mean: NDArray[np.float64] = scores.mean(axis=0)
     return mean

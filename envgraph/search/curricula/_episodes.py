@@ -1,4 +1,4 @@
-"""Optimal episodes on the target of a family: which objects they touch, and the states that they go through."""
+"""Optimal episodes on the target of a family: the objects that they touch, and the states that they visit."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from envgraph.solve import softened_policy
 from envgraph.solve.learning import occurring
 
 PLANS: Final = 6
-"""Optimal episodes that are played on the target."""
+"""Number of optimal episodes that are played on the target."""
 
 Facts = list[list[object]]
 
@@ -29,9 +29,9 @@ class Episode:
     """An optimal episode on the target.
 
     Attributes:
-        touched: the objects whose links or values are changed, and those that they lead to, in the order of the
-            episode.
-        states: what is applied from each state to the next; without the step that ends the episode. Empty where it was
+        touched: ids of the objects whose links or values change during the episode, and of the objects that they link
+            to, in the order of the episode.
+        states: the rules that are applied from each state to the next, without the last step. Empty if the episode was
             not played, or does not end in success.
     """
 
@@ -40,12 +40,14 @@ class Episode:
 
 
 def optimal_episodes(levels: Levels, rng: Generator, *, states: bool) -> list[Episode]:
-    """Some of them; the shortest plan where there is no table of the target. The engine is left in any state.
+    """Return sampled optimal episodes of the target; only the shortest plan if a transition table would be too large.
+
+    The engine is left in an arbitrary state.
 
     Args:
-        levels: whose target it is.
-        rng: draws them.
-        states: whether their states are wanted: without a table the plan is played for these alone.
+        levels: provides the target and the engine.
+        rng: samples the episodes.
+        states: True if `Episode.states` are needed. Without a table the plan is played only for them.
     """
     try:
         table = levels.target.tabular
@@ -64,7 +66,7 @@ def optimal_episodes(levels: Levels, rng: Generator, *, states: bool) -> list[Ep
 
 
 def _planned(levels: Levels, rng: Generator, states: bool) -> Episode:
-    """The shortest plan; touched is what it does where all chances are as it wants."""
+    """Return the episode of the shortest plan; `touched` assumes that all stochastic outcomes are those of the plan."""
     levels.go_to(levels.target.version)
     plans = Plans(levels.behaviour)
     try:
@@ -82,7 +84,7 @@ def _planned(levels: Levels, rng: Generator, states: bool) -> Episode:
 
 
 def _played(levels: Levels, act: Callable[[int], int], limit: int, rng: Generator) -> Episode:
-    """An episode from the start, by what is done where something is seen."""
+    """Play an episode from the start and return it. `act` maps an observation to an action."""
     levels.go_to(levels.target.version)
     engine, recorded, lengths, ended = levels.engine, Recorded(), list[int](), 0
     simulator = Simulator(engine, levels.behaviour, levels.keys)
@@ -102,7 +104,7 @@ def _played(levels: Levels, act: Callable[[int], int], limit: int, rng: Generato
 
 
 def _touched(levels: Levels, states: list[Facts]) -> list[int]:
-    """The objects of the present model that differ from one state to the next, and those that they lead to."""
+    """Return the objects of the current model that change between the states, and the objects that they link to."""
     found = dict[int, None]()
     for before, after in pairwise(states):
         for old, new in zip(before, after, strict=True):
@@ -113,7 +115,7 @@ def _touched(levels: Levels, states: list[Facts]) -> list[int]:
 
 
 def _facts(levels: Levels) -> Facts:
-    """Links and values of all objects, a column each."""
+    """Return the links and attribute values of all objects: a column per reference, then a column per attribute."""
     store = levels.engine.model.graph.store
     links: list[list[object]] = [[tuple(targets) for targets in column] for column in store.forward]
     values: list[list[object]] = [

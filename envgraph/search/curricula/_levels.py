@@ -1,4 +1,4 @@
-"""Models as members of families: versions of one model, with what an objective asks of them."""
+"""Members of families as versions of one model, with the data that objectives need."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from envgraph.search.problem._problem import CountWithin, Forbid, Problem, Requi
 from envgraph.solve.learning import InProgram, Table, flatten
 
 MOST_STATES: Final = 50_000
-"""Of a member that has a table: thousands are tried."""
+"""Largest number of states of a member's transition table, because thousands of members are tried."""
 
 T = TypeVar("T")
 
@@ -28,17 +28,17 @@ Firings = Sequence[tuple[str, Row]]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Level:
-    """A member of a family; a `Candidate`.
+    """A member of a family, which is a version of the engine's model; a `Candidate`.
 
     Attributes:
-        version: of the model.
-        trace: the rules that lead to it from the target, and their matches.
+        version: the version of the model.
+        trace: the rule applications that lead from the target to this level.
         state: hash of the model.
         measures: value of every measure, by name.
         model: see `Candidate`.
-        tabular: its reachable states; this and the others are made when they are first asked for.
-        table: the same, for learners.
-        place: where learners find it that need no table: the only member of a compiled program.
+        tabular: the transition table. It is computed on first access, like `table` and `place`.
+        table: the flattened transition table for learners.
+        place: the level as the only member of a compiled program, for learners that need no table.
     """
 
     version: Version
@@ -66,7 +66,7 @@ class Level:
         return self.once("place", lambda: self._levels.place_of(self))
 
     def once(self, key: object, make: Callable[[], T]) -> T:
-        """See `Candidate`; that there are too many states is kept, too."""
+        """Return the result of `make()` as `Candidate.once` does. Cache a `TooManyStates` error and raise it again."""
         if key not in self._made:
             try:
                 self._made[key] = make()
@@ -79,17 +79,17 @@ class Level:
 
 
 class Levels:
-    """Makes levels of the states that an engine comes to.
+    """A factory of levels from states of an engine.
 
     Args:
-        problem: says what is valid, and measures; its engine stands at the target.
-        behaviour: of the environments; None where there are none, and so no tables.
+        problem: the constraints and measures; its engine is at the target.
+        behaviour: the behaviour of the environments; None if the family has none, and thus no tables.
 
     Attributes:
-        rejected: how many models were no members, by what was wrong with them.
+        rejected: number of models that are not members, by the reason.
         exempted: texts of the constraints that only the target must satisfy.
         origin: the version of the target.
-        made: how many tables and programs were made.
+        made: number of tables and programs that were made.
     """
 
     def __init__(self, problem: Problem, behaviour: Behaviour | None) -> None:
@@ -99,36 +99,38 @@ class Levels:
         self.made = 0
         self._behaviour = behaviour
         self._programs: dict[Any, Program] = {}
-        problem.valid()  # from the first question on patterns are kept current, unless a version is held by then
+        problem.valid()  # start incremental matching now: after a version is committed it can no longer start
         self.origin = self.engine.commit()
 
     @cached_property
     def target(self) -> Level:
-        """The last member of each family.
+        """Return the level of the target, which is the last member of each family.
 
         Raises:
-            InvalidArgument: the initial model is no member.
+            InvalidArgument: the initial model violates a constraint or has no value of a measure.
         """
         self.go_to(self.origin)
         target = self._level(self.origin, ())
         if target is None:
-            raise InvalidArgument(f"the target is no member of a family: {next(iter(self.rejected))}")
+            raise InvalidArgument(
+                f"the initial model cannot be the target of a family: {next(iter(self.rejected))}"
+            )
         return target
 
     @property
     def behaviour(self) -> Behaviour:
-        """Of the environments.
+        """Return the behaviour of the environments.
 
         Raises:
-            InvalidArgument: there are none.
+            InvalidArgument: the family has no environment.
         """
         if self._behaviour is None:
-            raise InvalidArgument("the family has no environment: its family file names none")
+            raise InvalidArgument("the family has no environment: name one in the family file")
         return self._behaviour
 
     @cached_property
     def keys(self) -> KeyIndex:
-        """Numbers of objects: those of the target."""
+        """Return the numbers of the target's objects, which all levels share."""
         self.go_to(self.origin)
         return KeyIndex.of(self.engine.model, indexed_classes(self.behaviour, self.engine.model.metamodel))
 
@@ -137,15 +139,15 @@ class Levels:
         return Tables(self.behaviour, MOST_STATES)
 
     def here(self, trace: Trace) -> Level | None:
-        """The level of the present model, which is committed; None, and a reason is counted, if it is none."""
+        """Commit the current model and return its level. If it is not a member, count the reason and return None."""
         return self._level(None, trace)
 
     def go_to(self, version: Version) -> None:
-        """Let the engine stand at a version."""
+        """Check out a version in the engine, and discard uncommitted changes."""
         self.engine.checkout(version, discard=True)
 
     def replayed(self, firings: Firings) -> bool:
-        """Apply rules at matches to the present model; if one of them cannot be, none is."""
+        """Apply rules at matches to the current model, and return True. If one fails, undo all and return False."""
         try:
             self.engine.replay(firings)
         except (RuleError, EvaluationError):
@@ -153,7 +155,10 @@ class Levels:
         return True
 
     def exempt(self) -> None:
-        """Drop the queries that the present model violates, for all members but the target; see `exempted`."""
+        """Drop the queries that the current model violates from the constraints on all members but the target.
+
+        The texts of the dropped constraints are added to `exempted`.
+        """
         queries = (one for one in self.problem.constraints if isinstance(one, Require | Forbid | CountWithin))
         violated = [one for one in queries if not one.holds(self.engine)]
         if violated:
@@ -162,17 +167,17 @@ class Levels:
             self.problem = replace(self.problem, constraints=kept)
 
     def measured(self) -> dict[str, float] | None:
-        """The measures of the present model; None, and a reason is counted, if it is no member."""
+        """Return the measures of the current model. If it is not a member, count the reason and return None."""
         judged = self.problem.judged()
         if isinstance(judged, str):
             self.rejected[judged] += 1
         return None if isinstance(judged, str) else judged
 
     def tabular_of(self, level: Level) -> Tabular:
-        """The table of a level.
+        """Return the transition table of a level.
 
         Raises:
-            EvaluationError, RuleError: as `explore`; `TooManyStates` if there are more than 50,000.
+            EvaluationError, RuleError: as `explore`; `TooManyStates` if there are more than 50,000 states.
         """
         self.made += 1
         tables, keys = self._tables, self.keys
@@ -180,28 +185,28 @@ class Levels:
         return tables.table(self.engine, keys)
 
     def place_of(self, level: Level) -> InProgram:
-        """The place of a level in a program; programs have one text as long as the levels allow it.
+        """Return a level as a member of a compiled program. Levels share the text of a program if possible.
 
         Raises:
-            NotCompiled: something in its behaviour only the live engine has.
+            NotCompiled: the behaviour has a construct that cannot be compiled.
         """
         self.made += 1
         keys = self.keys
         self.go_to(level.version)
         program = program_over(self._programs, self.engine, self.behaviour, keys)
-        program.functions("learn")  # compiled before threads ask for it
+        program.functions("learn")  # compile before several threads need it
         return InProgram(program, 0)
 
     def value(self, measures: Mapping[str, float]) -> float:
-        """What the diversity reads."""
+        """Return the value of the measure on which the diversity is computed."""
         return measures[self.problem.diversity_of]
 
     def diversity(self, family: Sequence[Level]) -> float:
-        """Of a family."""
+        """Return the diversity of a family."""
         return self.problem.diversity.score([self.value(level.measures) for level in family])
 
     def _numbered(self) -> bool:
-        """Whether the target has all objects of the present model that are observed; else a reason is counted."""
+        """Return True if all observed objects of the current model exist in the target; else count the reasons."""
         here = KeyIndex.of(self.engine.model, [*self.keys.keys]).keys
         new = [name for name, keys in here.items() if not {*keys} <= {*self.keys.keys[name]}]
         self.rejected.update(f"it has a `{name}` that the target lacks, and that is observed" for name in new)

@@ -1,4 +1,4 @@
-"""Changes of a family as a whole: a rule at one match in several members at once."""
+"""Moves in the space of families: apply one rule at one match in several members at once."""
 
 from __future__ import annotations
 
@@ -14,16 +14,18 @@ Family = tuple[Level, ...]
 
 
 class Moves:
-    """Draws changes of families.
+    """A sampler of neighbours of a family.
 
-    A change draws a member and an application of a mutation there, as the genetic algorithm does, and repeats it, at
-    the same objects, in an interval of the members: all before that one, all behind it, itself alone, or any interval
-    around it. Where the rule does not match it is left out. The target is never changed. A move is one to three
-    changes; either all members that it touches are valid, different from all others, and as diverse as demanded, or
-    nothing is changed.
+    A change samples a member and an application of a mutation there, as the genetic algorithm does. The same
+    application, at the same objects, is repeated in an interval of members: up to this member, from it on, in it alone,
+    or in a random interval around it. Members in which the rule does not match are skipped. The target is never
+    changed.
+
+    A move consists of one to three changes. It succeeds if all changed members are valid, all members are distinct, and
+    the family has the demanded diversity.
 
     Args:
-        levels: of the members.
+        levels: makes the members.
         demanded: the least diversity of a family, or None.
     """
 
@@ -31,7 +33,7 @@ class Moves:
         self._levels, self._demanded = levels, demanded
 
     def draw(self, family: Family, rng: Generator) -> Family | None:
-        """Another family, or None if what was drawn is none."""
+        """Sample a move, and return the changed family; None if the move fails."""
         drafts = list(family)
         changed: dict[int, Trace] = {}
         for _ in range(min(3, int(rng.geometric(0.6)))):
@@ -47,13 +49,13 @@ class Moves:
         return tuple(drafts) if self.allowed(drafts) and drafts != [*family] else None
 
     def allowed(self, family: Sequence[Level]) -> bool:
-        """Whether all members are different, and the family is as diverse as demanded."""
+        """Return True if all members are distinct and the family has the demanded diversity."""
         return len({level.state for level in family}) == len(family) and (
             self._demanded is None or self._levels.diversity(family) >= self._demanded
         )
 
     def _change(self, family: Sequence[Level], changed: dict[int, Trace], rng: Generator) -> None:
-        """Draw one change: adds what is to be applied to each of the members."""
+        """Sample one change, and append its rule applications to `changed`, by the place of each member."""
         levels, last = self._levels, len(family) - 2
         place = int(rng.integers(last + 1))
         levels.go_to(family[place].version)

@@ -1,4 +1,4 @@
-"""What a family is worth as a whole."""
+"""Objectives of a curriculum search: scores of a whole family."""
 
 from __future__ import annotations
 
@@ -20,32 +20,32 @@ from envgraph.search.problem._pool import FamilyMeasure
 from envgraph.solve.learning import Judgement, Learners, ProgramLearners, TrainingSettings
 
 SEARCHING: Final = 2
-"""Spawn key of what learners of a search draw; those of experiments are others (`envgraph/learn/_experiment.py`)."""
+"""Spawn key of the random streams of a search's learners; experiments use other keys (`learn/_experiment.py`)."""
 
 Judge = Callable[[NDArray[np.uint64], int], Judgement]
 
 
 class Judged(Protocol):
-    """Scores of a family; larger is better."""
+    """An objective that scores families; larger is better."""
 
     @property
     def drawn(self) -> bool:
-        """Whether scores depend on seeds; else one is enough."""
+        """Return True if scores depend on the seed. Otherwise a single seed is enough."""
 
     @property
     def most(self) -> float:
-        """What is as good as can be."""
+        """Return the largest possible value of a family."""
 
     def scores(self, family: Sequence[Level], seeds: range) -> NDArray[np.float64]:
-        """Of members in their order, the target last: [criteria, seeds]. Seeds are whole numbers from 0."""
+        """Return the scores [criteria, seeds] of members in their order, the target last. Seeds are integers from 0."""
 
     @property
     def effort(self) -> int:
-        """Steps that learners make for each seed and member."""
+        """Return the number of training steps per seed and member."""
 
 
 def value_of(scores: NDArray[np.float64]) -> float:
-    """The value of scores [criteria, seeds]: half the mean over the criteria and half the worst of them.
+    """Return the value of scores [criteria, seeds]: the average of the mean and the minimum over the criteria.
 
     >>> value_of(np.array([[1.0, 0.0], [1.0, 1.0]]))
     0.625
@@ -55,22 +55,21 @@ def value_of(scores: NDArray[np.float64]) -> float:
 
 
 class Learning:
-    """How well learners do on the target when they have been trained on one member after the other.
+    """An objective: the performance on the target of learners that were trained on one member after the other.
 
-    A criterion for each length of training. Learners learn on tables if the target has one, else in compiled programs.
-    See `envgraph.solve.learning.Judgement` for scores.
+    Each training length is a criterion. Learners use tables if the target has one, else compiled programs.
+    See `envgraph.solve.learning.Judgement` for the scores.
 
     Args:
-        settings: how learners learn.
+        settings: the learning algorithm and its parameters.
         target: the last member of each family.
-        steps: lengths of training, on each member; empty: the search chooses a length (`free`).
-        seed: of the search.
-        workers: threads; they change no number.
+        steps: training lengths, in steps per member. Empty: the search chooses a length (`free`).
+        seed: seed of the search.
+        workers: number of threads, which does not affect the results.
 
     Raises:
-        EvaluationError, RuleError: something goes wrong in a state of the target.
-        NotCompiled: the target has too many states for a table, and its behaviour something that only the live engine
-            has.
+        EvaluationError, RuleError: a state of the target causes an error.
+        NotCompiled: the target has too many states for a table, and its behaviour cannot be compiled.
         InvalidArgument: numba is not installed.
     """
 
@@ -97,7 +96,7 @@ class Learning:
 
     @staticmethod
     def _judged(settings: TrainingSettings, target: Level) -> Callable[[Sequence[Level]], Judge]:
-        """What judges learners of a family, from their streams and the steps on each member."""
+        """Return a function from a family to its judge. The judge takes random streams and the steps per member."""
         try:
             on_tables = Learners(settings, target.tabular)
         except TooManyStates:
@@ -126,7 +125,7 @@ class Learning:
 
 
 class Measured:
-    """A measure of families as an objective, which needs no learner."""
+    """An objective that is a family measure, without learners."""
 
     drawn: ClassVar[bool] = False
     effort: ClassVar[int] = 0

@@ -1,4 +1,4 @@
-"""Reverse curricula, whose members are states of an optimal episode: find how many states and steps suffice."""
+"""Reverse curricula, whose members are states of an optimal episode: find the number of members and training steps."""
 
 from __future__ import annotations
 
@@ -11,27 +11,27 @@ from envgraph.search.curricula._objectives import Learning
 from envgraph.search.curricula._starts import Origin, Starts
 
 GOOD: Final = 0.98
-"""Share of learners that succeed on a good family. Then 95 of 100 others succeed with a probability of .99."""
+"""A family is good if this share of learners succeeds. Then 95 of 100 others succeed with a probability of .99."""
 
 SIZES: Final = (3, 4, 6, 9, 13, 19, 27, 38, 54)
-"""Numbers of members that are tried if the family file has no `population`."""
+"""Numbers of members to try if the family file has no `population`."""
 
 TOTALS: Final = tuple(round(300 * 1.25**step) for step in range(48))
-"""Steps in all that are tried if the family file has no steps: from 300 to ten million."""
+"""Total numbers of training steps to try if the family file has no steps: from 300 to ten million."""
 
 _SEEDS: Final = (8, 100, 500)
-"""Numbers of seeds for a family: the next number is used if the family is good with the one before."""
+"""Numbers of seeds to judge a family: the next number is used only if the family is good with the previous one."""
 
 
 @dataclass(frozen=True, slots=True)
 class TrainedFamily:
-    """A family, and the success of learners that were trained on it.
+    """A family, and the success rate of learners that were trained on it.
 
     Attributes:
-        family: the easiest member first.
-        objective: says how many steps on each member.
+        family: the members, the easiest first.
+        objective: the learning objective with the number of steps per member.
         success: share of learners that solve the target.
-        origin: what the members are made from.
+        origin: the source of the members.
     """
 
     family: Family
@@ -47,17 +47,17 @@ def reverse_curriculum(
     success: Callable[[Family, Learning, int], float],
     is_over: Callable[[], bool],
 ) -> TrainedFamily | None:
-    """Return the reverse curriculum that is good with the fewest steps in all; of several, the one of fewest members.
+    """Return the reverse curriculum that is good with the fewest training steps in total; of equal ones the smallest.
+
+    If no reverse curriculum is good, return the best one that was tried. Return None if no optimal episode has enough
+    states.
 
     Args:
         starts: makes families of the optimal episodes of the target.
-        objective: its steps are used, unless they are free.
-        sizes: numbers of members that are tried, ascending.
-        success: trains so many new learners on a family, and returns the share that solves the target.
-        is_over: whether the effort is spent.
-
-    Returns:
-        If none is good, the best one that was tried; None if no optimal episode has enough states.
+        objective: the learning objective; its steps are used unless they are free.
+        sizes: numbers of members to try, ascending.
+        success: function that trains a number of new learners on a family and returns the share that solves the target.
+        is_over: function that returns True if the effort is spent.
     """
     families = {size: list(starts.reversed_episodes(size)) for size in sizes}
     best: tuple[int, float, TrainedFamily] | None = None
@@ -78,7 +78,7 @@ def reverse_curriculum(
 
 
 def _tried(objective: Learning, sizes: Sequence[int]) -> Iterator[tuple[int, int | None]]:
-    """Yield numbers of members, and of steps on each member; None: the steps of the objective."""
+    """Yield pairs to try: number of members, and steps per member. None as the steps means those of the objective."""
     if objective.free:
         yield from ((size, max(1, total // size)) for total in TOTALS for size in sizes)
     else:

@@ -1,4 +1,4 @@
-"""Define the settings of the search for a whole family."""
+"""Settings of a curriculum search."""
 
 from __future__ import annotations
 
@@ -8,22 +8,22 @@ from envgraph.code import dataclass
 from envgraph.errors import InvalidArgument
 
 Begin = Literal["auto", "easing", "episode"]
-"""Names what members of first families are made from: the eased target, an optimal episode, or both ("auto")."""
+"""Source of the members of the first families: the eased target, an optimal episode, or both ("auto")."""
 
 
 @dataclass(frozen=True, slots=True)
 class CurriculumSettings:
-    """Hold the settings of the search for a whole family.
+    """The settings of a curriculum search.
 
     Attributes:
-        population: members of a family, the target included; at least 2. None: the search chooses if it tries a reverse
-            curriculum, else 6.
-        effort: how long: steps that learners make, where a table that is made counts as 50,000, and so does what an
-            objective that needs fewer makes of some seeds.
-        lanes: families that are improved side by side, until the better half of them goes on.
-        enough: the search ends at this value; None: at the most that the objective can be.
-        demanded: the least diversity of a family; infinity: the largest there is; or None.
-        begin: what the members of the first families are made from, see `Starts`.
+        population: number of members with the target, at least 2. None: the number found for the reverse curriculum if
+            one is tried, else 6.
+        effort: budget of the search, in training steps. Each table that is made counts as 50,000 steps. Judging a
+            family counts as at least 50,000 steps.
+        lanes: number of families that are improved independently; after each round the better half continues.
+        enough: value at which the search ends. None: the largest possible value of the objective.
+        demanded: the least diversity of a family; infinity: the largest possible diversity; or None.
+        begin: the source of the members of the first families, see `Starts`.
     """
 
     population: int | None
@@ -35,4 +35,4 @@ class CurriculumSettings:
 
     def __post_init__(self) -> None:
         if (self.population or 2) < 2 or self.effort < 1 or self.lanes < 1:
-            raise InvalidArgument("a search needs two members, a lane, and some effort")
+            raise InvalidArgument("`population` must be at least 2, and `effort` and `lanes` at least 1")

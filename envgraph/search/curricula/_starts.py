@@ -1,7 +1,7 @@
-"""Families to begin with: the target, and states made of the target by easing or by an optimal episode.
+"""First families of a search: the target, and states made from it by easing or taken from an optimal episode.
 
-Nobody says what makes an environment easy: regions of the model and rules are drawn, and the objective tells which of
-the families that come of it are good.
+No rule defines what makes an environment easy. Regions of the model and rules are sampled, and the objective decides
+which of the resulting families are good.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ _Step = tuple[Trace, float]
 
 @dataclass(frozen=True, slots=True)
 class Easing:
-    """How a target was eased.
+    """The way in which mutations ease a target.
 
     Attributes:
-        near: the effect that rules have on the objects of an optimal episode; None: they stay as they are.
-        far: the same for all other objects.
+        near: effect of the rules applied to objects that an optimal episode touches; None: these objects do not change.
+        far: effect of the rules applied to all other objects; None: these objects do not change.
     """
 
     near: str | None
@@ -43,11 +43,11 @@ class Easing:
 
 @dataclass(frozen=True, slots=True)
 class Origin:
-    """What the members of a family are made from.
+    """The source of the members of a family.
 
     Attributes:
-        episode: the optimal episode whose states are used; None: the target itself is used.
-        easing: how mutations ease these states, or the target; None: not at all.
+        episode: the optimal episode whose states are used. None: the target itself is used.
+        easing: the way in which mutations ease these states, or the target. None: they are not eased.
     """
 
     episode: Episode | None
@@ -61,10 +61,10 @@ class Origin:
 
 @dataclass(frozen=True, slots=True)
 class _Application:
-    """A rule at a match in the target.
+    """A rule and a match of it in the target.
 
     Attributes:
-        objects: those of the match.
+        objects: ids of the matched objects.
     """
 
     rule: str
@@ -73,30 +73,30 @@ class _Application:
 
 
 class Starts:
-    """Draws families that lead to a target.
+    """A sampler of first families that lead to a target.
 
-    "easing": the objects of the target are near, if an optimal episode or a shortest plan touches them, or far. For
-    either kind an effect is drawn: all the mutation rules with this effect, such as retyping to one class, are applied
-    to them one after the other. The states on the way from the target to the end are the candidates, those that are
-    met first the hardest. The order is random, or leads toward or away from some object.
+    "easing": the objects that an optimal episode or a shortest plan touches are near, all others are far. For near and
+    far objects an effect is sampled, such as retyping to one class. All mutations with this effect are applied to the
+    objects one after the other. The states from the target to the end are candidates, and earlier states are harder.
+    The order is random, or leads toward or away from an object.
 
-    "episode": the candidates are the states of an optimal episode, those near its end the easiest (reverse curriculum
-    generation, Florensa et al. 2017, with known episodes). Chosen are states that lie about equally far apart.
+    "episode": the candidates are the states of an optimal episode, and states near its end are easier (reverse
+    curriculum generation, Florensa et al. 2017, with known episodes). The members are about equally spaced states.
 
-    "auto": families of either kind, and families whose members are states of an optimal episode, then eased.
+    "auto": families of both kinds, and families whose members are states of an optimal episode that are then eased.
 
     If a state of an optimal episode violates a constraint, such as "the truck is on the start tile", the constraint
     is dropped for all members but the target; see `Levels.exempt`.
 
     Args:
-        levels: of the members.
-        moves: says what a family may be.
+        levels: makes the members.
+        moves: checks if members form a family.
         demanded: the least diversity of a family, or None.
-        rng: draws the optimal episodes.
-        begin: what members are made from.
+        rng: samples the optimal episodes.
+        begin: the source of the members: "easing", "episode" or "auto".
 
     Raises:
-        InvalidArgument: members are states of an optimal episode, and none is known.
+        InvalidArgument: `begin` is "episode", and no optimal episode is known.
     """
 
     def __init__(
@@ -112,8 +112,8 @@ class Starts:
         self._found: dict[Trace, Level | None] = {}
         if begin == "episode" and not self._episodes:
             raise InvalidArgument(
-                "no optimal episode of the target is known that ends in success",
-                'see whether `envgraph check` finds a `shortest_plan` within the limit; `begin = "easing"` needs none',
+                "no optimal episode of the target was found that ends in success",
+                'check with `envgraph check` that the target has a `shortest_plan`, or write `begin = "easing"`',
             )
         for episode in self._episodes:
             levels.go_to(levels.target.version)
@@ -123,7 +123,7 @@ class Starts:
         levels.go_to(levels.target.version)
 
     def origin(self, rng: Generator) -> Origin:
-        """Draw an origin, each kind as likely."""
+        """Sample an origin; each kind has the same probability."""
         episode = easing = None
         if self._episodes and (self._begin == "episode" or rng.random() < 2 / 3):
             episode = self._episodes[int(rng.integers(len(self._episodes)))]
@@ -133,7 +133,7 @@ class Starts:
         return Origin(episode, easing)
 
     def reversed_episodes(self, size: int) -> Iterator[tuple[Origin, Family]]:
-        """Yield a family for each optimal episode: evenly spaced states of the episode, and the target."""
+        """Yield a family for each optimal episode: equally spaced states of the episode, and the target."""
         for episode in self._episodes:
             ways = list(accumulate(episode.states))
             places = _evenly_spaced(len(ways), size - 1, np.full(size - 1, 0.5))
@@ -142,7 +142,7 @@ class Starts:
                 yield Origin(episode, None), family
 
     def draw(self, origin: Origin, size: int, rng: Generator) -> Family | None:
-        """Draw a family of so many members, the easiest first; None if too few states are valid."""
+        """Sample a family of `size` members from an origin, the easiest first; None if too few states are valid."""
         easing, wanted = origin.easing, size - 1
         parts: list[Trace] = []
         if easing is not None:
@@ -159,7 +159,10 @@ class Starts:
         return None if chosen is None else self._family(chosen)
 
     def _states_after(self, start: Trace, parts: Sequence[Trace]) -> list[_Step]:
-        """Return the states after the trace `start` and after each part, without states that are no members."""
+        """Return the states after the trace `start` and after each further part. Invalid states are left out.
+
+        Each state is the trace from the target, with its value for the diversity (0 if no diversity is demanded).
+        """
         levels = self._levels
         levels.go_to(levels.target.version)
         levels.replayed(start)
@@ -173,7 +176,7 @@ class Starts:
         return steps
 
     def _family(self, traces: Sequence[Trace]) -> Family | None:
-        """Return the target and a member for each trace from it, the easiest first; None if they are no family."""
+        """Return the levels of these traces and the target, the easiest first; None if they do not form a family."""
         levels, found = self._levels, [self._levels.target]
         for trace in traces:
             if trace not in self._found:
@@ -188,7 +191,10 @@ class Starts:
     def _chosen(
         self, steps: Sequence[_Step], wanted: int, origin: Origin, rng: Generator
     ) -> list[Trace] | None:
-        """Choose the states that become members: random ones, or if diversity is demanded, the most diverse."""
+        """Choose states as members: random ones, or those that maximise the diversity if a diversity is demanded.
+
+        Return None if there are fewer than `wanted` states. States of an episode are about equally spaced.
+        """
         if len(steps) < wanted:
             self._levels.rejected[f"too few states lead from the target for {wanted} members"] += 1
             return None
@@ -203,7 +209,7 @@ class Starts:
         return [steps[place][0] for place in sorted(places)]
 
     def _one_of_each(self, ways: Sequence[Sequence[_Step]], rng: Generator) -> list[Trace] | None:
-        """Choose a state on each way: a random one, or if diversity is demanded, the most diverse together."""
+        """Choose a state of each sequence, randomly or for diversity if demanded; None if a sequence is empty."""
         if not all(ways):
             return None
         values, found = [self._levels.value(self._levels.target.measures)], dict[int, Trace]()
@@ -214,16 +220,16 @@ class Starts:
         return [found[way] for way in sorted(found)]
 
     def _most_diverse(self, steps: Sequence[_Step], places: Sequence[int], values: list[float]) -> int:
-        """Return the place whose value makes `values` the most diverse, and append its value to them."""
+        """Return the place whose value makes `values` the most diverse, and append its value to `values`."""
         score = self._levels.problem.diversity.score
         best = max(places, key=lambda place: round(score([*values, steps[place][1]]), 12))
         values.append(steps[best][1])
         return best
 
-    # --- what is applied, and in which order
+    # --- which rules are applied, and in which order
 
     def _by_effect(self) -> dict[str, list[_Application]]:
-        """The applications of mutation rules in the present model, by their effect."""
+        """Return the applications of mutation rules in the current model, grouped by the effect of the rule."""
         engine, found = self._levels.engine, dict[str, list[_Application]]()
         members = (member for name in self._levels.problem.mutations for member in engine.catalog.group(name))
         for name in dict.fromkeys(members):
@@ -240,7 +246,11 @@ class Starts:
         return found
 
     def _drawn(self, easing: Easing, rng: Generator) -> list[_Application]:
-        """What is applied, in its order: rules by blocks or mixed, and in each block by distance from an object."""
+        """Sample the rule applications of an easing, in order.
+
+        The rules are sorted by blocks or mixed. Within a block they are sorted by distance from a sampled object, with
+        noise.
+        """
         touched = self._played[int(rng.integers(len(self._played)))].touched
         near = dict.fromkeys(touched)
         objects = list(self._links)
@@ -266,13 +276,13 @@ class Starts:
 
 
 def _evenly_spaced(count: int, wanted: int, within: NDArray[np.float64]) -> list[int]:
-    """Return a place in each of `wanted` equal parts of `count` places; `within`: where in its part, 0 to 1."""
+    """Return a place in each of `wanted` equal parts of `count` places, at the position `within` the part, 0 to 1."""
     places: list[int] = ((np.arange(wanted) + within) * count / max(1, wanted)).astype(int).tolist()
     return places
 
 
 def _effect(rule: object) -> str:
-    """What a rule does, if that is to retype or to set to a constant; else its name: no other does the same."""
+    """Return the effect of a rule as text if it only retypes or sets constants; else the name of the rule."""
     assert isinstance(rule, Rule), "units have no matches"
     if isinstance(rule.right, Modification) and not rule.blocks and rule.right.actions:
         parts = []
@@ -289,7 +299,7 @@ def _effect(rule: object) -> str:
 
 
 def _links(levels: Levels) -> dict[int, list[int]]:
-    """Of each object those that it is linked with, containers and what they contain aside."""
+    """Return the ids of the linked objects for each object. Containment references are ignored."""
     model, found = levels.engine.model, dict[int, list[int]]()
     for cls in model.metamodel.class_list:
         if not cls.abstract:
@@ -304,7 +314,7 @@ def _links(levels: Levels) -> dict[int, list[int]]:
 
 
 def _distances(links: dict[int, list[int]], start: int) -> dict[int, int]:
-    """Steps from an object to those that can be reached, by breadth-first search."""
+    """Return the number of links from `start` to each object that can be reached, by breadth-first search."""
     found, waiting = {start: 0}, deque([start])
     while waiting:
         node = waiting.popleft()

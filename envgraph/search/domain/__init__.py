@@ -1,1 +1,1 @@
-"""The files of a domain as a search needs them: its parts by name, constraints, the initial model."""
+"""The files of a domain, prepared for a search: named components, constraints and the initial model."""

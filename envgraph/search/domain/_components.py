@@ -1,4 +1,4 @@
-"""The parts of a search by the names that a family file gives them, and how to add one's own."""
+"""The components of a search, such as measures and selections, by their names in family files; and custom ones."""
 
 from __future__ import annotations
 
@@ -58,19 +58,19 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Context:
-    """What a component may want to know of its family.
+    """Data about a family that the factory of a component may use.
 
     Attributes:
-        metamodel: of the models.
-        spec: the family file.
-        behaviour: what the agent can do, if the family has an environment.
-        measured: the measure that the diversity reads, for the diversity.
-        library: the patterns of the family; None where they have errors.
-        initial: the initial model; None where there are errors.
-        certifier: of the environments, if the family has one; all measures share it.
-        others: the measures above, for a measure, and all of them for an objective: each with what counts where it has
-            no value, infinite for nothing.
-        diversity: how diverse a family is, for an objective.
+        metamodel: metamodel of the models.
+        spec: the family file as data.
+        behaviour: the behaviour of the environment, or None.
+        measured: the measure on which the diversity is computed; only for factories of diversities.
+        library: the patterns of the family; None if they have errors.
+        initial: the initial model; None if it has errors.
+        certifier: the certifier that all measures of the family share; None without an environment.
+        others: the measures above a measure, or all measures for an objective, by name. Each comes with its substitute
+            if a model has no value; infinity means no substitute.
+        diversity: the diversity of a family; only for objectives.
     """
 
     metamodel: Metamodel
@@ -92,7 +92,7 @@ class Context:
         library: Library,
         initial: Model,
     ) -> Context:
-        """What components may know of a family without errors."""
+        """Return the context of a family without errors."""
         limit = spec.limit or (behaviour.limit if behaviour else None) or LIMIT
         certifier = Certifier(behaviour, limit) if behaviour else None
         return cls(metamodel, spec, behaviour, library=library, initial=initial, certifier=certifier)
@@ -144,7 +144,7 @@ def _expression(options: Options, context: Context) -> IndividualMeasure:
 
 
 def _certified(measure: type[RandomSuccess | OptimalReturn]) -> MeasureFactory:
-    """Return a factory of a measure that asks the certifier of the family."""
+    """Return a factory for a measure that uses the certifier of the family."""
 
     def made(options: Options, context: Context) -> IndividualMeasure:
         assert context.certifier is not None, "check_family demands an environment for this measure"
@@ -204,7 +204,7 @@ def _chain_transfer(options: Options, context: Context) -> Callable[[Levels, int
 
         del workers
         try:
-            levels.target.tabular  # noqa: B018  # so that too many states are told before there is a run
+            levels.target.tabular  # noqa: B018  # report too many states before the run starts
         except TooManyStates as error:
             hint = 'write `kind = "learning"`, whose learners need no table, or make the target smaller'
             place = options.spec.span()
@@ -215,21 +215,21 @@ def _chain_transfer(options: Options, context: Context) -> Callable[[Levels, int
 
 
 def _of(component: type[T]) -> Callable[[Options, Context], T]:
-    """A factory of a data class whose fields are its options."""
+    """Return a factory for a data class whose fields are read from the options."""
     return lambda options, context: options.read(component)
 
 
 def _kinds(**factories: Callable[..., object]) -> Any:
-    """A field of a role, with the kinds that come with envgraph."""
+    """Return a dataclass field for a role, with the built-in factories as its default."""
     usual = MappingProxyType(factories)
     return field(default_factory=lambda: usual)
 
 
 @dataclass(frozen=True, slots=True)
 class Components:
-    """Factories by role and kind, and the code of declared functions; `with_` gives a copy with one more.
+    """Factories of components by role and kind, and the Python code of declared functions.
 
-    Nothing is global.
+    Instances are immutable: `with_` returns a copy with one more factory.
 
     >>> from envgraph.search import Gini
     >>> mine = Components().with_("diversity", "mine", lambda options, context: Gini())
@@ -275,7 +275,7 @@ class Components:
     function: Mapping[str, Callable[..., object]] = _kinds()
 
     def __reduce__(self) -> tuple[Callable[..., Components], tuple[object, ...]]:
-        """Return the data to rebuild components: what `with_` has added."""
+        """Return the data from which pickle rebuilds the components: the factories that were added."""
         usual = Components()
         added = [
             (role.name, kind, factory)
@@ -286,21 +286,21 @@ class Components:
         return _with_all, (added,)
 
     def kinds(self) -> dict[str, tuple[str, ...]]:
-        """The known kinds by role, for the check of a family file."""
+        """Return the known kinds by role, for checking a family file."""
         roles = ("measure", "diversity", "objective", "parents", "survivors", "strategy")
         return {role: tuple(getattr(self, role)) for role in roles}
 
     def with_(self, role: str, kind: str, factory: Callable[..., object]) -> Components:
-        """A copy in which a kind of a role is made by a factory.
+        """Return a copy with one more factory.
 
         The roles are "measure", "diversity", "family", "objective", "parents", "survivors" and "strategy". A factory
-        of the role "family" gets what the file has, a `FamilyCall`, and the context. With the role "function",
-        `factory` is the code of the function of that name which the domain's queries declare.
+        receives its options and the context; a factory of the role "family" receives a `FamilyCall` and the context.
+        With the role "function", `factory` is the Python code of the function `kind` that the domain's queries declare.
         """
         known = getattr(self, role)
         return replace(self, **{role: MappingProxyType({**known, kind: factory})})
 
 
 def _with_all(added: Iterable[tuple[str, str, Callable[..., object]]]) -> Components:
-    """Make components from what `Components.__reduce__` returns."""
+    """Return components with the added factories that `Components.__reduce__` returned."""
     return reduce(lambda components, one: components.with_(*one), added, Components())

@@ -1,4 +1,4 @@
-"""What a domain asks of every model: what its family file says, its metamodel, and what its environment needs."""
+"""The constraints that a domain puts on every model, from its family file, its metamodel and its environment."""
 
 from __future__ import annotations
 
@@ -22,10 +22,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Reachable:
-    """Some episode ends with an outcome ("success" or "failure"); what cannot be found counts as out of reach.
+    """The constraint that a plan exists with which an episode ends with an outcome, "success" or "failure".
 
     Attributes:
-        plan: finds a way; the measure, where the family has it, so that one search answers both.
+        plan: the search for a plan. It is the measure `shortest_plan` if the family has one, so that results are
+            shared.
     """
 
     outcome: str
@@ -33,11 +34,11 @@ class Reachable:
 
     @property
     def end(self) -> int:
-        """The number of the outcome."""
+        """Return the number of the outcome: 1 for success, 2 for failure."""
         return {"success": 1, "failure": 2}[self.outcome]
 
     def holds(self, engine: Engine) -> bool:
-        """Whether the outcome can be reached."""
+        """Return True if a plan to the outcome was found."""
         from envgraph.env import can_end
         from envgraph.env.compiled import NotCompiled
 
@@ -63,16 +64,16 @@ class Reachable:
 
 @dataclass(frozen=True, slots=True)
 class DistinctKeys:
-    """No two objects of a class that the environment counts through have one key, and none lacks its key.
+    """The constraint that objects have distinct keys, in the classes whose objects the environment indexes by keys.
 
     Attributes:
-        pattern: see `key_patterns`.
+        pattern: name of the pattern that matches violations; see `key_patterns`.
     """
 
     pattern: str
 
     def holds(self, engine: Engine) -> bool:
-        """Whether the keys tell all objects apart."""
+        """Return True if every object has a key and no two objects of a class have the same key."""
         return not engine.matcher.exists(self.pattern, ())
 
     def __str__(self) -> str:
@@ -81,12 +82,12 @@ class DistinctKeys:
 
 @dataclass(frozen=True, slots=True)
 class Bound:
-    """Each parameter of a behaviour stands for an object, and somebody can act: no environment without that."""
+    """The constraint that every parameter of the behaviour has an object and that at least one agent can act."""
 
     behaviour: Behaviour
 
     def holds(self, engine: Engine) -> bool:
-        """Whether nothing is missing."""
+        """Return True if no object is missing."""
         return not has_errors(unbound(self.behaviour, engine.model))
 
     def __str__(self) -> str:
@@ -95,16 +96,16 @@ class Bound:
 
 @dataclass(frozen=True, slots=True)
 class SameAgents:
-    """The model has the agents of the initial one, by their keys: those that act together share their actions.
+    """The constraint that the model has the same agents as the initial model, by key. It is needed for joint actions.
 
     Attributes:
-        keys: of the agents' classes, in the initial model.
+        keys: keys of the agents' objects in the initial model.
     """
 
     keys: KeyIndex
 
     def holds(self, engine: Engine) -> bool:
-        """Whether no agent is missing, and there is no other."""
+        """Return True if the model has exactly the agents of the initial model."""
         return KeyIndex.of(engine.model, self.keys.keys) == self.keys
 
     def __str__(self) -> str:
@@ -114,7 +115,7 @@ class SameAgents:
 def constraints_of(
     domain: Domain, engine: Engine, measures: Iterable[IndividualMeasure]
 ) -> tuple[Constraint, ...]:
-    """Conformance first, then as in the file; what enumerates states comes last."""
+    """Return the constraints of a domain: conformance, then those of the family file, then those that visit states."""
     spec = domain.spec.constraints
     conformance = conformance_patterns(domain.metamodel)
     behaviour = domain.behaviour
@@ -140,7 +141,7 @@ def constraints_of(
 
 
 def _violations(domain: Domain) -> list[str]:
-    """Patterns with a VIATRA `@Constraint` of severity error: a match is a violation."""
+    """Return the names of the patterns with a VIATRA `@Constraint` of severity error. Each match is a violation."""
     return [
         pattern.qualified_name
         for pattern in domain.workspace.patterns

@@ -1,4 +1,4 @@
-"""A domain: everything that the files of a family say, ready for a search and for environments."""
+"""A domain: the content of a family's files, prepared for a search and for environments."""
 
 from __future__ import annotations
 
@@ -56,10 +56,10 @@ class Domain:
     """The files of a family, read and checked.
 
     Attributes:
-        spec: the family file, as data.
-        workspace: what all its files say.
-        components: what the names of measures and selections in the family file mean.
-        overrides: what holds instead of what the family file says, such as "search.population=10".
+        spec: the family file as data.
+        workspace: the content of all files.
+        components: the factories of the components named in the family file.
+        overrides: settings that replace those of the family file, such as "search.population=10".
     """
 
     spec: FamilySpec
@@ -71,10 +71,10 @@ class Domain:
     def load(
         cls, location: str, components: Components | None = None, overrides: Iterable[str] = ()
     ) -> Domain:
-        """Read a family file, a directory that holds one, or a bundled domain.
+        """Read a family file, a directory that contains one, or a bundled domain.
 
         Raises:
-            LoadError: all that is wrong with the files.
+            LoadError: the files have errors; it contains all of them.
         """
         return cls._read(find_family(location), None, components or Components(), tuple(overrides))
 
@@ -82,10 +82,10 @@ class Domain:
     def from_bundle(
         cls, bundle: Bundle, components: Components | None = None, overrides: Iterable[str] = ()
     ) -> Domain:
-        """Read the texts that a run or a family file keeps.
+        """Read a domain from the texts stored in a run or in an exported family.
 
         Raises:
-            LoadError: all that is wrong with the texts.
+            LoadError: the texts have errors; it contains all of them.
         """
         files = TextFiles(bundle.texts)
         return cls._read(bundle.roots[0], files, components or Components(), tuple(overrides))
@@ -103,13 +103,13 @@ class Domain:
             hint = "a family file is a `family.toml`"
             raise LoadError([Diagnostic("no-family", f"`{path}` is no family file", place, hint)])
         domain = cls(workspace.families[0], workspace, components, overrides)
-        problems = domain.wrong_options()  # so that they are found when the files are read
+        problems = domain.wrong_options()  # so that they are reported when the files are read
         if has_errors(problems):
             raise LoadError(problems)
         return domain
 
     def wrong_options(self) -> list[Diagnostic]:
-        """All that is wrong with the options of the components."""
+        """Return diagnostics for all invalid options of components, sorted."""
         problems: list[Diagnostic] = []
         for make in (
             self._measures, self.settings, self.objective, self.curriculum_search, self.samples, self.strategy
@@ -118,10 +118,12 @@ class Domain:
                 make()
             except LoadError as error:
                 problems += error.diagnostics
-        return sort_diagnostics(dict.fromkeys(problems))  # two components may read one option
+        return sort_diagnostics(
+            dict.fromkeys(problems)
+        )  # duplicates occur if two components read the same option
 
     def __reduce__(self) -> tuple[Callable[..., Domain], tuple[Bundle, Components, tuple[str, ...]]]:
-        """Return the data to rebuild a domain: its texts."""
+        """Return the data from which pickle rebuilds the domain: its texts."""
         return Domain.from_bundle, (self.workspace.bundle(), self.components, self.overrides)
 
     def __repr__(self) -> str:
@@ -129,23 +131,23 @@ class Domain:
 
     @property
     def metamodel(self) -> Metamodel:
-        """Of the models."""
+        """Return the metamodel of the models."""
         metamodel = self.workspace.metamodel
         assert metamodel is not None, "a family names a model, and a model has a metamodel"
         return metamodel
 
     @property
     def behaviour(self) -> Behaviour | None:
-        """What the agent can do, if the family names an environment."""
+        """Return the behaviour of the environment; None if the family has no environment."""
         return _only(self.workspace.behaviours, self.spec.environment) if self.spec.environment else None
 
     def initial(self) -> Model:
-        """A fresh copy of the initial model, with the same ids and order."""
+        """Return a new copy of the initial model, with the same ids and order."""
         return model_from_json(model_to_json(self._model()), self.metamodel)
 
     @property
     def model_text(self) -> ModelText:
-        """The initial model as it is written."""
+        """Return the initial model with its text and spans."""
         return _only(self.workspace.models, self.spec.model)
 
     def _model(self) -> Model:
@@ -154,14 +156,14 @@ class Domain:
         return model
 
     def engine(self, model: Model | None = None) -> Engine:
-        """An engine on a model, by default a copy of the initial one, with everything that the files define."""
+        """Return an engine with all definitions of the files, on `model` or on a copy of the initial model."""
         engine = self.workspace.engine_on(self.initial() if model is None else model, self.spec.seed)
         for name, code in self.components.function.items():
             engine.function(name, code)
         return engine
 
     def keys(self, models: Iterable[Model] = ()) -> KeyIndex:
-        """Indices of objects over models, one after the other; the initial model always counts."""
+        """Return indices of objects over the initial model and further models, in this order."""
         behaviour = self.behaviour
         classes = indexed_classes(behaviour, self.metamodel) if behaviour else ()
         index = KeyIndex.of(self._model(), classes)
@@ -172,10 +174,10 @@ class Domain:
         return index
 
     def problem(self, engine: Engine) -> Problem:
-        """The search problem on an engine of this domain.
+        """Return the search problem for an engine of this domain.
 
         Raises:
-            LoadError: options of components that make no sense; all problems at once.
+            LoadError: options of components are invalid; it contains all problems.
         """
         measures, otherwise, diversity = self._measures()
         return Problem(
@@ -193,10 +195,10 @@ class Domain:
         )
 
     def objective(self) -> Objective | None:
-        """What a family is to be, where `[objective]` has expressions.
+        """Return the objective of the family; None if `[objective]` has no expressions.
 
         Raises:
-            LoadError: what is wrong with it; all problems at once.
+            LoadError: the objective is invalid; it contains all problems.
         """
         spec, search = self.spec.objective, self.spec.search
         if spec is None or not has_expressions(spec):
@@ -217,7 +219,7 @@ class Domain:
         return objective
 
     def _measures(self) -> tuple[dict[str, IndividualMeasure], dict[str, float], Statistic]:
-        """The measures of an individual, what counts without a value, and the measure of a family."""
+        """Return the measures by name, the substitutes for missing values by name, and the diversity."""
         spec, context, problems = self.spec, self._context(), list[Diagnostic]()
         measures: dict[str, IndividualMeasure] = {}
         otherwise: dict[str, float] = {}
@@ -229,7 +231,7 @@ class Domain:
             made = self.components.measure[measure.kind](options, replace(context, others=others))
             measures[measure.name] = made
             problems += _finished(options)
-        # "of" says what the measure reads, and is no option of the measure itself.
+        # The option "of" names the measure, and is not an option of the diversity itself.
         of = str(spec.diversity.options["of"])
         options = Options(_without(spec.diversity, "of"))
         context = replace(context, measured=measures[of])
@@ -240,10 +242,10 @@ class Domain:
         return measures, otherwise, diversity
 
     def settings(self) -> Settings:
-        """Parameters of the genetic algorithm.
+        """Return the parameters of the genetic algorithm.
 
         Raises:
-            LoadError: options of components that make no sense; all problems at once.
+            LoadError: options of components are invalid; it contains all problems.
         """
         spec, context = self.spec, self._context()
         parents, survivors = Options(spec.search.parents), Options(spec.search.survivors)
@@ -268,7 +270,7 @@ class Domain:
         )
 
     def _too_many(self, survival: SurvivorSelection) -> list[Diagnostic]:
-        """An error where a generation may have more families to choose from than are tried."""
+        """Return an error if exact survivor selection may have to try more families than its limit."""
         search = self.spec.search
         bins = self.spec.diversity.kind == "binned_entropy" and self.spec.objective is None
         if bins or not isinstance(survival, ExactSelection) or not self.spec.evolves:
@@ -286,10 +288,12 @@ class Domain:
         return [Diagnostic("too-many-families", message, search.survivors.span(), hint)]
 
     def curriculum_search(self) -> tuple[Callable[[Levels, int], Judged], CurriculumSettings] | None:
-        """The objective, made from levels and a number of threads, and how to search; None for the genetic algorithm.
+        """Return a function that makes the objective, and the settings of the search; None for the genetic algorithm.
+
+        The function takes the levels and a number of threads.
 
         Raises:
-            LoadError: options that make no sense; all problems at once.
+            LoadError: options are invalid; it contains all problems.
         """
         spec, search = self.spec.objective, self.spec.search
         if spec is None or not self.spec.climbs:
@@ -314,10 +318,10 @@ class Domain:
         return made, settings
 
     def samples(self) -> SampleSettings | None:
-        """Which members are drawn, where the file has `[samples]`.
+        """Return the settings of sampling; None if the file has no `[samples]`.
 
         Raises:
-            LoadError: options that make no sense; all problems at once.
+            LoadError: options are invalid; it contains all problems.
         """
         spec, problems = self.spec.samples, list[Diagnostic]()
         if spec is None:
@@ -346,10 +350,10 @@ class Domain:
         return SampleSettings(spec.count, cover, [str(one) for one in best], sense, attempts)
 
     def strategy(self) -> Strategy:
-        """How the best model is searched for, where the file has `[optimise]`; else the default.
+        """Return the search strategy of `[optimise]`, or the default strategy without this table.
 
         Raises:
-            LoadError: options that make no sense; all problems at once.
+            LoadError: options are invalid; it contains all problems.
         """
         spec = (self.spec.optimise or OptimiseSpec()).strategy
         options = Options(spec)
@@ -360,18 +364,19 @@ class Domain:
         return made
 
     def check_initial(self, problem: Problem | None = None) -> list[Diagnostic]:
-        """See that the initial model satisfies every constraint, and has a value of every measure.
+        """Check that the initial model satisfies every constraint and has a value of every measure.
+
+        Constraints that visit states are checked last, if there is no other problem.
 
         Args:
-            problem: a search problem of this domain, whose engine stands at the initial model.
+            problem: a search problem of this domain whose engine is at the initial model; by default a new one.
 
         Returns:
-            Warnings: nobody plays one of several agents; what the diversity reads lies outside of the range that it
-            divides.
+            Warnings: no object plays one of several agents, or the diversity's measure is outside of its range.
 
         Raises:
-            LoadError: it does not; one diagnostic for each constraint, or for the measure, at its place. What visits
-                states is asked last, if nothing else is wrong. Or an objective demands a diversity that no family has.
+            LoadError: there is a diagnostic for each violated constraint, or for a measure without a value. Another
+                reason is an objective that demands more diversity than a family can have.
         """
         return check_initial(self, problem or self.problem(self.engine()))
 
@@ -382,12 +387,12 @@ class Domain:
 
 
 def _only(found: Sequence[Placed], file: Name) -> Placed:
-    """What the family's own file defines; other files may bring further models and behaviours."""
+    """Return the definition from the family's own file. Other files may define further models and behaviours."""
     return next(one for one in found if one.span and one.span.source.name == file.text)
 
 
 def option_problems(spec: FamilySpec, workspace: Workspace) -> list[Diagnostic]:
-    """What is wrong with options of components that come with envgraph, whatever else is wrong with the family."""
+    """Return diagnostics for invalid options of built-in components, even if the family has other errors."""
     if workspace.metamodel is None:
         return []
     known = Components()
@@ -421,10 +426,10 @@ def option_problems(spec: FamilySpec, workspace: Workspace) -> list[Diagnostic]:
 
 
 def domain_problems(spec: FamilySpec, workspace: Workspace) -> list[Diagnostic]:
-    """What is wrong with a family whose files have no errors: options, and constraints that the model violates."""
+    """Return the problems of a family with correct files: invalid options, and constraints violated by the model."""
     domain = Domain(spec, workspace)
     problems = domain.wrong_options()
-    if not problems and spec.optimise is None:  # which may begin anywhere
+    if not problems and spec.optimise is None:  # an optimisation may start at an invalid model
         try:
             problems += domain.check_initial()
         except LoadError as error:
@@ -433,12 +438,12 @@ def domain_problems(spec: FamilySpec, workspace: Workspace) -> list[Diagnostic]:
 
 
 def has_expressions(spec: ComponentSpec) -> bool:
-    """Whether an objective has expressions over measures of families."""
+    """Return True if an objective has expressions over family measures."""
     return spec.kind == EXPRESSIONS or "subject_to" in spec.options
 
 
 def _expressions(spec: ComponentSpec) -> Options:
-    """The options of an objective, of which the expressions are read elsewhere."""
+    """Return the options of an objective. Its expressions are marked as read, because `read_objective` parses them."""
     options = Options(spec)
     for key in ("maximise", "minimise") if spec.kind == EXPRESSIONS else ():
         options.given(key)
@@ -449,7 +454,7 @@ def _expressions(spec: ComponentSpec) -> Options:
 
 
 def _climb(options: Options, spec: FamilySpec) -> CurriculumSettings:
-    """How a whole family is searched for: the options that every objective has."""
+    """Return the settings of a curriculum search from the options that all objectives have."""
     demanded, written = options.number_or("diversity", "maximum"), spec.has_key("search", "population")
     return CurriculumSettings(
         population=max(2, spec.search.population) if written or demanded is not None else None,

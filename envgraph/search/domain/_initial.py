@@ -1,4 +1,4 @@
-"""Whether a family can begin with the initial model of a domain."""
+"""Check the initial model of a domain, from which a family is generated."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 
 def check_initial(domain: Domain, problem: Problem) -> list[Diagnostic]:
-    """See `Domain.check_initial`."""
+    """Check the initial model as `Domain.check_initial` does: return warnings, or raise `LoadError`."""
     spec, note = domain.spec, Note("the initial model is here", domain.spec.model.span)
     spans, demanded = domain.model_text.spans, _demanded(domain, problem)
     if demanded:
@@ -48,7 +48,7 @@ def check_initial(domain: Domain, problem: Problem) -> list[Diagnostic]:
     absent = unbound(domain.behaviour, problem.engine.model, spans) if domain.behaviour else []
     if has_errors(absent):
         raise LoadError([replace(one, notes=(*one.notes, note)) for one in absent])
-    # Whether an end can be reached is asked of a model that is otherwise as it should be.
+    # Check reachability last, because it assumes a model that is otherwise valid.
     known = [one for one in problem.constraints if not isinstance(one, Reachable)]
     broken = [one for one in known if not one.holds(problem.engine)] or [*problem.violations()]
     violated = {str(one): _evidence(problem.engine, one) for one in broken}
@@ -85,7 +85,7 @@ def check_initial(domain: Domain, problem: Problem) -> list[Diagnostic]:
 
 
 def _demanded(domain: Domain, problem: Problem) -> list[Diagnostic]:
-    """An error where an objective demands more diversity than a family can have."""
+    """Return an error if an objective demands more diversity than a family can have."""
     objective, size = domain.spec.objective, domain.spec.search.population
     demanded = None if objective is None else objective.options.get("diversity")
     most = problem.maximum(size)
@@ -106,7 +106,7 @@ def _demanded(domain: Domain, problem: Problem) -> list[Diagnostic]:
 
 
 def _outside(domain: Domain, problem: Problem, measured: Mapping[str, float]) -> list[Diagnostic]:
-    """A warning where the initial model lies outside of the range that is divided into bins."""
+    """Return a warning if the diversity's measure of the initial model is outside of the range of the bins."""
     diversity, value = problem.diversity, measured[problem.diversity_of]
     if not isinstance(diversity, BinnedEntropy) or diversity.low <= value <= diversity.high:
         return []
@@ -122,7 +122,10 @@ def _outside(domain: Domain, problem: Problem, measured: Mapping[str, float]) ->
 
 
 def _named_otherwise(domain: Domain, engine: Engine) -> list[Diagnostic]:
-    """Warnings where no object that is created has the name of one that was deleted: each adds to what is observed."""
+    """Return warnings for objects that are deleted, but whose names no created object can have.
+
+    The environment indexes objects by name, so that each new name makes actions or observations larger.
+    """
     metamodel, behaviour, found = domain.metamodel, domain.behaviour, list[Diagnostic]()
     spread = spread_classes(behaviour, metamodel) if behaviour else ()
     counted = dict.fromkeys(cls for top in spread for cls in metamodel.concrete(top))
@@ -141,7 +144,7 @@ def _named_otherwise(domain: Domain, engine: Engine) -> list[Diagnostic]:
 
 
 def _remaking(domain: Domain, engine: Engine) -> Iterator[Derivation]:
-    """Mutations that are operators, and both create and delete."""
+    """Yield the derived operator groups among the mutations that both create and delete objects."""
     mutations = set(map(str, domain.spec.mutation.rules))
     for group in domain.workspace.derivations:
         name = group.qualified_name
@@ -152,18 +155,18 @@ def _remaking(domain: Domain, engine: Engine) -> Iterator[Derivation]:
 
 
 def _other_names(model: Model, cls: str) -> Iterator[tuple[int, str]]:
-    """Objects of just a class whose key is a string that no operator makes, and the string."""
+    """Yield objects of exactly this class whose string key is not of the form that operators create, with the key."""
     read = key_reader(model, cls)
     for node in model.graph.extent(cls):
         name, *more = read(node)
         if not isinstance(name, str) or more:
-            return  # numbers go on, whatever there is
+            return  # numeric keys are continued, whatever keys exist
         if model.graph.class_of(node) == cls and not fullmatch(rf"{cls}[0-9]+", name):
             yield node, name
 
 
 def _evidence(engine: Engine, violated: Constraint) -> tuple[str, str | None]:
-    """What an engine finds that a constraint does not allow, and a hint of its own."""
+    """Return text about the violation of a constraint, such as a match, and a hint or None."""
     if isinstance(violated, Forbid):
         return f": there is {engine.first(violated.pattern)}", None
     if isinstance(violated, CountWithin):

@@ -1,4 +1,4 @@
-"""Optimisation as a family file with `[optimise]` says it."""
+"""Run the optimisation that a family file with `[optimise]` describes."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from envgraph.search.problem._problem import Forbid, Problem
 
 
 def optimise_domain(domain: Domain, *, progress: Progress | None = None) -> tuple[Engine, Optimum]:
-    """Find the model that a file asks for; the engine stands at the best one.
+    """Run the optimisation of a family file; return the engine, which is at the best model, and the result.
 
     Raises:
-        LoadError: the file does not say what is best, or options make no sense.
+        LoadError: the file has no `[optimise]`, or options are invalid.
     """
     spec = domain.spec.optimise
     if spec is None:
@@ -49,7 +49,7 @@ def optimise_domain(domain: Domain, *, progress: Progress | None = None) -> tupl
 
 
 def problem_of(domain: Domain, engine: Engine) -> Problem:
-    """Return the search problem, in which a value that the initial model lacks may be missing."""
+    """Return the search problem of a domain. Values that the initial model lacks may be missing in all models."""
     missing = {
         Forbid(f"conformance.{one.feature.owner}.{one.feature.name}")
         for one in check_conformance(domain.initial())

@@ -1,1 +1,1 @@
-"""The genetic algorithm: mutations, selection, generations; and archives that random walks fill."""
+"""The genetic algorithm with mutation, parent and survivor selection; and archives filled by random walks."""

@@ -1,4 +1,4 @@
-"""An archive of members by bins of their measures, as level as it can be (after MAP-Elites, Mouret and Clune 2015)."""
+"""An archive that spreads its members evenly over bins of measures (after MAP-Elites, Mouret and Clune 2015)."""
 
 from __future__ import annotations
 
@@ -15,18 +15,19 @@ Cell = tuple[int, ...]
 
 
 class Archive:
-    """Members, each in the cell of its bins. The first one that is put in stays.
+    """An archive of members, each in the cell given by the bins of its measures. The first member always stays.
 
-    Until there are `size` of them every member is kept. From then on a new one takes the place of one in the fullest
-    cell, where that has at least two more than its own: so the cells that can be reached become equally full. With
-    qualities it also takes the place of the worst in its own cell, if that is worse; and from the fullest cell it is
-    the worst that leaves. So an archive of as many members as cells that can be reached has the best of each.
+    Until there are `size` members every new member is added. From then on a new member replaces one in the fullest cell
+    if that cell has at least two more members than its own. So all cells become equally full. Members may have
+    qualities: a new member then also replaces the worst member of its own cell if that is worse, and from the fullest
+    cell the worst member is removed. An archive with as many members as usable cells thus contains the best member of
+    each cell.
 
     Args:
-        size: how many members there may be, at least 1.
-        bins: of each measure that is covered; without any there is one cell.
+        size: the largest number of members, at least 1.
+        bins: the bins of each measure that the archive covers. Without bins there is a single cell.
 
-    Invariant: `_filled[n]` are the cells with n members, for n from 1 on; none of them is empty but for a moment.
+    Invariant: `_filled[n]` contains the cells with n members, for n from 1 on, and is not empty.
     """
 
     def __init__(self, size: int, bins: Sequence[BinnedEntropy] = ()) -> None:
@@ -40,26 +41,26 @@ class Archive:
         return self._count
 
     def __iter__(self) -> Iterator[int]:
-        """The members, those that were put in first first."""
+        """Yield the members in the order in which they were added."""
         return iter(sorted(one for members in self._cells.values() for one in members))
 
     def cell(self, values: Sequence[float]) -> Cell:
-        """The cell of a member, by the values of the measures that are covered."""
+        """Return the cell of a member, given its values of the covered measures."""
         return tuple(bins.bin(value) for bins, value in zip(self._bins, values, strict=True))
 
     def counts(self) -> dict[Cell, int]:
-        """How many members each cell has, of those that have any."""
+        """Return the number of members of each non-empty cell, sorted by cell."""
         return {cell: len(self._cells[cell]) for cell in sorted(self._cells)}
 
     @property
     def level(self) -> bool:
-        """Whether it is full, all cells have members, and none has two more than another."""
+        """Return True if the archive is full, every cell has members, and their numbers differ by at most one."""
         possible = prod(bins.usable for bins in self._bins)
         counts = self._filled
         return self._count == self._size and len(self._cells) == possible and max(counts) - min(counts) < 2
 
     def draw(self, rng: Generator) -> int:
-        """A member of any cell, each cell as likely, in it each member."""
+        """Sample a member: a non-empty cell uniformly, then a member of the cell uniformly."""
         cells = [*self._cells.values()]
         members = cells[int(rng.integers(len(cells)))]
         return members[int(rng.integers(len(members)))]
@@ -67,17 +68,17 @@ class Archive:
     def put(
         self, cell: Cell, quality: float | tuple[float, ...], rng: Generator
     ) -> tuple[int, int | None] | None:
-        """Offer a member.
+        """Offer a member to the archive.
 
         Args:
-            cell: its cell.
-            quality: of members in one cell larger is better, of several numbers the first counts most; the same for all
-                where nothing is better.
-            rng: draws which of equals leaves.
+            cell: the cell of the member.
+            quality: larger is better within a cell; tuples are compared in order. Use a constant if no member is
+                better.
+            rng: samples the member that is removed among equally bad ones.
 
         Returns:
-            The number of the member, from 0 in the order in which they are kept, and that of the one that left, if one
-            did; None if it is not kept.
+            The number of the member, counted from 0 in the order of addition, and the number of the member that it
+            replaced or None. The result is None if the member is not added.
         """
         quality = quality if isinstance(quality, tuple) else (quality,)
         if self._count < self._size:
@@ -97,7 +98,10 @@ class Archive:
         return self._keep(cell, quality), left
 
     def _worst(self, cell: Cell, rng: Generator) -> int | None:
-        """The place of the member of a cell that is worst, any of equals, but for the first of all members."""
+        """Return the place of the worst member of a cell, sampled among equals, or None.
+
+        The first of all members is never chosen. None means that the cell has no other member.
+        """
         places = [place for place, one in enumerate(self._cells.get(cell, ())) if one]
         if not places:
             return None

@@ -1,11 +1,11 @@
-"""The genetic algorithm: vary a population of models, keep what the constraints allow, select for diversity.
+"""The genetic algorithm: vary a population of models, reject what violates constraints, and select for diversity.
 
 The algorithm is the paper's (section "Generating families of environments"), each step behind a small protocol:
 initialisation (4.1), parent selection (4.2), mutation with validation, rollback and bounded re-attempts (4.3),
 survivor selection (4.4), termination (4.5).
 
-Randomness: every decision has a generator of its own, spawned from (seed, generation, child), so a result depends
-on the seed alone, and a resumed run on nothing that happened before its last stored generation.
+Every random decision has its own generator, spawned from (seed, generation, child). So a result depends on the seed
+alone, and a resumed run does not depend on anything before its last stored generation.
 """
 
 from __future__ import annotations
@@ -36,14 +36,14 @@ _SAME = 1e-12
 
 @dataclass(slots=True)
 class _Member:
-    """An individual in memory: its version is held, so that the engine can go back to it."""
+    """A member of the population, with its model as a version that the engine can check out."""
 
     individual: Individual
     level: Level
 
 
 class _Losses(Sequence[float]):
-    """Fitness for parent selection: what the family would lose without each member. Only computed when asked for."""
+    """Fitness for parent selection: the loss of the family's score without each member, computed on first access."""
 
     def __init__(self, measure: FamilyMeasure, pool: Pool) -> None:
         self._measure, self._pool = measure, pool
@@ -66,13 +66,13 @@ class _Losses(Sequence[float]):
 
 
 class Evolution:
-    """A run in progress. Invariant: the members are those of the last generation in the store.
+    """A run of the genetic algorithm. Invariant: the members are those of the last generation in the store.
 
     Args:
-        problem: what is varied, validated and measured; its engine stands at the initial model.
+        problem: the search problem; its engine is at the initial model.
         settings: parameters of the algorithm.
-        seed: the one source of randomness.
-        store: an empty store, or one with whole generations of the same run to go on from.
+        seed: the only source of randomness.
+        store: an empty store, or one with complete generations of the same run, which is then resumed.
     """
 
     def __init__(self, problem: Problem, settings: Settings, seed: int, store: RunStore) -> None:
@@ -96,7 +96,11 @@ class Evolution:
             self._note(number, diversity)
 
     def run(self, report: Callable[[Generation], None] = lambda generation: None) -> Generation:
-        """Go on until a termination criterion holds; `report` is called after every stored generation."""
+        """Run generations until a termination criterion holds, and return the last one.
+
+        `report` is called after every stored generation. At the end the models and the value of the objective are
+        stored.
+        """
         for generation in self:
             report(generation)
         self._store.write_models(self.models())
@@ -113,7 +117,7 @@ class Evolution:
             yield self.current
 
     def models(self) -> dict[int, str]:
-        """JSON text of the model of every current member, by id of the individual."""
+        """Return the model of every current member as JSON text, by id of the individual."""
         texts = {}
         for member in self._members:
             self._problem.engine.checkout(member.level.version, discard=True)
@@ -123,7 +127,7 @@ class Evolution:
     # --- the steps of the algorithm
 
     def _initialise(self) -> Generation:
-        """Step 4.1: clones of the initial model, each varied by a small random number of applications."""
+        """Create the initial population (step 4.1): copies of the initial model with random rule applications."""
         problem, settings, varied = self._problem, self._settings, self._variation
         first = self._accept(0, -1, None, (), self._level(self._levels.origin, problem.measure()))
         members = [first] if settings.keep_initial else []
@@ -140,7 +144,7 @@ class Evolution:
         return self._write(0, born)
 
     def _step(self, number: int) -> Generation:
-        """Steps 4.2 to 4.4: one generation."""
+        """Run one generation (steps 4.2 to 4.4), and store it."""
         settings = self._settings
         parents = settings.parents.select(
             _Losses(self._problem.family_measures[0], self._pool(self._members)),
@@ -148,9 +152,13 @@ class Evolution:
             self._generator(number, _SELECTION + 1),
         )
         found = {}
-        for child in sorted(range(len(parents)), key=parents.__getitem__):  # it is not far to a sibling
+        for child in sorted(
+            range(len(parents)), key=parents.__getitem__
+        ):  # by parent, so that consecutive checkouts are close to each other
             rng = self._generator(number, child)
-            if rng.random() < settings.rate:  # else it is a copy of the parent, which is in the pool already
+            if (
+                rng.random() < settings.rate
+            ):  # otherwise the child is a copy of the parent, which is in the pool already
                 found[child] = self._attempts(self._members[parents[child]], rng, self._variation.mutation)
         pool, born = list(self._members), []
         known = {member.individual.state_hash for member in pool}
@@ -166,7 +174,7 @@ class Evolution:
         return self._write(number, born)
 
     def _survivors(self, pool: list[_Member], rng: Generator) -> list[_Member]:
-        """Step 4.4: the members of the pool that together are the most diverse family."""
+        """Select the survivors from the pool (step 4.4): the members that form the most diverse family."""
         size = min(self._settings.population, len(pool))
         pinned = [0] if self._settings.keep_initial else []
         chosen = self._settings.survivors.select(self._pool(pool), size, pinned, list(range(size)), rng)
@@ -178,14 +186,14 @@ class Evolution:
         return Pool([one.level for one in members], problem.family_measures, problem.diversity_of, key)
 
     def _key(self, member: Candidate) -> tuple[float, ...]:
-        """The place of a member in the order of the curriculum: the initial model is the last, or of its equals."""
+        """Return the sort key of a member in the curriculum. The initial model is the last of all, or of its equals."""
         problem = self._problem
         initial = isinstance(member, Level) and member.version is self._levels.origin
         order = member.measures[problem.order or problem.diversity_of]
         return (problem.target_last and initial, order, initial)
 
     def _finished(self) -> bool:
-        """Step 4.5."""
+        """Return True if a termination criterion holds (step 4.5)."""
         settings, current = self._settings, self.current
         self._note(current.number, current.diversity)
         return (
@@ -197,7 +205,7 @@ class Evolution:
         )
 
     def _at_maximum(self) -> bool:
-        """Whether no family of the wanted size is more diverse."""
+        """Return True if the family has the wanted size and no family of this size can be better."""
         size, current, objective = self._settings.population, self.current, self._problem.objective
         if len(current.members) < size:
             return False
@@ -206,27 +214,27 @@ class Evolution:
         return current.diversity >= self._problem.maximum(size) - _SAME
 
     def family(self) -> list[Candidate]:
-        """The members of the last generation, in the order of the curriculum."""
+        """Return the members of the last generation, in the order of the curriculum."""
         return self._pool(self._members).family(range(len(self._members)))
 
     def _note(self, number: int, diversity: float) -> None:
-        """Keep the best diversity, and the generation that first reached it; the same after a resumption."""
+        """Update the best diversity and the generation that first reached it."""
         if diversity > self._best[0] + _SAME:
             self._best = (diversity, number)
 
-    # --- parts of them
+    # --- helpers of the steps
 
     def _attempts(
         self, parent: _Member, rng: Generator, vary: Callable[[Generator], Trace | None]
     ) -> tuple[Trace, Level] | None:
-        """Vary the parent until the result is valid and has its measures."""
+        """Vary the parent until the result is valid. Return the rule applications and the level; None on failure."""
         engine = self._problem.engine
         engine.checkout(parent.level.version, discard=True)
         found = self._variation.attempts(rng, vary)
         return None if found is None else (found[0], self._level(engine.commit(), found[1]))
 
     def _level(self, version: Version, measures: Mapping[str, float]) -> Level:
-        """The state at which the engine stands."""
+        """Return the level of the engine's current model."""
         return Level(version, (), self._problem.engine.model.state_hash(), measures, self._levels)
 
     def _accept(
@@ -245,7 +253,7 @@ class Evolution:
         return _Member(individual, level)
 
     def _restore(self, id_: int) -> _Member:
-        """A stored individual, by replaying its rule traces from the initial model."""
+        """Return a stored individual as a member, by replaying the traces of its ancestors from the initial model."""
         engine = self._problem.engine
         engine.checkout(self._levels.origin, discard=True)
         *_, individual = line = self._store.lineage(id_)

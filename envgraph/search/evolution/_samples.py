@@ -1,9 +1,9 @@
-"""Many members at once: random walks over valid models, of which an archive keeps what it has room for.
+"""Sampling of many members: random walks over valid models, whose models are offered to an archive.
 
-A walk goes from a member of the archive, each of whose cells is as likely, from one valid model to the next, by as many
-applications of rules as make a member of the first population of a search, or by a heavy-tailed mutation where that
-is the strength. Every model on its way that was not met before is offered to the archive. So all members descend from
-the initial model, and what leads to them is kept as for any individual.
+A walk starts at a member of the archive, from a uniformly sampled cell. It moves from one valid model to the next. Each
+move applies as many rules as create an initial member of a search, or is a heavy-tailed mutation if that is the
+strength. Every new model on the walk is offered to the archive. So all members descend from the initial model, and
+their rule applications are stored like those of any individual.
 """
 
 from __future__ import annotations
@@ -35,13 +35,13 @@ REPEATED: Final = "the model was met before"
 
 @dataclass(frozen=True, slots=True)
 class SampleProgress:
-    """How far it is.
+    """The progress of sampling.
 
     Attributes:
-        members: in the archive.
-        cells: that have members.
-        attempts: made.
-        share: of the members, or, once there are enough, of the attempts.
+        members: number of members in the archive.
+        cells: number of non-empty cells.
+        attempts: number of attempts so far.
+        share: progress from 0 to 1, by members, or by attempts once there are enough members.
     """
 
     members: int
@@ -52,14 +52,14 @@ class SampleProgress:
 
 @dataclass(frozen=True, slots=True)
 class Offered:
-    """A valid model that was not met before.
+    """A valid new model that is offered to the archive.
 
     Attributes:
-        parent: the member that it descends from; -1 for the initial model.
-        trace: what leads to it from there.
+        parent: number of the member from which it descends; -1 for the initial model itself.
+        trace: the rule applications that lead from the parent to it.
         measures: value of every measure, by name.
         state: hash of the model.
-        version: of the model; None while the engine stands at it.
+        version: version of the model; None if it is the engine's current model.
     """
 
     parent: int
@@ -70,13 +70,13 @@ class Offered:
 
 
 class Sampler:
-    """Draws members from models that mutations make of the initial one.
+    """A sampler of members by random walks from the initial model.
 
     Args:
-        problem: what is varied, validated and measured; its engine stands at the initial model.
-        settings: how models are varied.
-        wanted: how many members, and of which kinds.
-        seed: the one source of randomness; each walk has a generator of its own.
+        problem: the search problem; its engine is at the initial model.
+        settings: parameters of mutations.
+        wanted: the number of members and the measures to cover.
+        seed: the only source of randomness; each walk has its own generator.
     """
 
     def __init__(self, problem: Problem, settings: Settings, wanted: SampleSettings, seed: int) -> None:
@@ -92,7 +92,10 @@ class Sampler:
         self.put(Offered(-1, (), measures, state), self._quality(measures), self.generator())
 
     def run(self, progress: Callable[[SampleProgress], None] = lambda progress: None) -> Archive:
-        """Draw until there are enough, or too many attempts were made; `write` keeps what was found."""
+        """Sample until there are enough members or the attempts are used up, and return the archive.
+
+        `write` stores the result.
+        """
         reported = 0
         while not self._over():
             self._walk(WALK, self._offer)
@@ -103,15 +106,15 @@ class Sampler:
         return self._archive
 
     def candidates(self, count: int) -> list[Offered]:
-        """New models, each a step from a member of the archive, which does not get them.
+        """Return new models, each one move away from a member of the archive. The archive is not changed.
 
         Args:
-            count: how many; fewer where no more are found in a hundred times as many attempts.
+            count: number of models. Fewer are returned if `100 * count` attempts do not find enough.
         """
         found: list[Offered] = []
 
         def note(candidate: Offered, rng: Generator) -> None:
-            del rng  # nothing is random here
+            del rng  # this callback needs no random numbers
             found.append(replace(candidate, version=self._problem.engine.commit()))
 
         last = self._tried + 100 * count
@@ -120,18 +123,18 @@ class Sampler:
         return found
 
     def members(self) -> list[tuple[Individual, Version]]:
-        """The members of the archive, in the order in which they were put in."""
+        """Return the members of the archive with their versions, in the order in which they were added."""
         return [(self._individuals[number], self._versions[number]) for number in self._archive]
 
     @property
     def progress(self) -> SampleProgress:
-        """How far it is."""
+        """Return the current progress."""
         members, wanted = len(self._archive), self._wanted
         share = members / wanted.count if members < wanted.count else self._tried / wanted.attempts
         return SampleProgress(members, len(self._archive.counts()), self._tried, min(1.0, share))
 
     def write(self, store: RunStore) -> None:
-        """Write the members and those that they descend from as the one generation of a run."""
+        """Write the members and all their ancestors as the only generation of a run."""
         members = [*self._archive]
         kept = dict.fromkeys(members)
         for number in reversed(range(len(self._individuals))):
@@ -150,7 +153,7 @@ class Sampler:
         return enough or self._tried >= self._wanted.attempts
 
     def _walk(self, length: int, offer: Callable[[Offered, Generator], int | None]) -> None:
-        """Go from a member of the archive from one valid model to the next, and offer them."""
+        """Walk from a member of the archive over at most `length` valid models, and offer the new ones."""
         engine, variation, rng = self._problem.engine, self._variation, self.generator()
         parent, since = self._archive.draw(rng), Trace()
         engine.checkout(self._versions[parent], discard=True)
@@ -185,10 +188,10 @@ class Sampler:
         return tuple(self._wanted.sense * measures[name] for name in self._wanted.best)
 
     def put(self, offered: Offered, quality: float | tuple[float, ...], rng: Generator) -> int | None:
-        """Offer a model to the archive; the number of the member, if it is kept.
+        """Offer a model to the archive; return the number of the new member, or None if it is not added.
 
         Args:
-            offered: where it has no version, the engine stands at it.
+            offered: the model. Without a version it must be the engine's current model.
             quality: larger is better.
             rng: see `Archive.put`.
         """
@@ -208,6 +211,6 @@ class Sampler:
         return number
 
     def generator(self) -> Generator:
-        """For the next decisions."""
+        """Return a new random generator for the next walk."""
         self._walks += 1
         return default_rng(SeedSequence(self._seed, spawn_key=(self._walks - 1,)))

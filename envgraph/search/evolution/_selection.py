@@ -1,7 +1,6 @@
-"""Choosing parents, and choosing the survivors that together are the most diverse family.
+"""Parent selection, and survivor selection, which chooses the members that together are the most diverse family.
 
-`Pool` says which family is better. What is equal is drawn at random, so that a population drifts where nothing tells
-its members apart.
+`Pool` compares families. Ties are broken at random, so that a population drifts if its members are equally good.
 """
 
 from __future__ import annotations
@@ -22,72 +21,72 @@ if TYPE_CHECKING:
 
 
 class ParentSelection(Protocol):
-    """Which members of a population are varied."""
+    """A strategy that chooses the members of a population that are mutated."""
 
     def select(self, fitness: Sequence[float], count: int, rng: Generator) -> list[int]:
-        """`count` indices into the population, repetitions allowed. Larger fitness is better."""
+        """Return `count` indices into the population, with repetitions. Larger fitness is better."""
 
 
 class SurvivorSelection(Protocol):
-    """Which of a pool of candidates form the next population."""
+    """A strategy that chooses the next population from a pool of candidates."""
 
     def select(
         self, pool: Pool, size: int, pinned: Sequence[int], start: Sequence[int], rng: Generator
     ) -> list[int]:
-        """The chosen indices into the pool, ascending.
+        """Return the chosen indices into the pool, ascending.
 
         Args:
-            pool: the candidates, and what families of them are worth.
-            size: how many to choose, at most the size of the pool.
+            pool: the candidates, and the comparison of families.
+            size: number of candidates to choose, at most the size of the pool.
             pinned: candidates that must be chosen.
-            start: a family to start from, `size` candidates that include the pinned ones.
+            start: the family from which to start, `size` candidates that include the pinned ones.
             rng: source of all random choices.
         """
 
 
 @dataclass(frozen=True, slots=True)
 class RandomParents:
-    """Every member equally likely, with replacement (the paper's)."""
+    """Parent selection that samples members uniformly with replacement, as in the paper."""
 
     def select(self, fitness: Sequence[float], count: int, rng: Generator) -> list[int]:
-        """Uniform draws."""
+        """Return `count` uniformly sampled indices."""
         return [int(index) for index in rng.integers(len(fitness), size=count)]
 
 
 @dataclass(frozen=True, slots=True)
 class TournamentParents:
-    """The fittest of `rounds` uniform draws, for each parent; ties go to the first drawn."""
+    """Tournament selection: each parent is the fittest of `rounds` uniformly sampled members; the first wins ties."""
 
     rounds: int = key(2, Options.integer, low=1, most=1_000)
 
     def select(self, fitness: Sequence[float], count: int, rng: Generator) -> list[int]:
-        """Winners of independent tournaments."""
+        """Return the winners of `count` independent tournaments."""
         draws = rng.integers(len(fitness), size=(count, self.rounds)).tolist()
         return [max(entrants, key=lambda index: fitness[index]) for entrants in draws]
 
 
 @dataclass(frozen=True, slots=True)
 class ElitistParents:
-    """The best members in turn, from the fittest down; ties go to the earlier member."""
+    """Elitist parent selection: the fittest members in turn, from the best down. The earlier member wins ties."""
 
     share: float = key(0.5, Options.number, low=0.0, high=1.0)
 
     def select(self, fitness: Sequence[float], count: int, rng: Generator) -> list[int]:
-        """The upper `share` of the population, cycled through."""
-        del rng  # nothing is random here
+        """Return the indices of the best `share` of the population, repeated in order until there are `count`."""
+        del rng  # this selection is deterministic
         ranked = sorted(range(len(fitness)), key=lambda index: -fitness[index])
         elite = ranked[: max(1, round(self.share * len(ranked)))]
         return [elite[turn % len(elite)] for turn in range(count)]
 
 
 def acceptance(delta: float, temperature: float) -> float:
-    """Probability of moving to a family whose score is lower by `delta`: exp(-delta / temperature).
+    """Return the probability of accepting a family whose score is lower by `delta`: exp(-delta / temperature).
 
     Metropolis rule of Kirkpatrick et al. 1983, p. 672.
 
     Args:
         delta: score(current) - score(candidate), >= 0, in units of the score.
-        temperature: >= 0, in units of the score; at 0 nothing worse is accepted.
+        temperature: >= 0, in units of the score; at 0 no lower score is accepted.
 
     >>> acceptance(0.1, 0.1) == exp(-1.0)
     True
@@ -97,12 +96,12 @@ def acceptance(delta: float, temperature: float) -> float:
 
 @dataclass(frozen=True, slots=True)
 class SimulatedAnnealing:
-    """Random exchanges, worse ones with a probability that falls as the temperature cools; keeps the best family.
+    """Survivor selection by simulated annealing: random exchanges; worse ones are accepted with a falling probability.
 
     Attributes:
-        rounds: number of exchanges tried.
-        initial_temperature: in units of the family measure.
-        cooling_rate: temperature after a round over temperature before it, in (0, 1].
+        rounds: number of exchanges to try.
+        initial_temperature: initial temperature, in units of the family measure.
+        cooling_rate: factor by which the temperature falls in each round, in (0, 1].
     """
 
     rounds: int = key(500, Options.integer, low=0, most=1_000_000)
@@ -118,7 +117,7 @@ class SimulatedAnnealing:
     def select(
         self, pool: Pool, size: int, pinned: Sequence[int], start: Sequence[int], rng: Generator
     ) -> list[int]:
-        """The best family met, the last one among equals."""
+        """Return the best family that was met, the last one among equals."""
         fixed = list(pinned)
         free = [index for index in start if index not in fixed]
         rest = [index for index in range(len(pool)) if index not in start]
@@ -145,26 +144,27 @@ class SimulatedAnnealing:
         return sorted([*fixed, *best])
 
     def _lowest_accepted(self, rng: Generator) -> list[float]:
-        """For each round the smallest change of the score, at most 0, that is accepted.
+        """Return the smallest accepted change of the score for each round, at most 0.
 
-        `luck < acceptance(-delta, temperature)` solved for delta: all logarithms together take no time.
+        It is the solution of `luck < acceptance(-delta, temperature)` for delta. Computing all logarithms at once is
+        fast.
         """
         import numpy as np
 
         temperatures = self.initial_temperature * self.cooling_rate ** np.arange(self.rounds)
-        with np.errstate(divide="ignore"):  # luck may be 0: then everything is accepted
+        with np.errstate(divide="ignore"):  # luck may be 0, which accepts everything
             lowest: list[float] = (temperatures * np.log(rng.random(self.rounds))).tolist()
         return lowest
 
 
 def _decisive(delta: float, others: Sequence[Swaps], out: int, into: int) -> float:
-    """What an exchange changes by the first measure that it changes."""
+    """Return the change of the first measure that an exchange changes; 0.0 if it changes none."""
     later = (one.delta(out, into) for one in others)
     return next((one for one in chain((delta,), later) if abs(one) > TIE), 0.0)
 
 
 def _worse(scores: Sequence[float], others: Sequence[float]) -> bool:
-    """Whether the first scores that are not the same are less."""
+    """Return True if `scores` is smaller than `others` at the first place where they differ beyond the tolerance."""
     for one, other in zip(scores, others, strict=True):
         if one > other + TIE:
             return False
@@ -175,16 +175,16 @@ def _worse(scores: Sequence[float], others: Sequence[float]) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class HillClimbing:
-    """The best single exchange, again and again, until none helps."""
+    """Survivor selection by hill climbing: make the best single exchange until no exchange improves the family."""
 
     def select(
         self, pool: Pool, size: int, pinned: Sequence[int], start: Sequence[int], rng: Generator
     ) -> list[int]:
-        """A family that no single exchange improves.
+        """Return a family that no single exchange improves.
 
-        Before the climb each member in turn makes room for a random candidate, where that loses nothing.
+        Before the climb each member in turn is exchanged for a random candidate if the score does not fall.
         """
-        del size  # the start has it
+        del size  # the start has this size
         fixed = list(pinned)
         free = [index for index in start if index not in fixed]
         rest = rng.permutation([index for index in range(len(pool)) if index not in start]).tolist()
@@ -214,10 +214,10 @@ class HillClimbing:
 
 @dataclass(frozen=True, slots=True)
 class BeamSearch:
-    """Families grown one candidate at a time; only the most promising ones are grown further.
+    """Survivor selection by beam search: families grow by one candidate at a time, and only the best ones are extended.
 
     Attributes:
-        width: how many families are kept at each size.
+        width: number of families that are extended at each size.
     """
 
     width: int = key(16, Options.integer, low=1, most=100_000)
@@ -225,11 +225,11 @@ class BeamSearch:
     def select(
         self, pool: Pool, size: int, pinned: Sequence[int], start: Sequence[int], rng: Generator
     ) -> list[int]:
-        """The best family found; the start, if that is better."""
-        order = rng.permutation(len(pool)).tolist()  # the first of equals is any of them
+        """Return the best family found, or the start if that is better."""
+        order = rng.permutation(len(pool)).tolist()  # ties are broken at random by this order
         beam: list[tuple[int, ...]] = [tuple(sorted(pinned))]
         for _ in range(size - len(pinned)):
-            # A dict, and a sort that keeps the order of equals: no set decides.
+            # A dict and a stable sort: the order of sets must not affect the result.
             grown = dict.fromkeys(
                 tuple(sorted((*family, index))) for family in beam for index in order if index not in family
             )
@@ -240,10 +240,10 @@ class BeamSearch:
 def _filled(
     values: Sequence[float], wanted: int, pinned: Sequence[int], others: Sequence[int], measure: BinnedEntropy
 ) -> list[int]:
-    """A family of the most entropy: again and again a candidate of a bin that has the fewest.
+    """Return a family of largest entropy by adding candidates one by one, each to a bin with the fewest members.
 
-    What a bin adds to the entropy grows ever more slowly with its members, so nothing is lost by taking what adds the
-    most. Of equal bins, and in a bin, what is farthest from the mean comes first.
+    The greedy choice is optimal because the entropy gain of a bin falls with its number of members. Ties between bins,
+    and within a bin, are broken by the largest distance from the mean.
     """
     mean = fsum(values) / len(values)
     counts, waiting = measure.counts([values[index] for index in pinned]), dict[int, list[int]]()
@@ -261,13 +261,13 @@ def _filled(
 
 @dataclass(frozen=True, slots=True)
 class ExactSelection:
-    """The best of all families, by trying them all; for small pools, and as the yardstick of the others.
+    """Survivor selection by exhaustive search over all families, for small pools and to test other selections.
 
-    Where there are too many to try, bins are filled: that gives the most entropy, and of such families one whose values
-    vary much, though maybe not the most.
+    If there are too many families, bins are filled instead. The result then has the largest entropy and a large
+    variance, but maybe not the largest variance.
 
     Attributes:
-        limit: more families than this are not tried, and refused where the measure has no bins.
+        limit: largest number of families to try. If the measure has no bins, more families are refused.
     """
 
     limit: int = key(200_000, Options.integer, low=1, most=MOST_STEPS)
@@ -275,9 +275,13 @@ class ExactSelection:
     def select(
         self, pool: Pool, size: int, pinned: Sequence[int], start: Sequence[int], rng: Generator
     ) -> list[int]:
-        """A family that is as good as any."""
+        """Return a best family.
+
+        Raises:
+            InvalidArgument: there are more than `limit` families, and the measure has no bins.
+        """
         del start
-        order = rng.permutation(len(pool)).tolist()  # the first of equals is any of them
+        order = rng.permutation(len(pool)).tolist()  # ties are broken at random by this order
         others = [index for index in order if index not in pinned]
         wanted = size - len(pinned)
         if comb(len(others), wanted) > self.limit:

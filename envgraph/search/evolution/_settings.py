@@ -1,4 +1,4 @@
-"""Define the settings of the genetic algorithm and of drawing samples."""
+"""Settings of the genetic algorithm and of sampling."""
 
 from __future__ import annotations
 
@@ -19,15 +19,17 @@ class Settings:
 
     Attributes:
         population: number of members, at least 2.
-        rate: probability that a child is a mutated parent, and not a mere copy.
-        initial_applications: lowest and highest number of rule applications that make an initial member.
-        max_attempts: mutations tried for one child before it is given up.
-        strength: how many applications of rules a mutation takes.
-        keep_initial: the initial model is a fixed member of the family.
-        generations: stop after so many, or None.
-        seconds: stop when this much time has passed since the start (or resumption), or None.
-        target: stop when the diversity is at least this, or, for None, at its maximum; infinity is never.
-        stagnation: stop after so many generations without a higher diversity, or None.
+        parents: the parent selection.
+        survivors: the survivor selection.
+        rate: probability that a child is mutated; otherwise it is a copy of its parent.
+        initial_applications: smallest and largest number of rule applications that create an initial member.
+        max_attempts: number of mutations to try for one child.
+        strength: number of rule applications of a mutation, "single" or "heavy_tailed".
+        keep_initial: True if the initial model is always a member of the family.
+        generations: number of generations after which the run stops, or None.
+        seconds: time since the start or resumption after which the run stops, or None.
+        target: diversity at which the run stops. None: the largest possible diversity. Infinity: never.
+        stagnation: number of generations without a higher diversity after which the run stops, or None.
     """
 
     population: int
@@ -46,14 +48,14 @@ class Settings:
 
 @dataclass(frozen=True, slots=True)
 class SampleSettings:
-    """What is to be drawn.
+    """Settings of sampling.
 
     Attributes:
-        count: members, at least 2, the initial model among them.
-        cover: measures and their bins, which are to have as many members each.
-        best: the measures by which one member is better than another in the same bins; the first counts most.
-        sense: 1 where more of it is better, else -1.
-        attempts: how many models are tried.
+        count: number of members with the initial model, at least 2.
+        cover: names of measures with their bins; the members are spread evenly over the bins.
+        best: names of the measures that rank members of the same bins, in order of precedence.
+        sense: 1 if larger values are better, -1 if smaller ones are.
+        attempts: number of models to try.
     """
 
     count: int

@@ -1,9 +1,8 @@
-"""Varying a model: random mutations that leave it valid and with a value of every measure.
+"""Mutation of a model: random rule applications that leave the model valid and with a value of every measure.
 
-How many applications of rules a mutation takes is its strength. With one at a time a large model stays on a plateau,
-where hundreds of changes have to come together before a measure moves: no selection sees the way. A heavy-tailed
-strength (Doerr, Le, Makhmara and Nguyen 2017, "Fast genetic algorithms") has steps of every size, small ones most
-often, and nothing to tune.
+The strength of a mutation is its number of rule applications. With one application at a time a large model stays on a
+plateau if hundreds of changes are needed before a measure changes. A heavy-tailed strength (Doerr, Le, Makhmara and
+Nguyen 2017, "Fast genetic algorithms") has steps of every size, small ones most often, and no parameter to tune.
 """
 
 from __future__ import annotations
@@ -24,21 +23,21 @@ Step = tuple[str, tuple[int | float | bool | str, ...]]
 
 
 class Variation:
-    """Varies the model at which the engine of a problem stands.
+    """Mutation of the current model of a problem's engine.
 
     Args:
-        problem: what is varied, validated and measured.
-        max_attempts: mutations tried before it is given up.
-        strength: of a mutation.
+        problem: the search problem with mutations, constraints and measures.
+        max_attempts: number of mutations to try.
+        strength: strength of a mutation, "single" or "heavy_tailed".
 
     Attributes:
-        reasons: how many attempts were rejected, by what was wrong with them.
+        reasons: number of rejected attempts, by the reason.
     """
 
     def __init__(self, problem: Problem, max_attempts: int, strength: Strength = "single") -> None:
         self._problem = problem
         self._max_attempts = max_attempts
-        # From the first question on patterns are kept current, unless a version is held by then.
+        # Start incremental matching now: after a version is committed it can no longer start.
         self._begins_valid = problem.valid()
         self._most = 2 * len(problem.engine.model) if strength == "heavy_tailed" else 1
         self.reasons: Counter[str] = Counter()
@@ -46,7 +45,10 @@ class Variation:
     def attempts(
         self, rng: Generator, vary: Callable[[Generator], Trace | None]
     ) -> tuple[Trace, dict[str, float]] | None:
-        """Vary the model until it is valid and has its measures; None, and the model as before, where that fails."""
+        """Vary the model until it is valid; return the rule applications and the measures.
+
+        Each attempt that fails is rolled back and its reason is counted. If all attempts fail, return None.
+        """
         engine, problem = self._problem.engine, self._problem
         for _ in range(self._max_attempts):
             savepoint = engine.model.graph.history.savepoint()
@@ -62,11 +64,12 @@ class Variation:
         return None
 
     def mutation(self, rng: Generator) -> Trace | None:
-        """A mutation of the strength that was asked for; None when nothing could be applied.
+        """Mutate the model, and return the rule applications; None if no rule could be applied.
 
-        A heavy-tailed one takes k applications, or fewer where nothing matches any more. The logarithm of k is drawn
-        uniformly, so that k comes about as often as 1 / k says, up to twice the number of objects of the initial
-        model: now and then that is all matches of a rule. All are of one rule, or, as often, each draws its own.
+        A heavy-tailed mutation makes k applications, or fewer if nothing matches any more. The logarithm of k is
+        uniform up to twice the number of objects of the initial model, so that the probability of k is about
+        proportional to 1 / k. With probability 1/2 all applications are of one rule; otherwise each samples its own
+        rule.
         """
         if self._most == 1:
             return self.once(rng)
@@ -74,20 +77,23 @@ class Variation:
         return self._applied(rng, strength, alike=rng.random() < 0.5)
 
     def once(self, rng: Generator) -> Trace | None:
-        """One application; None, and the model as before, when nothing matches or the rule cannot be applied."""
+        """Apply one random rule and return the application; None, without a change, if nothing matches or it fails."""
         return self._applied(rng, 1, alike=False)
 
     def several(self, rng: Generator, bounds: Sequence[int]) -> Trace | None:
-        """A random number of applications in a row; None when not even one was possible."""
+        """Apply a random number of rules within `bounds`, and return the applications; None if none succeeded."""
         steps: list[Step] = []
         for _ in range(int(rng.integers(bounds[0], bounds[1] + 1))):
             steps.extend(self.once(rng) or ())
         return tuple(steps) or None
 
     def _applied(self, rng: Generator, times: int, *, alike: bool) -> Trace | None:
-        """So many applications, of one rule or of any, until nothing matches or a rule cannot be applied."""
+        """Apply up to `times` random rules, until nothing matches or a rule fails; return the applications or None.
+
+        If `alike`, all applications are of the rule that is sampled first.
+        """
         engine, names = self._problem.engine, self._problem.mutations
-        engine.rng = rng  # for the choices inside units
+        engine.rng = rng  # for random choices inside units
         steps: list[Step] = []
         for _ in range(times):
             chosen = engine.choose(names, rng)

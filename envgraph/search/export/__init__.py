@@ -1,7 +1,7 @@
-"""Families as code and data of others: packages from templates, tables as arrays of NumPy.
+"""Export of families: packages written from templates, and transition tables as NumPy arrays.
 
-`write_package` writes what a directory of Jinja2 templates says; `copy_templates` gives those that come with envgraph,
-whose package needs Gymnasium and NumPy alone.
+`write_package` renders a directory of Jinja2 templates. `copy_templates` copies the built-in templates, whose package
+needs only Gymnasium and NumPy.
 """
 
 from typing import TYPE_CHECKING

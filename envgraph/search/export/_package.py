@@ -1,4 +1,4 @@
-"""A family as the files that templates make of it."""
+"""Render a family with a directory of templates."""
 
 from __future__ import annotations
 
@@ -39,24 +39,24 @@ _EPISODE: Final = 40
 
 
 def write_package(family: Family, folder: Path, templates: Path | None = None) -> list[Path]:
-    """Write what templates make of a family; those that come with envgraph make a package that can be installed.
+    """Write the files that templates render for a family. The built-in templates write an installable package.
 
-    Nothing is written unless everything can be made. What templates are given is in the documentation of Python, under
+    Nothing is written if an error occurs. The values available in templates are documented in `docs/environments.md`,
     "Code from templates".
 
     Args:
-        family: the family; it needs an environment if the templates ask for what that does.
-        folder: where to; there must be nothing in it. Its name is that of the package.
-        templates: a directory of templates; those that come with envgraph if None.
+        family: the family. It needs an environment if the templates use values of the environment.
+        folder: an empty or new directory; its name is the name of the package.
+        templates: a directory of templates. None: the built-in templates.
 
     Returns:
-        The files.
+        The paths of the files.
 
     Raises:
-        InvalidArgument: the folder has something in it, its name cannot be that of a package, or a template makes what
-            cannot be written.
-        LoadError: the templates have mistakes.
-        EvaluationError: a template fails; or the environments have too many states for tables and are not compiled.
+        InvalidArgument: the folder is not empty, its name is not a valid package name, or a template renders an invalid
+            path.
+        LoadError: the templates have errors.
+        EvaluationError: a template fails; or the environments have too many states for tables and cannot be compiled.
     """
     read = Templates(templates or TEMPLATES, (*_OF_FAMILY, *_OF_STEPS))
     if "package" in read.used:
@@ -84,10 +84,10 @@ def write_package(family: Family, folder: Path, templates: Path | None = None) -
 
 
 def copy_templates(folder: Path) -> list[Path]:
-    """Write the templates that come with envgraph, to be changed; returns the files.
+    """Copy the built-in templates to a folder, so that they can be changed, and return the paths of the files.
 
     Raises:
-        InvalidArgument: the folder has something in it.
+        InvalidArgument: the folder is not empty.
     """
     check_free(folder)
     found = sorted(path for path in TEMPLATES.rglob("*") if path.is_file())
@@ -97,7 +97,7 @@ def copy_templates(folder: Path) -> list[Path]:
 
 
 class Shown:
-    """A member as templates see it.
+    """A member of a family as templates see it.
 
     Attributes:
         name, measures, certificates, initial: as those of `Member`.
@@ -110,22 +110,22 @@ class Shown:
 
     @cached_property
     def facts(self) -> dict[str, str]:
-        """Measures and certificates as people read them, by name."""
+        """Return measures and certificates as text for people, by name."""
         return {**dict(caption(self._family, self._member)), **dict(certificate_texts(self._member))}
 
     @cached_property
     def model(self) -> Model:
-        """Its objects: `member.model.nodes("Tile")`."""
+        """Return the model of the member; templates use, for example, `member.model.nodes("Tile")`."""
         return self._family.model(self._member)
 
     @cached_property
     def picture(self) -> str:
-        """A picture in letters."""
+        """Return a picture of the model as text."""
         return self._family.text(self._member)
 
 
 class _Steps:
-    """What the environments of a family do, and what they step by: tables, or a program where there is none."""
+    """The environments of a family as data: transition tables, or a compiled program if a table would be too large."""
 
     def __init__(self, family: Family) -> None:
         self._family = family
@@ -146,7 +146,7 @@ class _Steps:
         observed = [one.span for owner in owners for one in owner.observations if one.span is not None]
         given: Any = self.program or next(iter(self.tables.values()))
         names = [one.name for one in self._family.members]
-        name = normalize("NFKC", behaviour.name)  # as Python reads it
+        name = normalize("NFKC", behaviour.name)  # as Python normalises identifiers
         if not name.isidentifier():
             raise InvalidArgument(f"environment `{name}` is not a valid name of a Python class; rename it")
         found = {
@@ -171,7 +171,7 @@ class _Steps:
         return EnvgraphEnv([*self.tables.values()][place])
 
     def files(self) -> dict[str, str | bytes]:
-        """The package of the program, without a description."""
+        """Return the files of the program's package without its README; no files if there are tables."""
         if self.program is None:
             return {}
         names = [one.name for one in self._family.members]
@@ -182,7 +182,7 @@ class _Steps:
 
 
 def recorded(environment: EnvgraphEnv | CompiledEnv, member: str, seed: int) -> dict[str, Any]:
-    """What an environment gives for actions at random, as JSON-ready data; it is reset where an episode ends."""
+    """Play random actions for 40 steps, and return the results as JSON-ready data. Reset when an episode ends."""
     actions = np.random.default_rng(seed).integers(len(environment.action_names), size=_EPISODE).tolist()
     observation, _ = environment.reset(seed=seed)
     observations, rewards, ends = [int(observation)], [], []
@@ -204,7 +204,7 @@ def recorded(environment: EnvgraphEnv | CompiledEnv, member: str, seed: int) -> 
 
 
 def _filled(files: Mapping[str, str | bytes], steps: _Steps | None) -> dict[str, str | bytes]:
-    """The files with tables and programs where empty files stand for them."""
+    """Return the files, with tables or programs in place of the empty files that request them."""
     found: dict[str, str | bytes] = {}
     for name, content in files.items():
         last = name.rpartition("/")[2]

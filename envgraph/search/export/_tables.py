@@ -1,4 +1,4 @@
-"""The tables of a family as one `.npz` file, or as maps of Gymnasium's FrozenLake."""
+"""Write the transition tables of a family as one `.npz` file, or its members as maps of Gymnasium's FrozenLake."""
 
 from __future__ import annotations
 
@@ -25,14 +25,13 @@ _ARRAYS = (
 
 
 def write_tables(tables: Mapping[str, Tabular]) -> bytes:
-    """The bytes of an `.npz` file, without pickle; equal tables give equal bytes.
+    """Return the bytes of an `.npz` file without pickled objects. Equal tables give equal bytes.
+
+    The arrays are `members`, `action_names` (texts) and `observation_shape`. For each member there are the arrays of
+    its `Tabular`, such as "E1/next_state". If agents take turns, there are also "E1/turn" and "E1/agent_names".
 
     Args:
-        tables: by the name of the member; all have the same actions and observations.
-
-    Returns:
-        `members`, `action_names` (texts) and `observation_shape`; and for each member, "E1/next_state" and so on, the
-        arrays of its `Tabular`, and where agents take turns "E1/turn" and "E1/agent_names".
+        tables: the tables by name of the member; all have the same actions and observations.
     """
     for name in tables:
         if "\0" in name or ".." in name.replace("\\", "/").split("/") or name[:1] in ("", "/"):
@@ -53,10 +52,10 @@ def write_tables(tables: Mapping[str, Tabular]) -> bytes:
 
 
 def write_frozen_lake(family: Family) -> str:
-    """The arguments of `gymnasium.make("FrozenLake-v1", ..)` for each member, by its name, as JSON.
+    """Return the arguments of `gymnasium.make("FrozenLake-v1", ..)` for each member, by its name, as JSON text.
 
     Raises:
-        InvalidArgument: a member is no map of FrozenLake.
+        InvalidArgument: a member cannot be expressed as a map of FrozenLake.
         EvaluationError: there are too many states.
     """
     if family.behaviour.agents:

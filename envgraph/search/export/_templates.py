@@ -1,4 +1,4 @@
-"""Directories of Jinja2 templates: their mistakes at their places, and the files that they make."""
+"""Check and render directories of Jinja2 templates. Errors are reported with their positions."""
 
 from __future__ import annotations
 
@@ -34,20 +34,20 @@ _EACH: Final = "member"
 class Templates:
     """The templates of a directory, read and checked.
 
-    A file `name.j2` is a template of `name`; other files are copied as they are. Paths may have expressions, too. With
-    `member` in its path a template makes a file for each member of the family; where its name or its text comes to
-    nothing, none. A template can read what it is given, and do nothing else: it runs in Jinja2's sandbox.
+    A file `name.j2` is a template of the file `name`; other files are copied unchanged. Paths may contain expressions,
+    too. A template with `member` in its path renders one file per member of the family. If its path or its text is
+    empty, no file is written. Templates run in Jinja2's sandbox, so that they can only read the given values.
 
     Args:
         folder: the directory.
-        known: the names that templates may use, beside `member`.
+        known: the names that templates may use, besides `member`.
 
     Raises:
-        InvalidArgument: there is no such directory, or nothing is in it.
-        LoadError: all mistakes in all templates.
+        InvalidArgument: the directory does not exist or is empty.
+        LoadError: templates have errors; it contains all of them.
 
     Attributes:
-        places: the paths of the files in the directory, with `/`, sorted.
+        places: paths of the files in the directory, with `/`, sorted.
         used: the names that the templates use.
     """
 
@@ -69,15 +69,15 @@ class Templates:
             raise LoadError(problems)
 
     def files(self, values: Mapping[str, Any], members: Sequence[Any]) -> dict[str, str | bytes]:
-        """The files that the templates make, by their paths with `/`.
+        """Render all templates, and return the content of the files by path (with `/`).
 
         Args:
-            values: by the names that templates may use.
-            members: what `member` stands for, one after the other.
+            values: the values by the names that templates may use.
+            members: the values of `member`, one after the other.
 
         Raises:
-            InvalidArgument: what a path comes to is none, or two templates make one file.
-            EvaluationError: an expression has no value, or does what it must not; with its place.
+            InvalidArgument: a template renders an invalid path, or two templates render the same path.
+            EvaluationError: an expression has no value or is not allowed; it has the position.
         """
         found: dict[str, str | bytes] = {}
         for place in self.places:
@@ -106,7 +106,7 @@ class Templates:
     def _rendered(self, place: str, render: Callable[..., str], values: Mapping[str, Any]) -> str:
         try:
             return render(values)
-        except Exception as error:  # whatever the expressions of the template come to
+        except Exception as error:  # expressions of a template may raise anything
             source, line = self._source(place), 1
             for frame, number in walk_tb(error.__traceback__):
                 for other in self._sources.values():
@@ -114,7 +114,7 @@ class Templates:
                         source, line = other, number
             raise EvaluationError(_message(error), _line(source, line)) from error
 
-    # --- mistakes
+    # --- checks
 
     def _check(self, place: str, known: set[str]) -> Iterator[Diagnostic]:
         in_path, problems = self._names(Source(f"path of {place}", place), {*known, _EACH})
@@ -135,7 +135,7 @@ class Templates:
         return self._sources[place]
 
     def _names(self, source: Source, known: set[str]) -> tuple[set[str], list[Diagnostic]]:
-        """The names that a text uses, and what is wrong with it."""
+        """Return the names that a template uses, and the diagnostics. The names are added to `used`."""
         try:
             tree = self._environment("").parse(source.text)
             names = find_undeclared_variables(tree) - {*self._environment("").globals}
@@ -157,14 +157,14 @@ def _unknown(source: Source, tree: nodes.Template, name: str, known: set[str]) -
 
 
 def _line(source: Source, number: int) -> Span:
-    """A line without the blanks around it."""
+    """Return the span of a line without its leading and trailing blanks."""
     start = len("".join(source.text.splitlines(keepends=True)[: number - 1]))
     text = source.line(number)
     return source.span(start + len(text) - len(text.lstrip()), start + max(len(text.rstrip()), 1))
 
 
 def _message(error: Exception) -> str:
-    """An exception in one line that begins with a small letter."""
+    """Return the first line of an exception's message, with a lower-case first letter and without a final full stop."""
     text = getattr(error, "message", None) or str(error) or type(error).__name__
     text = visible(text.partition("\n")[0].rstrip("."))
     return text[:1].lower() + text[1:]

@@ -1,1 +1,1 @@
-"""Families: read, written, shown, and made into environments."""
+"""Families: reading and writing them, their pictures, and the environments of their members."""

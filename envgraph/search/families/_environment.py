@@ -1,4 +1,4 @@
-"""Members of families as Gymnasium environments: `envgraph.make`, and what `gymnasium.make` calls."""
+"""Members of families as Gymnasium environments: `envgraph.make`, and the entry points of `gymnasium.make`."""
 
 from __future__ import annotations
 
@@ -51,22 +51,23 @@ def make(
     domain: Location | None = None,
     **options: Any,
 ) -> Environment:
-    """The Gymnasium environment of one member of a family, with the time limit of the family.
+    """Return the Gymnasium environment of a member of a family, with the time limit of the family.
 
-    Like `gymnasium.make`, without a name that would have to be registered: `env.spec` makes the environment again.
+    It works like `gymnasium.make` without a registered name: `env.spec` makes the environment again.
 
     Args:
         family: a family file (`envgraph export`), a run, its name below `runs`, or its run store.
-        variant: name of a member ("E6") or its number from 1; the target, which is the last one, by default.
-        domain: instead of a family: a family.toml, its directory, or the name of a bundled domain, whose own model is
-            the environment.
+        variant: name of a member ("E6") or its number from 1; by default the target, which is the last member.
+        domain: in place of a family, a family.toml, its directory, or the name of a bundled domain. The environment is
+            then that of the domain's own model.
         options: of `gymnasium.make` (`max_episode_steps`, `disable_env_checker`) and of `make_environment`
             (`render_mode`, `observation`, `engine`, `cell`).
 
     Raises:
-        InvalidArgument: no such family or member, or both a family and a domain are given, or neither.
+        InvalidArgument: the family or member does not exist, or not exactly one of family and domain is given.
         LoadError: the files have errors.
-        EvaluationError: too many states to visit for `engine="table"`, or `engine="compiled"` of what is not compiled.
+        EvaluationError: there are too many states for `engine="table"`, or the behaviour cannot be compiled for
+            `engine="compiled"`.
 
     >>> make(domain="keydoor").spec.max_episode_steps
     100
@@ -83,17 +84,17 @@ def make_vec(
     schedule: Schedule | str | None = None,
     **options: Any,
 ) -> VectorEnvironment:
-    """Many environments at once, stepped by array indexing; like `gymnasium.make_vec`, and the arguments of `make`.
+    """Return a vector environment, like `gymnasium.make_vec`, with the arguments of `make`.
 
     Args:
         family, domain: as for `make`.
-        num_envs: how many.
-        variant: as for `make`, or a list, whose members take turns: `num_envs=60, variant=["E1", "E2"]` gives thirty
-            of each.
-        schedule: says of which of these, or of all members without `variant`, each episode is: one of
+        num_envs: number of environments.
+        variant: as for `make`, or a list whose members are repeated in order: `num_envs=60, variant=["E1", "E2"]` makes
+            thirty of each.
+        schedule: chooses the member of each episode from `variant`, or from all members without it. It is a schedule of
             `envgraph.env.schedules`, or a name in its `SCHEDULES`.
         options: of `gymnasium.make_vec` and of `make_vector_environment`. `vectorization_mode` "sync" or "async" steps
-            single environments instead, as `engine="live"` does; `autoreset_mode` is for all of them.
+            single environments instead, as `engine="live"` does; `autoreset_mode` works with all of them.
     """
     given = _given(variant=variant, schedule=schedule)
     return make_vec_spec(_spec(family, domain), num_envs, **given, **options)
@@ -107,17 +108,18 @@ def make_aec(
     max_episode_steps: int | None = -1,
     **options: Any,
 ) -> Any:
-    """One member of a family whose agents take turns, as an environment of PettingZoo's AEC interface.
+    """Return a member of a family whose agents take turns, as an environment of PettingZoo's AEC interface.
 
     Args:
         family, variant, domain: as for `make`.
-        max_episode_steps: turns after which an episode is truncated; those of the family if -1, None for no limit.
+        max_episode_steps: turns after which an episode is truncated. -1: the limit of the family; None: no limit.
         options: `render_mode`, `observation`, `cell` and `action_masks`, as for `make`.
 
     Raises:
-        InvalidArgument: as for `make`; also where there are no agents, or agents that act together, or no PettingZoo.
+        InvalidArgument: as for `make`; or there are no agents, agents act simultaneously, or PettingZoo is not
+            installed.
     """
-    from envgraph.env.multiagent import TurnEnv  # takes PettingZoo
+    from envgraph.env.multiagent import TurnEnv  # needs PettingZoo
 
     return _several(TurnEnv, family, variant, domain, max_episode_steps, options)
 
@@ -130,9 +132,9 @@ def make_parallel(
     max_episode_steps: int | None = -1,
     **options: Any,
 ) -> Any:
-    """One member of a family whose agents act together, as an environment of PettingZoo's parallel interface.
+    """Return a member whose agents act simultaneously, as an environment of PettingZoo's parallel interface.
 
-    The arguments and errors are those of `make_aec`; agents that take turns are refused.
+    The arguments and errors are those of `make_aec`. A family whose agents take turns is refused.
     """
     from envgraph.env.multiagent import TogetherEnv
 
@@ -147,7 +149,7 @@ def _several(
     limit: int | None,
     options: dict[str, Any],
 ) -> Any:
-    """An environment of a kind on the live engine of a member."""
+    """Return a multi-agent environment of class `kind` on the live engine of a member."""
     if family is not None and domain is not None:
         raise InvalidArgument("give a `family` or a `domain`, not both")
     place = None if domain is None else str(domain)
@@ -166,21 +168,22 @@ def register(
     name: str | None = None,
     **options: Any,
 ) -> str:
-    """Register a family, so that `gymnasium.make(id, variant="E2")` and `gymnasium.make_vec(id, 8)` make its members.
+    """Register a family in Gymnasium, so that `gymnasium.make(id, variant="E2")` makes its members.
 
-    The same again changes nothing. An id holds in this process: one that Gymnasium's workers import registers it there.
+    `gymnasium.make_vec(id, 8)` works as well. Registering the same family again changes nothing. The id exists only in
+    this process; worker processes of Gymnasium must register it as well.
 
     Args:
         family, domain: as for `make`.
-        name: of the environment, which becomes `envgraph/<name>-v0`: letters, digits, `_`, `.` and `-`; that of the
-            family or domain if None.
-        options: of `make_environment` and `make_vector_environment`, for all that is made so.
+        name: name of the environment in the id `envgraph/<name>-v0`: letters, digits, `_`, `.` and `-`. None: the name
+            of the family or domain.
+        options: options of `make_environment` and `make_vector_environment` for all environments made with this id.
 
     Returns:
         The id.
 
     Raises:
-        InvalidArgument: as for `make`; also a malformed name, or an id that stands for something else already.
+        InvalidArgument: as for `make`; or the name is malformed, or the id is registered for something else.
         LoadError: the files have errors.
 
     >>> import gymnasium
@@ -198,13 +201,16 @@ def register(
 
 
 def _spec(family: Location | None, domain: Location | None) -> EnvSpec:
-    """What Gymnasium has to know."""
+    """Return the `EnvSpec` of a family or domain for Gymnasium."""
     given, record = _located(family, domain)
     return environment_spec(record.behaviour, limit=record.limit, **given)
 
 
 def _located(family: Location | None, domain: Location | None) -> tuple[dict[str, Any], Record]:
-    """Where a family is; places are absolute, so that other processes make the same."""
+    """Return the location of a family as keyword arguments, and its record.
+
+    Paths of families are absolute, so that other processes make the same environment.
+    """
     if family is not None and domain is not None:
         raise InvalidArgument("give a `family` or a `domain`, not both")
     place = None if domain is None else str(domain)
@@ -231,28 +237,27 @@ def make_environment(
     action_masks: bool = False,
     rewards: bool = False,
 ) -> EnvgraphEnv | EnvgraphLiveEnv | CompiledEnv | RewardsApart:
-    """What `gymnasium.make` calls: one member of a family, without a time limit.
+    """Return the environment of a member of a family, without a time limit; the entry point for `gymnasium.make`.
 
     Args:
-        domain: where the behaviour and the initial model come from when there is no family: a family file, its
-            directory, or the name of a bundled domain.
+        domain: source of the behaviour and the initial model if there is no family: a family file, its directory, or
+            the name of a bundled domain.
         family: a family file (`envgraph export`), a run, or its run store.
-        variant: name of a member ("E6") or its number from 1; the target, which is the last one, by default.
+        variant: name of a member ("E6") or its number from 1; by default the target, which is the last member.
         render_mode: None, "ansi", "rgb_array" or "human".
-        observation: "index" for one number, "multi" for its components, "flat" for them as one-hot vectors, "dict" for
-            them by name, "image" for planes over the grid, "graph" for the model. The last two are made of the model,
-            so the environment is compiled or live; see `ImageView` and `GraphView`.
+        observation: "index" for a single number, "multi" for its components, "flat" for one-hot vectors of them, "dict"
+            for components by name, "image" for planes over the grid, "graph" for the model. The last two are computed
+            from the model, so that the environment is compiled or live; see `ImageView` and `GraphView`.
         cell: side of a cell in pixels.
-        engine: what steps: "table", the table of all states, of which there must not be too many; "compiled", a program
-            made of the behaviour; "live", the engine of the model. None: the first of these that can. Episodes are the
-            same.
-        live: the same as `engine="live"`.
-        action_masks: whether infos have `action_mask`, int8 [actions]; the method `action_masks` is there in any case.
-        rewards: whether the infos of steps tell each reward apart, as `rewards`; see `RewardsApart`.
+        engine: "table" for the transition table, which requires a limited number of states; "compiled" for the compiled
+            behaviour; "live" for the engine of the model. None: the first of these that works. Episodes are the same.
+        live: True is the same as `engine="live"`.
+        action_masks: True adds `action_mask`, int8 [actions], to infos. The method `action_masks` always exists.
+        rewards: True adds `rewards`, each reward by name, to the infos of steps; see `RewardsApart`.
 
     Raises:
-        InvalidArgument: no such family, member or engine, or neither a domain nor a family is given, or the family is
-            of another environment than the domain.
+        InvalidArgument: the family, member or engine does not exist, neither a domain nor a family is given, or the
+            family does not belong to the domain's environment.
         LoadError: the files have errors.
         EvaluationError: as for `make`.
     """
@@ -261,7 +266,7 @@ def make_environment(
     if not isinstance(variant, int | str | None):
         raise InvalidArgument("one environment is of one variant", "`envgraph.make_vec` takes a list of them")
     opened = open_member_family(domain, family, () if variant is None else (variant,))
-    check_render_mode(render_mode, drawn=opened.record.drawn)  # before all states are visited
+    check_render_mode(render_mode, drawn=opened.record.drawn)  # checked before all states are visited
     place = opened.place(variant)
     shown = {
         "render_mode": render_mode,
@@ -287,7 +292,7 @@ def make_environment(
 def _environment(
     opened: Opened, place: int, wanted: EngineKind | None, shown: dict[str, Any]
 ) -> tuple[EnvgraphEnv | EnvgraphLiveEnv | CompiledEnv, EngineKind]:
-    """The environment of a member, as it is to be shown, and what steps it."""
+    """Return the environment of a member with the options `shown`, and the engine that steps it."""
     kind = shown.get("observation", "index")
     of_model, pictures = kind in OF_MODEL, shown.get("render_mode") is not None
     found = opened.stepping([place], wanted, pictures=pictures, of_model=of_model)
@@ -321,16 +326,16 @@ def make_vector_environment(
     action_masks: bool = False,
     rewards: bool = False,
 ) -> EnvgraphVectorEnv | CompiledVectorEnv:
-    """What `gymnasium.make_vec` calls: `num_envs` environments, stepped by arrays.
+    """Return a vector environment of `num_envs` environments; the entry point for `gymnasium.make_vec`.
 
-    The arguments are those of `make_environment`, but `variant` may be a list: its members take turns, so that
-    `num_envs=60, variant=["E1", "E2"]` gives thirty of each, unless a `schedule` says of which each episode is; and
-    `family` may be one in memory. The others are those of `CompiledVectorEnv`; with `streams` or `threads` given it is
-    that, whatever there is a table of.
+    The arguments are those of `make_environment`. `variant` may be a list whose members are repeated in order, so that
+    `num_envs=60, variant=["E1", "E2"]` makes thirty of each; a `schedule` chooses the member of each episode instead.
+    `family` may be a `Family`. The other arguments are those of `CompiledVectorEnv`. With `streams` or `threads` the
+    environments are compiled even if there are tables.
 
     Raises:
-        InvalidArgument, LoadError, EvaluationError: as for `make_environment`; also `engine="live"` and `rewards`,
-            of which there is no vector environment: `make_vec` makes single ones of them.
+        InvalidArgument, LoadError, EvaluationError: as for `make_environment`. `engine="live"` and `rewards` are
+            refused, because they need single environments: use `make_vec`.
     """
     if rewards:
         raise InvalidArgument("rewards are told apart by single ones", 'give `vectorization_mode="sync"`')
@@ -383,7 +388,7 @@ def make_vector_environment(
 
 
 def _engine_of(engine: EngineKind | None, live: bool) -> EngineKind | None:
-    """What is to step; None for the first that can."""
+    """Return the requested engine; None if the first engine that works is to be used."""
     if engine is not None:
         check_known(engine, ENGINES, f"unknown engine {engine!r}")
     if live and engine not in (None, "live"):
@@ -392,7 +397,7 @@ def _engine_of(engine: EngineKind | None, live: bool) -> EngineKind | None:
 
 
 def _check_observation(kind: ObservationKind, engine: EngineKind | None) -> None:
-    """See that there are such observations, before all states are visited."""
+    """Raise `InvalidArgument` if the engine cannot make such observations, before any state is visited."""
     check_kind(kind)
     if kind in OF_MODEL and engine == "table":
         hint = 'leave `engine` out, or give "compiled" or "live"'

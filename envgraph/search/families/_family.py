@@ -1,4 +1,4 @@
-"""Families: the environments that a run made or a file holds, and everything needed to rebuild them."""
+"""Families: the members that a run created or a file contains, and all data needed to rebuild them."""
 
 from __future__ import annotations
 
@@ -43,16 +43,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Member:
-    """One environment of a family.
+    """A member of a family: a model, which is the initial state of an environment.
 
     Attributes:
-        name: "E1" for the first in the order of the curriculum, and so on.
+        name: "E1" for the first member in the order of the curriculum, and so on.
         measures: value of every measure, by name.
-        source: its model, as JSON text; or what makes that text when it is asked for.
+        source: the model as JSON text, or an object that makes this text on demand.
         individual: id in the run store, or None.
-        initial: whether it is the initial model.
-        certificates: what was verified of it: "shortest_plan" (None where there is none), "random_success",
-            "optimal_return", within "limit" steps; {} where nothing was.
+        initial: True if it is the initial model.
+        certificates: the verified values "shortest_plan" (None if there is no plan), "random_success" and
+            "optimal_return", within "limit" steps. {} if the member was not verified.
     """
 
     name: str
@@ -65,7 +65,7 @@ class Member:
 
     @property
     def model(self) -> str:
-        """Its model, as JSON text."""
+        """Return the member's model as JSON text."""
         return self.source if isinstance(self.source, str) else self.source.text()
 
     def _repr_html_(self) -> str | None:
@@ -74,18 +74,18 @@ class Member:
 
 @dataclass(frozen=True)
 class Family:
-    """Environments in the order of the curriculum, with the texts of their domain.
+    """A family of environments in the order of the curriculum, with the texts of their domain.
 
     Attributes:
-        name: of the family.
-        bundle: the texts of the domain; the first root is the family file.
-        members: from the easiest to the hardest by the measure that orders the curriculum, then the initial model.
-        domain: what the texts say, with the overrides.
-        overrides: what held instead of what the family file says, such as "seed=5".
-        objective: values of the family by the terms of `[objective]`, and `learnt` of `CurriculumProgress`; {} for a
-            run without an objective.
-        lacking: conditions of the objective that do not hold, by what is written there, and by how much.
-        tables: where the states of the members are kept once they have been enumerated.
+        name: name of the family.
+        bundle: texts of the domain; the first root is the family file.
+        members: the members from the easiest to the hardest by the measure that orders the curriculum, then the initial
+            model.
+        domain: the domain read from the texts, with the overrides.
+        overrides: settings that replace those of the family file, such as "seed=5".
+        objective: values of the terms of `[objective]`, and `learnt` of `CurriculumProgress`; {} without an objective.
+        lacking: violated conditions of the objective, by their text, each with the amount of the violation.
+        tables: cache of the members' transition tables.
     """
 
     name: str
@@ -105,27 +105,27 @@ class Family:
 
     @property
     def value(self) -> float | None:
-        """What counts most in the objective; None without one."""
+        """Return the value of the first term of the objective; None without an objective."""
         return next(iter(self.objective.values()), None)
 
     @cached_property
     def keys(self) -> KeyIndex:
-        """Indices of objects that mean the same in every member, and in those of a family that this is a part of."""
+        """Return the indices of objects by key, which are equal in all members and in a larger family of these."""
         if self._keys is not None:
             return self._keys
         near = sorted(
             self.members, key=lambda one: one.individual or 0
-        )  # the way from one to the next is short
+        )  # consecutive individuals need the fewest rule applications
         return self.domain.keys(self._models(near))
 
     def _models(self, members: Iterable[Member]) -> Iterator[Model]:
-        """The models of members, each to be read before the next one is asked for."""
+        """Yield the models of members. Each must be read before the next one is requested."""
         for one in members:
             yield self.model(one) if isinstance(one.source, str) else one.source.engine().model
 
     @property
     def behaviour(self) -> Behaviour:
-        """What the agent can do.
+        """Return the behaviour of the environments.
 
         Raises:
             InvalidArgument: the family has no environment.
@@ -137,27 +137,27 @@ class Family:
 
     @property
     def limit(self) -> int | None:
-        """Steps after which an episode is truncated, or None."""
+        """Return the number of steps after which an episode is truncated, or None."""
         return self.domain.spec.limit or self.behaviour.limit
 
     def member(self, variant: int | str | None = None) -> Member:
-        """A member by its name, or by its number from 1; the last one, the target, for None.
+        """Return a member by its name or its number from 1; the target, which is the last member, for None.
 
         Raises:
-            InvalidArgument: there is no such member.
+            InvalidArgument: the member does not exist.
         """
         return self.members[place_of(variant, [member.name for member in self.members], self.name)]
 
     def model(self, member: Member) -> Model:
-        """A fresh copy of a member's model."""
+        """Return a new copy of a member's model."""
         return model_from_json(member.model, self.domain.metamodel, file=f"{self.name}/{member.name}")
 
     def explored(self, member: Member, *, pictures: bool = False) -> Explored:
-        """The table of a member's reachable states, enumerated when it is first asked for and then kept in `tables`.
+        """Return the transition table of a member. It is computed on the first call, and then cached in `tables`.
 
         Args:
-            member: of this family.
-            pictures: whether there is to be a scene of every state, if the behaviour says how to draw it.
+            member: a member of this family.
+            pictures: True if a scene of every state is needed. It is only made if the behaviour has a `draw` clause.
 
         Raises:
             InvalidArgument: the family has no environment.
@@ -166,18 +166,18 @@ class Family:
         name, kept = member.name, self._explored
         known = kept.get((name, True)) or kept.get((name, pictures))
         if known is None:
-            behaviour = self.behaviour  # raises where there is none
+            behaviour = self.behaviour  # raises if there is no environment
             known = self._explored[name, pictures] = self.tables.explored(
                 self.domain, behaviour, self.model(member), self.keys, pictures=pictures
             )
         return known
 
     def program(self, members: Sequence[Member]) -> Program:
-        """The compiled behaviour, over some members.
+        """Return the compiled behaviour for some members.
 
         Raises:
             InvalidArgument: the family has no environment.
-            NotCompiled: something in its behaviour only the live engine has.
+            NotCompiled: the behaviour has a construct that cannot be compiled.
         """
         from envgraph.env.compiled import Borrowed, program_of
 
@@ -193,11 +193,11 @@ class Family:
         return self.domain.engine(self.model(member))
 
     def table_name(self, member: Member) -> str:
-        """The file in which the table of a member is kept."""
+        """Return the name of the file in which the table of a member is cached."""
         return table_name(self.domain, self.behaviour, self.model(member), self.keys)
 
     def record(self) -> Record:
-        """What making environments takes beside the tables; raises as `behaviour`."""
+        """Return the data that is needed besides tables to make environments. Raises as `behaviour`."""
         behaviour = self.behaviour
         tables = {
             one.name: self.table_name(one) if isinstance(one.source, str) else "" for one in self.members
@@ -207,37 +207,37 @@ class Family:
         return Record(self.name, behaviour.name, self.limit, drawn, tables, certificates)
 
     def scene(self, member: Member) -> Scene | None:
-        """The picture of a member, or None where the behaviour says nothing about drawing."""
+        """Return the picture of a member as a scene; None if the behaviour has no `draw` clause."""
         behaviour = self.domain.behaviour
         if behaviour is None or behaviour.draw is None:
             return None
         return scene_of(self.model(member), behaviour.draw, behaviour.parameters)
 
     def svg(self, member: Member) -> str:
-        """A picture of a member: as its behaviour says how to draw, else as boxes and lines."""
+        """Return the picture of a member as SVG, by the `draw` clause of the behaviour, else as boxes and lines."""
         return member_svg(self, member)
 
     def text(self, member: Member) -> str:
-        """The same in letters."""
+        """Return the picture of a member as text."""
         return member_text(self, member)
 
     def subset(self, members: Iterable[Member | int | str]) -> Family:
-        """The family of some members, in their order here and with their names.
+        """Return the family of some members, in their order here and with their names.
 
         Args:
-            members: of this family, or their names or numbers from 1.
+            members: members of this family, or their names or numbers from 1.
 
         Raises:
-            InvalidArgument: there is no such member, or none is named.
+            InvalidArgument: a member does not exist, or there are none.
         """
         chosen = {one.name if isinstance(one, Member) else self.member(one).name for one in members}
         return self._of([place for place, one in enumerate(self.members) if one.name in chosen])
 
     def between(self, measure: str, low: float, high: float) -> Family:
-        """The family of the members whose measure is from `low` to `high`, such as a band of difficulty.
+        """Return the family of the members whose measure is from `low` to `high`, such as a range of difficulty.
 
         Raises:
-            InvalidArgument: there is no such measure, or no such member.
+            InvalidArgument: the measure does not exist, or no member is in the range.
         """
         check_known(measure, self.members[0].measures, f"family `{self.name}` has no measure `{measure}`")
         return self._of(
@@ -245,16 +245,16 @@ class Family:
         )
 
     def spaced(self, count: int) -> Family:
-        """The family of the last member, the target, and of others at even steps of what orders the curriculum.
+        """Return the family of the target and of other members that are evenly spaced by the measure of the curriculum.
 
-        Of each of as many evenly spaced values, from the least to the greatest, it is the nearest member that is not
-        chosen yet.
+        For each of `count - 1` evenly spaced values, from the least to the greatest, the nearest remaining member is
+        chosen.
 
         Args:
-            count: members in all.
+            count: number of members with the target.
 
         Raises:
-            InvalidArgument: it is not from 2 up to the members that there are.
+            InvalidArgument: `count` is not from 2 to the number of members.
         """
         if not 2 <= count <= len(self.members):
             raise InvalidArgument(
@@ -272,33 +272,33 @@ class Family:
     def split(
         self, test: float | int | Callable[[Member], bool] = 0.2, *, apart: int = 1, seed: int = 0
     ) -> tuple[Family, Family]:
-        """A family to train on, and one to test what was learnt: no member is in both, or like one in the other.
+        """Split the family into a training family and a test family, without common or too similar members.
 
         Args:
-            test: which members are tested: a share of them or a number, drawn by lot; or what says so of a member.
-            apart: in how many objects, at least, each member that is trained on differs from each that is tested;
-                those that are nearer are left out of both.
-            seed: of the lot.
+            test: the test members: a share or a number to sample, or a function that returns True for test members.
+            apart: the least number of objects in which a training member differs from each test member. Members that
+                are too similar to a test member are in neither family.
+            seed: seed of the sampling.
 
         Raises:
-            InvalidArgument: nothing is left to train on, or to test.
+            InvalidArgument: no training member or no test member is left.
         """
         trained, tested = split(self.members, self._models(self.members), test, apart, seed)
         return self._of(trained), self._of(tested)
 
     def distances(self) -> NDArray[np.int64]:
-        """In how many objects each member differs from each other one [members, members]: class, values or links.
+        """Return in how many objects each pair of members differs, by class, values or links [members, members].
 
-        An object is what has the same id: the members of a run share the objects of the initial model. A link belongs
-        to the object whose reference is declared first.
+        Objects are compared by id: the members of a run share the objects of the initial model. A link belongs to the
+        object whose reference is declared first.
         """
         objects = described(self._models(self.members))
         return differing(objects, objects)
 
     def columns(self) -> dict[str, NDArray[Any]]:
-        """The members as columns of a table: `name`, `initial`, and each measure and certificate.
+        """Return the members as columns of a table: `name`, `initial`, and each measure and certificate.
 
-        `pandas.DataFrame(family.columns())` makes a data frame of them, and `polars.DataFrame` does.
+        `pandas.DataFrame(family.columns())` and `polars.DataFrame(family.columns())` make data frames.
         """
         members = self.members
         certain = dict.fromkeys(name for one in members for name in one.certificates)
@@ -326,12 +326,12 @@ class Family:
         return family_html(self)
 
     def paying(self, name: str) -> Family:
-        """The family whose environments pay the rewards of one name alone, of `envgraph.behaviour.reward_names`.
+        """Return the family whose environments pay only the rewards with one name of `envgraph.behaviour.reward_names`.
 
-        Episodes are the same; tables and what is computed of them are about this reward. Nothing is verified of it.
+        Its transition tables contain this reward alone, and its members have no certificates. Episodes are the same.
 
         Raises:
-            InvalidArgument: nothing of this name pays a reward, or there is no environment.
+            InvalidArgument: no reward has this name, or there is no environment.
         """
         members = tuple(replace(one, certificates={}) for one in self.members)
         found = replace(self, members=members, _explored={}, _keys=self.keys, _pays=name)
@@ -339,7 +339,10 @@ class Family:
         return found
 
     def class_counts(self) -> dict[str, tuple[int, ...]]:
-        """Number of objects of each class in every member, where the members differ and no measure says the same."""
+        """Return the number of objects of each class in every member.
+
+        Classes are left out if the numbers are equal in all members, or if a measure has the same values.
+        """
         classes = [cls.name for cls in self.domain.metamodel.class_list if not cls.abstract]
         found = [
             [len(model.graph.exact_extent(cls)) for cls in classes] for model in self._models(self.members)
@@ -353,16 +356,16 @@ class Family:
         }
 
     def diversity(self) -> float:
-        """The family measure over the members."""
+        """Return the diversity of the members, as the family file defines it."""
         problem = self.domain.problem(self.domain.engine())
         return problem.diversity.score([member.measures[problem.diversity_of] for member in self.members])
 
 
 def place_of(variant: int | str | None, names: Sequence[str], family: str) -> int:
-    """The place of a member in a family, from 0, by its name or its number from 1; the last one for None.
+    """Return the place of a member in a family, from 0, by its name or its number from 1; the last place for None.
 
     Raises:
-        InvalidArgument: there is no such member.
+        InvalidArgument: the member does not exist.
     """
     if variant is None:
         return len(names) - 1
@@ -376,11 +379,10 @@ def place_of(variant: int | str | None, names: Sequence[str], family: str) -> in
 def ordered(
     domain: Domain, found: Sequence[tuple[Mapping[str, float], str | Derived, int | None, bool]]
 ) -> tuple[Member, ...]:
-    """Members from measures, model, individual and initial flag, in the order of the curriculum.
+    """Return members in the order of the curriculum, from tuples of measures, model, individual and initial flag.
 
-    The initial model comes last, as the target, or last among its equals where the family file wants it `ordered`.
-    Equal values keep the given order; so do the members of a family that was searched for as a whole, unless the file
-    names a measure.
+    The initial model is last, as the target, or last among equals if the family file says `ordered`. Equal values keep
+    the given order. The members of a curriculum search also keep it, unless the file names a measure for the order.
     """
     curriculum = domain.spec.curriculum
     if domain.spec.climbs and curriculum.order is None:
@@ -392,15 +394,15 @@ def ordered(
 
 
 def order_of(domain: Domain) -> str:
-    """The measure that orders the curriculum, or would if the file named none."""
+    """Return the measure that orders the curriculum: the one named in the family file, else that of the diversity."""
     return str(domain.spec.curriculum.order or domain.spec.diversity.options["of"])
 
 
 def run_file(location: str | Path, directory: Path = Path("runs")) -> Path:
-    """Where a run store is: `location` may be the file, its directory, or the name of a run below `directory`.
+    """Return the path of a run store. `location` is the file, its directory, or the name of a run below `directory`.
 
     Raises:
-        InvalidArgument: there is no such run.
+        InvalidArgument: the run does not exist.
     """
     path = Path(location)
     for candidate in (path, path / "run.sqlite", directory / path / "run.sqlite"):
@@ -415,10 +417,10 @@ def run_file(location: str | Path, directory: Path = Path("runs")) -> Path:
 def domain_of(
     bundle: Bundle, overrides: Sequence[str], file: str, components: Components | None = None
 ) -> Domain:
-    """The domain of the texts that a run or a family file keeps; what is wrong with them is said to be in it.
+    """Return the domain of the texts in a run or family file. Errors get a note that the text is in `file`.
 
     Raises:
-        LoadError: all that is wrong with the texts.
+        LoadError: the texts have errors; it contains all of them.
     """
     try:
         return Domain.from_bundle(bundle, components, overrides)
@@ -428,7 +430,7 @@ def domain_of(
 
 
 def family_of(store: RunStore, domain: Domain) -> Family:
-    """The family of the last generation of a run, of the domain whose texts it keeps.
+    """Return the family of the last generation of a run, given the domain read from the run's texts.
 
     Raises:
         InvalidArgument: the run has no generation yet, or is damaged.
@@ -459,7 +461,7 @@ def family_of(store: RunStore, domain: Domain) -> Family:
                 raise store.damaged(f"individual {id_} is not the model that was measured")
             source = individual.model
         elif not sampled:
-            source = derived.text()  # so that what is wrong with it is found now
+            source = derived.text()  # made now, so that errors are reported now
         found.append((individual.measures, source, id_, individual.parent is None and not imported))
     tables, certificates = Tables.of_run(store.path), store.certificates
     members = tuple(
@@ -470,7 +472,7 @@ def family_of(store: RunStore, domain: Domain) -> Family:
 
 
 def _worth(store: RunStore, domain: Domain) -> tuple[dict[str, float], dict[str, float]]:
-    """What a run says of its objective: values, and what is lacking."""
+    """Return the stored values of the objective, and the amounts by which conditions are violated."""
     found, spec = store.objective, domain.spec.objective
     try:
         known = {spec.kind: found["value"]} if spec and "value" in found else found.get("values", {})
@@ -484,12 +486,12 @@ def _numbers(found: Any) -> dict[str, float]:
 
 
 def lacking_measures(domain: Domain, measures: Mapping[str, float]) -> list[str]:
-    """Measures of the family file that a member has no value of."""
+    """Return the names of the measures in the family file of which a member has no value."""
     return [one.name for one in domain.spec.measures if one.name not in measures]
 
 
 def _with_ancestors(store: RunStore, members: Sequence[int]) -> dict[int, Individual]:
-    """Some individuals, and what those descend from whose models are not stored."""
+    """Return individuals by id, with the ancestors of those whose models are not stored."""
     found: dict[int, Individual] = {}
     for id_ in members:
         individual = store.individual(id_)

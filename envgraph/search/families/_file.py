@@ -1,4 +1,4 @@
-"""Families as files: one JSON document with the texts of the domain and the models of the members."""
+"""Read and write families as files: a JSON document with the texts of the domain and the models of the members."""
 
 from __future__ import annotations
 
@@ -34,16 +34,16 @@ FORMAT = "envgraph-family-2"
 def open_family(
     location: str | Path, directory: Path = Path("runs"), components: Components | None = None
 ) -> Family:
-    """The family of a run store or of a family file.
+    """Return the family of a run store or of a family file.
 
     Args:
         location: a run store, its directory, the name of a run below `directory`, or a family file (.json).
-        directory: where runs are kept.
-        components: what the names in the domain's family file mean; by default the ones that come with envgraph.
+        directory: the directory that contains runs.
+        components: the components that the family file may name; by default the built-in ones.
 
     Raises:
-        InvalidArgument: there is no such run or file, or the run has no family yet.
-        LoadError: the file is no family file.
+        InvalidArgument: the run or file does not exist, or the run has no family yet.
+        LoadError: the file is not a family file.
     """
     if _is_family_file(location):
         return read_family(Path(location), components)
@@ -52,7 +52,7 @@ def open_family(
 
 
 def kept(location: str | Path) -> tuple[Tables, str]:
-    """Where tables of a family are kept, and a hash of all that it is made from; raises as `open_family`."""
+    """Return the table cache of a family, and a hash of all data from which it is made. Raises as `open_family`."""
     if _is_family_file(location):
         return Tables.of_user(), key_of(read_source(DiskFiles(), str(location)).text)
     with RunStore.open(run_file(location)) as store:
@@ -60,7 +60,7 @@ def kept(location: str | Path) -> tuple[Tables, str]:
 
 
 def _is_family_file(location: str | Path) -> bool:
-    """Whether it is no run; raises where it is a file of another format."""
+    """Return True for a family file and False for a run. Raise `InvalidArgument` for a file of another format."""
     format = file_format(DiskFiles(), str(location))
     if format not in ("family", "json", "sqlite") and Path(location).is_file():
         what = FORMATS[format] if format else "of no format that is known"
@@ -74,7 +74,7 @@ def _is_family_file(location: str | Path) -> bool:
 
 
 def family_schema() -> dict[str, Any]:
-    """The JSON Schema (2020-12) of the format; it is the file `family.schema.json` in this package.
+    """Return the JSON Schema (2020-12) of the format, which is the file `family.schema.json` in this package.
 
     >>> family_schema()["$defs"]["member"]["required"]
     ['name', 'initial', 'measures', 'model']
@@ -85,7 +85,7 @@ def family_schema() -> dict[str, Any]:
 
 
 def write_family(family: Family) -> str:
-    """The text of a family file: texts of the domain and models of the members, one JSON document."""
+    """Return the text of a family file: a JSON document with the texts of the domain and the models of the members."""
     document = {
         "format": FORMAT,
         "name": family.name,
@@ -108,10 +108,10 @@ def write_family(family: Family) -> str:
 
 
 def read_family(path: Path, components: Components | None = None) -> Family:
-    """Read what `write_family` wrote; `components` as for `open_family`.
+    """Read a file that `write_family` wrote. `components` are as for `open_family`.
 
     Raises:
-        LoadError: the file is missing, or no family file; all that is wrong with it, each at its place.
+        LoadError: the file is missing or not a family file; it contains all problems with their positions.
     """
     source = read_source(DiskFiles(), str(path))
     value, spans = parse_json(source)
@@ -134,7 +134,9 @@ def read_family(path: Path, components: Components | None = None) -> Family:
     if not known:
         message = "the keys are not those of the members"
         raise LoadError([Diagnostic("bad-format", message, spans["keys",], _WRITTEN)])
-    return replace(family, _keys=keys)  # a part of a larger family counts objects that only others have, too
+    return replace(
+        family, _keys=keys
+    )  # a part of a larger family also indexes objects that only other members have
 
 
 _WRITTEN = "`envgraph export RUN -o family.json` writes one; `envgraph import` reads ga4cl files"

@@ -1,4 +1,4 @@
-"""Families of which environments are made: read as far as that takes, and what steps their members."""
+"""Lazily opened families, from which environments are made, and the engines that step their members."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ ENGINES: Final = get_args(EngineKind)
 
 
 class Opened:
-    """A family whose texts are read as soon as a table, or the record of what else it takes, is not kept."""
+    """A family that is read lazily: its texts are only read if a table, or the record of the family, is not cached."""
 
     def __init__(self, read: Callable[[], Family], kept: Callable[[], tuple[Tables, str]]) -> None:
         self._read = read
@@ -56,7 +56,7 @@ class Opened:
         return found
 
     def paying(self, name: str) -> Opened:
-        """The same with the rewards of one name alone; see `Family.paying`."""
+        """Return the family with the rewards of one name alone; see `Family.paying`."""
         return Opened(lambda: self.family.paying(name), lambda: (Tables(()), ""))
 
     def place(self, variant: int | str | None) -> int:
@@ -65,7 +65,10 @@ class Opened:
     def stepping(
         self, places: Sequence[int], engine: EngineKind | None, *, pictures: bool, of_model: bool = False
     ) -> list[Explored] | Program | None:
-        """What steps some members: their tables, if no models are wanted, a program, or None for the live engine."""
+        """Return tables or a program that steps the members; None if the live engine steps them.
+
+        With `of_model` observations need models, so that tables are not used unless `engine` requests them.
+        """
         if engine == "live":
             return None
         many = engine is None and len(places) > MANY and has_numba() and not pictures
@@ -91,27 +94,27 @@ class Opened:
             return None
 
     def program(self, places: Sequence[int]) -> Program:
-        """The program over some members; raises `NotCompiled`."""
+        """Return the compiled program for some members. Raises `NotCompiled`."""
         return self.family.program([self.family.members[place] for place in places])
 
     def simulator(self, place: int) -> Simulator:
-        """The live engine of a member."""
+        """Return a simulator of a member on a new live engine."""
         read = self.family
         engine = read.domain.engine(read.model(read.members[place]))
         return Simulator(engine, read.behaviour, read.keys)
 
     def view(self, kind: ObservationKind) -> ModelView:
-        """How the models of the family are seen."""
+        """Return the view that turns models of the family into observations."""
         read = self.family
         return model_view(kind, read.behaviour, [read.model(member) for member in read.members])
 
     def about(self, place: int) -> About:
-        """What infos tell of a member."""
+        """Return the infos about a member: its name and certificates."""
         name = [*self.record.tables][place]
         return {"variant": name, "certificates": dict(self.record.certificates[name])}
 
     def refused(self) -> EvaluationError:
-        """The error of a behaviour that is not compiled."""
+        """Return the error that the behaviour cannot be compiled, after `stepping` has failed to compile it."""
         assert self._refused is not None
         message = (
             f"environment `{self.family.behaviour.name}` is not compiled: it has {self._refused.construct}"
@@ -132,7 +135,7 @@ class Opened:
 
 @dataclass(frozen=True, eq=False)
 class OpenedMembers:
-    """The members of a family that one environment goes over to; each is read once. See `Members`."""
+    """The members between which one environment can be switched. Each member is read once. See `Members`."""
 
     domain: str | None
     family: Location | Family
@@ -159,7 +162,9 @@ class OpenedMembers:
         if place not in self._entered:
             found = self._opened.stepping([place], self.engine, pictures=self.pictures)
             if found is None:
-                return self._opened.simulator(place)  # has a state: it is of one environment
+                return self._opened.simulator(
+                    place
+                )  # not cached: a simulator has a state and belongs to a single environment
             self._entered[place] = found[0] if isinstance(found, list) else found
         return self._entered[place]
 
@@ -170,7 +175,7 @@ class OpenedMembers:
 def open_member_family(
     domain: str | None, family: Location | Family | None, variants: Sequence[int | str] = ()
 ) -> Opened:
-    """A family; for a domain without one, that of its own model alone."""
+    """Return a lazily opened family. For a domain without a family, its only member is the domain's own model."""
     if isinstance(family, Family):
         return Opened(lambda: family, lambda: (Tables(()), ""))
     if family is not None:

@@ -1,4 +1,4 @@
-"""Models that are no texts: an engine comes to them, by the rules of a run or by versions that are held."""
+"""Models that are not stored as texts: an engine restores them by replaying rules or checking out versions."""
 
 from __future__ import annotations
 
@@ -17,31 +17,31 @@ if TYPE_CHECKING:
 
 
 class Models(Protocol):
-    """Has models by number."""
+    """A provider of models by number."""
 
     def engine(self, id_: int) -> Engine:
-        """An engine that stands at a model until it is asked for another one; leave its model as it is."""
+        """Return an engine that is at a model until another model is requested. Do not change its model."""
 
 
 class Held:
-    """Takes an engine to versions, which it holds; somebody else may take it elsewhere in the meantime."""
+    """A provider of models that are versions of one engine. Other code may move the engine in the meantime."""
 
     def __init__(self, engine: Engine, versions: Sequence[Version]) -> None:
         self._engine, self._versions = engine, versions
 
     def engine(self, id_: int) -> Engine:
-        """See `Models`."""
+        """Check out a version in the engine, and return the engine; see `Models`."""
         self._engine.checkout(self._versions[id_], discard=True)
         return self._engine
 
 
 class Replay:
-    """Takes one engine to individuals of a run, one after the other.
+    """A provider of the models of a run, which replays the individuals' traces on one engine.
 
     Args:
-        domain: of the run.
-        individuals: those that are asked for and those that they descend from, by id.
-        file: the store, for errors.
+        domain: the domain of the run.
+        individuals: the individuals and all their ancestors, by id.
+        file: path of the store, for error messages.
     """
 
     def __init__(self, domain: Domain, individuals: Mapping[int, Individual], file: str) -> None:
@@ -50,10 +50,10 @@ class Replay:
         self._engine: Engine | None = None
 
     def engine(self, id_: int) -> Engine:
-        """See `Models`; the number is that of an individual.
+        """Return the engine at the model of an individual; see `Models`.
 
         Raises:
-            InvalidArgument: what the store says of it cannot be applied, or gives another model.
+            InvalidArgument: a stored trace cannot be applied, or leads to another model than was stored.
         """
         if self._engine is None:
             self._engine = self._domain.engine()
@@ -77,11 +77,11 @@ class Replay:
 
 @dataclass(frozen=True, slots=True)
 class Derived:
-    """A model that is made when it is asked for; the same as another one if their states are.
+    """A model that is made on demand. Two are equal if their state hashes are equal.
 
     Attributes:
         state: hash of the model.
-        number: of the model in what has it.
+        number: number of the model in its provider.
     """
 
     state: str
@@ -89,13 +89,13 @@ class Derived:
     _models: Models = field(compare=False, repr=False)
 
     def engine(self) -> Engine:
-        """See `Models`."""
+        """Return an engine at this model; see `Models`."""
         return self._models.engine(self.number)
 
     def __reduce__(self) -> tuple[type[str], tuple[str]]:
-        """Return what `copy` and `pickle` keep: the text, since the engine is that of others, too."""
+        """Return data so that copying and pickling give the JSON text. The engine is shared and cannot be copied."""
         return str, (self.text(),)
 
     def text(self) -> str:
-        """The model as JSON text."""
+        """Return the model as JSON text."""
         return dump_json(model_to_json(self.engine().model))

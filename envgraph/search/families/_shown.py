@@ -1,4 +1,4 @@
-"""How families are shown: pictures of their members with captions, as SVG, as text, and in notebooks."""
+"""Pictures of families: their members with captions, as SVG, as text, and for notebooks."""
 
 from __future__ import annotations
 
@@ -21,21 +21,23 @@ _LETTERS = 27
 
 
 def member_svg(family: Family, member: Member) -> str:
-    """See `Family.svg`."""
+    """Return the picture of a member as SVG, as `Family.svg` does."""
     scene = family.scene(member)
     if scene is not None:
         return scene_svg(scene)
-    return family.model(member).picture().to_svg(graphviz=False)  # the same on every machine
+    return (
+        family.model(member).picture().to_svg(graphviz=False)
+    )  # without Graphviz the picture is the same on every machine
 
 
 def member_text(family: Family, member: Member) -> str:
-    """See `Family.text`."""
+    """Return the picture of a member as text, as `Family.text` does."""
     scene = family.scene(member)
     return family.model(member).picture().to_text() if scene is None else scene_text(scene)
 
 
 def measure_texts(values: Sequence[float]) -> tuple[str, ...]:
-    """The values of one measure as people read them: whole numbers if all are, else three decimals or digits.
+    """Format the values of a measure as text, all as integers or all with three decimals (tiny ones as "2.28e-05").
 
     >>> measure_texts((3.0, 12.0)), measure_texts((0.5, 1.0, 0.0000228))
     (('3', '12'), ('0.500', '1.000', '2.28e-05'))
@@ -48,7 +50,7 @@ def measure_texts(values: Sequence[float]) -> tuple[str, ...]:
 
 
 def caption(family: Family, member: Member) -> list[tuple[str, str]]:
-    """The measures of a member, by name, as people read them."""
+    """Return the names and formatted values of a member's measures."""
     place = family.members.index(member)
     return [
         (name, measure_texts([one.measures[name] for one in family.members])[place])
@@ -57,7 +59,7 @@ def caption(family: Family, member: Member) -> list[tuple[str, str]]:
 
 
 def family_svg(family: Family) -> str:
-    """All members side by side, three in a row, with name and measures below, as SVG text."""
+    """Return an SVG text of all members, three in a row, with name and measures below."""
     members = family.members
     columns = min(_COLUMNS, len(members))
     step = _SIZE + _GAP + _LINE * (1 + len(members[0].measures)) + 6
@@ -90,14 +92,14 @@ def _caption(family: Family, member: Member, x: float, y: float) -> list[str]:
 
 
 def _placed(svg: str, x: int, y: int) -> str:
-    """The SVG element at a place of another one, in the size of all."""
+    """Return an SVG element at a position in another one, scaled to the common size."""
     head, rest = svg.split(">", 1)
     kept = re.sub(r'\s(width|height)="[^"]*"', "", head)
     return f'{kept} x="{x}" y="{y}" width="{_SIZE}" height="{_SIZE}">{rest}'
 
 
 def member_html(family: Family, member: Member) -> str:
-    """A member for notebooks: its picture, with name and measures below."""
+    """Return HTML of a member for notebooks: its picture, with name and measures below."""
     facts = "".join(f"<br>{markup(name)} {markup(value)}" for name, value in caption(family, member))
     given = " (initial)" if member.initial else ""
     text = f"<b>{markup(member.name)}</b>{given}{facts}"
@@ -106,6 +108,6 @@ def member_html(family: Family, member: Member) -> str:
 
 
 def family_html(family: Family) -> str:
-    """A family for notebooks: all members side by side."""
+    """Return HTML of a family for notebooks: all members side by side."""
     cards = "".join(member_html(family, member) for member in family.members)
     return f'<b>{markup(family.name)}</b><div style="display:flex;flex-wrap:wrap;gap:1em">{cards}</div>'

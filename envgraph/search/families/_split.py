@@ -1,4 +1,4 @@
-"""How far members of a family are from each other, and which of them are kept for tests."""
+"""Split the members of a family into training and test members, with a least distance between them."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def split(
     apart: int,
     seed: int,
 ) -> tuple[list[int], list[int]]:
-    """The places of members to train on, and of those to test; see `Family.split`."""
+    """Return the places of the training members and of the test members; see `Family.split`."""
     everything = range(len(members))
     if callable(test):
         tested = [place for place in everything if test(members[place])]

@@ -1,8 +1,8 @@
-"""Enumerated environments, kept in files: visiting the states takes seconds to minutes, reading them a moment.
+"""A file cache of transition tables, since visiting all states takes seconds to minutes, and reading a file a moment.
 
-A file is named after a hash of all that the states depend on: a model or a behaviour that was edited has another file,
-and no file is ever out of date. Whoever reads while somebody writes sees the whole file or none. Beside them is what
-making an environment of a family takes besides the tables, so that the texts of a family are read once.
+The name of a file is a hash of everything on which the states depend. If a model or behaviour is edited, its table has
+another name, so that no file is ever outdated. Files are replaced as a whole. The cache also has a record per family
+with the other data needed to make its environments, so that the texts of a family are read only once.
 """
 
 from __future__ import annotations
@@ -37,15 +37,15 @@ MOST_BYTES = 2**30
 
 @dataclass(frozen=True, slots=True)
 class Record:
-    """What making environments of a family takes.
+    """The data needed besides tables to make the environments of a family.
 
     Attributes:
-        family: its name.
-        behaviour: the name of its environment.
+        family: name of the family.
+        behaviour: name of its environment.
         limit: steps after which an episode is truncated, or None.
-        drawn: whether the behaviour says how to draw.
-        tables: the file of each member, by its name; "" where that takes longer to say than to make its model.
-        certificates: what was verified of each member, by its name.
+        drawn: True if the behaviour has a `draw` clause.
+        tables: file name of each member's table, by member name; "" for models that are made on demand.
+        certificates: verified values of each member, by member name.
     """
 
     family: str
@@ -58,23 +58,23 @@ class Record:
 
 @dataclass(frozen=True, slots=True)
 class Tables:
-    """Where tables are kept.
+    """A cache of transition tables in files.
 
     Attributes:
-        places: directories; a table is looked for in all of them, and written to the first that can be written.
+        places: directories. A table is searched in all of them, and written to the first that is writable.
     """
 
     places: tuple[Path, ...]
 
     @classmethod
     def of_run(cls, store: Path) -> Tables:
-        """Those of a run, beside its store; of a run that cannot be written, those of the user."""
+        """Return the cache of a run, which is beside its store, or in the user's cache if that is not writable."""
         user = cls.of_user().places
         return cls((store.parent / "tables", *user)) if user else cls(())
 
     @classmethod
     def of_user(cls) -> Tables:
-        """Those of families and domains that have no run: `$ENVGRAPH_CACHE`, else `envgraph` in the user's cache."""
+        """Return the user's cache, for families without a run: `$ENVGRAPH_CACHE` or `envgraph` in the user's cache."""
         directory = cache_directory()
         return cls((directory,) if directory else ())
 
@@ -87,19 +87,20 @@ class Tables:
         *,
         pictures: bool = False,
     ) -> Explored:
-        """The table of a model, with a picture of every state where they are asked for and can be drawn.
+        """Return the transition table of a model, from the cache or by visiting all states.
 
-        Standard error says how many states there are so far. The table is not kept where expressions call functions
-        of Python: no hash says what those do.
+        The number of states so far is shown on standard error. The table is not cached if expressions call Python
+        functions, because no hash identifies their code.
 
         Args:
-            domain: of the model.
-            behaviour: of the domain.
-            model: the initial state; it is used up.
+            domain: domain of the model.
+            behaviour: behaviour of the domain.
+            model: the initial state; it is changed and must not be used afterwards.
             keys: the indices of its objects over the family.
+            pictures: True if a picture of every state is needed. It is only made if the behaviour has a `draw` clause.
 
         Raises:
-            TooManyStates: there are too many for a table; that is kept as well, and found out once.
+            TooManyStates: there are too many states for a table; this result is cached as well.
         """
         from envgraph.env.compiled import explored
 
@@ -123,26 +124,26 @@ class Tables:
         return found
 
     def _paths(self, name: str) -> list[Path]:
-        """Return the file in each place; skip pipes, which would block, and files of others in the user's cache."""
+        """Return the path of a file in each directory, without pipes (they would block) and files of other users."""
         paths = [place / name for place in self.places]
         return [path for path in paths if not os.path.exists(path) or _is_trusted(path)]
 
     def read(self, name: str, *, drawn: bool) -> Explored | None:
-        """The table of a file, if it is there, and has a picture of every state where it is to be drawn."""
+        """Read a table from the cache. Return None if it is missing, or lacks pictures although `drawn`."""
         for path in self._paths(name):
             try:
                 found = read_explored(path)
-            except InvalidArgument:  # not there, or damaged: then it is made anew
+            except InvalidArgument:  # missing or damaged: it is computed again
                 continue
-            with suppress(OSError):  # of another user
+            with suppress(OSError):  # the file may belong to another user
                 os.utime(path)
             return found if found.pictures or not drawn else None
         return None
 
     def _refusal(self, name: str) -> tuple[str, str | None] | None:
-        """Why there is no table, and what helps."""
+        """Return the cached reason why there are too many states, and a hint or None; None if no reason is cached."""
         for path in self._paths(name.replace(".npz", ".refusal")):
-            with suppress(OSError, ValueError, RecursionError):  # not there, or damaged
+            with suppress(OSError, ValueError, RecursionError):  # missing or damaged
                 match json.loads(path.read_text("utf-8")):
                     case {"message": str(message), "hint": str() | None as hint}:
                         return message, hint
@@ -156,9 +157,9 @@ class Tables:
                 return
 
     def record(self, key: str) -> Record | None:
-        """What was kept of a family, by a hash of all that it is made from."""
+        """Return the cached record of a family, or None. `key` is a hash of all data from which the family is made."""
         for path in self._paths(f"{key}.record"):
-            with suppress(OSError, ValueError, RecursionError):  # not there, or damaged
+            with suppress(OSError, ValueError, RecursionError):  # missing or damaged
                 match json.loads(path.read_text("utf-8")):
                     case {
                         "family": str(family),
@@ -172,7 +173,7 @@ class Tables:
         return None
 
     def keep(self, key: str, record: Record) -> None:
-        """Keep a record where that can be written."""
+        """Write a record to the first writable directory."""
         for path in self._paths(f"{key}.record"):
             with suppress(OSError):
                 replace_file(path, json.dumps(asdict(record)))
@@ -204,20 +205,23 @@ def _is_trusted(path: Path) -> bool:
 
 
 def table_name(domain: Domain, behaviour: Behaviour, model: Model, keys: KeyIndex) -> str:
-    """The file of a table: a hash of all that it depends on. The family file is left out: it says how to search."""
+    """Return the file name of a table, a hash of everything on which it depends.
+
+    The family file does not count, because it only configures the search.
+    """
     files = sorted(domain.workspace.sources.items())
     texts = [text for name, text in files if name != domain.spec.path]
     return f"{key_of(behaviour.name, texts, model_to_json(model), keys.to_json())}.npz"
 
 
 def key_of(*parts: object) -> str:
-    """A hash of values that are ready for JSON, and of the version that makes something of them."""
+    """Return a hash of JSON-ready values, of the table format and of envgraph's version."""
     text = dump_json([FORMAT, __version__, *parts])
     return sha256(text.encode("utf-8", "surrogatepass")).hexdigest()[:32]
 
 
 def _tidy(place: Path) -> None:
-    """Remove the files that nobody has used for longest, if there are too many."""
+    """Remove the least recently used files of a directory if their total size is above the limit."""
     files = [
         (file.stat(), file) for ending in ("npz", "record", "refusal") for file in place.glob(f"*.{ending}")
     ]

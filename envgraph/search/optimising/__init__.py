@@ -1,8 +1,8 @@
-"""Optimisation: which sequence of rules leads to the model of which some numbers are as large or as small as can be.
+"""Optimisation: search for the sequence of rule applications whose resulting model maximises or minimises objectives.
 
 `optimise` searches from the model of an engine. Moves are rules and units; objectives are measures, such as a number
-that a query computes; constraints are patterns. Every strategy works through `Walk`, which makes a move, reads from the
-views what it is worth, and keeps it or undoes it.
+that a query computes; constraints are patterns. Every strategy works through `Walk`. A walk makes a move, reads the
+costs of the new model from the views, and keeps or undoes the move.
 """
 
 from typing import TYPE_CHECKING

@@ -1,4 +1,4 @@
-"""What the model at which an engine stands is worth."""
+"""Evaluation of models during an optimisation: the constraint violation and the costs of the engine's current model."""
 
 from __future__ import annotations
 
@@ -11,16 +11,17 @@ from envgraph.search.problem._measures import MatchCount, PatternValue
 from envgraph.search.problem._problem import Constraint, CountWithin, Forbid, Require
 
 _FIRST = 64
-"""States that are judged until plans are made for the model. They are made anew after four times as many, and so on: by
-then models have the sizes that they keep (`benchmarks/bench_assignment.py` begins without a class)."""
+"""Number of evaluated models after which queries are planned for the current model. They are planned again after four
+times as many, and so on, because models may grow at first (`benchmarks/bench_assignment.py` begins without a class)."""
 
 
 class Appraisal:
-    """Says what models are worth, again and again.
+    """A function that evaluates the engine's current model. It is called after every move.
 
     Args:
-        engine: stands at the models.
-        goals, constraints: what they are judged by.
+        engine: the engine whose current model is evaluated.
+        goals: the objectives.
+        constraints: the constraints.
     """
 
     def __init__(self, engine: Engine, goals: Sequence[Goal], constraints: Sequence[Constraint]) -> None:
@@ -31,7 +32,7 @@ class Appraisal:
         self._costs = [self._cost(goal) for goal in goals]
 
     def __call__(self) -> Standing:
-        """What the present model is worth."""
+        """Return the constraint violation and the costs of the current model."""
         self._states += 1
         if self._states == self._next:
             self._next *= 4
@@ -51,7 +52,10 @@ class Appraisal:
         return lambda: goal.cost(measure.read(rows()))
 
     def _excess(self, constraint: Constraint) -> Callable[[], float]:
-        """How far a model is from satisfying a constraint: matches that should not be there, or that are missing."""
+        """Return a function that computes the violation of a constraint: the number of surplus or missing matches.
+
+        For constraints that are not about numbers of matches it is 1 if the constraint is violated, else 0.
+        """
         if not isinstance(constraint, Forbid | CountWithin):
             return lambda: 0.0 if constraint.holds(self._engine) else 1.0
         low, high = (0, 0) if isinstance(constraint, Forbid) else (constraint.low, constraint.high)
@@ -64,7 +68,7 @@ class Appraisal:
         return outside
 
     def _asking(self, name: str) -> tuple[Callable[[], Sequence[Row]], Callable[[], int]]:
-        """The matches of a pattern, and how many there are."""
+        """Return two functions: the first returns the matches of a pattern, the second their number."""
         matcher, (_, pattern, arguments) = self._engine.matcher, self._engine.queries.question(name)
         watched = pattern in self._watched
 
@@ -82,7 +86,7 @@ class Appraisal:
 
 
 def watchable(goals: Sequence[Goal], constraints: Sequence[Constraint]) -> list[str]:
-    """The patterns that are asked about at every step."""
+    """Return the names of the patterns that goals and constraints query after every move, without duplicates."""
     asked: list[str] = []
     for goal in goals:
         if isinstance(goal.measure, MatchCount | PatternValue):

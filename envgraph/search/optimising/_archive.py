@@ -1,4 +1,4 @@
-"""The best that a search has met: of several objectives, everything that nothing else dominates."""
+"""The archive of a search: the non-dominated states found so far (the Pareto front)."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from envgraph.rewrite import Firing
 from envgraph.search.optimising._goals import Standing
 
 Path = tuple["Path", tuple[Firing, ...]] | None
-"""What was applied from the start of a search, the last move first: paths share what they begin with."""
+"""Linked list of the moves from the initial model, the last move first, so that paths share their beginnings."""
 
 
 def steps_of(path: Path) -> tuple[Firing, ...]:
-    """The applications of a path in their order."""
+    """Return the rule applications of a path in the order in which they were applied."""
     moves = []
     while path is not None:
         path, firings = path
@@ -24,7 +24,7 @@ def steps_of(path: Path) -> tuple[Firing, ...]:
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """A state that a search has met: what it is worth, and how to come back to it."""
+    """A state found by a search: its evaluation, its version and the path to it."""
 
     standing: Standing
     version: Version
@@ -32,10 +32,10 @@ class Found:
 
 
 class Archive:
-    """States none of which dominates another one, as they were met; of equal ones the first.
+    """States that do not dominate each other, in the order in which they were found, without equal evaluations.
 
     Attributes:
-        changes: how often it has improved.
+        changes: number of states that were added.
     """
 
     def __init__(self) -> None:
@@ -43,41 +43,45 @@ class Archive:
         self.changes = 0
 
     def wants(self, standing: Standing) -> bool:
-        """Whether a state of this worth would be kept."""
+        """Return True if no state in the archive equals or dominates a state with this evaluation."""
         return not any(
             found.standing == standing or found.standing.dominates(standing) for found in self._found
         )
 
     def put(self, found: Found) -> None:
-        """Keep a state that is wanted, and let go of those that it dominates."""
+        """Add a state that `wants` accepts, and remove the states that it dominates."""
         self._found = [other for other in self._found if not found.standing.dominates(other.standing)]
         self._found.append(found)
         self.changes += 1
 
     def __iter__(self) -> Iterator[Found]:
-        """By costs, the least of the first goal first."""
+        """Yield the states sorted by costs, the lowest cost of the first goal first."""
         return iter(sorted(self._found, key=lambda found: found.standing))
 
     def __len__(self) -> int:
         return len(self._found)
 
     def bounds(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        """The least and the greatest of each cost in it."""
+        """Return the minima and the maxima of the costs in the archive, one of each per goal."""
         costs = list(zip(*(found.standing.costs for found in self._found), strict=True))
         return tuple(map(min, costs)), tuple(map(max, costs))
 
 
 def ranked(standings: list[Standing]) -> list[int]:
-    """Indices from the best: by violation, front after front of what nothing dominates, in each the loneliest first.
+    """Return the indices of the states in order, the best first.
 
-    Non-dominated sorting and crowding distance are those of NSGA-II (Deb, Pratap, Agarwal and Meyarivan 2002, III);
-    with one goal this is the order of costs. Equals keep their order.
+    States are sorted by violation, then by non-dominated front. Within a front, states with the largest crowding
+    distance come first. Both are those of NSGA-II (Deb, Pratap, Agarwal and Meyarivan 2002, III). With one goal this is
+    the order of costs. Equal states keep their order.
     """
     everything = range(len(standings))
     if len(standings[0].costs) == 1:
         return sorted(everything, key=standings.__getitem__)
     worse = [[two for two in everything if standings[one].dominates(standings[two])] for one in everything]
-    better, order = [0] * len(standings), list[int]()  # how many are better and not in the order yet
+    better, order = (
+        [0] * len(standings),
+        list[int](),
+    )  # number of states that dominate each state and are not in the order yet
     for dominated in worse:
         for one in dominated:
             better[one] += 1
@@ -96,7 +100,7 @@ def ranked(standings: list[Standing]) -> list[int]:
 
 
 def _crowding(costs: list[tuple[float, ...]]) -> list[float]:
-    """How far apart the neighbours of each point are, summed over the goals; infinite at the ends."""
+    """Return the crowding distance of each point: the gap between its neighbours, summed over goals, or `inf`."""
     infinity = float("inf")
     distance = [0.0] * len(costs)
     for goal in range(len(costs[0])):

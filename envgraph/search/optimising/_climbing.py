@@ -1,8 +1,8 @@
-"""Strategies that follow one model: simulated annealing, and hill climbing.
+"""Strategies that follow a single model: simulated annealing and hill climbing.
 
-With several goals each run goes for another mixture of them: first for each goal alone, then for random weights of the
-distances from the best values met so far, of which the largest counts (Tchebycheff), so that no part of the front is
-out of reach. What is met on the way and nothing dominates is kept.
+With several goals each run minimises another scalarisation. The first runs minimise one goal each. Later runs minimise
+the largest weighted distance from the best values found so far, with random weights (Tchebycheff), so that every part
+of the front can be reached. All non-dominated states on the way are archived.
 """
 
 from __future__ import annotations
@@ -18,32 +18,32 @@ from envgraph.search.optimising._goals import Standing
 from envgraph.search.optimising._walk import Walk
 
 _WARM, _COLD = 0.3, 0.01
-"""Temperature at the beginning and the end of a run, in mean increases: the best of several on the contest's inputs."""
+"""Initial and final temperature, in units of the mean cost increase: the best of several on the contest's inputs."""
 
 Energy = Callable[[Standing], float]
 
 
 @dataclass(frozen=True, slots=True)
 class Annealing:
-    """Simulated annealing: random moves, of which worse ones are accepted with a falling probability.
+    """Simulated annealing: random moves; a worse state is accepted with a probability that falls over time.
 
-    The temperature is automatic. It falls exponentially from three tenths to a hundredth of the mean of all increases
-    of cost so far, and is lowest when the moves or the time run out, whichever is first. A move with fewer violations
-    is always accepted, a move with more violations never.
+    The temperature is chosen automatically. It falls exponentially from 0.3 to 0.01 of the mean of all cost increases
+    so far. It is lowest when the moves or the time run out, whichever is first. A move that reduces the violation is
+    always accepted, a move that increases it never.
 
     Attributes:
-        runs: the number of runs, each from the initial model; they share moves and time evenly. None: one run for one
-            goal, ten runs per goal for several.
+        runs: number of runs from the initial model, which share moves and time equally. None: one run for one goal, ten
+            runs per goal for several goals.
     """
 
     runs: int | None = key(None, Options.integer, low=1, most=100_000)
 
     def __post_init__(self) -> None:
         if self.runs is not None and self.runs < 1:
-            raise InvalidArgument(f"annealing runs once or more often, not {self.runs} times")
+            raise InvalidArgument(f"`runs` is {self.runs}, but must be at least 1")
 
     def search(self, walk: Walk) -> None:
-        """See `Strategy`."""
+        """Search by annealing until the walk is over."""
         goals = len(walk.here.costs)
         runs = self.runs or (1 if goals == 1 else 10 * goals)
         for run in range(runs):
@@ -54,7 +54,7 @@ class Annealing:
 
     @staticmethod
     def _run(walk: Walk, end: int, latest: float, energy: Energy) -> None:
-        """Anneal until a number of moves has been tried, or a share of the time limit has passed."""
+        """Anneal until `end` moves are tried in total, or the share `latest` of the time limit has passed."""
         begin, began, here = walk.spent, walk.time, energy(walk.here)
         increases, total = 0, 0.0
 
@@ -83,7 +83,7 @@ class Annealing:
 
 
 def _temperature(increase: float, time: float) -> float:
-    """The temperature at a time from 0 to 1, by the mean increase of cost that a move leads to.
+    """Return the temperature at a time from 0 to 1, given the mean cost increase of worsening moves.
 
     >>> [round(_temperature(2.0, time), 3) for time in (0.0, 0.5, 1.0)]
     [0.6, 0.11, 0.02]
@@ -94,20 +94,20 @@ def _temperature(increase: float, time: float) -> float:
 
 @dataclass(frozen=True, slots=True)
 class HillClimb:
-    """Random moves, of which no worse one is accepted; begins anew where nothing has improved for long.
+    """Hill climbing: random moves; a worse state is never accepted. It restarts if there was no improvement for long.
 
     Attributes:
-        patience: moves without improvement after which it begins anew at the start.
+        patience: number of moves without improvement after which it restarts from the initial model.
     """
 
     patience: int = key(1000, Options.integer, low=1, most=MOST_STEPS)
 
     def __post_init__(self) -> None:
         if self.patience < 1:
-            raise InvalidArgument(f"`patience` is a number from 1, not {self.patience}")
+            raise InvalidArgument(f"`patience` is {self.patience}, but must be at least 1")
 
     def search(self, walk: Walk) -> None:
-        """See `Strategy`."""
+        """Search by hill climbing with restarts until the walk is over."""
         run = 0
         while not walk.over():
             walk.go(walk.start)
@@ -130,12 +130,12 @@ class HillClimb:
 
 
 def _energy(walk: Walk, run: int) -> Energy:
-    """What a run minimises: with one goal its cost."""
+    """Return the function that a run minimises. With one goal it is the cost."""
     goals = len(walk.here.costs)
     if goals == 1:
         return lambda standing: standing.costs[0]
     if run < goals:
-        # The others break ties, so that the ends of the front are on it.
+        # The other costs break ties, so that the result of the run is on the front.
         return lambda standing: standing.costs[run] + 1e-6 * sum(standing.costs)
     low, high = walk.archive.bounds()
     weights: list[float] = walk.rng.dirichlet([1.0] * goals).tolist()

@@ -1,4 +1,4 @@
-"""What a model is worth: its distance from satisfying the constraints, and then what it costs by each objective."""
+"""Objectives of an optimisation, and the evaluation of a model: its constraint violation and its costs."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ Sense = Literal["maximise", "minimise"]
 
 @dataclass(frozen=True, slots=True)
 class Goal:
-    """A measure that is to be as large or as small as can be.
+    """An objective: a measure to maximise or to minimise.
 
     Attributes:
-        name: how it is called in results.
-        otherwise: what counts where a model has no value; None: such a model is worse than any that has one.
+        name: name in results.
+        otherwise: substitute if a model has no value of the measure. None: such a model is worse than all others.
     """
 
     name: str
@@ -32,22 +32,24 @@ class Goal:
 
     @classmethod
     def of(cls, engine: Engine, pattern: str, sense: Sense) -> Goal:
-        """The number that a pattern computes; of a pattern without a parameter for one, how many matches it has.
+        """Return the goal for a pattern: its numeric parameter, or its number of matches if no parameter is numeric.
 
         Raises:
-            InvalidArgument: there is no such pattern, or it has several parameters that are numbers.
+            InvalidArgument: the pattern does not exist, or has several numeric parameters.
         """
         name = engine.catalog.asked(pattern)[0].definition
         numbers = numeric_parameters(engine.library, name) or {}
         if len(numbers) > 1:
             known = " and ".join(f"`{one}`" for one in numbers)
-            raise InvalidArgument(f"`{pattern}` has several parameters that are numbers: {known}")
+            raise InvalidArgument(
+                f"`{pattern}` has several parameters that are numbers, {known}, but must have at most one"
+            )
         for place, type_ in numbers.values():
             return cls(pattern, PatternValue(name, place, whole=type_ is Scalar.INT), sense)
         return cls(pattern, MatchCount(name), sense)
 
     def cost(self, measured: object) -> float:
-        """What was measured as a cost: less is better, infinity is no value."""
+        """Convert a value of the measure to a cost. Lower costs are better; `inf` means that there is no value."""
         value = number(measured, f"objective `{self.name}`")
         if value in (inf, -inf):
             value = inf if self.otherwise is None else self.otherwise
@@ -56,23 +58,23 @@ class Goal:
         return -value if self.sense == "maximise" else value
 
     def value(self, cost: float) -> float:
-        """The measure of which this is the cost."""
+        """Convert a cost back to the value of the measure."""
         return -cost if self.sense == "maximise" and cost != inf else cost
 
 
 class Standing(NamedTuple):
-    """What a model is worth. Fewer violations come first, whatever the costs (Deb 2000, "constraint-domination").
+    """The evaluation of a model. A lower violation is better, whatever the costs (Deb 2000, "constraint-domination").
 
     Attributes:
-        violation: 0 where all constraints hold; else how far they are from it, see `excess`.
-        costs: one for each goal.
+        violation: 0 if all constraints hold, else the sum of the constraints' violations.
+        costs: one cost for each goal.
     """
 
     violation: float
     costs: tuple[float, ...]
 
     def dominates(self, other: Standing) -> bool:
-        """Whether it is better in something, and in nothing worse."""
+        """Return True if this evaluation dominates the other: not worse in anything and better in something."""
         if self.violation != other.violation:
             return self.violation < other.violation
         return self.costs != other.costs and all(

@@ -1,4 +1,4 @@
-"""Optimisation from the model of an engine, and what came of it."""
+"""The function `optimise`, which searches for the best model from the current model of an engine, and its result."""
 
 from __future__ import annotations
 
@@ -21,20 +21,20 @@ from envgraph.search.optimising._walk import Progress, Strategy, Walk
 from envgraph.search.problem._problem import Constraint, CountWithin, Forbid, Require
 
 _LARGE = 256
-"""Objects from which on patterns are watched: the domain of `benchmarks/bench_assignment.py` is faster then."""
+"""Least number of objects at which patterns are watched: above it `benchmarks/bench_assignment.py` is faster."""
 
 Objectives = str | Goal | Iterable[str | Goal]
 
 
 @dataclass(frozen=True, slots=True)
 class Solution:
-    """A model that was found.
+    """A model found by an optimisation.
 
     Attributes:
-        values: of the objectives, by name; infinite where there is none.
-        violation: 0 if all constraints hold; else how many matches are too many or missing.
-        trace: what leads to it from the model at which the search began: `engine.replay` does it again.
-        version: the model, for `engine.checkout`.
+        values: values of the objectives, by name; infinite if an objective has no value.
+        violation: 0 if all constraints hold, else the number of surplus and missing matches.
+        trace: the rule applications from the initial model to this one; `engine.replay` applies them again.
+        version: the version of the model, for `engine.checkout`.
     """
 
     values: Mapping[str, float]
@@ -45,13 +45,13 @@ class Solution:
 
 @dataclass(frozen=True, slots=True)
 class Optimum:
-    """What came of an optimisation.
+    """The result of an optimisation.
 
     Attributes:
-        front: the best that was found: with one objective a single model; with several those that no other one
-            betters in one objective without being worse in another, the best in the first objective first.
-        initial: values of the objectives at the start.
-        steps: moves that were tried.
+        front: the non-dominated models, the best in the first objective first; a single model if there is one
+            objective.
+        initial: values of the objectives in the initial model.
+        steps: number of moves that were tried.
         goals: the objectives.
     """
 
@@ -62,7 +62,7 @@ class Optimum:
 
     @property
     def best(self) -> Solution:
-        """The first of the front."""
+        """Return the first model of the front."""
         return self.front[0]
 
 
@@ -82,31 +82,31 @@ def optimise(
     seed: int = 0,
     progress: Progress | None = None,
 ) -> Optimum:
-    """Search for the model that is best by some objectives, from that of an engine, by applying rules.
+    """Search for the model that is best by some objectives, by applying rules to the model of an engine.
 
-    Patterns that objectives and constraints ask about are watched meanwhile, so that a step costs what it changes; in
-    models of less than 256 objects, where looking is faster, only those that are `incremental`. The engine stands at
-    the best model afterwards.
+    Patterns of objectives and constraints are watched during the search, so that a step takes time in proportion to its
+    changes. In models of fewer than 256 objects only `incremental` patterns are watched, because matching is faster
+    there. Afterwards the engine is at the best model.
 
     Args:
-        engine: outside of a transaction.
+        engine: the engine, outside of a transaction.
         moves: names of rules, units and derived groups.
-        maximise, minimise: names of patterns: the number that each computes, or, if it has no parameter for one, the
-            number of its matches; or a `Goal`, of any measure. At least one in all.
-        require, forbid, count: patterns with a match, without one, and with so many matches. The model at the start may
-            violate them; fewer violations are better, whatever the objectives.
-        strategy: `Annealing()` if None; or `HillClimb`, `Beam`, `TreeSearch`, or your own.
-        steps: how many moves are tried.
-        seconds: for how long at most; with this limit the result may differ from run to run.
-        target: a value that is good enough, for each objective one: the search ends there.
-        seed: the one source of randomness.
-        progress: is called now and then with how many moves have been tried, and what is best so far.
+        maximise, minimise: names of patterns or `Goal` objects, at least one in total. The value of a pattern is its
+            numeric parameter, or its number of matches if it has none.
+        require, forbid, count: patterns that must have a match, must have none, or must have a number of matches within
+            bounds. The initial model may violate them. Fewer violations are better, whatever the objectives.
+        strategy: None for `Annealing()`; or `HillClimb`, `Beam`, `TreeSearch`, or your own.
+        steps: number of moves to try.
+        seconds: time limit, or None. With a limit the result may differ from run to run.
+        target: a value for each objective that is good enough; the search ends when all are reached.
+        seed: the only source of randomness.
+        progress: callback that is called regularly with the number of tried moves and a text about the best model.
 
     Raises:
-        InvalidArgument: an unknown name, no objective, or limits that make no sense.
-        EvaluationError: an objective has a value that is no number, or a rule computes one that has no value. The model
-            is as before then, and after an interruption.
-        TransactionError: inside a transaction.
+        InvalidArgument: a name is unknown, there is no objective, or a limit is invalid.
+        EvaluationError: an objective or a value computed by a rule is not a number. The model is restored then, as
+            after an interruption.
+        TransactionError: the engine is inside a transaction.
 
     >>> from envgraph import open
     >>> engine = open("assignment")
@@ -139,7 +139,7 @@ def pursue(
     progress: Progress | None = None,
     clock: Callable[[], float] = monotonic,
 ) -> Optimum:
-    """Search as `optimise` does, with prepared goals and constraints; `clock` returns seconds."""
+    """Search as `optimise` does, with prepared goals and constraints. `clock` returns the time in seconds."""
     _check(engine, moves, goals, constraints, steps, target)
     costs = None
     if target is not None:
@@ -157,7 +157,7 @@ def pursue(
     rng, before = np.random.default_rng(seed), engine.rng
     with _watching(engine, watchable(goals, constraints)):
         start = engine.model.state_hash()
-        engine.rng = rng  # for choices inside of units
+        engine.rng = rng  # for random choices inside units
         try:
             appraise = Appraisal(engine, goals, constraints)
             walk = Walk(engine, moves, appraise, rng, steps, seconds, target=costs, tell=tell, clock=clock)
@@ -201,30 +201,32 @@ def _check(
     steps: int,
     target: Sequence[float] | None,
 ) -> None:
-    """Refuse what makes no sense before anything is changed."""
+    """Raise `InvalidArgument` or `TransactionError` if an argument is invalid, before anything is changed."""
     names = [goal.name for goal in goals]
     if not goals or len(set(names)) < len(names):
-        raise InvalidArgument("there is one objective or more, each with a name of its own")
+        raise InvalidArgument(
+            "`maximise` and `minimise` must contain at least one objective, with different names"
+        )
     if not moves:
-        raise InvalidArgument("no rule changes the model", 'name some: `["move", "join"]`')
+        raise InvalidArgument("`moves` is empty", 'name rules or units, such as `["move", "join"]`')
     for name in moves:
         engine.catalog.group(name)
     for pattern in watchable((), constraints):
         engine.catalog.asked(pattern)
     if type(steps) is not int or steps < 1:
-        raise InvalidArgument(f"`steps` is a number from 1, not {steps!r}")
+        raise InvalidArgument(f"`steps` is {steps!r}, but must be an integer of at least 1")
     if target is not None and (len(target) != len(goals) or not all(-inf < one < inf for one in target)):
-        raise InvalidArgument(f"`target` has a number for each of the {len(goals)} objectives")
+        raise InvalidArgument(f"`target` must have a finite number for each of the {len(goals)} objectives")
     if engine.events.active:
-        message = "event rules would change models that are only tried"
-        raise InvalidArgument(message, "search on `engine.copy()`, which has none")
+        message = "the engine has active event rules, which would change models during the search"
+        raise InvalidArgument(message, "search on `engine.copy()`, which has no event rules")
     if engine.model.graph.history.depth:
-        raise TransactionError("an optimisation goes back and forth: it cannot be inside a transaction")
+        raise TransactionError("`optimise` cannot run inside a transaction: call it outside")
 
 
 @contextmanager
 def _watching(engine: Engine, patterns: Sequence[str]) -> Iterator[None]:
-    """Patterns are watched inside, unless looking for their matches is as fast, or somebody holds a version."""
+    """Watch the patterns inside the context, if that is faster and possible, and stop watching them afterwards."""
     known, large = set(engine.watched), len(engine.model) >= _LARGE
     new = []
     for name in patterns:
@@ -235,7 +237,7 @@ def _watching(engine: Engine, patterns: Sequence[str]) -> Iterator[None]:
     try:
         engine.watch(*new)
     except (InvalidArgument, TransactionError):
-        new = []  # the naive matcher, another engine that watches this model, or a version that is held
+        new = []  # impossible with the naive matcher, a second watching engine, or an existing version
     try:
         yield
     finally:

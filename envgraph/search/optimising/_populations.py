@@ -1,4 +1,4 @@
-"""Strategies that follow several models at once."""
+"""A strategy that follows several models at once: beam search."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from envgraph.search.optimising._walk import Walk
 
 @dataclass(frozen=True, slots=True)
 class Beam:
-    """Beam search: the best states go on, each by several random moves.
+    """Beam search: each of the best states is continued by several random moves.
 
-    Of several goals the best are chosen as NSGA-II does, front after front, and within a front those that are far
-    from others: then this is NSGA-II with moves as its only operators, and states that are different.
+    With several goals the best states are selected as in NSGA-II, by fronts and then by crowding distance. Beam search
+    is then NSGA-II with moves as the only operators and without duplicate states.
 
     Attributes:
-        width: states that go on.
-        branching: moves that are tried from each of them.
+        width: number of states that are continued.
+        branching: number of moves that are tried from each state.
     """
 
     width: int = key(20, Options.integer, low=1, most=100_000)
@@ -26,10 +26,12 @@ class Beam:
 
     def __post_init__(self) -> None:
         if self.width < 1 or self.branching < 1:
-            raise InvalidArgument("`width` and `branching` are numbers from 1")
+            raise InvalidArgument(
+                f"`width` and `branching` are {self.width} and {self.branching}, but must be at least 1"
+            )
 
     def search(self, walk: Walk) -> None:
-        """See `Strategy`."""
+        """Search by beam search until the walk is over."""
         beam: dict[int, Found] = {walk.state(): walk.start}
         while not walk.over():
             pool = dict(beam)

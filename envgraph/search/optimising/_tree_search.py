@@ -13,7 +13,7 @@ from envgraph.search.optimising._walk import Walk
 
 
 class _Node:
-    """A state in the tree: how often it was visited, and the sum of the rewards behind it."""
+    """A state in the search tree, with its number of visits and the sum of the rewards in its subtree."""
 
     __slots__ = ("children", "found", "reward", "visits")
 
@@ -22,22 +22,22 @@ class _Node:
         self.visits, self.reward = 0, 0.0
 
     def best_child(self, exploration: float) -> _Node:
-        """The child with the highest upper confidence bound (UCB1; Kocsis and Szepesvári 2006)."""
+        """Return the child with the highest upper confidence bound (UCB1; Kocsis and Szepesvári 2006)."""
         spread = exploration * sqrt(log(self.visits))
         return max(self.children, key=lambda child: child.reward / child.visits + spread / sqrt(child.visits))
 
 
 @dataclass(frozen=True, slots=True)
 class TreeSearch:
-    """Monte-Carlo tree search (UCT): how sequences of moves go on is chosen by what came of them before.
+    """Monte Carlo tree search (UCT): sequences of moves are continued where earlier results were good.
 
-    A new child is the best state on the way of some random moves, and its reward is what that is worth: between 0 and
-    1, by the best and the worst met so far; of several goals the mean of that. A state has no more children than the
-    square root of its visits (progressive widening; Coulom 2007), so the tree grows where rewards are high.
+    A new child is the best state on a sequence of random moves. Its reward, from 0 to 1, relates its costs to the best
+    and worst costs found so far; with several goals it is the mean. A state has at most as many children as the square
+    root of its visits (progressive widening; Coulom 2007), so that the tree grows where rewards are high.
 
     Attributes:
-        exploration: weight of what was tried less often.
-        length: random moves from a state to a child of it.
+        exploration: weight of the exploration term, which favours children with few visits.
+        length: number of random moves from a state to its child.
     """
 
     exploration: float = key(0.1, Options.number, low=0, high=1e9)
@@ -45,10 +45,10 @@ class TreeSearch:
 
     def __post_init__(self) -> None:
         if self.exploration < 0 or self.length < 1:
-            raise InvalidArgument("`exploration` is not below 0, and `length` not below 1")
+            raise InvalidArgument("`exploration` must be at least 0, and `length` at least 1")
 
     def search(self, walk: Walk) -> None:
-        """See `Strategy`."""
+        """Search by Monte Carlo tree search until the walk is over."""
         scale, root = _Scale(walk.here), _Node(walk.start)
         while not walk.over():
             node, line = root, [root]
@@ -66,7 +66,7 @@ class TreeSearch:
                 visited.reward += reward
 
     def _play(self, walk: Walk, scale: _Scale) -> Found | None:
-        """The best state on the way of random moves; None if nothing could be done."""
+        """Return the best state on a sequence of random moves; None if no move succeeded."""
         best: Found | None = None
         for _ in range(self.length):
             if walk.over():
@@ -82,7 +82,7 @@ class TreeSearch:
 
 
 class _Scale:
-    """What standings are worth between 0 and 1, by the best and the worst so far; violated ones less than a half."""
+    """A scale of rewards from 0 to 1, relative to the best and worst evaluations so far; below 0.5 for violations."""
 
     def __init__(self, standing: Standing) -> None:
         self._violation = standing.violation

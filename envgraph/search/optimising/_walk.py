@@ -1,4 +1,4 @@
-"""A walk over models: a move is made, what it leads to is read, and then it is kept or undone."""
+"""The state of an optimisation that strategies work with: try a move, evaluate the new model, keep or undo the move."""
 
 from __future__ import annotations
 
@@ -16,44 +16,44 @@ if TYPE_CHECKING:
     from numpy.random import Generator
 
 Progress = Callable[[int, str], None]
-"""Called with how many moves have been tried, and what is best."""
+"""Callback with the number of tried moves, and a text about the best state."""
 Tell = Callable[[int, Archive], None]
 Move = tuple[str, Row]
 
 _SHORTENED = 1024
-"""Moves that are kept after which a version is made, and let go: what led there takes less memory then."""
+"""Number of kept moves after which a version is committed and dropped, which shortens the undo log."""
 
 
 class Strategy(Protocol):
-    """How models are searched: it calls the verbs of a walk until it is `over`."""
+    """A search strategy, which calls the methods of a walk until the walk is over."""
 
     def search(self, walk: Walk) -> None:
-        """Search; what is best is kept by the walk."""
+        """Run the search. The walk archives the best states."""
 
 
 class Walk:
-    """Where a search stands, what it has spent, and the best that it has met.
+    """The current state of a search, its budget, and its archive of the best states.
 
-    A move that was tried is open until it is kept or undone; nothing else may be done before.
+    After `attempt` a move is open. It must be kept or undone before any other method is called.
 
     Args:
-        engine: stands at the start.
+        engine: the engine, at the initial model.
         moves: names of rules, units and groups.
-        appraise: says what the present model is worth.
-        rng: of all choices.
-        steps: how many moves may be tried.
-        seconds: the time limit; None for no limit. With a limit the result depends on the machine.
-        target: costs that are good enough: the search ends there.
-        tell: is called now and then with how many moves have been tried, and the best states.
-        clock: returns seconds since some fixed moment.
+        appraise: function that evaluates the current model.
+        rng: random generator of all choices.
+        steps: number of moves that may be tried.
+        seconds: the time limit, or None. With a limit the result depends on the machine.
+        target: costs at which the search ends, or None.
+        tell: callback that is called regularly with the number of tried moves and the archive.
+        clock: function that returns seconds since a fixed moment.
 
     Attributes:
-        rng: of all choices.
-        steps: how many moves may be tried in all.
-        spent: how many have been.
+        rng: random generator of all choices.
+        steps: number of moves that may be tried.
+        spent: number of moves that were tried.
         archive: the best states so far.
-        here: what the present state is worth.
-        start: the state at which it began.
+        here: evaluation of the current model without the open move.
+        start: the initial state.
     """
 
     def __init__(
@@ -81,11 +81,11 @@ class Walk:
             (name for move in moves for name in engine.catalog.group(move)),
         )
         self._certain = frozenset(name for name in named if name in runners and runners[name].certain)
-        self._choice: Choice | None = None  # of the present state, and what moves from it have led to
+        self._choice: Choice | None = None  # of the current model, with the results of moves from it
         self._tried: dict[Move, Standing | None] = {}
         self._open: tuple[Move, Standing] | None = None
         self._made: tuple[Savepoint, tuple[Firing, ...]] | None = (
-            None  # an open move that is not known already
+            None  # an open move whose result was not cached
         )
         self._reached = False
         self.here = appraise()
@@ -93,7 +93,7 @@ class Walk:
         self._note()
 
     def over(self) -> bool:
-        """Whether moves, time or the wish for more have run out."""
+        """Return True if the target is reached, or no moves or no time are left."""
         return self._reached or self.spent >= self.steps or self.time >= 1.0
 
     @property
@@ -105,12 +105,10 @@ class Walk:
         return passed / self._seconds if passed < self._seconds else 1.0
 
     def attempt(self) -> Standing | None:
-        """Make a random move, and say what the state behind it is worth: `keep` it or `undo` it.
+        """Try a random move, and return the evaluation of the new model. Then call `keep` or `undo`.
 
-        A rule is drawn by weight among those that match, then a match.
-
-        Returns:
-            None, and the model as before, if nothing matches or the move is refused.
+        A rule is sampled by weight among the rules that match, then a match. If no rule matches or the move is refused,
+        the model is unchanged and None is returned.
         """
         self.spent += 1
         if self._tell is not None and not self.spent % 256:
@@ -131,7 +129,7 @@ class Walk:
         return standing
 
     def _try(self, chosen: Move) -> Standing | None:
-        """Make a move that is open then; None, and the model as before, if it is refused or does nothing."""
+        """Make a move and leave it open; return its evaluation, or None if it is refused or changes nothing."""
         model = self._engine.model
         savepoint = model.graph.history.savepoint()
         try:
@@ -149,7 +147,7 @@ class Walk:
         return standing
 
     def keep(self) -> None:
-        """Stay where the open move leads."""
+        """Accept the open move: its result becomes the current state."""
         assert self._open is not None, "a move is open"
         chosen, self.here = self._open
         if self._made is None:
@@ -165,27 +163,27 @@ class Walk:
         self._note()
 
     def undo(self) -> None:
-        """Take the open move back."""
+        """Undo the open move."""
         assert self._open is not None, "a move is open"
         if self._made is not None:
             self._engine.model.graph.history.rollback(self._made[0])
         self._open = self._made = None
 
     def found(self) -> Found:
-        """The present state, to come back to."""
+        """Commit the current state and return it."""
         return Found(self.here, self._engine.commit(), self._path)
 
     def state(self) -> int:
-        """A number for the present state; equal states have one number."""
+        """Return the hash of the current model. Equal models have equal hashes."""
         return self._engine.model.state_hash()
 
     def go(self, found: Found) -> None:
-        """Stand at a state that was found."""
+        """Check out a state that was found."""
         self._engine.checkout(found.version, discard=True)
         self.here, self._path, self._choice = found.standing, found.path, None
 
     def abandon(self) -> None:
-        """Take the open move back, if there is one, and stand at the start."""
+        """Undo the open move, if there is one, and check out the initial state."""
         if self._open is not None:
             self.undo()
         self.go(self.start)

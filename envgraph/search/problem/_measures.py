@@ -206,8 +206,8 @@ class ShortestPlan:
             live = f"simplify the behaviour: one that cannot be compiled is searched in at most {REACH_LIMIT:,} states"
             return "no plan was found", live
         hint = (
-            'raise `limit`, or add a measure with `kind = "shortest_plan"` whose `guide` is a pattern with fewer and '
-            "fewer matches towards the end: the search only continues from the states with the fewest matches"
+            "name a pattern that has ever fewer matches towards the end of an episode as the `guide` of a measure "
+            'with `kind = "shortest_plan"`, or raise `limit`'
         )
         return f"no plan was found ({plan})", None if plan.exact else hint
 

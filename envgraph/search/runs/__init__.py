@@ -1,1 +1,1 @@
-"""Runs: evolved, sampled, resumed and imported; lineage, diversity and certificates of their families."""
+"""Runs: generating, sampling, resuming and importing families; their lineage, diversity and certificates."""

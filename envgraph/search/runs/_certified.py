@@ -1,4 +1,4 @@
-"""What is certain of the members of a family, and a check of it by other means."""
+"""Certificates of the members of a family, and their verification by an independent computation."""
 
 from __future__ import annotations
 
@@ -21,13 +21,14 @@ _KEPT = ("limit", "shortest_plan", "random_success", "optimal_return")
 
 @dataclass(frozen=True, slots=True)
 class Verification:
-    """What is certain of a member, computed twice.
+    """The certificates of a member, computed in two ways.
 
     Attributes:
-        member: of the family.
-        states: how many it has.
-        certificates: from the table that is kept, or that a compiled program made.
-        again: from states that the live engine visits, by other recurrences.
+        member: the member of the family.
+        states: number of its states.
+        certificates: computed from the cached table, or from a table made by a compiled program.
+        again: computed from the states that the live engine visits, by other recurrences.
+        same_states: True if both have the same number of states.
     """
 
     member: Member
@@ -38,7 +39,7 @@ class Verification:
 
     @property
     def differences(self) -> tuple[str, ...]:
-        """Names of what is not the same, up to rounding; also where it is not what the member says."""
+        """Return the names of values that differ by more than rounding, also from the member's stored certificates."""
         names = [one.name for one in fields(Certificates)]
         found = [
             name for name in names if not _same(getattr(self.certificates, name), getattr(self.again, name))
@@ -58,13 +59,17 @@ def _same(one: float | None, other: float | None) -> bool:
 
 
 def facts(known: Certificates) -> dict[str, float | None]:
-    """What is kept of certificates, ready for JSON: None is a shortest plan where there is none."""
+    """Return the certificates to store, ready for JSON. A shortest plan is None if there is no plan."""
     values = {name: getattr(known, name) for name in _KEPT}
     return {name: value if isfinite(value) else None for name, value in values.items()}
 
 
 def certificate_texts(member: Member, family: Sequence[Member] = ()) -> list[tuple[str, str]]:
-    """The certificates that a member has, as people read them; that it has none where others of its family do."""
+    """Return the names and formatted values of a member's certificates.
+
+    A member without certificates is "not verified" if other members of `family` have certificates, else the result is
+    [].
+    """
     said = member.certificates
     if not said:
         return [("shortest plan", "not verified")] if any(one.certificates for one in family) else []
@@ -77,9 +82,10 @@ def certificate_texts(member: Member, family: Sequence[Member] = ()) -> list[tup
 
 
 def apart(family: Family, found: Iterable[Verification]) -> dict[str, list[str]]:
-    """Members of which a measure `random_success` says something else than the certificate, by the measure.
+    """Return the members whose measure of kind `random_success` differs from the certificate, by name of the measure.
 
-    In a family all members have the actions of all; measured is a model alone, with those of its own objects.
+    They differ because in a family all members have the union of all actions. A measure sees only one model with the
+    actions of its own objects.
     """
     measures = [one.name for one in family.domain.spec.measures if one.kind == "random_success"]
     return {
@@ -94,12 +100,12 @@ def apart(family: Family, found: Iterable[Verification]) -> dict[str, list[str]]
 
 @dataclass(frozen=True, slots=True)
 class Searched:
-    """What is known of a member that has too many states for a table.
+    """The result for a member that has too many states for a table.
 
     Attributes:
-        member: of the family.
-        reason: what there is too much of.
-        plan: what a search for a way to success has found; None where the behaviour is not compiled.
+        member: the member of the family.
+        reason: message about the number of states.
+        plan: the plan to success that was found, or a result without a plan; None if the behaviour cannot be compiled.
     """
 
     member: Member
@@ -108,13 +114,13 @@ class Searched:
 
 
 def keep_certificates(store: RunStore, one: Verification) -> None:
-    """Add what was verified of a member to a run: it has that from then on."""
+    """Store the certificates of a verified member in its run."""
     known = {str(number): said for number, said in store.certificates.items()}
     store.set(CERTIFICATES, {**known, str(one.member.individual): facts(one.certificates)})
 
 
 def certificates(family: Family, member: Member) -> Certificates:
-    """What is certain of a member and of a random walk in it, within the family's limit of steps.
+    """Return the certificates of a member and of a random policy in it, within the family's step limit.
 
     Raises:
         InvalidArgument: the family has no environment.
@@ -124,14 +130,15 @@ def certificates(family: Family, member: Member) -> Certificates:
 
 
 def verify(family: Family, members: Iterable[Member] | None = None) -> Iterator[Verification | Searched]:
-    """Compute the certificates of members again: states by the live engine, numbers by other recurrences.
+    """Compute the certificates of members in two ways, and yield the results.
 
-    The live engine makes some ten thousand outcomes a second, so a chance for each of several objects makes this
-    take minutes. Of members with too many states for a table a plan is searched for, and nothing is computed again.
+    The second computation visits states with the live engine and uses other recurrences. The live engine computes about
+    ten thousand outcomes per second, so that several random objects can take minutes. For members with too many states
+    for a table only a plan is searched.
 
     Args:
-        family: with an environment.
-        members: of the family; all if None.
+        family: a family with an environment.
+        members: members of the family; None for all.
 
     Raises:
         InvalidArgument, EvaluationError: as `certificates`.

@@ -1,9 +1,9 @@
-"""The JSON format of the paper's published families: maps as rows of letters.
+"""The JSON format ga4cl of the paper's published families, in which maps are rows of letters.
 
     {"environments": [{"env_id": "env_1", "desc": ["SVR", ...], "reward_schedule": [0.0, ...], "complexity": 0.5}]}
 
-The format knows a grid, a letter for each tile, five rewards and one number; everything else about an environment
-comes from the domain that the file is read into.
+The format has a grid with a letter for each tile, five rewards and one number. Everything else about an environment
+comes from the domain into which the file is read.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ _KEYS = {
 
 @dataclass(frozen=True, slots=True)
 class GridVariant:
-    """One environment of a ga4cl file.
+    """An environment of a ga4cl file.
 
     Attributes:
-        name: `env_id`.
-        rows: `desc`, from the top; all of one length.
-        rewards: `reward_schedule`, or () where the file has none.
-        complexity: as published, or None.
-        row_spans: where each row stands in the file, or ().
+        name: value of `env_id`.
+        rows: value of `desc`, from the top; all rows have the same length.
+        rewards: value of `reward_schedule`, or () if the file has none.
+        complexity: the published complexity, or None.
+        row_spans: span of each row in the file, or ().
     """
 
     name: str
@@ -46,7 +46,7 @@ class GridVariant:
 
 
 def write_ga4cl(variants: Sequence[GridVariant]) -> str:
-    """The text of a ga4cl file, ending with a newline; numbers are written so that they read back exactly.
+    """Return the text of a ga4cl file, ending with a newline. Numbers are written without loss.
 
     >>> print(write_ga4cl([GridVariant("env_1", ("SG",), (0.0, 10.0), 0.5)]), end="")
     {
@@ -75,10 +75,10 @@ def write_ga4cl(variants: Sequence[GridVariant]) -> str:
 
 
 def read_ga4cl(source: Source) -> tuple[GridVariant, ...]:
-    """The environments of a ga4cl file, in file order.
+    """Return the environments of a ga4cl file, in file order.
 
     Raises:
-        LoadError: the text is no JSON, or not of the format; all problems at once.
+        LoadError: the text is not JSON or not of this format; it contains all problems.
     """
     value, spans = parse_json(source)
     problems = list(_check_file(value, spans))
@@ -163,7 +163,7 @@ def _check_rows(rows: Sequence[str], path: JsonPath, spans: Mapping[JsonPath, Sp
 
 
 def grid_rows(model: Model, draw: DrawGrid) -> tuple[str, ...]:
-    """The drawn grid of a model as rows of letters, from the top; a cell without an object or glyph is a space."""
+    """Return the drawn grid of a model as rows of letters, from the top; a cell without object or glyph is a space."""
     cells = grid_cells(model, draw)
     classes = model.metamodel.classes
     letters = {
@@ -179,7 +179,7 @@ def grid_rows(model: Model, draw: DrawGrid) -> tuple[str, ...]:
 
 
 def grid_cells(model: Model, draw: DrawGrid) -> dict[tuple[int, int], int]:
-    """The object at each (column, row) of the drawn grid."""
+    """Return the id of the object at each (column, row) of the drawn grid."""
     column = model.metamodel.feature(draw.cls, draw.column)
     row = model.metamodel.feature(draw.cls, draw.row)
     cells: dict[tuple[int, int], int] = {}
@@ -191,10 +191,10 @@ def grid_cells(model: Model, draw: DrawGrid) -> dict[tuple[int, int], int]:
 
 
 def retype_grid(model: Model, draw: DrawGrid, variant: GridVariant) -> None:
-    """Give every cell of the grid the class whose glyph stands at its place in the rows of a variant.
+    """Retype every cell of the grid to the class whose glyph is at its place in the rows of a variant.
 
     Raises:
-        LoadError: the size differs, or a letter is no glyph of an instantiable class of cells; all problems at once.
+        LoadError: the size differs, or a letter is not the glyph of a concrete cell class; it contains all problems.
     """
     cells = grid_cells(model, draw)
     mm = model.metamodel

@@ -1,4 +1,4 @@
-"""A whole run: from the files of a family to a run store, and back from an interruption."""
+"""Generate, resume, import and export families: whole runs from the files of a family to a run store."""
 
 from __future__ import annotations
 
@@ -48,26 +48,27 @@ def generate(
     warn: Warn = lambda diagnostics: None,
     workers: int = 1,
 ) -> Family:
-    """Evolve a family.
+    """Generate a family by a search or by sampling, and store the run.
 
     Args:
-        location: a family file, a directory that holds one, or the name of a bundled domain.
-        store_path: where the run store is made.
-        seed, generations, population: instead of those in the family file.
-        samples: draw so many members, all valid and no two the same, instead of searching for a family.
-        overrides: what else holds instead of what the family file says, such as "mutation.rate=0.5", as `--set` has it.
-        components: what the names in the family file mean; by default the ones that come with envgraph.
+        location: a family file, a directory that contains one, or the name of a bundled domain.
+        store_path: path of the new run store.
+        seed, generations, population: replacements for the values in the family file.
+        samples: number of distinct valid members to sample, instead of searching for a family.
+        overrides: further settings that replace those of the family file, such as "mutation.rate=0.5", as for `--set`.
+        components: the components that the family file may name; by default the built-in ones.
         progress: called after every generation.
-        climbing: called now and then while a family with an objective is searched for.
-        drawing: called now and then while samples are drawn.
-        workers: threads for learners of an objective; they change no result.
-        warn: called at the start, with what looks wrong.
+        climbing: called regularly during a curriculum search.
+        drawing: called regularly during sampling.
+        warn: called at the start with the warnings.
+        workers: number of threads for learners of an objective, which does not affect the result.
 
     Returns:
-        The family of the last generation. `Outcome.of` says how diverse it is, `why_low` why it is not more so.
+        The family of the last generation. See `Outcome.of` for its diversity, and `why_low` for the reason if it is
+        low.
 
     Raises:
-        LoadError: all that is wrong with the files, or the initial model violates a constraint, or lacks a value.
+        LoadError: the files have errors, or the initial model violates a constraint or lacks a value.
         InvalidArgument: the store exists already.
     """
     given = {
@@ -99,31 +100,31 @@ def evolve(
     warn: Warn = lambda diagnostics: None,
     workers: int = 1,
 ) -> Family:
-    """`generate` of a domain that has been read, in place of another run if that is to be overwritten."""
+    """Generate a family of a domain, as `generate` does. With `overwrite` an existing run is replaced."""
     if domain.spec.optimise is not None:
         place = Source(domain.spec.path, "").span(0, 0)
         message, hint = "the file asks for one model, not for a family", "`envgraph optimise` finds it"
         raise LoadError([Diagnostic("no-family", message, place, hint)])
     problem = domain.problem(domain.engine())
-    with telling():  # the individuals whose states are visited are pieces of one work
+    with telling():  # one progress display for all individuals whose states are visited
         warn(domain.check_initial(problem))
         search = _search(
             domain, problem, progress, climbing, drawing, workers
-        )  # what is wrong is said before there is a run
+        )  # errors are raised before the run is created
         with RunStore.create(store_path, *stored(domain), overwrite=overwrite) as store:
             search(store)
             return _found(store, domain)
 
 
 def _found(store: RunStore, domain: Domain) -> Family:
-    """Return the family of a run, with the numbers of members and steps that the search chose."""
+    """Return the family of a run. Its domain includes the numbers of members and steps chosen by the search."""
     if domain.overrides != store.overrides:
         domain = domain_of(store.bundle(), store.overrides, str(store.path), domain.components)
     return family_of(store, domain)
 
 
 def stored(domain: Domain) -> tuple[dict[str, Any], Mapping[str, str]]:
-    """What a run store has of its domain: settings, and the texts."""
+    """Return the settings and the texts of a domain that a run store contains."""
     bundle = domain.workspace.bundle()
     settings = {"name": domain.spec.name, "roots": list(bundle.roots), "overrides": list(domain.overrides)}
     return settings, bundle.texts
@@ -139,18 +140,18 @@ def resume(
     drawing: Drawing = lambda progress: None,
     workers: int = 1,
 ) -> Family:
-    """Go on with an interrupted run, from the texts that it keeps; the result is that of an uninterrupted one.
+    """Resume an interrupted run from its stored texts. The result is the same as without the interruption.
 
     Args:
-        store_path: of the run.
-        generations: go on to this one, also where the run had come to its end.
-        components: what the names in the family file mean; by default the ones that come with envgraph.
+        store_path: path of the run store.
+        generations: last generation to run, even if the run had ended before.
+        components: the components that the family file may name; by default the built-in ones.
         progress: called after every generation.
         climbing, drawing, workers: see `generate`.
 
     Raises:
-        InvalidArgument: there is no such run, it is an imported family, or has so many generations already; or
-            generations are asked for, and it has an objective or samples.
+        InvalidArgument: the run does not exist, is an imported family, or has reached the generation already. Another
+            reason is that `generations` is given for a run with an objective or samples.
     """
     with RunStore.open(store_path, writing=True) as store:
         if store.imported is not None:
@@ -176,7 +177,7 @@ def resume(
 def _search(
     domain: Domain, problem: Problem, progress: Progress, climbing: Climbing, drawing: Drawing, workers: int
 ) -> Callable[[RunStore], object]:
-    """What makes the family of a run: of single models, or, with an objective, as a whole; or samples."""
+    """Return a function that makes the family of a run: by evolution, by curriculum search or by sampling."""
     search, settings, seed = domain.curriculum_search(), domain.settings(), domain.spec.seed
     wanted = domain.samples()
     if wanted is not None:
@@ -200,7 +201,7 @@ def _drawn(sampler: Sampler, drawing: Drawing, store: RunStore) -> None:
 def _store(
     store: RunStore, levels: Levels, found: CurriculumProgress, objective: Objective, spec: FamilySpec
 ) -> None:
-    """Write a family that was searched for as a whole: the target, and for each other member its trace from the target.
+    """Write a family from a curriculum search: the target, and the trace from the target to each other member.
 
     If the search chose the number of members or steps, write these numbers as overrides of the family file.
     """
@@ -214,7 +215,7 @@ def _store(
     members = (*range(1, len(born)), 0)
     rejected = dict(sorted(levels.rejected.items()))
     diversity = levels.diversity(found.family)
-    # A stored generation marks the run as ended, so everything is written in one transaction.
+    # A stored generation marks the run as finished, so everything is written in one transaction.
     worth = {"values": objective.values(found.family)} if objective.terms else {"value": found.value}
     about = {
         **worth,
@@ -239,21 +240,21 @@ def import_ga4cl(
     overwrite: bool = False,
     overrides: Sequence[str] = (),
 ) -> tuple[Family, tuple[Diagnostic, ...]]:
-    """Read a family of the ga4cl format into a run store.
+    """Read a family in the ga4cl format into a run store, and return the family and warnings.
 
-    Each map becomes the initial model of the domain with its cells retyped. No constraint is checked. The measures are
-    computed; a published complexity that differs from the measure that orders the curriculum by more than 1e-9, and
-    rewards that differ from the behaviour's, are warnings.
+    Each map becomes the initial model of the domain with its cells retyped. Constraints are not checked. Measures are
+    computed. There are warnings if a published complexity differs by more than 1e-9 from the measure that orders the
+    curriculum, and if rewards differ from those of the behaviour.
 
     Args:
-        source: the text of the file.
+        source: text of the file.
         location: the domain: a family file, its directory, or a bundled domain.
-        store_path: where the run store is made.
-        overwrite: whether an existing run makes room.
-        overrides: what holds instead of what the family file says.
+        store_path: path of the new run store.
+        overwrite: True if an existing run is to be replaced.
+        overrides: settings that replace those of the family file.
 
     Raises:
-        LoadError: all that is wrong with the file, or with the domain's.
+        LoadError: the file or the domain's files have errors; it contains all of them.
         InvalidArgument: the store exists already, or the domain has no grid.
     """
     domain = Domain.load(location, None, overrides)
@@ -316,11 +317,11 @@ def _differences(
 
 
 def export_ga4cl(family: Family) -> str:
-    """The family as the text of a ga4cl file: members in the order of the curriculum, as env_1, env_2, ...
+    """Return the family as the text of a ga4cl file, with its members in order as env_1, env_2, ...
 
     Raises:
-        InvalidArgument: the behaviour draws no grid, or has several agents; or a member has more than the format:
-            cells, and one token on the only cell of its class.
+        InvalidArgument: the behaviour does not draw a grid, or has several agents; or a member has more than the format
+            can express: cells, and one token on the only cell of its class.
     """
     if family.behaviour.agents:
         raise InvalidArgument(
@@ -347,7 +348,7 @@ def export_ga4cl(family: Family) -> str:
 
 
 def _lost(scene: Scene | None) -> list[str]:
-    """What stands on the cells of a member, unless it is one token on the only cell of its class: the start."""
+    """Return the names of the tokens that the format loses: all but a token on the only cell of its class."""
     assert isinstance(scene, GridScene)
     marks = scene.marks
     if len(marks) == 1:

@@ -1,4 +1,4 @@
-"""Where the members of a run come from."""
+"""The lineage of individuals: the rule applications that lead from the initial model to them."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from envgraph.search.domain._domain import Domain
 
 @short_repr
 class LineageStep(NamedTuple):
-    """A rule that was applied on the way from the initial model to a member.
+    """A rule application on the path from the initial model to a member.
 
     Attributes:
-        generation: in which that was.
-        rule: its qualified name.
-        match: objects and values by the names of its variables.
+        generation: the generation in which it was made.
+        rule: qualified name of the rule.
+        match: objects and values by the names of the rule's variables.
     """
 
     generation: int
@@ -28,12 +28,12 @@ class LineageStep(NamedTuple):
 
 
 def lineage(store: RunStore, domain: Domain, individual: int) -> Iterator[LineageStep]:
-    """The rules that lead from the initial model to an individual of a run, in their order.
+    """Yield the rule applications that lead from the initial model to an individual of a run, in their order.
 
-    While the caller looks at a step the model is as it was before; so objects have the classes that they had then.
+    While a step is processed, the model is in the state before the step. Objects thus have their classes of that time.
 
     Raises:
-        InvalidArgument: there is no such individual, or what the store says of it cannot be applied.
+        InvalidArgument: the individual does not exist, or its stored trace cannot be applied.
     """
     engine = domain.engine()
     for ancestor in store.lineage(individual):

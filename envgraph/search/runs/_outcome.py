@@ -1,4 +1,4 @@
-"""How diverse a family is, and why it is not more diverse."""
+"""The diversity of a generated family, and the reasons for a low diversity."""
 
 from __future__ import annotations
 
@@ -30,16 +30,16 @@ _MOST_REPORTED = 100
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """How diverse a family is.
+    """The diversity of a family, and the value of its objective.
 
     Attributes:
-        diversity: the family measure over the members.
-        maximum: what it can be for so many members as the family should have; infinite where that is not known.
-        unit: "bits", or "" where it has none.
-        bins: number of each member's bin, from 1, in the order of the curriculum; empty where there are no bins.
-        objective: what the family was searched for by, and its value; {} without an objective. See `Family.objective`.
+        diversity: diversity of the members.
+        maximum: largest possible diversity of a family of the wanted size; infinite if it is unknown.
+        unit: "bits", or "" if the diversity has no unit.
+        bins: number of each member's bin, from 1, in the order of the curriculum; empty without bins.
+        objective: values of the objective's terms; {} without an objective. See `Family.objective`.
         target: name of the last member.
-        wants_diversity: whether the search asked for diverse families.
+        wants_diversity: True if the search asked for diversity.
     """
 
     diversity: float
@@ -52,7 +52,7 @@ class Outcome:
 
     @classmethod
     def of(cls, family: Family) -> Outcome:
-        """The outcome of the search that made a family."""
+        """Return the outcome of the search that generated a family."""
         problem = family.domain.problem(family.domain.engine())
         values, measure = _values(family, problem), problem.diversity
         maximum = problem.maximum(family.domain.spec.size)
@@ -85,10 +85,10 @@ class Outcome:
 
 
 def why_low(family: Family, store: RunStore) -> Diagnostic | None:
-    """Why the family of a run is less diverse than a family can be, and what would help; None where it is not.
+    """Return a warning with the reason for a low diversity and a remedy; None if the diversity is not low.
 
-    The first of these that holds: a condition of the objective fails, members are missing, values lie outside of the
-    range, no model came to some bins, the search ended too soon.
+    The first reason that applies is reported: a violated condition of the objective, missing members, values outside of
+    the range, bins that no model reached, or a search that ended too early.
     """
     outcome = Outcome.of(family)
     wanted, found = family.domain.spec.size, len(family.members)
@@ -98,7 +98,7 @@ def why_low(family: Family, store: RunStore) -> Diagnostic | None:
     if "steps" in family.objective and (family.value or 0.0) < _FEW:
         return _few(family)
     if family.domain.spec.objective is not None or (found >= wanted and (not low or outcome.maximum == inf)):
-        return None  # the objective is what was to be large
+        return None  # an objective is maximised instead of the diversity
     problem, spec = family.domain.problem(family.domain.engine()), family.domain.spec
     of, values = problem.diversity_of, _values(family, problem)
     met = [one.measures[of] for one in store.individuals()]
@@ -136,7 +136,7 @@ def why_low(family: Family, store: RunStore) -> Diagnostic | None:
 
 
 def describe_search(family: Family, store: RunStore) -> list[str]:
-    """Return sentences on how the search found a family that teaches; [] for other families."""
+    """Return sentences about the search for a family with a learning objective; [] for other families."""
     found, known = store.objective, family.objective
     if "steps" not in known:
         return []
@@ -163,7 +163,7 @@ def _few(family: Family) -> Diagnostic:
 
 
 def _lacking(family: Family) -> Diagnostic:
-    """The condition of an objective that is farthest from being satisfied."""
+    """Return the warning about the condition of the objective that is violated most."""
     text, excess = max(family.lacking.items(), key=lambda one: one[1])
     spec = family.domain.spec.objective
     texts = spec.options.get("subject_to", []) if spec else []
@@ -182,13 +182,13 @@ def _values(family: Family, problem: Problem) -> list[float]:
 
 
 def _range(met: Sequence[float]) -> str:
-    """The range to write for values; a single one needs some room."""
+    """Return a setting for a range that contains the values. If all values are equal, the range is widened."""
     low, high = min(met), max(met)
     return f"`range = [{low:g}, {high if high > low else low + 1:g}]`"
 
 
 def _bins(measure: BinnedEntropy, empty: Sequence[int]) -> str:
-    """Numbers of bins, from 1, and the values that would fall into them."""
+    """Format the numbers of empty bins, from 1, with the ranges of their values."""
     width = (measure.high - measure.low) / measure.bins
     runs = [
         [one for _, one in run] for _, run in groupby(enumerate(empty), key=lambda pair: pair[1] - pair[0])
@@ -202,7 +202,7 @@ def _bins(measure: BinnedEntropy, empty: Sequence[int]) -> str:
 
 
 def _rejections(reasons: Mapping[str, int], accepted: int) -> str:
-    """What was wrong with most of the models that were rejected, where those are the larger part."""
+    """Return a text about the most frequent reason of rejection; "" if no more models were rejected than accepted."""
     rejected = sum(reasons.values())
     if rejected <= accepted:
         return ""

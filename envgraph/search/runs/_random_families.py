@@ -1,4 +1,4 @@
-"""Families that nothing has selected: what an evolved one is compared with."""
+"""Random families without selection, to which evolved families are compared."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ Found = tuple[Mapping[str, float], str, int | None, bool]
 
 
 def lineage_lengths(family: Family, store: RunStore) -> tuple[int, ...]:
-    """How many rule applications lie between the initial model and each member but the target, in their order.
+    """Return the number of rule applications from the initial model to each member but the target, in their order.
 
     Raises:
-        InvalidArgument: members have no lineage, as those of an imported family.
+        InvalidArgument: members have no lineage, because the family was imported.
     """
     earlier = [member.individual for member in family.members[:-1]]
     if store.imported is not None:
@@ -34,18 +34,18 @@ def lineage_lengths(family: Family, store: RunStore) -> tuple[int, ...]:
 def random_families(
     family: Family, count: int, applications: Sequence[int], *, seed: int = 0
 ) -> Iterator[Family]:
-    """Families with the same target, whose other members are random walks from the initial model.
+    """Yield families with the same target whose other members result from random walks from the initial model.
 
-    A walk takes mutations by the same rules, each tried until the constraints hold and every measure has a value, as in
-    the search; but of its members none is selected for what it adds to the family. They are ordered in the same way.
-    A walk that comes to where no attempt succeeds ends there.
+    A walk applies the family's mutations. Each is tried until the constraints hold and every measure has a value, as in
+    the search, but there is no selection. The members are sorted by the same measure. A walk ends early if all attempts
+    fail.
 
     Args:
-        family: what they are compared with; its last member is the target.
-        count: how many.
-        applications: of rules, how many each member but the target takes, such as `lineage_lengths`; a mutation may
-            take several, and the last one more than are left.
-        seed: of all walks; those of a family do not depend on how many there are.
+        family: the family to compare with; its last member is the target.
+        count: number of families.
+        applications: number of rule applications for each member but the target, such as `lineage_lengths`. The last
+            mutation of a walk may exceed it, because a mutation may apply several rules.
+        seed: seed of all walks. The walks of a family do not depend on `count`.
 
     Raises:
         InvalidArgument: a number is negative.

@@ -1,4 +1,4 @@
-"""The reward schedule of the ga4cl format: what it is worth to arrive on a cell of each class."""
+"""The reward schedule of the ga4cl format: the reward for arriving on a cell of each class."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ _SUCCESS = 1
 
 
 def reward_schedule(family: Family) -> tuple[float, ...]:
-    """Reward for arriving on a cell, one number for each class that the family file lists under `[ga4cl] rewards`.
+    """Return the reward for arriving on a cell, for each class that the family file lists under `[ga4cl] rewards`.
 
-    Where it lists none: the classes of cells with a glyph, in the order of the metamodel, without the one on which
-    the agent starts, those that end an episode in success last. For the Burning Forest that is the published order:
-    road, vegetation, burning, water, goal.
+    If the file lists no classes, they are the cell classes with a glyph in the order of the metamodel. The class of the
+    start cell is left out, and classes that end an episode in success come last. For the Burning Forest this is the
+    published order: road, vegetation, burning, water, goal.
 
-    A reward that is given once (fresh water) counts as what it is the first time: of several rewards on arrival the
-    one of the largest size. A class that no member lets the agent reach counts 0.0.
+    Of several rewards on arrival the one with the largest absolute value counts, so that a reward that is paid once
+    (fresh water) counts as on the first arrival. A class that the agent cannot reach in any member counts 0.0.
     """
     letters = {
         glyph.letter: cls.name
@@ -77,7 +77,7 @@ def _arrivals(explored: Explored) -> _Arrivals:
 
 
 def _letter_below(scene: GridScene) -> str:
-    """The letter of the cell on which the first token stands; "" where there is no token."""
+    """Return the letter of the cell under the first token; "" if there is no token."""
     if not scene.marks:
         return ""
     column, row = scene.marks[0].place

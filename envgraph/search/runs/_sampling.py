@@ -1,4 +1,4 @@
-"""Ask and tell: an archive of models for people who own the loop, and have a score of their own."""
+"""An ask-and-tell interface: an archive of models for users who run their own loop and compute their own scores."""
 
 from __future__ import annotations
 
@@ -16,13 +16,15 @@ from envgraph.search.runs._generate import stored
 
 
 class Sampling:
-    """Gives new models and hears what they are worth. An archive keeps the best of each bin; new ones come of these.
+    """An ask-and-tell sampler: `ask` returns new models, and `tell` receives their scores.
+
+    An archive stores the best models of each bin. New models are mutations of models in the archive.
 
     Args:
-        domain: has `[samples]`, which says how many the archive keeps, and the bins of which measures it covers.
+        domain: a domain with `[samples]`, which sets the size of the archive and the measures whose bins it covers.
 
     Raises:
-        InvalidArgument: the domain has no `[samples]`, or they have a measure to maximise or minimise.
+        InvalidArgument: the domain has no `[samples]`, or `[samples]` has a measure to maximise or minimise.
         LoadError: as `Domain.check_initial`.
     """
 
@@ -40,15 +42,15 @@ class Sampling:
         self._asked: list[Offered] = []
 
     def ask(self, count: int) -> Family:
-        """New models, all valid and none that was asked for before: a step each from a member of the archive.
+        """Return new valid models that were never returned before, each one move away from a member of the archive.
 
-        Models without a score are forgotten.
+        Models from an earlier call that have no score are dropped.
 
         Args:
-            count: how many, at least 1.
+            count: number of models, at least 1.
 
         Raises:
-            EvaluationError: fewer were found in a hundred times as many attempts.
+            EvaluationError: `100 * count` attempts did not find enough models.
         """
         self._asked = self._sampler.candidates(count)
         if len(self._asked) < count or count < 1:
@@ -62,13 +64,13 @@ class Sampling:
         return self._family(members)
 
     def tell(self, scores: Sequence[float]) -> tuple[bool, ...]:
-        """Say what the models that were asked for last are worth, in their order; larger is better.
+        """Report the scores of the models from the last `ask`, in their order. A larger score is better.
 
         Returns:
-            Whether the archive has each of them, for now.
+            For each model True if it is in the archive now.
 
         Raises:
-            InvalidArgument: there is not one finite score for each.
+            InvalidArgument: there is not exactly one finite score for each model.
         """
         if len(scores) != len(self._asked) or not all(map(isfinite, scores)):
             raise InvalidArgument(f"{len(self._asked)} models were asked for: give a finite score for each")
@@ -79,7 +81,7 @@ class Sampling:
         )
 
     def family(self) -> Family:
-        """What the archive has, in the order of the curriculum, the initial model among them."""
+        """Return the members of the archive as a family, in the order of the curriculum, with the initial model."""
         members = self._sampler.members()
         held = Held(self._engine, [version for _, version in members])
         found = [
@@ -89,7 +91,7 @@ class Sampling:
         return self._family(ordered(self._domain, found))
 
     def write(self, store_path: Path) -> None:
-        """Keep what the archive has as a run.
+        """Write the members of the archive as a run.
 
         Raises:
             InvalidArgument: the store exists already.

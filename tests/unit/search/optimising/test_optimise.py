@@ -282,14 +282,14 @@ def test_what_makes_no_sense_is_refused_before_anything_is_changed() -> None:
         with pytest.raises(InvalidArgument, match=message):
             optimise(engine, moves, **arguments)  # type: ignore[arg-type]
 
-    refused("one objective or more")
-    refused("with a name of its own", maximise="craIndex", minimise="craIndex")
+    refused("at least one objective")
+    refused("with different names", maximise="craIndex", minimise="craIndex")
     refused("unknown .*`craIndx`(.|\n)*did you mean `craIndex`", maximise="craIndx")
     refused("unknown .*`jon`", ["jon"], maximise="craIndex")
-    refused("no rule changes the model", [], maximise="craIndex")
+    refused("`moves` is empty", [], maximise="craIndex")
     refused("unknown .*`unasigned`", maximise="craIndex", forbid=["unasigned"])
-    refused("`steps` is a number from 1", maximise="craIndex", steps=0)
-    refused("`target` has a number for each of the 1 objectives", maximise="craIndex", target=[1, 2])
+    refused("`steps` is 0, but must be", maximise="craIndex", steps=0)
+    refused("`target` must have a finite number for each of the 1 objectives", maximise="craIndex", target=[1, 2])
     for wrong in (lambda: Annealing(0), lambda: HillClimb(0), lambda: Beam(0), lambda: TreeSearch(length=0)):
         with pytest.raises(InvalidArgument):
             wrong()
