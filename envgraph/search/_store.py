@@ -27,16 +27,16 @@ from envgraph.lang import Bundle
 from envgraph.metamodel import Value
 
 FORMAT = 2
-"""Version of the tables below; a store of another version is refused."""
+"""Version of the SQL tables below; a store of another version is refused."""
 
 CERTIFICATES = "certificates"
-"""The setting that has what was verified of members, by their ids."""
+"""Key of the setting with the certificates of members, by id."""
 
 _RESULTS = ("training", "tables", "report.html")
-"""Names of the results of a run, beside its store."""
+"""Names of files and directories with the results of a run, beside its store."""
 
 _REPLACED = "replaced"
-"""The setting that names the directory to which results of the old run are moved while the run is replaced."""
+"""Key of the setting with the directory to which results of the old run are moved while the run is replaced."""
 
 _SCHEMA = """
 CREATE TABLE setting (key TEXT PRIMARY KEY, value TEXT NOT NULL) WITHOUT ROWID;
@@ -214,7 +214,7 @@ class RunStore:
             InvalidArgument: the file is missing, damaged, of another format, or is being written by another process.
         """
         if not path.is_file():
-            raise InvalidArgument(f"there is no run store at {path}")
+            raise InvalidArgument(f"run store {path} does not exist")
         _refuse_links(path)
         _finish_replacement(path, locked=False)
         with ExitStack() as held:
@@ -310,7 +310,7 @@ class RunStore:
         with self._reading("setting `roots`"):
             roots = _texts(self.settings()["roots"])
             if not roots:
-                raise ValueError("there is none")
+                raise ValueError("the list is empty")
         return Bundle(roots, self.sources())
 
     def family_data(self) -> list[Any]:
@@ -441,7 +441,7 @@ class RunStore:
         except EnvgraphError:
             raise
         except KeyError as error:
-            raise self.damaged(f"{what}: it is not there") from error
+            raise self.damaged(f"{what}: an entry is missing") from error
         except (sqlite3.Error, LookupError, TypeError, ValueError, RecursionError) as error:
             raise self.damaged(f"{what}: {error}") from error
 
@@ -450,7 +450,7 @@ class RunStore:
         opened = self._file_stat
         if opened and not (self.path.exists() and os.path.samestat(opened, self.path.stat())):
             message = f"{self.path} was replaced or removed while this command used it"
-            raise InvalidArgument(message, "nothing was written to it; run the command again")
+            raise InvalidArgument(message, "run the command again; nothing was written")
         is_reading = self._db.in_transaction
         if is_reading:
             message = f"{self.path} cannot be written: it was opened for reading"
@@ -475,19 +475,19 @@ def _refuse_foreign(store: RunStore, db: sqlite3.Connection) -> None:
     """Raise `InvalidArgument` for files that are not run stores, before any SQL in them can run."""
     try:
         if strange := db.execute(_FOREIGN_OBJECTS).fetchone():
-            raise InvalidArgument(f"it has a view or trigger `{strange[0]}`, which no run has")
+            raise InvalidArgument(f"it has a view or trigger `{strange[0]}`, which run stores do not have")
         version = store.settings().get("format")
     except (InvalidArgument, sqlite3.DatabaseError, UnicodeDecodeError) as error:
-        raise InvalidArgument(f"{store.path} is no run store: {error.__cause__ or error}") from error
+        raise InvalidArgument(f"{store.path} is not a run store: {error.__cause__ or error}") from error
     if version != FORMAT:
-        message = f"{store.path} has format {version}; this version of envgraph reads format {FORMAT}"
+        message = f"{store.path} has format {version}, but this version of envgraph reads format {FORMAT}"
         raise InvalidArgument(message)
     if not db.execute("SELECT 1 FROM sqlite_schema WHERE name = 'content'").fetchone():
         db.execute(_TABLES[-1].replace("CREATE", "CREATE TEMP", 1))  # stores of older versions have no hashes
 
 
 def _unwritable(path: Path, error: Exception) -> InvalidArgument:
-    hint = "the disk is full: make room; finished generations are kept" if _is_full(error) else None
+    hint = "make room on the full disk; finished generations are stored" if _is_full(error) else None
     return InvalidArgument(f"{path} cannot be written: {error}", hint)
 
 
@@ -496,7 +496,9 @@ def _refuse_links(path: Path) -> None:
     for place in map(path.with_name, (path.name, *_RESULTS)):
         for one in (place, *place.rglob("*")):
             if one.is_symlink():
-                raise InvalidArgument(f"{one} is a link, and runs have none", "replace it by the file")
+                raise InvalidArgument(
+                    f"{one} is a symbolic link, which is not allowed in runs", "replace it by the file"
+                )
 
 
 def _finish_replacement(path: Path, *, locked: bool = True) -> None:
@@ -536,9 +538,9 @@ def _connect(path: Path) -> tuple[sqlite3.Connection, Exception | None]:
             if address is tried[0] and getattr(error, "sqlite_errorname", "").startswith(_WRITE_ERRORS):
                 tried += _for_reading(path, uri)
     if len(tried) == 2:  # a log exists, and merging it into the file needs write access
-        message = f"{path} was not closed, and cannot be written: copy its directory to where it can"
+        message = f"{path} was not closed and is not writable: copy its directory to a writable place"
         raise InvalidArgument(message) from reason
-    raise InvalidArgument(f"{path} is no run store: {reason}") from reason
+    raise InvalidArgument(f"{path} is not a run store: {reason}") from reason
 
 
 def _is_full(error: Exception) -> bool:
@@ -561,7 +563,7 @@ def _logs(path: Path) -> tuple[Path, ...]:
 _PRAGMAS = ("trusted_schema = OFF", "temp_store = MEMORY", "journal_mode = WAL", "synchronous = NORMAL")
 _WRITE_ERRORS = ("SQLITE_FULL", "SQLITE_IOERR", "SQLITE_READONLY", "SQLITE_CANTOPEN")
 _INDEX = 32_768
-"""Bytes of SQLite's index of the log while somebody has a store open; less is left where there was no room."""
+"""Size in bytes of SQLite's log index while a store is open. A smaller file is a remainder of a full disk."""
 _ENCODER = json.JSONEncoder(
     ensure_ascii=False, separators=(",", ":")
 )  # `json.dumps` would create an encoder for every call
@@ -593,12 +595,12 @@ def _hash(row: Sequence[object]) -> str:
 def _individual(row: Sequence[Any]) -> Individual:
     id_, generation, child, parent, trace, measures, state_hash, model, digest = row
     if parent is not None and _whole(parent) >= id_:
-        raise ValueError("its id is smaller than that of its parent")
+        raise ValueError("its id is not larger than that of its parent")
     steps = tuple((_text(rule), _values(values)) for rule, values in json.loads(trace))
     found = {name: _number(value) for name, value in _object(json.loads(measures)).items()}
     text = None if model is None else _text(model)
     if digest not in (None, _hash(row[:-1])):
-        raise ValueError("its row does not have the hash that was stored with it")
+        raise ValueError("its row does not match the stored hash")
     return Individual(id_, _whole(generation), _whole(child), parent, steps, found, _text(state_hash), text)
 
 

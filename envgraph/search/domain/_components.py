@@ -104,7 +104,7 @@ ParentsFactory = Callable[[Options, Context], ParentSelection]
 SurvivorsFactory = Callable[[Options, Context], SurvivorSelection]
 StrategyFactory = Callable[[Options, Context], Strategy]
 ObjectiveFactory = Callable[[Options, Context], Callable[["Levels", int], "Judged"]]
-"""What it gives makes the objective, from the levels that it will see and the number of threads that it may take."""
+"""Returns a function that makes the objective, given the levels and the number of threads."""
 
 
 def _path_complexity(options: Options, context: Context) -> IndividualMeasure:
@@ -187,9 +187,9 @@ def _learning(options: Options, context: Context) -> Callable[[Levels, int], Jud
         except NotCompiled as reason:
             name, note = levels.behaviour.name, Note("it is here", reason.span)
             message = (
-                f"`{name}` has too many states for tables, and is not compiled: it has {reason.construct}"
+                f"`{name}` has too many states for tables, and cannot be compiled: it has {reason.construct}"
             )
-            hint = f"do without it, or make the target smaller: up to {MOST_STATES:,} states have a table"
+            hint = f"remove it, or make the target smaller: a table has at most {MOST_STATES:,} states"
             notes = (note,) if reason.span else ()
             place = options.spec.span()
             raise LoadError([Diagnostic("not-compiled", message, place, hint, notes=notes)]) from reason
@@ -206,7 +206,7 @@ def _chain_transfer(options: Options, context: Context) -> Callable[[Levels, int
         try:
             levels.target.tabular  # noqa: B018  # report too many states before the run starts
         except TooManyStates as error:
-            hint = 'write `kind = "learning"`, whose learners need no table, or make the target smaller'
+            hint = 'write `kind = "learning"`, which needs no table, or make the target smaller'
             place = options.spec.span()
             raise LoadError([Diagnostic("too-many-states", error.message, place, hint)]) from error
         return Measured(ChainTransfer(), context.spec.search.population)

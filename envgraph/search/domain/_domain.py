@@ -46,7 +46,7 @@ if TYPE_CHECKING:
     from envgraph.search.optimising import Strategy
 
 EFFORT, MOST_LANES = 1_000_000_000, 1_000
-"""Defaults of a search for a whole family: steps of learners, up to half a minute; families improved at once."""
+"""Default effort of a curriculum search in training steps, up to half a minute; and the largest number of lanes."""
 
 Placed = TypeVar("Placed", ModelText, Behaviour)
 
@@ -100,8 +100,8 @@ class Domain:
             raise LoadError([*workspace.diagnostics, *wrong])
         if not workspace.families:
             place = Source(path, workspace.sources.get(path, "")).span(0, 0)
-            hint = "a family file is a `family.toml`"
-            raise LoadError([Diagnostic("no-family", f"`{path}` is no family file", place, hint)])
+            hint = "name a `family.toml`"
+            raise LoadError([Diagnostic("no-family", f"`{path}` is not a family file", place, hint)])
         domain = cls(workspace.families[0], workspace, components, overrides)
         problems = domain.wrong_options()  # so that they are reported when the files are read
         if has_errors(problems):
@@ -211,8 +211,10 @@ class Domain:
             problems += _finished(_expressions(spec))
             for key, given in (("target", search.target), ("stagnation", search.stagnation)):
                 if given is not None:
-                    message = f"`{key}` is about the diversity, and the family has an objective"
-                    hint = "leave it out: the search ends after `generations`, or where nothing better is possible"
+                    message = f"`{key}` refers to the diversity, but the family has an objective"
+                    hint = (
+                        "remove it: the search ends after `generations`, or at the maximum of the objective"
+                    )
                     problems.append(Diagnostic("bad-objective", message, spec.span(), hint))
         if has_errors(problems):
             raise LoadError(problems)
@@ -279,10 +281,10 @@ class Domain:
         families = comb(free + search.population, free)
         if families <= survival.limit:
             return []
-        message = f"there are up to {families:,} families to try in each generation, and `limit` is {survival.limit:,}"
-        hint = (
-            "write `hill_climbing`, a smaller `population`, or `binned_entropy`, of which not all are tried"
+        message = (
+            f"up to {families:,} families must be tried in each generation, but `limit` is {survival.limit:,}"
         )
+        hint = "write `hill_climbing`, a smaller `population`, or `binned_entropy`, which needs no trials"
         if self.spec.objective is not None:
             hint = "write `hill_climbing`, or a smaller `population`"
         return [Diagnostic("too-many-families", message, search.survivors.span(), hint)]
@@ -310,8 +312,10 @@ class Domain:
             made = lambda levels, workers: last  # noqa: E731
         problems = _finished(options)
         if search.population < 2 or not search.keep_initial or self.spec.curriculum.initial != "last":
-            message = "an objective is of families that end in the initial model and have other members"
-            hint = "write `population = 2` or more, and leave `keep_initial` and `initial` out"
+            message = (
+                "with this objective the family needs at least 2 members, the last of them the initial model"
+            )
+            hint = "write `population = 2` or more, and remove `keep_initial` and `initial`"
             problems.append(Diagnostic("bad-objective", message, spec.span(), hint))
         if has_errors(problems):
             raise LoadError(problems)

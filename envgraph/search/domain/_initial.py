@@ -39,7 +39,7 @@ def check_initial(domain: Domain, problem: Problem) -> list[Diagnostic]:
     try:
         domain.keys()
     except EvaluationError as error:
-        hint = "the environment counts through these objects: give each of them a key of its own"
+        hint = "give each of these objects a different key: the environment numbers them by key"
         places = [spans.get(node) for node in error.nodes] if isinstance(error, SameKey) else []
         if len(places) == 2 and all(places):
             first = Note("the other object is here", places[0])
@@ -59,7 +59,7 @@ def check_initial(domain: Domain, problem: Problem) -> list[Diagnostic]:
         except NoValue as error:
             measure = next(one for one in spec.measures if one.name == error.measure)
             message = f"the initial model has no value of `{error.measure}`"
-            hint = "write `otherwise = 0`, or another number that counts for such models"
+            hint = "write `otherwise = 0`, or another number to use for models without a value"
             if isinstance(plan := problem.measures[error.measure], ShortestPlan):
                 evidence, missed = plan.why_none(problem.engine)
                 message, hint = f"{message}: {evidence}", "; ".join(filter(None, (missed, hint)))
@@ -76,7 +76,8 @@ def check_initial(domain: Domain, problem: Problem) -> list[Diagnostic]:
             "initial-model-invalid",
             f"the initial model violates `{constraint}`{evidence}",
             named.get(constraint, spec.model.span),
-            hint or "the family is made from a model that satisfies every constraint",
+            hint
+            or "change the model or the constraint: a family begins with a model that satisfies all constraints",
             notes=(note,) if constraint in named else (),
         )
         for constraint, (evidence, hint) in sorted(violated.items())
@@ -96,10 +97,10 @@ def _demanded(domain: Domain, problem: Problem) -> list[Diagnostic]:
         or (demanded == "maximum" and most < inf)
     ):
         return []
-    message, hint = f"a family of {size} is at most {most:g} diverse", 'write `diversity = "maximum"`'
+    message, hint = f"the diversity of {size} members is at most {most:g}", 'write `diversity = "maximum"`'
     if demanded == "maximum":
-        message = f"nobody knows how diverse a family can be by `{domain.spec.diversity.kind}`"
-        hint = "write a number, the least diversity that a family may have"
+        message = f"the largest possible diversity by `{domain.spec.diversity.kind}` is unknown"
+        hint = "write a number, the least diversity of a family"
     elif isinstance(demanded, int | float) and demanded <= most:
         return []
     return [Diagnostic("bad-range", message, objective.span("diversity"), hint)]
@@ -113,11 +114,11 @@ def _outside(domain: Domain, problem: Problem, measured: Mapping[str, float]) ->
     end = "first" if value < diversity.low else "last"
     message = (
         f"`{problem.diversity_of}` of the initial model is {value:g}, outside of the range "
-        f"{diversity.low:g} to {diversity.high:g}: it counts in the {end} bin"
+        f"{diversity.low:g} to {diversity.high:g}, so that it counts in the {end} bin"
     )
     low, high = min(0.0, 2 * value), max(0.0, 2 * value)
     span = domain.spec.diversity.span("range" if "range" in domain.spec.diversity.options else "kind")
-    hint = f"write the range in which the values may lie, such as `range = [{low:g}, {high:g}]`, in `[diversity]`"
+    hint = f"write the range of all possible values, such as `range = [{low:g}, {high:g}]`, in `[diversity]`"
     return [Diagnostic("outside-range", message, span, hint, Severity.WARNING)]
 
 
@@ -134,10 +135,10 @@ def _named_otherwise(domain: Domain, engine: Engine) -> list[Diagnostic]:
             node, name = next(_other_names(engine.model, cls), (None, ""))
             if cls in counted and node is not None:
                 message = (
-                    f"`{group.name}` deletes and creates objects such as `{name}`, and calls what it creates `{cls}1`, "
-                    f"`{cls}2` and so on"
+                    f"`{group.name}` may delete `{name}`, and names the objects that it creates `{cls}1`, `{cls}2` "
+                    "and so on"
                 )
-                hint = f"call it `{cls}1`: else actions and observations of the family have a place for either name"
+                hint = f"rename it to `{cls}1`, so that actions and observations of the family have no unused entries"
                 place = domain.model_text.spans.get(node) or group.span
                 found.append(Diagnostic("other-names", message, place, hint, Severity.WARNING))
     return found
@@ -168,9 +169,9 @@ def _other_names(model: Model, cls: str) -> Iterator[tuple[int, str]]:
 def _evidence(engine: Engine, violated: Constraint) -> tuple[str, str | None]:
     """Return text about the violation of a constraint, such as a match, and a hint or None."""
     if isinstance(violated, Forbid):
-        return f": there is {engine.first(violated.pattern)}", None
+        return f": it matches {engine.first(violated.pattern)}", None
     if isinstance(violated, CountWithin):
-        return f": there are {engine.count(violated.pattern)}", None
+        return f": the number of matches is {engine.count(violated.pattern)}", None
     if isinstance(violated, Reachable):
         evidence, hint = violated.plan.why_none(engine, violated.end)
         return f": {evidence}", hint

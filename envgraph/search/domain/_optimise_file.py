@@ -24,7 +24,7 @@ def optimise_domain(domain: Domain, *, progress: Progress | None = None) -> tupl
     if spec is None:
         source = domain.spec.source or Source(domain.spec.path, "")
         hint = 'write `[optimise]` with `maximise = ["..."]`: names of measures'
-        message = "the file does not say what is best"
+        message = "the family file has no `[optimise]`"
         raise LoadError([Diagnostic("missing-key", message, source.span(0, 0), hint)])
     engine = domain.engine()
     problem, strategy = problem_of(domain, engine), domain.strategy()

@@ -28,10 +28,10 @@ from envgraph.search.problem._pool import Candidate, FamilyMeasure, Pool
 from envgraph.search.problem._problem import Problem
 
 _SELECTION = 1 << 32
-"""Spawn key of the survivor selection of a generation; larger than any number of a child."""
+"""Spawn key of the survivor selection of a generation. It is larger than any child's number."""
 
 _SAME = 1e-12
-"""Diversities closer than this are the same: they are sums of floating-point terms."""
+"""Tolerance for comparing diversities, which are sums of floating-point terms."""
 
 
 @dataclass(slots=True)
@@ -260,7 +260,7 @@ class Evolution:
         for ancestor in line:
             engine.replay(ancestor.trace)
         if f"{engine.model.state_hash():016x}" != individual.state_hash:
-            raise self._store.damaged(f"individual {id_} does not follow from its trace")
+            raise self._store.damaged(f"the trace of individual {id_} leads to another model")
         lacking = [one for one in self._problem.measures if one not in individual.measures]
         if lacking:
             raise self._store.damaged(f"individual {id_} has no measure `{lacking[0]}`")

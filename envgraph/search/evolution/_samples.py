@@ -23,14 +23,14 @@ from envgraph.search.evolution._variation import Variation
 from envgraph.search.problem._problem import Problem
 
 WALK: Final = 16
-"""Models on a walk: at about this length members differ most, and longer walks save little time
+"""Number of models on a walk: at about this length members differ most, and longer walks save little time
 (`benchmarks/bench_samples.py`)."""
 
 _REPORTED: Final = 256
-"""Attempts after which progress is reported."""
+"""Number of attempts after which progress is reported."""
 
 REPEATED: Final = "the model was met before"
-"""Why a model is turned down that is not worth another look."""
+"""Reason for which a model that is not new is rejected."""
 
 
 @dataclass(frozen=True, slots=True)

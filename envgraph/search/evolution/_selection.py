@@ -111,7 +111,7 @@ class SimulatedAnnealing:
     def __post_init__(self) -> None:
         if self.rounds < 0 or self.initial_temperature <= 0 or not 0 < self.cooling_rate <= 1:
             raise InvalidArgument(
-                "annealing needs rounds >= 0, initial_temperature > 0, 0 < cooling_rate <= 1"
+                "simulated annealing needs rounds >= 0, initial_temperature > 0 and 0 < cooling_rate <= 1"
             )
 
     def select(

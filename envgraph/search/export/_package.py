@@ -23,19 +23,19 @@ from envgraph.search.families._shown import caption
 from envgraph.search.runs._certified import certificate_texts
 
 TEMPLATES: Final = Path(__file__).parent / "templates"
-"""Those that come with envgraph."""
+"""Directory of the built-in templates."""
 
 MINIGRID: Final = Path(__file__).parent / "minigrid"
-"""Those of levels of MiniGrid."""
+"""Directory of the built-in templates for levels of MiniGrid."""
 
 TABLES, PROGRAM = "tables.npz", "program"
-"""Empty files of templates that stand for what the environments step by: tables, or else a package."""
+"""Names of empty template files that are replaced: by the tables, or by the package of the compiled program."""
 
 _OF_FAMILY: Final = ("package", "name", "version", "limit", "members", "facts")
 _OF_STEPS: Final = ("environment", "actions", "observation_shape", "observed", "agents", "tables", "episodes")
 
 _EPISODE: Final = 40
-"""Steps of a recorded episode."""
+"""Number of steps of a recording."""
 
 
 def write_package(family: Family, folder: Path, templates: Path | None = None) -> list[Path]:
@@ -137,8 +137,8 @@ class _Steps:
             try:
                 self.program = family.program(family.members)
             except NotCompiled as refused:
-                message = f"{many.message}, and it is not compiled: it has {refused.construct}"
-                raise EvaluationError(message, refused.span, "either is enough to export it") from None
+                message = f"{many.message}, and it cannot be compiled: it has {refused.construct}"
+                raise EvaluationError(message, refused.span, "remove it, or use smaller models") from None
 
     def values(self, episodes: bool) -> Mapping[str, Any]:
         behaviour = self._family.behaviour

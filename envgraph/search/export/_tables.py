@@ -35,7 +35,7 @@ def write_tables(tables: Mapping[str, Tabular]) -> bytes:
     """
     for name in tables:
         if "\0" in name or ".." in name.replace("\\", "/").split("/") or name[:1] in ("", "/"):
-            raise InvalidArgument(f"`{visible(name)}` is not a valid name of an array; rename the member")
+            raise InvalidArgument(f"`{visible(name)}` is not a valid array name; rename the member")
     first = next(iter(tables.values()))
     arrays: dict[str, Any] = {
         "members": _texts(tables),
@@ -59,7 +59,7 @@ def write_frozen_lake(family: Family) -> str:
         EvaluationError: there are too many states.
     """
     if family.behaviour.agents:
-        raise InvalidArgument(f"family `{family.name}` has `agent` blocks: FrozenLake has one walker")
+        raise InvalidArgument(f"family `{family.name}` has `agent` blocks, but FrozenLake has a single agent")
     found = {}
     for member in family.members:
         try:

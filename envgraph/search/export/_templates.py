@@ -28,7 +28,7 @@ from envgraph.lang import DiskFiles, read_source
 _ENDING: Final = ".j2"
 
 _EACH: Final = "member"
-"""A template with this name in its path makes a file for each member."""
+"""A template with this name in its path renders one file per member."""
 
 
 class Templates:
@@ -52,7 +52,7 @@ class Templates:
     """
 
     def __init__(self, folder: Path, known: Sequence[str]) -> None:
-        hint = "`envgraph templates DIR` writes some to start from"
+        hint = "run `envgraph templates DIR` to get the built-in templates"
         if not folder.is_dir():
             raise InvalidArgument(f"there is no directory `{folder}` of templates", hint)
         self._folder = folder
@@ -97,10 +97,12 @@ class Templates:
             if not content.strip():
                 return
         if any(part in ("", ".", "..") or not part.isprintable() for part in re.split(r"[/\\]", name)):
-            raise InvalidArgument(f"template `{place}` makes `{visible(name)}`, which is no path of a file")
+            raise InvalidArgument(
+                f"the path of template `{place}` renders `{visible(name)}`, which is not a valid path"
+            )
         if name in found:
-            hint = "with `{{member.name}}` in its path a template makes a file for each member"
-            raise InvalidArgument(f"two templates make `{name}`, `{place}` is the second", hint)
+            hint = "write `{{member.name}}` in the path of a template that renders one file per member"
+            raise InvalidArgument(f"two templates render `{name}`, the second is `{place}`", hint)
         found[name] = content
 
     def _rendered(self, place: str, render: Callable[..., str], values: Mapping[str, Any]) -> str:
@@ -152,7 +154,7 @@ def _unknown(source: Source, tree: nodes.Template, name: str, known: set[str]) -
     if found is not None:
         span = source.span(span.start + found.start(), span.start + found.end())
     if name == _EACH:
-        there_are = "with `{{member.name}}` in its path a template makes a file for each member"
+        there_are = "write `{{member.name}}` in the path of a template that uses `member`"
     return Diagnostic("unknown-name", f"unknown name `{name}`", span, did_you_mean(name, known) or there_are)
 
 

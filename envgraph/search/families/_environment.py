@@ -151,7 +151,7 @@ def _several(
 ) -> Any:
     """Return a multi-agent environment of class `kind` on the live engine of a member."""
     if family is not None and domain is not None:
-        raise InvalidArgument("give a `family` or a `domain`, not both")
+        raise InvalidArgument("both a `family` and a `domain` are given: give one of them")
     place = None if domain is None else str(domain)
     opened = open_member_family(place, family, () if variant is None else (variant,))
     member = opened.place(variant)
@@ -212,7 +212,7 @@ def _located(family: Location | None, domain: Location | None) -> tuple[dict[str
     Paths of families are absolute, so that other processes make the same environment.
     """
     if family is not None and domain is not None:
-        raise InvalidArgument("give a `family` or a `domain`, not both")
+        raise InvalidArgument("both a `family` and a `domain` are given: give one of them")
     place = None if domain is None else str(domain)
     if family is not None:
         path = Path(family)
@@ -264,7 +264,9 @@ def make_environment(
     wanted = _engine_of(engine, live)
     _check_observation(observation, wanted)
     if not isinstance(variant, int | str | None):
-        raise InvalidArgument("one environment is of one variant", "`envgraph.make_vec` takes a list of them")
+        raise InvalidArgument(
+            "`variant` must be a single name or number", "use `envgraph.make_vec` for a list"
+        )
     opened = open_member_family(domain, family, () if variant is None else (variant,))
     check_render_mode(render_mode, drawn=opened.record.drawn)  # checked before all states are visited
     place = opened.place(variant)
@@ -305,7 +307,7 @@ def _environment(
 
         return CompiledEnv(found, **shown), "compiled"
     if wanted is None:
-        warn(f"{opened.refused().message}; it steps on the live engine", stacklevel=3)
+        warn(f"{opened.refused().message}; the live engine is used instead", stacklevel=3)
     return EnvgraphLiveEnv(opened.simulator(place), **shown), "live"
 
 
@@ -338,18 +340,18 @@ def make_vector_environment(
             refused, because they need single environments: use `make_vec`.
     """
     if rewards:
-        raise InvalidArgument("rewards are told apart by single ones", 'give `vectorization_mode="sync"`')
+        raise InvalidArgument("`rewards=True` needs single environments", 'use `vectorization_mode="sync"`')
     wanted = _engine_of(engine, live=False)
     _check_observation(observation, wanted)
     own = _given(streams=streams, threads=threads)
     if own:
         if wanted not in (None, "compiled"):
             raise InvalidArgument(
-                f'`{next(iter(own))}=` is for `engine="compiled"`, not for `engine="{wanted}"`'
+                f'`{next(iter(own))}` needs `engine="compiled"`, but `engine="{wanted}"` is given'
             )
         wanted = "compiled"
     if wanted == "live":
-        raise InvalidArgument("the live engine steps one environment", 'give `vectorization_mode="sync"`')
+        raise InvalidArgument('`engine="live"` needs single environments', 'use `vectorization_mode="sync"`')
     variants = () if variant is None else (variant,) if isinstance(variant, int | str) else tuple(variant)
     opened = open_member_family(domain, family, variants)
     check_render_mode(render_mode, ("rgb_array",), drawn=opened.record.drawn)
@@ -392,7 +394,7 @@ def _engine_of(engine: EngineKind | None, live: bool) -> EngineKind | None:
     if engine is not None:
         check_known(engine, ENGINES, f"unknown engine {engine!r}")
     if live and engine not in (None, "live"):
-        raise InvalidArgument(f"`live=True` and `engine={engine!r}` are two engines: give one")
+        raise InvalidArgument(f"`live=True` contradicts `engine={engine!r}`: give one of them")
     return "live" if live else engine
 
 
@@ -401,4 +403,6 @@ def _check_observation(kind: ObservationKind, engine: EngineKind | None) -> None
     check_kind(kind)
     if kind in OF_MODEL and engine == "table":
         hint = 'leave `engine` out, or give "compiled" or "live"'
-        raise InvalidArgument(f'an observation "{kind}" is made of the model, which a table has not', hint)
+        raise InvalidArgument(
+            f'observation "{kind}" needs a model, which `engine="table"` does not have', hint
+        )

@@ -132,7 +132,7 @@ class Family:
         """
         behaviour = self.domain.behaviour
         if behaviour is None:
-            raise InvalidArgument(f"family `{self.name}` has no environment: its family file names none")
+            raise InvalidArgument(f"family `{self.name}` has no environment: name one in the family file")
         return behaviour if self._pays is None else paying(behaviour, self._pays)
 
     @property
@@ -258,7 +258,8 @@ class Family:
         """
         if not 2 <= count <= len(self.members):
             raise InvalidArgument(
-                f"family `{self.name}` has {len(self.members)} members: choose 2 of them or more"
+                f"`count` is {count}, but must be from 2 to {len(self.members)}, the number of members of family "
+                f"`{self.name}`"
             )
         measure = order_of(self.domain)
         values = np.array([one.measures[measure] for one in self.members[:-1]])
@@ -409,7 +410,7 @@ def run_file(location: str | Path, directory: Path = Path("runs")) -> Path:
         if candidate.is_file():
             return candidate
     known = sorted(file.parent.name for file in directory.glob("*/run.sqlite") if file.is_file())
-    there_are = f"there are {', '.join(known)}" if known else "`envgraph generate` makes one"
+    there_are = f"there are {', '.join(known)}" if known else "run `envgraph generate` to make one"
     hint = did_you_mean(str(location), known) or there_are
     raise InvalidArgument(f"there is no run `{location}` in {directory}", hint)
 
@@ -437,7 +438,7 @@ def family_of(store: RunStore, domain: Domain) -> Family:
     """
     last = store.last_generation()
     if last is None:
-        raise InvalidArgument(f"{store.path} has no generation yet: `envgraph generate --resume` goes on")
+        raise InvalidArgument(f"{store.path} has no generation yet: run `envgraph generate --resume`")
     imported, sampled = store.imported is not None, domain.spec.samples is not None
     individuals = (
         {one.id: one for one in store.individuals()} if sampled else _with_ancestors(store, last.members)
@@ -446,7 +447,7 @@ def family_of(store: RunStore, domain: Domain) -> Family:
     found = []
     for id_ in last.members:
         if id_ not in individuals:
-            raise store.damaged(f"individual {id_} is not there")
+            raise store.damaged(f"individual {id_} is missing")
         individual = individuals[id_]
         lacking = lacking_measures(domain, individual.measures)
         if lacking:
@@ -458,7 +459,7 @@ def family_of(store: RunStore, domain: Domain) -> Family:
                 individual.model, domain.metamodel, file=f"{store.path}: individual {id_}"
             )
             if f"{model.state_hash():016x}" != individual.state_hash:
-                raise store.damaged(f"individual {id_} is not the model that was measured")
+                raise store.damaged(f"the model of individual {id_} does not have the stored hash")
             source = individual.model
         elif not sampled:
             source = derived.text()  # made now, so that errors are reported now
@@ -478,7 +479,7 @@ def _worth(store: RunStore, domain: Domain) -> tuple[dict[str, float], dict[str,
         known = {spec.kind: found["value"]} if spec and "value" in found else found.get("values", {})
         return _numbers(known) | _numbers(found.get("learnt", {})), _numbers(found.get("lacking", {}))
     except (EvaluationError, TypeError, ValueError) as error:
-        raise store.damaged("setting `objective` is no table of numbers") from error
+        raise store.damaged("setting `objective` is not a table of numbers") from error
 
 
 def _numbers(found: Any) -> dict[str, float]:

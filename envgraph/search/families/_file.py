@@ -63,9 +63,9 @@ def _is_family_file(location: str | Path) -> bool:
     """Return True for a family file and False for a run. Raise `InvalidArgument` for a file of another format."""
     format = file_format(DiskFiles(), str(location))
     if format not in ("family", "json", "sqlite") and Path(location).is_file():
-        what = FORMATS[format] if format else "of no format that is known"
+        what = FORMATS[format] if format else "of an unknown format"
         hint = (
-            f"`domain={str(Path(location).parent)!r}` makes it of its model alone"
+            f"use `domain={str(Path(location).parent)!r}` for an environment of its model"
             if format == "toml"
             else None
         )
@@ -117,7 +117,7 @@ def read_family(path: Path, components: Components | None = None) -> Family:
     value, spans = parse_json(source)
     if not isinstance(value, dict) or value.get("format") != FORMAT:
         span = spans.get(("format",), spans[()])
-        message = f"this is no family file: its format is not `{FORMAT}`"
+        message = f"this is not a family file: `format` is not `{FORMAT}`"
         raise LoadError([Diagnostic("bad-format", message, span, _WRITTEN)])
     problems = check_json(value, spans, family_schema())
     if problems:
@@ -132,14 +132,14 @@ def read_family(path: Path, components: Components | None = None) -> Family:
     except EnvgraphError as error:
         raise LoadError([Diagnostic("bad-format", str(error), spans["keys",], _WRITTEN)]) from error
     if not known:
-        message = "the keys are not those of the members"
+        message = "`keys` does not contain the keys of all members' objects"
         raise LoadError([Diagnostic("bad-format", message, spans["keys",], _WRITTEN)])
     return replace(
         family, _keys=keys
     )  # a part of a larger family also indexes objects that only other members have
 
 
-_WRITTEN = "`envgraph export RUN -o family.json` writes one; `envgraph import` reads ga4cl files"
+_WRITTEN = "use `envgraph export RUN -o family.json` to write one, or `envgraph import` for a ga4cl file"
 
 
 def _members(

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 Location = str | PathLike[str]
 
 MANY: Final = 100
-"""Members from which on a program is filled and compiled in less time than their states are visited in."""
+"""Number of members above which compiling a program is faster than visiting all their states."""
 
 EngineKind = Literal["table", "compiled", "live"]
 ENGINES: Final = get_args(EngineKind)
@@ -117,9 +117,9 @@ class Opened:
         """Return the error that the behaviour cannot be compiled, after `stepping` has failed to compile it."""
         assert self._refused is not None
         message = (
-            f"environment `{self.family.behaviour.name}` is not compiled: it has {self._refused.construct}"
+            f"environment `{self.family.behaviour.name}` cannot be compiled: it has {self._refused.construct}"
         )
-        hint = 'use `engine="live"`, or `engine="table"` where there are few states'
+        hint = 'use `engine="live"`, or `engine="table"` if there are few states'
         return EvaluationError(message, self._refused.span, hint)
 
     def explored(self, place: int, *, pictures: bool, remark: str) -> Explored:
@@ -185,16 +185,18 @@ def open_member_family(
             _check_same(opened.family, str(family), of_model(domain), domain)
         return opened
     if variants:
-        raise InvalidArgument("`variant` names a member of a family: give `family` as well")
+        raise InvalidArgument(
+            "`variant` is given without `family`: give the family that contains this member"
+        )
     if domain is None:
-        raise InvalidArgument("give a `family`, or a `domain`")
+        raise InvalidArgument("neither `family` nor `domain` is given: give one of them")
     return Opened(lambda: of_model(domain), lambda: (Tables(()), ""))
 
 
 def of_model(domain: str) -> Family:
     loaded = Domain.load(domain)
     if loaded.behaviour is None:
-        raise InvalidArgument(f"`{domain}` has no environment: its family file names none")
+        raise InvalidArgument(f"`{domain}` has no environment: name one in its family file")
     model = dump_json(model_to_json(loaded.initial()))
     return Family(
         loaded.spec.name, loaded.workspace.bundle(), (Member("E1", {}, model, initial=True),), loaded
@@ -204,5 +206,5 @@ def of_model(domain: str) -> Family:
 def _check_same(opened: Family, family: str, own: Family, domain: str) -> None:
     if (opened.behaviour, opened.limit) != (own.behaviour, own.limit):
         raise InvalidArgument(
-            f"family `{opened.name}` is not of the environment of `{domain}`; `envgraph.make({family!r})` makes it"
+            f"family `{opened.name}` does not belong to domain `{domain}`; use `envgraph.make({family!r})`"
         )

@@ -69,7 +69,7 @@ class Replay:
         for one in reversed(line):
             engine.replay(one.trace)
             if f"{engine.model.state_hash():016x}" != one.state_hash:
-                message = f"individual {one.id} is not the model that was measured"
+                message = f"the model of individual {one.id} does not have the stored hash"
                 raise InvalidArgument(f"{self._file} is damaged: {message}")
             self._versions[one.id] = engine.commit()
         return engine

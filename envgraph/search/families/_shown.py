@@ -17,7 +17,7 @@ _GAP = 24
 _LINE = 17
 _COLUMNS = 3
 _LETTERS = 27
-"""Of a caption, so that it stays below its picture."""
+"""Largest number of letters in a line of a caption, so that it is not wider than its picture."""
 
 
 def member_svg(family: Family, member: Member) -> str:

@@ -29,7 +29,9 @@ def split(
     else:
         count = test if isinstance(test, int) else round(test * len(members))
         if not 0 < count < len(members):
-            raise InvalidArgument(f"{test} of {len(members)} members leaves none to train on or to test")
+            raise InvalidArgument(
+                f"`test` is {test}, but must leave training and test members of {len(members)} members"
+            )
         tested = sorted(default_rng(seed).permutation(len(members))[:count].tolist())
     held = dict.fromkeys(tested)
     trained = [place for place in everything if place not in held]
@@ -38,6 +40,6 @@ def split(
         nearest = differing(objects[trained], objects[tested]).min(axis=1, initial=apart).tolist()
         trained = [place for place, least in zip(trained, nearest, strict=True) if least >= apart]
     if not trained or not tested:
-        what = "tested" if not tested else "trained on"
-        raise InvalidArgument(f"no member is left to be {what}", "ask for less, or for a smaller `apart`")
+        what = "test" if not tested else "training"
+        raise InvalidArgument(f"no {what} member is left", "change `test`, or give a smaller `apart`")
     return trained, tested

@@ -29,10 +29,10 @@ if TYPE_CHECKING:
     from envgraph.search.domain._domain import Domain
 
 FORMAT = 5
-"""Raised when the same texts give another table, or another file, than before."""
+"""Version of tables and files; increased if the same texts give another table or file than before."""
 
 MOST_BYTES = 2**30
-"""Of the files of one place; the ones that nobody has used for longest make room."""
+"""Largest total size of the files in a directory; the least recently used files are removed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -191,8 +191,8 @@ class Tables:
                 reason = error
         if reason is not None:
             logging.getLogger("envgraph").warning(
-                "a table of states could not be kept, so the states will be visited again: %s; "
-                "name a directory in %s",
+                "a transition table could not be cached, so that it will be computed again: %s; "
+                "set %s to a writable directory",
                 reason,
                 CACHE_VARIABLE,
             )

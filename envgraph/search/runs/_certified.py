@@ -16,7 +16,7 @@ from envgraph.search.problem._measures import LIMIT
 from envgraph.solve import Certificates, certify, recomputed
 
 _KEPT = ("limit", "shortest_plan", "random_success", "optimal_return")
-"""What is kept of the certificates of a member; the rest is of a policy, here that of a random walk."""
+"""Fields of the certificates that are stored. The others are about a policy, here a random one."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -103,9 +103,9 @@ def _variant(entry: Mapping[str, object], index: int, spans: Mapping[JsonPath, S
 
 def _check_file(value: object, spans: Mapping[JsonPath, Span]) -> Iterator[Diagnostic]:
     if not isinstance(value, dict) or not isinstance(value.get("environments"), list):
-        hint = 'a ga4cl file is an object with a list under "environments"'
+        hint = 'write an object with a list under "environments"'
         yield Diagnostic(
-            "bad-format", "this is no ga4cl family", spans.get(("environments",), spans[()]), hint
+            "bad-format", "this is not a ga4cl file", spans.get(("environments",), spans[()]), hint
         )
         return
     if not value["environments"]:
@@ -113,7 +113,7 @@ def _check_file(value: object, spans: Mapping[JsonPath, Span]) -> Iterator[Diagn
             "bad-format",
             "the family is empty",
             spans["environments",],
-            "a family has at least one environment",
+            "add at least one environment",
         )
     for index, entry in enumerate(value["environments"]):
         yield from _check_entry(entry, ("environments", index), spans)
@@ -122,13 +122,13 @@ def _check_file(value: object, spans: Mapping[JsonPath, Span]) -> Iterator[Diagn
 def _check_entry(entry: object, path: JsonPath, spans: Mapping[JsonPath, Span]) -> Iterator[Diagnostic]:
     if not isinstance(entry, dict):
         yield Diagnostic(
-            "bad-format", "an environment is an object", spans[path], 'write `{"desc": ["..", ".."]}`'
+            "bad-format", "an environment must be an object", spans[path], 'write `{"desc": ["..", ".."]}`'
         )
         return
     if "desc" not in entry:
         yield Diagnostic(
             "bad-format",
-            'an environment needs "desc", its rows of letters',
+            'the environment has no "desc", which contains its rows of letters',
             spans[path],
             'write `"desc": ["..", ".."]`',
         )
@@ -137,7 +137,7 @@ def _check_entry(entry: object, path: JsonPath, spans: Mapping[JsonPath, Span]) 
         if key not in _KEYS:
             yield Diagnostic("unknown-key", f"unknown key `{key}`", spans[here], name_hint(key, _KEYS))
         elif not _fits(key, value):
-            yield Diagnostic("wrong-type", f"`{key}` is {_KEYS[key]}", spans[here])
+            yield Diagnostic("wrong-type", f"`{key}` must be {_KEYS[key]}", spans[here])
         elif key == "desc":
             yield from _check_rows(value, here, spans)
 
@@ -158,8 +158,10 @@ def _check_rows(rows: Sequence[str], path: JsonPath, spans: Mapping[JsonPath, Sp
     width = len(rows[0])
     for number, row in enumerate(rows):
         if len(row) != width or not row:
-            message = f"this row has {len(row)} letters, the first has {width}"
-            yield Diagnostic("bad-format", message, spans[(*path, number)], "all rows have as many letters")
+            message = f"this row has {len(row)} letters, but the first row has {width}"
+            yield Diagnostic(
+                "bad-format", message, spans[(*path, number)], "write as many letters in every row"
+            )
 
 
 def grid_rows(model: Model, draw: DrawGrid) -> tuple[str, ...]:
@@ -216,14 +218,18 @@ def _check_grid(
     width, height = (len({place[axis] for place in cells}) for axis in (0, 1))
     if (len(variant.rows[0]), len(variant.rows)) != (width, height):
         size = f"{len(variant.rows[0])} x {len(variant.rows)}"
-        message = f"`{variant.name}` is {size}, the model of the domain is {width} x {height}"
+        message = (
+            f"the size of `{variant.name}` is {size}, but that of the domain's model is {width} x {height}"
+        )
         yield Diagnostic(
-            "bad-format", message, spans[0], "name a domain whose model has that size: `--domain DIRECTORY`"
+            "bad-format", message, spans[0], "name a domain whose model has this size: `--domain DIRECTORY`"
         )
         return
     for row, span in zip(variant.rows, spans, strict=True):
         for place, letter in enumerate(row):
             if letter not in by_letter:
                 at = span and span.source.span(span.start + 1 + place, span.start + 2 + place)
-                hint = "known letters: " + ", ".join(f"`{known}` {name}" for known, name in by_letter.items())
-                yield Diagnostic("unknown-glyph", f"no class of cells has the glyph `{letter}`", at, hint)
+                hint = "use one of the letters " + ", ".join(
+                    f"`{known}` {name}" for known, name in by_letter.items()
+                )
+                yield Diagnostic("unknown-glyph", f"no cell class has the glyph `{letter}`", at, hint)

@@ -29,7 +29,7 @@ Drawing = Callable[[SampleProgress], None]
 Warn = Callable[[Sequence[Diagnostic]], None]
 
 _SAME = 1e-9
-"""A published measure and ours may differ by this much before it is worth a word."""
+"""Tolerance for the difference between a published measure and ours."""
 
 
 def generate(
@@ -103,7 +103,7 @@ def evolve(
     """Generate a family of a domain, as `generate` does. With `overwrite` an existing run is replaced."""
     if domain.spec.optimise is not None:
         place = Source(domain.spec.path, "").span(0, 0)
-        message, hint = "the file asks for one model, not for a family", "`envgraph optimise` finds it"
+        message, hint = "the file describes an optimisation, not a family", "use `envgraph optimise`"
         raise LoadError([Diagnostic("no-family", message, place, hint)])
     problem = domain.problem(domain.engine())
     with telling():  # one progress display for all individuals whose states are visited
@@ -155,15 +155,15 @@ def resume(
     """
     with RunStore.open(store_path, writing=True) as store:
         if store.imported is not None:
-            raise InvalidArgument(f"{store_path} holds an imported family: there is nothing to go on with")
+            raise InvalidArgument(f"{store_path} contains an imported family, which cannot be resumed")
         last = store.last_generation()
         if generations is not None and last is not None and generations <= last.number:
-            raise InvalidArgument(f"{store_path} has {last.number} generations already: ask for more")
+            raise InvalidArgument(f"{store_path} has {last.number} generations already: give a larger number")
         overrides = list(store.overrides)
         domain = domain_of(store.bundle(), overrides, str(store.path), components)
         if generations is not None and not domain.spec.evolves:
             what = "an objective" if domain.spec.climbs else "samples"
-            raise InvalidArgument(f"{store_path} has {what}, and no generations to go on to")
+            raise InvalidArgument(f"{store_path} has {what} and thus no generations: leave `generations` out")
         if generations not in (None, domain.spec.search.generations):
             overrides.append(f"search.generations={generations}")
             domain = domain_of(store.bundle(), overrides, str(store.path), components)
@@ -260,7 +260,7 @@ def import_ga4cl(
     domain = Domain.load(location, None, overrides)
     draw = domain.behaviour.draw if domain.behaviour else None
     if not isinstance(draw, DrawGrid):
-        raise InvalidArgument(f"domain `{domain.spec.name}` draws no grid: there are no letters to read")
+        raise InvalidArgument(f"domain `{domain.spec.name}` does not draw a grid, which ga4cl files need")
     variants = read_ga4cl(source)
     individuals = tuple(_imported(domain, draw, variants))
     settings, texts = stored(domain)
@@ -306,13 +306,15 @@ def _differences(
         span = variant.row_spans[0] if variant.row_spans else None
         measured = individual.measures[str(order)]
         if variant.complexity is not None and abs(variant.complexity - measured) > _SAME:
-            message = f"`{variant.name}`: `{order}` is {measured!r}, the file says {variant.complexity!r}"
-            hint = "the family keeps what was measured; the file may have been made with another measure"
+            message = f"`{variant.name}`: `{order}` is {measured!r}, but the file has {variant.complexity!r}"
+            hint = "check the measure: the computed value is used, and the file may come from another measure"
             yield Diagnostic("different-measure", message, span, hint, Severity.WARNING)
         if variant.rewards and variant.rewards != schedule:
             said = list(variant.rewards)
-            message = f"`{variant.name}`: the behaviour's rewards are {list(schedule)}, the file says {said}"
-            hint = "the rewards of the behaviour are used"
+            message = (
+                f"`{variant.name}`: the behaviour's rewards are {list(schedule)}, but the file has {said}"
+            )
+            hint = "change the behaviour to use other rewards: those of the file are ignored"
             yield Diagnostic("different-rewards", message, span, hint, Severity.WARNING)
 
 
@@ -325,16 +327,16 @@ def export_ga4cl(family: Family) -> str:
     """
     if family.behaviour.agents:
         raise InvalidArgument(
-            f"family `{family.name}` has `agent` blocks: the ga4cl format has rewards for one agent"
+            f"family `{family.name}` has `agent` blocks, but the ga4cl format has rewards for a single agent"
         )
     draw = family.behaviour.draw
     if not isinstance(draw, DrawGrid):
-        raise InvalidArgument(f"family `{family.name}` draws no grid: it cannot be written as letters")
+        raise InvalidArgument(f"family `{family.name}` does not draw a grid, which the ga4cl format needs")
     for member in family.members:
         lost = _lost(family.scene(member))
         if lost:
-            message = f"the ga4cl format has maps of letters: `{member.name}` would lose {listed(lost)}"
-            raise InvalidArgument(message, "`--format family` keeps all there is")
+            message = f"the ga4cl format cannot express {listed(lost)} of `{member.name}`"
+            raise InvalidArgument(message, "use `--format family`")
     order = str(family.domain.spec.curriculum.order or family.domain.spec.diversity.options["of"])
     schedule = reward_schedule(family)
     return write_ga4cl(

@@ -19,13 +19,13 @@ from envgraph.search.problem._problem import Problem
 _SAME = 1e-9
 
 _FEW = 0.5
-"""Warn if a smaller share of learners solves the target."""
+"""A warning is given if a smaller share of learners solves the target."""
 
 _NEEDLESS = 0.05
-"""The target needs no family if training on it alone succeeds less often by at most this share."""
+"""The target needs no other members if the success of training on it alone is lower by at most this share."""
 
 _MOST_REPORTED = 100
-"""Members whose bins are listed one by one."""
+"""Largest number of members whose bins are listed one by one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,29 +106,29 @@ def why_low(family: Family, store: RunStore) -> Diagnostic | None:
     span = spec.diversity.span()
     if found < wanted:
         code, span = "small-family", spec.mutation.rules[0].span if spec.mutation.rules else None
-        message = f"only {found} of {wanted} environments were found that satisfy the constraints{rejected}"
+        message = f"only {found} of {wanted} environments that satisfy the constraints were found{rejected}"
         tries = "`attempts` of `[samples]`" if spec.samples else "`max_attempts`"
-        hint = f"see whether the mutation rules match, what the constraints allow, and {tries}"
+        hint = f"check that the mutation rules match, loosen the constraints, or raise {tries}"
         return Diagnostic(code, message, span, hint, Severity.WARNING)
     hint = _go_on(store)
-    message = f"every bin was reached, but not by one family{rejected}"
+    message = f"some model reached every bin, but no single family has members in all{rejected}"
     if not isinstance(problem.diversity, BinnedEntropy):
-        message = f"values of `{of}` went from {min(met):g} to {max(met):g}{rejected}"
+        message = f"all values of `{of}` were from {min(met):g} to {max(met):g}{rejected}"
     else:
         bins = problem.diversity
         outside = sum(not bins.low <= value <= bins.high for value in values)
         empty = set(range(bins.bins)).difference(map(bins.bin, met))
         if outside:
             message = (
-                f"`{of}` of {outside} of {found} members lies outside of the range {bins.low:g} to {bins.high:g}, "
+                f"`{of}` of {outside} of {found} members is outside of the range {bins.low:g} to {bins.high:g}, "
                 "and counts in the first or last bin"
             )
-            hint = f"values went from {min(met):g} to {max(met):g}: write {_range(met)} in `[diversity]`"
+            hint = f"write {_range(met)} in `[diversity]`: values were from {min(met):g} to {max(met):g}"
         elif empty:
-            message = f"no model came to {_bins(bins, sorted(empty))} of `{of}`{rejected}"
+            message = f"no model reached {_bins(bins, sorted(empty))} of `{of}`{rejected}"
             hint = (
-                f"mutations that change `{of}` more{_stronger(spec.mutation.strength)}, constraints that allow "
-                f"more, more generations; or {_range(met)} in `[diversity]`, where the values were"
+                f"use mutations that change `{of}` more{_stronger(spec.mutation.strength)}, loosen the constraints, "
+                f"raise `generations`, or write {_range(met)} in `[diversity]`, the range of the values so far"
             )
     return Diagnostic(
         "low-diversity", f"the diversity is below its maximum: {message}", span, hint, Severity.WARNING
@@ -141,12 +141,14 @@ def describe_search(family: Family, store: RunStore) -> list[str]:
     if "steps" not in known:
         return []
     target = family.members[-1].name
-    sentences = [f"environments before {target} are {found['origin']}"]
+    sentences = [f"the environments before {target} are {found['origin']}"]
     exempted = ", ".join(f"`{text}`" for text in _texts(found.get("exempted", [])))
     if exempted:
-        sentences.append(f"these constraints hold for {target} alone: {exempted}")
+        sentences.append(f"only {target} has to satisfy these constraints: {exempted}")
     if known["alone"] > max(_FEW, (family.value or 0.0) - _NEEDLESS):
-        sentences.append(f"{target} needs no other environments: as many steps on {target} alone do as well")
+        sentences.append(
+            f"the other environments are not needed: as many steps on {target} alone have the same success"
+        )
     elif "unsearched" in known:
         sentences[0] += f", improved by search: without search {known['unsearched']:.1%} of learners succeed"
     elif "eased" not in sentences[0]:
@@ -158,7 +160,9 @@ def _few(family: Family) -> Diagnostic:
     """Return the warning that less than half of the learners solve the target."""
     spec = family.domain.spec.objective
     message = f"the family teaches little: {family.value:.1%} of new learners solve {family.members[-1].name}"
-    hint = "raise `effort`, or let the search choose: a file without `steps_per_environment` and `population`"
+    hint = (
+        "raise `effort`, or remove `steps_per_environment` and `population`, so that the search chooses them"
+    )
     return Diagnostic("teaches-little", message, spec.span() if spec else None, hint, Severity.WARNING)
 
 
@@ -168,8 +172,8 @@ def _lacking(family: Family) -> Diagnostic:
     spec = family.domain.spec.objective
     texts = spec.options.get("subject_to", []) if spec else []
     place = f"subject_to[{texts.index(text)}]" if isinstance(texts, list) and text in texts else "subject_to"
-    message = f"the family does not satisfy `{text}`: {excess:.3g} is lacking"
-    hint = "more generations or effort, mutations that change more, or a condition that is easier to satisfy"
+    message = f"the family violates `{text}` by {excess:.3g}"
+    hint = "raise `generations` or `effort`, use mutations that change more, or relax the condition"
     return Diagnostic("unsatisfied", message, spec.span(place) if spec else None, hint, Severity.WARNING)
 
 
@@ -213,4 +217,4 @@ def _rejections(reasons: Mapping[str, int], accepted: int) -> str:
 def _go_on(store: RunStore) -> str:
     last = store.last_generation()
     number = last.number if last else 0
-    return f"go on with `--resume --generations {2 * max(1, number)}`, or let mutations change more"
+    return f"continue with `--resume --generations {2 * max(1, number)}`, or use mutations that change more"

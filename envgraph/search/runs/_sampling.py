@@ -31,7 +31,7 @@ class Sampling:
     def __init__(self, domain: Domain) -> None:
         wanted = domain.samples()
         if wanted is None or wanted.best:
-            hint = 'overrides such as "samples.count=64" add it; scores take the place of `maximise`'
+            hint = 'add it with an override such as "samples.count=64"; scores replace `maximise`'
             raise InvalidArgument(
                 f"`{domain.spec.name}` needs `[samples]` without `maximise` and `minimise`", hint
             )
@@ -54,8 +54,8 @@ class Sampling:
         """
         self._asked = self._sampler.candidates(count)
         if len(self._asked) < count or count < 1:
-            hint = "ask for fewer, or let mutation rules and constraints allow more"
-            raise EvaluationError(f"{len(self._asked)} of {count} new models were found", hint=hint)
+            hint = "ask for fewer, or use mutation rules and constraints that allow more models"
+            raise EvaluationError(f"only {len(self._asked)} of {count} new models were found", hint=hint)
         held = Held(self._engine, [one.version for one in self._asked if one.version is not None])
         members = tuple(
             Member(f"E{number + 1}", one.measures, Derived(f"{one.state:016x}", number, held))
@@ -73,7 +73,9 @@ class Sampling:
             InvalidArgument: there is not exactly one finite score for each model.
         """
         if len(scores) != len(self._asked) or not all(map(isfinite, scores)):
-            raise InvalidArgument(f"{len(self._asked)} models were asked for: give a finite score for each")
+            raise InvalidArgument(
+                f"`scores` must have a finite score for each of the {len(self._asked)} models from `ask`"
+            )
         asked, self._asked, rng = self._asked, [], self._sampler.generator()
         put = self._sampler.put
         return tuple(

@@ -487,7 +487,7 @@ def test_searches_are_planned_for_the_sizes_of_the_model(envgraph: Envgraph, tmp
         (("train", "nothing"), "there is no run"),
         (("reproduce", "papr"), "did you mean `paper`?"),
         (("reproduce", "paper", "--steps", "10k"), "`10k` is not a whole number from 1 to 1,000,000,000"),
-        (("generate", "burning_forest/paper.toml", "--resume", "--name", "x"), "no run store"),
+        (("generate", "burning_forest/paper.toml", "--resume", "--name", "x"), "run store"),
     ],
 )
 def test_what_is_missing_is_named(envgraph: Envgraph, arguments: tuple[str, ...], message: str) -> None:

@@ -68,8 +68,8 @@ def test_where_constraints_stay_violated_it_says_which_and_fails(envgraph: Call,
 
 
 def test_what_makes_no_sense_is_refused(envgraph: Call, domain: Path) -> None:
-    assert "the file does not say what is best" in envgraph("optimise", "burning_forest", code=1)
-    assert "`envgraph optimise` finds it" in envgraph("generate", domain, code=1)
+    assert "the family file has no `[optimise]`" in envgraph("optimise", "burning_forest", code=1)
+    assert "use `envgraph optimise`" in envgraph("generate", domain, code=1)
     assert "the file has one" in envgraph("optimise", domain, "--picture", "front.svg", code=1)
     said = envgraph("optimise", domain / "two.toml", "--steps", 20, "--solution", 99, code=1)
     assert "none has the number 99" in said

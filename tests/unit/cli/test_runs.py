@@ -70,7 +70,7 @@ def test_runs_are_listed(envgraph: Call) -> None:
     assert [line.split()[0] for line in lines[2:]] == ["one", "two"]
     assert lines[1].split()[-1] == "remark"
     assert "BurningForest" in lines[2] and "50 steps" in lines[2] and "seed=5" in lines[2]
-    assert "is no run store" in lines[3]
+    assert "is not a run store" in lines[3]
     one, two = json.loads(envgraph("runs", "--format", "json"))["runs"]
     assert f" {one['diversity']:.3f} " in lines[2]
     assert one | {"diversity": 0.0} == {
@@ -83,7 +83,7 @@ def test_runs_are_listed(envgraph: Call) -> None:
         "diversity": 0.0,
         "trained": [50],
     }
-    assert two["run"] == "two" and "is no run store" in two["problem"]
+    assert two["run"] == "two" and "is not a run store" in two["problem"]
 
 
 def test_two_runs_are_compared(envgraph: Call) -> None:

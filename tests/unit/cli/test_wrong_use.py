@@ -136,13 +136,13 @@ MODEL, QUERIES, RULES = (
         (
             "forbid = []",
             'forbid = ["startTileFixedLocation"]',
-            "family.toml:9:11: the initial model violates `forbid startTileFixedLocation`: there is "
+            "family.toml:9:11: the initial model violates `forbid startTileFixedLocation`: it matches "
             "burning_forest.startTileFixedLocation(forest=<Forest#0 forest>, tile=<StartTile#1 y=0 x=0>)",
         ),
         (
             "forbid = []",
             "count = { burningTile = 3 }",
-            "family.toml:9:11: the initial model violates `count burningTile in 3..3`: there are 20",
+            "family.toml:9:11: the initial model violates `count burningTile in 3..3`: the number of matches is 20",
         ),
     ],
 )

@@ -360,7 +360,7 @@ def test_mistakes_are_told_at_their_place(override: str, message: str, place: st
         (['objective.maximize=["distinct"]'], "unknown key `maximize`"),
         (['objective={ maximise = ["distinct"], search = "climbing" }'], "`search` cannot be"),
         (['objective.maximise=["distinct"]', "objective.lanes=2"], "unknown key `lanes`"),
-        (['objective.maximise=["distinct"]', "search.stagnation=3"], "`stagnation` is about the diversity"),
+        (['objective.maximise=["distinct"]', "search.stagnation=3"], "`stagnation` refers to the diversity"),
     ],
 )  # fmt: skip
 def test_what_does_not_go_together_is_told(overrides: list[str], message: str) -> None:

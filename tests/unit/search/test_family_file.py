@@ -54,7 +54,7 @@ def problems(tmp_path: Path, text: str) -> list[tuple[str, str]]:
         (("members", 1, "measures", "complexity"), "x", "`members[1].measures.complexity` is a string, not a number"),
         (("members", 0, "measures"), {}, "`E1` has no measure `complexity`"),
         (("members", 1, "name"), "E1", "there are two members `E1`"),
-        (("keys",), {}, "the keys are not those of the members"),
+        (("keys",), {}, "`keys` does not contain the keys of all members' objects"),
     ],
     ids=str,
 )  # fmt: skip

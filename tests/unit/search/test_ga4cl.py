@@ -76,7 +76,7 @@ def problems(text: str, tmp_path: Path) -> list[str]:
 
 def test_an_unknown_letter_is_shown_in_its_row(published: Path, tmp_path: Path) -> None:
     (problem,) = problems(published.read_text().replace('"RVVVRRVV"', '"RVXVRRVV"', 1), tmp_path)
-    assert problem.split("\n")[0] == "maps.json:7:12: no class of cells has the glyph `X`"
+    assert problem.split("\n")[0] == "maps.json:7:12: no cell class has the glyph `X`"
     assert problem.split("\n")[2].index("^") == problem.split("\n")[1].index("X")
 
 
@@ -97,7 +97,7 @@ def test_what_is_no_ga4cl_file_is_refused(text: str, tmp_path: Path) -> None:
 
 def test_a_map_of_another_size_is_refused(tmp_path: Path) -> None:
     (problem,) = problems('{"environments": [{"env_id": "a", "desc": ["SR", "RG"]}]}', tmp_path)
-    assert "`a` is 2 x 2, the model of the domain is 8 x 8" in problem
+    assert "the size of `a` is 2 x 2, but that of the domain's model is 8 x 8" in problem
 
 
 def test_another_complexity_or_reward_is_a_warning(published: Path, tmp_path: Path) -> None:

@@ -665,7 +665,7 @@ def test_a_warning_says_that_operators_call_objects_otherwise(
     found = Domain.load(herd(tmp_path, *string, *changes)).check_initial()
     assert [problem.code for problem in found] == ["other-names"] * (called is not None)
     for problem in found:
-        assert problem.span is not None and f"such as `{called}`" in problem.message
+        assert problem.span is not None and f"may delete `{called}`" in problem.message
         assert problem.span.source.name.endswith("herd.model") and problem.hint and "`Cow1`" in problem.hint
 
 

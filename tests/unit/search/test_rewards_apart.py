@@ -71,7 +71,7 @@ def test_members_are_gone_over_to_and_each_reward_has_a_table(tmp_path: Path) ->
     many.reset(seed=0)
     rewards = many.step(np.array([1, 2]))[4]["rewards"]
     assert rewards["onFire"].shape == rewards["_onFire"].shape == (2,)
-    with pytest.raises(InvalidArgument, match='give `vectorization_mode="sync"`'):
+    with pytest.raises(InvalidArgument, match='use `vectorization_mode="sync"`'):
         envgraph.make_vec(tmp_path / "run.sqlite", 2, rewards=True)
     with pytest.raises(InvalidArgument, match="pays no reward `goal`"):
         family.paying("goal")

@@ -200,7 +200,7 @@ def test_mistakes_are_told_where_they_are(garden: Path, given: str, message: str
 
 def test_a_run_of_samples_has_no_generations_to_go_on_to(run: Path, family: Family) -> None:
     assert resume(run).members == family.members
-    with pytest.raises(InvalidArgument, match="has samples, and no generations"):
+    with pytest.raises(InvalidArgument, match="has samples and thus no generations"):
         resume(run, generations=5)
 
 

@@ -83,7 +83,7 @@ def test_the_archive_is_kept_as_a_run(tmp_path: Path) -> None:
 
 def test_each_model_has_a_score_and_only_once() -> None:
     sampling = Sampling(Domain.load("burning_forest/paper.toml", overrides=WANTED))
-    with pytest.raises(InvalidArgument, match="0 models were asked for"):
+    with pytest.raises(InvalidArgument, match="for each of the 0 models"):
         sampling.tell([1.0])
     sampling.ask(2)
     for wrong in ([1.0], [1.0, inf]):

@@ -208,5 +208,5 @@ def test_filled_bins_of_a_large_pool_are_never_worse_than_annealing() -> None:
 def test_too_many_families_to_try_are_told_before_a_run() -> None:
     given = ["search.survivors=exact", "search.population=20"]
     Domain.load("burning_forest/paper.toml", overrides=given)
-    with pytest.raises(LoadError, match="there are up to 68,923,264,410 families to try"):
+    with pytest.raises(LoadError, match="up to 68,923,264,410 families must be tried"):
         Domain.load("burning_forest/paper.toml", overrides=[*given, "diversity.kind=variance"])

@@ -133,10 +133,10 @@ def test_the_family_of_each_bundled_domain_teaches(name: str) -> None:
         (
             "search.population=1",
             "bad-objective",
-            "write `population = 2` or more, and leave `keep_initial` and `initial` out",
+            "write `population = 2` or more, and remove `keep_initial` and `initial`",
         ),
         ("search.keep_initial=false", "bad-objective", "write `population = 2` or more"),
-        ('curriculum.initial="ordered"', "bad-objective", "leave `keep_initial` and `initial` out"),
+        ('curriculum.initial="ordered"', "bad-objective", "remove `keep_initial` and `initial`"),
         ("objective.steps=[2000, 100_000_001]", "bad-range", "ENVGRAPH_LIMITS=10"),
         ("objective.enough=true", "wrong-type", "write `enough = 0.5`"),
     ],
@@ -212,7 +212,7 @@ def test_a_family_without_a_grid_teaches_what_the_target_alone_does_not(tmp_path
             "learning",
             " | 0.01: age()",
             "a step of a unit that may fail after others (`age`)",
-            "up to 50,000 states have a table",
+            "a table has at most 50,000 states",
         ),
     ],
 )
@@ -242,12 +242,12 @@ def test_what_is_wrong_with_the_target_is_said_before_there_is_a_run(
     [
         (
             ["objective.diversity=2.6"],
-            "a family of 6 is at most 2.58496 diverse",
+            "the diversity of 6 members is at most 2.58496",
             'write `diversity = "maximum"`',
         ),
         (
             ['diversity={ kind = "variance", of = "complexity" }'],
-            "nobody knows how diverse a family can be by `variance`",
+            "the largest possible diversity by `variance` is unknown",
             "write a number",
         ),
     ],
@@ -299,7 +299,7 @@ def test_a_family_is_stored_whole_or_not_at_all(
 @needs_numba
 def test_a_family_that_was_searched_for_has_no_more_generations(whole: tuple[Path, Family]) -> None:
     path, _ = whole
-    with pytest.raises(InvalidArgument, match="has an objective, and no generations"):
+    with pytest.raises(InvalidArgument, match="has an objective and thus no generations"):
         resume(path, generations=7)
     with RunStore.open(path) as store:
         assert not any("generations" in one for one in store.overrides)

@@ -78,8 +78,8 @@ def test_constraints_that_the_agent_violates_on_its_way_hold_for_the_target_alon
         sentences = describe_search(family, store)
         assert why_low(family, store) is None
     target = family.members[-1].name
-    assert f"these constraints hold for {target} alone: `require truckOnStart`" in sentences
-    assert sentences[0].startswith(f"environments before {target} are states of an optimal episode")
+    assert f"only {target} has to satisfy these constraints: `require truckOnStart`" in sentences
+    assert sentences[0].startswith(f"the environments before {target} are states of an optimal episode")
     domain = family.domain
     first = domain.problem(domain.engine(family.model(family.members[0])))
     assert list(map(str, first.violations())) == ["require truckOnStart"]
@@ -158,5 +158,5 @@ def test_constraints_of_the_target_are_named_whatever_the_members_are_made_from(
     family = generate(small(tmp_path, *steps, effort=3_000_000), tmp_path / "run.sqlite")
     with RunStore.open(tmp_path / "run.sqlite") as store:
         sentences = describe_search(family, store)
-    assert sentences[0].startswith("environments before E3 are the target, eased by mutations")
-    assert "these constraints hold for E3 alone: `require truckOnStart`" in sentences
+    assert sentences[0].startswith("the environments before E3 are the target, eased by mutations")
+    assert "only E3 has to satisfy these constraints: `require truckOnStart`" in sentences

@@ -81,7 +81,7 @@ def test_titles_of_levels_stay_comments(tmp_path: Path, monkeypatch: pytest.Monk
 @pytest.mark.parametrize("name", UNNAMED)
 def test_names_that_arrays_cannot_have_are_refused(name: str) -> None:
     family = lake()
-    with pytest.raises(InvalidArgument, match="is not a valid name of an array; rename the member"):
+    with pytest.raises(InvalidArgument, match="is not a valid array name; rename the member"):
         write_tables({name: family.explored(family.members[0]).tabular})
 
 

@@ -101,7 +101,7 @@ def test_all_mistakes_of_all_templates_are_said_at_their_places(tmp_path: Path) 
     assert "/a.j2:2:6: unknown name `pakage`" in told and "hint: did you mean `package`?" in told
     assert "/b.j2:2:1: unexpected end of template" in told
     assert "/c.j2:1:1: no filter named 'nothing'" in told
-    assert "/d.j2:1:4: unknown name `member`" in told and "with `{{member.name}}` in its path" in told
+    assert "/d.j2:1:4: unknown name `member`" in told and "write `{{member.name}}` in the path" in told
     assert "path of {{nobody}}/e.j2:1:3: unknown name `nobody`" in told
     assert len(error.value.diagnostics) == 6
 
@@ -131,12 +131,12 @@ def test_a_mistake_in_an_included_template_is_placed_there(tmp_path: Path) -> No
 
 @pytest.mark.parametrize("name", ["../up", "/etc/up", "a/../../up", "a\nb", "..\\up", "a//b"])
 def test_paths_stay_below_the_folder(tmp_path: Path, name: str) -> None:
-    with pytest.raises(InvalidArgument, match="which is no path of a file"):
+    with pytest.raises(InvalidArgument, match="which is not a valid path"):
         made(tmp_path, {"{{package}}.txt.j2": "text"}, package=f"{name}/x")
 
 
 def test_two_templates_do_not_make_one_file(tmp_path: Path) -> None:
-    with pytest.raises(InvalidArgument, match="two templates make `levels"):
+    with pytest.raises(InvalidArgument, match="two templates render `levels"):
         made(tmp_path, {"levels.txt": "", "{{package}}.txt.j2": "text"})
 
 
