@@ -351,7 +351,9 @@ def test_a_search_that_finds_too_little_says_so(
     path.write_text(path.read_text().replace("forbid = []", constraint))
     monkeypatch.setattr(sys, "argv", ["envgraph", "generate", "forest", "--generations", "1"])
     assert main() == 0
-    assert "warning: only 1 of 6 environments were found" in capsys.readouterr().err
+    assert (
+        "warning: only 1 of 6 environments that satisfy the constraints were found" in capsys.readouterr().err
+    )
 
 
 def test_definitions_are_not_shown_but_checked(refused: Call) -> None:

@@ -132,7 +132,7 @@ def test_a_table_and_a_live_engine_have_the_same_episodes() -> None:
 def test_live_environments_of_what_is_not_there_are_refused() -> None:
     with pytest.raises(InvalidArgument, match="neither `family` nor `domain` is given"):
         make_environment(live=True)
-    with pytest.raises(InvalidArgument, match="give `family` as well"):
+    with pytest.raises(InvalidArgument, match="`variant` is given without `family`"):
         make_environment("keydoor", variant=1, live=True)
 
 
@@ -152,10 +152,10 @@ def test_what_steps_is_chosen_by_name() -> None:
         make_environment("keydoor", engine="fast")  # type: ignore[arg-type]
     with pytest.raises(InvalidArgument, match="`live=True` contradicts"):
         make_environment("keydoor", engine="table", live=True)
-    with pytest.raises(InvalidArgument, match="one environment"):
+    with pytest.raises(InvalidArgument, match="needs single environments"):
         make_vector_environment(2, "keydoor", engine="live")
     with pytest.raises(
-        InvalidArgument, match='`streams=` is for `engine="compiled"`, not for `engine="table"`'
+        InvalidArgument, match='`streams` needs `engine="compiled"`, but `engine="table"` is given'
     ):
         make_vector_environment(2, "keydoor", engine="table", streams="each")
 

@@ -276,7 +276,7 @@ def test_a_single_environment_refuses_a_list_of_variants(family_file: Path) -> N
 def test_what_makes_no_environment_is_told(family_file: Path) -> None:
     with pytest.raises(InvalidArgument, match="does not belong to domain `keydoor`"):
         gymnasium.make("envgraph/KeyDoor-v0", family=family_file)
-    with pytest.raises(InvalidArgument, match="not both"):
+    with pytest.raises(InvalidArgument, match="both a `family` and a `domain`"):
         envgraph.make(family_file, domain="keydoor")
     with pytest.raises(InvalidArgument, match="neither `family` nor `domain` is given"):
         envgraph.make()

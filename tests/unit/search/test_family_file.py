@@ -109,7 +109,7 @@ def test_a_root_that_is_no_family_is_told(tmp_path: Path, text: str) -> None:
     query = next(name for name in json.loads(text)["texts"] if name.endswith(".query"))
     file = tmp_path / "family.json"
     file.write_text(edited(text, "roots", value=[query]))
-    with pytest.raises(LoadError, match=f"`{query}` is no family file"):
+    with pytest.raises(LoadError, match=f"`{query}` is not a family file"):
         read_family(file)
 
 

@@ -110,12 +110,12 @@ def test_bins_that_no_whole_number_falls_into_do_not_count(beds: Path) -> None:
         (  # the initial model has two flowers
             'range = [10, 20]\n[mutation]\nrules = ["plant"]\ninitial_applications = 1\nrate = 0.0',
             "`flowers` of 4 of 4 members is outside of the range 10 to 20, and counts in the first or last bin",
-            "values went from 2 to 3: write `range = [2, 3]` in `[diversity]`",
+            "write `range = [2, 3]` in `[diversity]`: values were from 2 to 3",
         ),
         (
             'range = [0, 40]\n[mutation]\nrules = ["pick"]',
             "no model reached bins 2 to 4 (10 to 40) of `flowers`; ",
-            "or `range = [0, 2]` in `[diversity]`, where the values were",
+            "or write `range = [0, 2]` in `[diversity]`",
         ),
         (
             'range = [0, 4]\n[mutation]\nrules = ["pick", "cut"]\n[constraints]\ncount = { flower = "2..9" }',
@@ -135,7 +135,7 @@ def test_why_a_family_is_not_more_diverse(beds: Path, text: str, message: str, h
 def test_a_family_that_is_too_small_says_what_was_rejected(beds: Path) -> None:
     _, low = evolved(beds, '[diversity]\nkind = "gini"\n[mutation]\nrules = ["idle"]\n' + SEARCH)
     assert low is not None and low.code == "small-family"
-    assert "only 1 of 4 environments were found" in low.message
+    assert "only 1 of 4 environments that satisfy the constraints were found" in low.message
     assert "because no rule could be applied" in low.message
 
 

@@ -253,7 +253,9 @@ def test_a_measure_that_is_no_number_is_named(domain: Domain, value: object, fou
         replace(problem, measures={"mine": Returns(value)}).measure()
     mine = replace(problem, diversity=Returns(value))
     for asked in (lambda: mine.diversity.score([]), lambda: mine.maximum(2)):
-        with pytest.raises(EvaluationError, match=f"diversity `Returns` must return a number, but returned {found}"):
+        with pytest.raises(
+            EvaluationError, match=f"diversity `Returns` must return a number, but returned {found}"
+        ):
             asked()
     with pytest.raises(EvaluationError, match="diversity `Returns` must return a number"):
         mine.diversity.swaps([0.0, 1.0], [0]).delta(0, 1)

@@ -222,7 +222,9 @@ def test_a_member_that_is_not_what_was_measured_is_told_when_it_is_asked_for(
         db.execute("DROP TABLE content")  # as in a store of an older version
     found = open_family(path)
     (wrong,) = (member for member in found.members if member.individual == last)
-    with pytest.raises(InvalidArgument, match=f"individual {last} is not the model that was measured"):
+    with pytest.raises(
+        InvalidArgument, match=f"the model of individual {last} does not have the stored hash"
+    ):
         found.model(wrong)
 
 

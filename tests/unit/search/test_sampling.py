@@ -87,7 +87,7 @@ def test_each_model_has_a_score_and_only_once() -> None:
         sampling.tell([1.0])
     sampling.ask(2)
     for wrong in ([1.0], [1.0, inf]):
-        with pytest.raises(InvalidArgument, match="2 models were asked for"):
+        with pytest.raises(InvalidArgument, match="for each of the 2 models"):
             sampling.tell(wrong)
     assert sampling.tell([1.0, 2.0]) == (True, True)
 

@@ -372,7 +372,9 @@ def test_a_run_with_links_is_refused(old: Path, tmp_path: Path, name: str) -> No
         lambda: RunStore.open(old, writing=True),
         lambda: RunStore.create(old, {}, {}, overwrite=True),
     ):
-        with pytest.raises(InvalidArgument, match=f"{name} is a symbolic link" if name != "run.sqlite" else "link"):
+        with pytest.raises(
+            InvalidArgument, match=f"{name} is a symbolic link" if name != "run.sqlite" else "link"
+        ):
             again()
 
 

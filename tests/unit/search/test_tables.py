@@ -289,7 +289,7 @@ def test_where_nothing_can_be_written_the_user_is_next_and_then_it_is_told(
         cache.touch()
         make_environment(family=run)
     (message,) = caplog.messages
-    assert "could not be kept" in message and "ENVGRAPH_CACHE" in message
+    assert "could not be cached" in message and "ENVGRAPH_CACHE" in message
 
 
 def test_pipes_in_the_cache_are_neither_read_nor_written(

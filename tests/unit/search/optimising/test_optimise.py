@@ -289,7 +289,9 @@ def test_what_makes_no_sense_is_refused_before_anything_is_changed() -> None:
     refused("`moves` is empty", [], maximise="craIndex")
     refused("unknown .*`unasigned`", maximise="craIndex", forbid=["unasigned"])
     refused("`steps` is 0, but must be", maximise="craIndex", steps=0)
-    refused("`target` must have a finite number for each of the 1 objectives", maximise="craIndex", target=[1, 2])
+    refused(
+        "`target` must have a finite number for each of the 1 objectives", maximise="craIndex", target=[1, 2]
+    )
     for wrong in (lambda: Annealing(0), lambda: HillClimb(0), lambda: Beam(0), lambda: TreeSearch(length=0)):
         with pytest.raises(InvalidArgument):
             wrong()
