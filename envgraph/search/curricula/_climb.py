@@ -397,7 +397,7 @@ class CurriculumSearch:
             return np.full((1, len(seeds)), LEAST)
 
     def _fresh(self, count: int) -> range:
-        """Return `count` unused seeds. A single seed is consumed if the objective is deterministic."""
+        """Return a range of `count` new seeds, or of a single new seed if the objective is deterministic."""
         first = self._seeds
         self._seeds += count if self.objective.drawn else 1
         return range(first, self._seeds)

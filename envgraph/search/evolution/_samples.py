@@ -128,7 +128,7 @@ class Sampler:
 
     @property
     def progress(self) -> SampleProgress:
-        """Return the current progress."""
+        """Return the current numbers of members, cells and attempts."""
         members, wanted = len(self._archive), self._wanted
         share = members / wanted.count if members < wanted.count else self._tried / wanted.attempts
         return SampleProgress(members, len(self._archive.counts()), self._tried, min(1.0, share))

@@ -204,7 +204,7 @@ def recorded(environment: EnvgraphEnv | CompiledEnv, member: str, seed: int) -> 
 
 
 def _filled(files: Mapping[str, str | bytes], steps: _Steps | None) -> dict[str, str | bytes]:
-    """Return the files, with tables or programs in place of the empty files that request them."""
+    """Replace the empty placeholder files `tables.npz` and `program` by their content, and return all files."""
     found: dict[str, str | bytes] = {}
     for name, content in files.items():
         last = name.rpartition("/")[2]

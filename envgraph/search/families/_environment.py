@@ -294,7 +294,7 @@ def make_environment(
 def _environment(
     opened: Opened, place: int, wanted: EngineKind | None, shown: dict[str, Any]
 ) -> tuple[EnvgraphEnv | EnvgraphLiveEnv | CompiledEnv, EngineKind]:
-    """Return the environment of a member with the options `shown`, and the engine that steps it."""
+    """Return the environment of a member with the view options `shown`, and the name of the engine that steps it."""
     kind = shown.get("observation", "index")
     of_model, pictures = kind in OF_MODEL, shown.get("render_mode") is not None
     found = opened.stepping([place], wanted, pictures=pictures, of_model=of_model)

@@ -234,7 +234,7 @@ class Family:
         return self._of([place for place, one in enumerate(self.members) if one.name in chosen])
 
     def between(self, measure: str, low: float, high: float) -> Family:
-        """Return the family of the members whose measure is from `low` to `high`, such as a range of difficulty.
+        """Return the family of the members whose value of a measure is from `low` to `high`.
 
         Raises:
             InvalidArgument: the measure does not exist, or no member is in the range.
@@ -288,10 +288,10 @@ class Family:
         return self._of(trained), self._of(tested)
 
     def distances(self) -> NDArray[np.int64]:
-        """Return in how many objects each pair of members differs, by class, values or links [members, members].
+        """Return the number of objects in which each pair of members differs [members, members].
 
-        Objects are compared by id: the members of a run share the objects of the initial model. A link belongs to the
-        object whose reference is declared first.
+        Objects are compared by id, class, values and links: the members of a run share the objects of the initial
+        model. A link belongs to the object whose reference is declared first.
         """
         objects = described(self._models(self.members))
         return differing(objects, objects)

@@ -50,7 +50,7 @@ def measure_texts(values: Sequence[float]) -> tuple[str, ...]:
 
 
 def caption(family: Family, member: Member) -> list[tuple[str, str]]:
-    """Return the names and formatted values of a member's measures."""
+    """Format a member's measures as pairs of a name and a text for people."""
     place = family.members.index(member)
     return [
         (name, measure_texts([one.measures[name] for one in family.members])[place])

@@ -71,7 +71,7 @@ class Distance:
         return self._of(self._between(members), np.arange(len(members)))
 
     def swaps(self, pool: Pool, members: Sequence[int]) -> Swaps:
-        """Return the swaps of this measure. The distances between all candidates are computed once."""
+        """Return the score changes for exchanging one member. The distances between candidates are computed once."""
         between = self._between(pool.candidates)
         return _LeastSwaps(self._of, between, members) if self._least else _MeanSwaps(between, members)
 
@@ -94,7 +94,7 @@ class Distance:
 
 
 class _MeanSwaps:
-    """Swaps of the mean distance.
+    """Changes of the mean distance if one member is exchanged for a candidate.
 
     Invariant: `_sums[c]` is the sum of the distances between candidate c and the members.
     """
@@ -112,7 +112,7 @@ class _MeanSwaps:
 
 
 class _LeastSwaps:
-    """Swaps of the least distance.
+    """Changes of the least distance if one member is exchanged for a candidate.
 
     Invariant: `_least` is the distance of the closest pair of `_members`.
     """

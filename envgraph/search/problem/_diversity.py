@@ -110,12 +110,12 @@ class BinnedEntropy:
         return len({self.bin(value) for value in range(floor(self.low), ceil(self.high) + 1)})
 
     def swaps(self, values: Sequence[float], members: Sequence[int]) -> Swaps:
-        """Return swaps of the entropy that take constant time."""
+        """Return the entropy changes for exchanging one member, each computed in constant time."""
         return _EntropySwaps(self, values, members)
 
 
 class _EntropySwaps:
-    """Swaps of binned entropy.
+    """Changes of binned entropy if one member is exchanged for a candidate.
 
     Invariant: `_counts[b]` members of the current family are in bin b.
     """
@@ -186,12 +186,12 @@ class Variance:
         return fsum((value - mean) ** 2 for value in values) / len(values)
 
     def swaps(self, values: Sequence[float], members: Sequence[int]) -> Swaps:
-        """Return swaps of the variance that take constant time."""
+        """Return the variance changes for exchanging one member, each computed in constant time."""
         return _VarianceSwaps(values, members)
 
 
 class _VarianceSwaps:
-    """Swaps of the variance.
+    """Changes of the variance if one member is exchanged for a candidate.
 
     Invariant: `_total` is the sum of the members' values minus the mean of all candidates' values.
     """

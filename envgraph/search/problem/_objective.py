@@ -37,7 +37,7 @@ class Composed(Protocol):
         return self.of(values_of(self.measures, members))
 
     def swaps(self, pool: Pool, members: Sequence[int]) -> Swaps:
-        """Return the swaps of the composed score, computed from the swaps of the other measures."""
+        """Return the score changes for exchanging one member, computed from those of the other measures."""
         return _ComposedSwaps(self, pool, members)
 
 
@@ -112,7 +112,7 @@ class Term(Composed):
         return one.maximum(size) if isinstance(one, Bounded) else inf
 
     def swaps(self, pool: Pool, members: Sequence[int]) -> Swaps:
-        """Return the swaps of the score. If the term is a single measure to maximise, use the measure's own swaps."""
+        """Return the score changes for exchanging one member, by the measure's own `swaps` if it is the whole term."""
         one = self._alone
         return _ComposedSwaps(self, pool, members) if one is None else swaps_of(one, pool, members)
 

@@ -254,7 +254,7 @@ class _Reader:
     def _named(
         self, node: Expression, measures: dict[str, FamilyMeasure], text: str, place: Span | None
     ) -> Expression:
-        """Replace the calls of family measures in an expression by variables, and return the result.
+        """Return a copy of an expression in which calls of family measures are replaced by variables.
 
         The family measures that are called are added to `measures`, keyed by the names of the variables.
         """

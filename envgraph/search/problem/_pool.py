@@ -81,7 +81,7 @@ class Swapping(Protocol):
     """A family measure that caches data between exchanges to compute their score changes."""
 
     def swaps(self, pool: Pool, members: Sequence[int]) -> Swaps:
-        """Return the swaps that start at the family of `members`, which are indices into `pool`."""
+        """Return the score changes for exchanging one of `members`, which are indices into `pool`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,7 +105,7 @@ class Over:
         return self.statistic.maximum(size) if isinstance(self.statistic, Bounded) else inf
 
     def swaps(self, pool: Pool, members: Sequence[int]) -> Swaps:
-        """Return the swaps of the statistic. If the statistic has none, recompute the score for each swap."""
+        """Return the score changes for exchanging one member. They are recomputed if the statistic has no `swaps`."""
         make = getattr(self.statistic, "swaps", None)
         if make is None:
             return Recomputed(self, pool, members)
@@ -114,7 +114,7 @@ class Over:
 
 
 class Recomputed:
-    """Swaps for any family measure, which call its `change` or recompute its score.
+    """Score changes of any family measure if one member is exchanged, by its `change` or by recomputing its score.
 
     Invariant: `_score` is the score of the family of `_members`.
     """
@@ -211,12 +211,12 @@ class Pool:
         return tuple(round(score, DIGITS) for score in (*scores, self._spread.of(members)))
 
     def swaps(self, members: Sequence[int]) -> list[Swaps]:
-        """Return the swaps of a family: one for each measure, then one for the variance of the values."""
+        """Return the score changes for exchanging one member: one object per measure, then one for the variance."""
         return [*(swaps_of(one, self, members) for one in self.measures), self._spread.swaps(members)]
 
 
 def swaps_of(measure: FamilyMeasure, pool: Pool, members: Sequence[int]) -> Swaps:
-    """Return the measure's own swaps, starting from a family, or swaps that recompute the score if it has none."""
+    """Return the score changes for exchanging one of `members`; recompute the score if the measure has no `swaps`."""
     return (
         measure.swaps(pool, members) if isinstance(measure, Swapping) else Recomputed(measure, pool, members)
     )

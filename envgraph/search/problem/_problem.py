@@ -43,7 +43,7 @@ class Constraint(Protocol):
         """Return True if the engine's current model satisfies the constraint."""
 
     def __str__(self) -> str:
-        """Return the constraint as text for messages."""
+        """Return the constraint as it is called in messages."""
 
 
 class IndividualMeasure(Protocol):
@@ -351,7 +351,7 @@ class _Checked:
 
 
 class _CheckedSwaps:
-    """Swaps of a user's statistic with a check that their results are finite numbers."""
+    """Score changes of a user's statistic with a check that they are finite numbers."""
 
     def __init__(self, swaps: Swaps, what: str) -> None:
         self._swaps, self._what = swaps, what

@@ -65,7 +65,7 @@ def facts(known: Certificates) -> dict[str, float | None]:
 
 
 def certificate_texts(member: Member, family: Sequence[Member] = ()) -> list[tuple[str, str]]:
-    """Return the names and formatted values of a member's certificates.
+    """Format a member's certificates as pairs of a name and a text for people.
 
     A member without certificates is "not verified" if other members of `family` have certificates, else the result is
     [].

@@ -46,7 +46,7 @@ class GridVariant:
 
 
 def write_ga4cl(variants: Sequence[GridVariant]) -> str:
-    """Return the text of a ga4cl file, ending with a newline. Numbers are written without loss.
+    """Format environments as the text of a ga4cl file, which ends with a newline. Numbers are written without loss.
 
     >>> print(write_ga4cl([GridVariant("env_1", ("SG",), (0.0, 10.0), 0.5)]), end="")
     {
@@ -75,7 +75,7 @@ def write_ga4cl(variants: Sequence[GridVariant]) -> str:
 
 
 def read_ga4cl(source: Source) -> tuple[GridVariant, ...]:
-    """Return the environments of a ga4cl file, in file order.
+    """Parse a ga4cl file, and return its environments in file order.
 
     Raises:
         LoadError: the text is not JSON or not of this format; it contains all problems.

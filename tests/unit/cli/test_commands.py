@@ -436,7 +436,7 @@ def test_a_family_is_exported_as_code_from_templates(envgraph: Envgraph, tmp_pat
         (("--format", "python", "-o", "fires"), "fires exists already"),
         (("--format", "minigrid"), "format `minigrid` is a folder"),
         (("--format", "minigrid", "-o", "levels"), "the metamodel has no class `Level`"),
-        (("--format", "python", "--templates", "none", "-o", "new"), "`envgraph templates DIR` writes some"),
+        (("--format", "python", "--templates", "none", "-o", "new"), "run `envgraph templates DIR`"),
     ):
         refused = envgraph("export", "a", *arguments)
         assert refused.code == 1 and told in refused.err
