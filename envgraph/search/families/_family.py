@@ -316,7 +316,7 @@ class Family:
 
     def _of(self, places: Sequence[int]) -> Family:
         if not places:
-            raise InvalidArgument(f"family `{self.name}` has no such members")
+            raise InvalidArgument(f"no member of family `{self.name}` is selected")
         members = tuple(self.members[place] for place in places)
         return replace(self, members=members, _explored={}, _keys=self.keys)
 

@@ -71,7 +71,7 @@ class BinnedEntropy:
     def __post_init__(self) -> None:
         if self.bins < 1 or not self.low < self.high:
             raise InvalidArgument(
-                f"`bins` is {self.bins} on [{self.low}, {self.high}], but must be at least 1, on a range"
+                f"`bins` is {self.bins} on [{self.low}, {self.high}], but must be at least 1, and the range not empty"
             )
 
     def bin(self, value: float) -> int:

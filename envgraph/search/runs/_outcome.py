@@ -111,7 +111,7 @@ def why_low(family: Family, store: RunStore) -> Diagnostic | None:
         hint = f"check that the mutation rules match, loosen the constraints, or raise {tries}"
         return Diagnostic(code, message, span, hint, Severity.WARNING)
     hint = _go_on(store)
-    message = f"some model reached every bin, but no single family has members in all{rejected}"
+    message = f"every bin was reached by some model, but no family has members in all bins{rejected}"
     if not isinstance(problem.diversity, BinnedEntropy):
         message = f"all values of `{of}` were from {min(met):g} to {max(met):g}{rejected}"
     else:
