@@ -1,7 +1,7 @@
 """Search over models: measures, constraints, the genetic algorithm, runs and families.
 
-`generate` evolves a family from the files of a domain into a run store, `resume` goes on with an interrupted run,
-`open_family` gives what a run made. `Evolution` is the algorithm itself, over any `Problem`.
+`generate` evolves a family from the files of a domain into a run store. `resume` continues an interrupted run, and
+`open_family` returns the family of a run. `Evolution` is the algorithm itself, for any `Problem`.
 """
 
 from typing import TYPE_CHECKING

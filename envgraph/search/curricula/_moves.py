@@ -16,10 +16,9 @@ Family = tuple[Level, ...]
 class Moves:
     """A sampler of neighbours of a family.
 
-    A change samples a member and an application of a mutation there, as the genetic algorithm does. The same
-    application, at the same objects, is repeated in an interval of members: up to this member, from it on, in it alone,
-    or in a random interval around it. Members in which the rule does not match are skipped. The target is never
-    changed.
+    A change samples a member and an application of a mutation there, as the genetic algorithm does. The application is
+    repeated, at the same objects, in an interval of members. The interval ends at this member, begins at it, contains
+    it alone, or is random around it. Members in which the rule does not match are skipped. The target is never changed.
 
     A move consists of one to three changes. It succeeds if all changed members are valid, all members are distinct, and
     the family has the demanded diversity.

@@ -85,7 +85,7 @@ class Learning:
         self._pool = ThreadPoolExecutor(workers) if workers > 1 else None
 
     def at(self, steps: int) -> Learning:
-        """Return this objective with another number of steps on each member."""
+        """Return a copy of this objective with another number of training steps on each member."""
         found = copy(self)
         found.steps = (steps,)
         return found
@@ -108,7 +108,7 @@ class Learning:
         return self._judgements(family, seeds, "scores")
 
     def success(self, family: Sequence[Level], seeds: range) -> float:
-        """Return the share of learners that solve the target; of several lengths of training the smallest share."""
+        """Return the share of learners that solve the target; with several training lengths the smallest share."""
         return float(self._judgements(family, seeds, "successes").mean(axis=1).min())
 
     def _judgements(

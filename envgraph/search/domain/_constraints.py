@@ -50,7 +50,7 @@ class Reachable:
                 return can_end(engine, behaviour, self.end, progress=progress)
 
     def why_not(self, engine: Engine) -> str:
-        """Return why a model is rejected: no plan to the outcome exists, or the search for a plan was given up."""
+        """Return the reason for rejecting a model: no plan to the outcome exists, or the search was stopped."""
         from envgraph.env.compiled import MOST_STATES, NotCompiled
 
         with suppress(NotCompiled):

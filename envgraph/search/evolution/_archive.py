@@ -19,9 +19,9 @@ class Archive:
 
     Until there are `size` members every new member is added. From then on a new member replaces one in the fullest cell
     if that cell has at least two more members than its own. So all cells become equally full. Members may have
-    qualities: a new member then also replaces the worst member of its own cell if that is worse, and from the fullest
-    cell the worst member is removed. An archive with as many members as usable cells thus contains the best member of
-    each cell.
+    qualities. A new member then also replaces the worst member of its own cell if that is worse. From the fullest cell
+    the worst member is removed. An archive with as many members as usable cells thus contains the best member of each
+    cell.
 
     Args:
         size: the largest number of members, at least 1.

@@ -1,4 +1,4 @@
-"""Monte-Carlo tree search over sequences of moves."""
+"""A strategy that builds a search tree: Monte Carlo tree search over sequences of moves."""
 
 from __future__ import annotations
 

@@ -71,8 +71,8 @@ class Evenness:
     """A statistic: how evenly a measure changes from each member to the next, from 0 to 1.
 
     Each change is divided by the sum of all absolute changes. The evenness is the entropy of these shares divided by
-    its maximum (Pielou 1966, of abundances): 1 if all changes are equal, 0 if at most one change is not 0. It depends
-    on the order of the members, but the reversed order has the same evenness.
+    its maximum (Pielou 1966, of abundances). It is 1 if all changes are equal, and 0 if at most one change is not 0. It
+    depends on the order of the members, but the reversed order has the same evenness.
 
     >>> Evenness().score([0.0, 1.0, 2.0]), Evenness().score([0.0, 2.0, 2.0])
     (1.0, 0.0)

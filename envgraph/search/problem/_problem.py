@@ -1,4 +1,4 @@
-"""What a search needs to know of a domain: how to vary a model, when it is valid, what it measures."""
+"""Search problems: mutations, constraints on models, and measures of models, with checks of their values."""
 
 from __future__ import annotations
 

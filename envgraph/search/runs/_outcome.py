@@ -157,7 +157,7 @@ def describe_search(family: Family, store: RunStore) -> list[str]:
 
 
 def _few(family: Family) -> Diagnostic:
-    """Return the warning that less than half of the learners solve the target."""
+    """Return the warning that fewer than half of the learners solve the target."""
     spec = family.domain.spec.objective
     message = f"the family teaches little: {family.value:.1%} of new learners solve {family.members[-1].name}"
     hint = (

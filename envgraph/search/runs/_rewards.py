@@ -52,7 +52,7 @@ def _classes(family: Family, starts: set[str], winning: set[str]) -> Sequence[st
 
 
 class _Arrivals:
-    """Letters of the cells on which episodes start, and (letter, reward, outcome) of every possible step."""
+    """The letters of the cells on which episodes start, and (letter, reward, outcome) of every possible step."""
 
     def __init__(self) -> None:
         self.starts: dict[str, None] = {}
